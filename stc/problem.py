@@ -1,0 +1,177 @@
+"""The continuous-time statement of a problem: what a spec says, before any transcription.
+
+Elaboration (:mod:`stc.language.elaborate`) makes a :class:`Problem` from a syntax tree; transcription
+(:mod:`stc.transcription`) turns it into a nonlinear program.  Expressions are :class:`stc.symbolic.expr.Expr`
+whose symbols carry the keys below.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from stc.errors import Diagnostic, Source, Span
+    from stc.symbolic.expr import Expr
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantRef:
+    """A constant by name; a run-time input of every kernel."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterRef:
+    """An unknown with one value for the whole motion."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class VariableRef:
+    """A variable, or its time derivative of the given order, at frame ``scale*i + shift``.
+
+    ``(1, 0)`` is the frame the statement stands on, ``(1, k)`` a relative and ``(0, k)`` an absolute index.
+    ``side`` is ``"before"`` or ``"after"`` where the spec asks for one side of a jump, else empty.
+    """
+
+    name: str
+    order: int = 0
+    scale: Fraction = Fraction(1)
+    shift: Fraction = Fraction(0)
+    side: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class DefinitionRef:
+    """A definition that stands under range headers; which piece it means depends on the frame.
+
+    ``order`` counts primes: the total time derivative of the piece that holds.
+    """
+
+    name: str
+    order: int = 0
+    side: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TimeRef:
+    """``t``: the time of the frame the statement stands on."""
+
+
+@dataclass(frozen=True, slots=True)
+class IndexRef:
+    """``i``: the index of the frame the statement stands on (a half at a midpoint)."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRange:
+    """The frames ``first..last``, both included; ``span`` is the header (or None for the default range)."""
+
+    first: int
+    last: int
+    span: Span | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Relation:
+    """``lower <= body <= upper`` on every frame of a range.
+
+    ``lower`` and ``upper`` are expressions of constants, ``i`` and ``t`` alone, or None where absent (infinite);
+    an equality has the very same expression on both sides.  ``a <= b`` with neither side constant is
+    ``a - b <= 0``.
+    """
+
+    body: Expr
+    lower: Expr | None
+    upper: Expr | None
+    range: FrameRange
+    span: Span
+    text: str
+
+    @property
+    def is_equality(self) -> bool:
+        return self.lower is not None and self.lower is self.upper
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectiveTerm:
+    """One summand of the objective: a plain sum over the frames, or an integral over the range's time."""
+
+    body: Expr
+    integral: bool
+    range: FrameRange
+    span: Span
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class DefinitionPiece:
+    """One ranged definition; of overlapping pieces the later one wins."""
+
+    body: Expr
+    range: FrameRange
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """A starting value for a variable (on a range) or a parameter, in constants, ``t`` and ``i``."""
+
+    name: str
+    body: Expr
+    range: FrameRange
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """At ``frame`` the derivative of this order of a variable, and all higher ones, may be two-valued."""
+
+    frame: int
+    name: str
+    order: int
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayChannel:
+    """One line of the ``replay:`` section: ``kind path = body;`` with kind joint, actuator, compare or set."""
+
+    kind: str
+    path: tuple[str, ...]
+    body: Expr
+    span: Span
+
+
+@dataclass(slots=True)
+class Problem:
+    """A spec with its numbers: everything that transcription needs.
+
+    ``constants`` holds the value of each constant (overrides applied).  ``structural`` names the constants
+    whose values shaped this object (ranges, indices, exponents): changing one of those means elaborating
+    again, changing any other does not.  ``step`` is the time from a frame to the next, in constants,
+    parameters, ``i`` and possibly ``DefinitionRef("h")``.
+    """
+
+    name: str
+    source: Source
+    constants: Mapping[str, float]
+    structural: frozenset[str]
+    n: int
+    method: str
+    variables: Sequence[str]
+    parameters: Sequence[str]
+    step: Expr
+    definitions: Mapping[str, Sequence[DefinitionPiece]]
+    relations: Sequence[Relation]
+    objective: Sequence[ObjectiveTerm]
+    guesses: Sequence[Guess]
+    jumps: Sequence[Jump]
+    model: str | None = None
+    replay: Sequence[ReplayChannel] = ()
+    warnings: Sequence[Diagnostic] = field(default_factory=list)
