@@ -1,0 +1,1 @@
+"""MuJoCo models that ship with stc, and the programs that build them."""
