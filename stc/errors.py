@@ -1,0 +1,202 @@
+"""Every exception that the project raises on purpose, and the places in a text that they point at.
+
+A :class:`Source` is the text of one spec, a :class:`Span` a piece of it, a :class:`Diagnostic` one mistake or
+warning about a span.  ``str`` of any exception here is the full message as a user should see it:
+
+    hop.stc:14:13: error: `fxx` is not declared
+       14 |     m*x'' - fxx;
+          |             ^^^
+          did you mean `fx`?
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+#: Lines longer than this are shown as a window around the place that is meant.
+EXCERPT_WIDTH = 110
+
+
+@dataclass(eq=False, slots=True)
+class Source:
+    """The text of one spec and the name it is called by in messages (a path, or ``<text>``)."""
+
+    name: str
+    text: str
+    path: str | None = None
+    _line_starts: list[int] | None = field(default=None, repr=False)
+
+    def line_starts(self) -> list[int]:
+        """Offsets of the first character of every line."""
+        if self._line_starts is None:
+            starts = [0]
+            find = self.text.find
+            at = find("\n")
+            while at >= 0:
+                starts.append(at + 1)
+                at = find("\n", at + 1)
+            self._line_starts = starts
+        return self._line_starts
+
+    def position(self, offset: int) -> tuple[int, int]:
+        """Line and column of a character, both counted from 1."""
+        starts = self.line_starts()
+        line = bisect_right(starts, offset) - 1
+        return line + 1, offset - starts[line] + 1
+
+    def line(self, number: int) -> str:
+        """The text of a line (counted from 1) without its line end."""
+        starts = self.line_starts()
+        start = starts[number - 1]
+        end = starts[number] - 1 if number < len(starts) else len(self.text)
+        return self.text[start:end].rstrip("\r")
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """The characters ``start`` to ``end`` (excluded) of a source."""
+
+    source: Source
+    start: int
+    end: int
+
+    @property
+    def line(self) -> int:
+        """Line of the first character, counted from 1."""
+        return self.source.position(self.start)[0]
+
+    @property
+    def column(self) -> int:
+        """Column of the first character, counted from 1."""
+        return self.source.position(self.start)[1]
+
+    @property
+    def text(self) -> str:
+        """The characters themselves."""
+        return self.source.text[self.start : self.end]
+
+    @property
+    def location(self) -> str:
+        """``name:line:column``."""
+        line, column = self.source.position(self.start)
+        return f"{self.source.name}:{line}:{column}"
+
+    def excerpt(self) -> str:
+        """The line of the span, numbered, with a row of carets below it."""
+        number, column = self.source.position(self.start)
+        line = self.source.line(number)
+        width = max(1, min(self.end - self.start, len(line) - column + 1))
+        before, marked = line[: column - 1].expandtabs(4), line[column - 1 : column - 1 + width].expandtabs(4)
+        after = line[column - 1 + width :].expandtabs(4)
+        if len(before) + len(marked) + len(after) > EXCERPT_WIDTH:
+            room = max(20, (EXCERPT_WIDTH - len(marked)) // 2)
+            if len(before) > room:
+                before = "..." + before[len(before) - room + 3 :]
+            if len(marked) > EXCERPT_WIDTH - 40:
+                marked, after = marked[: EXCERPT_WIDTH - 43] + "...", ""
+            if len(after) > room:
+                after = after[: room - 3] + "..."
+        gutter = f"{number:5d} | "
+        blank = " " * 6 + "| "
+        return f"{gutter}{before}{marked}{after}".rstrip() + f"\n{blank}{' ' * len(before)}{'^' * max(1, len(marked))}"
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One mistake or warning: what is wrong, where, and what to do about it.
+
+    ``severity`` is ``"error"`` or ``"warning"``; ``span`` is None where no place in the text is to blame.
+    """
+
+    severity: str
+    message: str
+    span: Span | None = None
+    hint: str = ""
+
+    def render(self) -> str:
+        """Location and message, the excerpt, the hint: three to six lines without a final line end."""
+        text = f"{self.severity}: {self.message}"
+        if self.span is not None:
+            text = f"{self.span.location}: {text}\n{self.span.excerpt()}"
+        return text + "".join(f"\n        {line}" for line in self.hint.splitlines())
+
+    def __str__(self) -> str:
+        return self.render()
+
+
+class StcError(Exception):
+    """Anything that went wrong for a reason that the user can be told."""
+
+
+class SpecError(StcError):
+    """Mistakes in the text of a spec, all that were found, in the order of the text."""
+
+    diagnostics: tuple[Diagnostic, ...]
+
+    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
+        self.diagnostics = tuple(diagnostics)
+        super().__init__(self.diagnostics)
+
+    def __str__(self) -> str:
+        return "\n".join(diagnostic.render() for diagnostic in self.diagnostics)
+
+
+class EvaluationError(StcError):
+    """A function of the spec has no value (0/0, the root of a negative number...) where it is needed.
+
+    ``expression`` is the statement's own text, ``frame`` where it was evaluated (a half at a midpoint), ``values``
+    the numbers that its names had there, in the units of the spec.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        expression: str = "",
+        frame: float | None = None,
+        values: Mapping[str, float] | None = None,
+        span: Span | None = None,
+        hint: str = "",
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.expression = expression
+        self.frame = frame
+        self.values = dict(values or {})
+        self.span = span
+        self.hint = hint
+
+    def __str__(self) -> str:
+        message = self.message
+        if self.frame is not None:
+            message += f" at frame {self.frame:g}"
+        notes = []
+        if self.expression and self.span is None:
+            notes.append(f"in `{self.expression}`")
+        if self.values:
+            notes.append("with " + ", ".join(f"{name} = {value:.9g}" for name, value in self.values.items()))
+        if self.hint:
+            notes.append(self.hint)
+        return Diagnostic("error", message, self.span, "\n".join(notes)).render()
+
+
+class UsageError(StcError):
+    """A call or a command line that cannot be carried out: an unknown option, constant, file or name."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message, hint)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return f"{self.message}\n  {self.hint}" if self.hint else self.message
+
+
+def raise_errors(diagnostics: Sequence[Diagnostic]) -> None:
+    """Raise a :class:`SpecError` with the errors among the diagnostics, in text order, if there are any."""
+    errors = [d for d in diagnostics if d.severity == "error"]
+    if errors:
+        errors.sort(key=lambda d: d.span.start if d.span is not None else -1)
+        raise SpecError(errors)
