@@ -1,0 +1,53 @@
+# Each of these commands works alone, first, in a fresh clone: it makes the environment it needs.
+#   make run     set up and run the main job: solve a bundled spec and have MuJoCo validate the motion
+#   make test    set up and run all tests
+#   make check   format, lint, types, import contracts, quick tests: what to run before a commit
+VENV ?= .venv
+SPEC ?= particle_waypoints
+BIN := $(VENV)/bin
+# The first Python on the path that is new enough.
+PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
+	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
+RECIPE := pyproject.toml setup.py
+
+.PHONY: run test check nightly format tree clean
+
+run: $(VENV)/.ready
+	$(BIN)/stc run $(SPEC) -o out/$(SPEC).npz
+
+test: $(VENV)/.ready-dev
+	$(BIN)/python -m pytest -q
+
+nightly: $(VENV)/.ready-dev
+	$(BIN)/python -m pytest -q -m ""
+
+check: $(VENV)/.ready-dev tree
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy -p stc
+	PYTHONPATH=build/tree $(BIN)/lint-imports
+	$(BIN)/python -m pytest -q -x -m "not nightly and not slow"
+
+format: $(VENV)/.ready-dev
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+# The package as it is imported, stc.validate and all, made of links: for tools that read files and not modules.
+tree:
+	rm -rf build/tree && mkdir -p build/tree/stc
+	ln -s $(CURDIR)/stc/* $(CURDIR)/validate $(CURDIR)/models $(CURDIR)/specs build/tree/stc/
+
+$(VENV)/bin/python:
+	@test -n "$(PYTHON)" || { echo "stc needs Python 3.11 or later; name one with: make PYTHON=/path/to/python" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.ready: $(RECIPE) | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --editable .
+	touch $@
+
+$(VENV)/.ready-dev: $(RECIPE) | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	touch $(VENV)/.ready $@
+
+clean:
+	rm -rf build dist out *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
