@@ -1,0 +1,358 @@
+"""From lowered statements to kernels, index tables and the sparsity of the nonlinear program.
+
+Statements that stand on the same nodes form a *group*: one kernel evaluates them, LANES nodes at a time.  Each
+kernel reads its inputs from one workspace through an index table and writes its outputs in blocks; a gather
+then adds the outputs up to rows, gradient, Jacobian and Hessian entries::
+
+    workspace = | decision variables | multipliers | node data |
+    buffer    = | group 0: [block][output][lane] | group 1 | ...
+
+Everything here depends on the text and on structural constants only; numbers are bound in
+:mod:`stc.transcription.bind`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.codegen.tape import Tape, build_tape
+from stc.problem import ConstantRef, ParameterRef, VariableRef
+from stc.symbolic.differentiate import gradient, hessian, jacobian
+from stc.symbolic.expr import Expr, sum_of, sym, symbols
+from stc.symbolic.structure import degree
+from stc.transcription.grid import IntArray, Nodes
+from stc.transcription.layout import Layout
+from stc.transcription.lower import DataRef
+from stc.transcription.statements import Row, Statements, Summand
+
+LANES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class MultiplierRef:
+    """The multiplier of a group's row; a kernel input."""
+
+    row: int
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectiveFactor:
+    """The factor of the objective in the Lagrangian; a kernel input shared by all nodes."""
+
+
+@dataclass(slots=True)
+class Group:
+    """Statements that stand on the same nodes, and their kernels.
+
+    ``inputs`` are decision variables, then data; ``positions`` (len(unknown inputs), k) says where each
+    node finds its decision variables.  ``row_ids`` (rows, k) numbers the rows in the nonlinear program.
+    """
+
+    nodes: Nodes
+    rows: list[Row]
+    summands: list[Summand]
+    unknown: list[VariableRef | ParameterRef] = field(default_factory=list)
+    data: list[DataRef] = field(default_factory=list)
+    positions: IntArray = field(default_factory=lambda: np.zeros((0, 0), np.int64))
+    row_ids: IntArray = field(default_factory=lambda: np.zeros((0, 0), np.int64))
+    objective: Expr | None = None
+    gradient: list[int] = field(default_factory=list)
+    jacobian: list[tuple[int, int]] = field(default_factory=list)
+    hessian: list[tuple[int, int]] = field(default_factory=list)
+    values_tape: Tape | None = None
+    derivatives_tape: Tape | None = None
+    degrees: list[int] = field(default_factory=list)
+    objective_degree: int = 0
+
+    @property
+    def size(self) -> int:
+        return len(self.nodes)
+
+    def derive(self, uniform: Sequence[object]) -> None:
+        """Differentiates the group's statements and writes both programs.
+
+        The values tape has the rows, then the objective; the derivatives tape the objective's gradient, the
+        Jacobian and the lower triangle of the Lagrangian's Hessian, nonzeros only.
+        """
+        bodies = [row.body for row in self.rows]
+        if self.summands:
+            self.objective = sum_of([s.body for s in self.summands])
+        every = bodies + ([self.objective] if self.objective is not None else [])
+        seen: dict[object, None] = {}
+        for e in every:
+            seen.update(dict.fromkeys(symbols(e)))
+        self.unknown = [k for k in seen if isinstance(k, VariableRef | ParameterRef)]
+        self.data = [k for k in seen if isinstance(k, DataRef)]
+        keys: list[object] = list(self.unknown)
+        self.degrees = [degree(e, keys) for e in bodies]
+        varying: list[object] = [*self.unknown, *self.data]
+        self.values_tape = build_tape(every, uniform, varying)
+        outputs: list[Expr] = []
+        if self.objective is not None:
+            self.objective_degree = degree(self.objective, keys)
+            slopes = gradient(self.objective, keys)
+            self.gradient = [k for k, e in enumerate(slopes) if not _is_zero(e)]
+            outputs += [slopes[k] for k in self.gradient]
+        entries = jacobian(bodies, keys)
+        self.jacobian = sorted(entries)
+        outputs += [entries[key] for key in self.jacobian]
+        curved = [sym(MultiplierRef(r)) * e for r, e in enumerate(bodies) if self.degrees[r] > 1]
+        if self.objective is not None and self.objective_degree > 1:
+            curved.append(sym(ObjectiveFactor()) * self.objective)
+        if curved:
+            second = hessian(sum_of(curved), keys)
+            self.hessian = sorted(second)
+            outputs += [second[key] for key in self.hessian]
+        multipliers = [MultiplierRef(r) for r in range(len(self.rows))]
+        self.derivatives_tape = build_tape(outputs, uniform, [*varying, *multipliers])
+
+
+def _is_zero(e: Expr) -> bool:
+    return e.op == "num" and e.payload == 0.0
+
+
+@dataclass(slots=True)
+class Sparsity:
+    """Entries of a sparse matrix in coordinate form, and which buffer values add up to each.
+
+    ``rows``, ``cols`` (nnz,) int32; entry e is the sum of ``buffer[source[start[e]:start[e+1]]]``.
+    """
+
+    rows: NDArray[np.int32]
+    cols: NDArray[np.int32]
+    start: IntArray
+    source: IntArray
+
+    @classmethod
+    def collect(cls, rows: Sequence[IntArray], cols: Sequence[IntArray], source: Sequence[IntArray]) -> Sparsity:
+        if not rows:
+            empty = np.zeros(0, np.int64)
+            return cls(empty.astype(np.int32), empty.astype(np.int32), np.zeros(1, np.int64), empty)
+        r, c, s = (np.concatenate(a) for a in (rows, cols, source))
+        width = int(c.max()) + 1 if len(c) else 1
+        code = r * width + c
+        order = np.argsort(code, kind="stable")
+        code = code[order]
+        first = np.flatnonzero(np.concatenate([[True], code[1:] != code[:-1]])) if len(code) else np.zeros(0, int)
+        unique = code[first]
+        return cls(
+            (unique // width).astype(np.int32),
+            (unique % width).astype(np.int32),
+            np.concatenate([first, [len(code)]]),
+            s[order],
+        )
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+@dataclass(slots=True)
+class Program:
+    """The nonlinear program's structure: groups, tables and sparsity.
+
+    Attributes:
+        index_values, index_derivatives: per group (blocks, inputs, LANES) int32 positions in the workspace.
+        data_start: per group where its node data begins in the workspace.
+        row_group, row_number, row_instance: (m,) where each row comes from.
+    """
+
+    groups: list[Group]
+    size: int
+    row_count: int
+    uniform: list[object]
+    row_stage: NDArray[np.int32]
+    row_linear: NDArray[np.bool_]
+    row_group: IntArray
+    row_number: IntArray
+    row_instance: IntArray
+    workspace_size: int
+    data_start: list[int]
+    index_values: list[NDArray[np.int32]]
+    index_derivatives: list[NDArray[np.int32]]
+    values_start: list[int]
+    derivatives_start: list[int]
+    values_size: int
+    derivatives_size: int
+    row_source: IntArray
+    objective_source: IntArray
+    gradient: Sparsity
+    jacobian: Sparsity
+    hessian: Sparsity
+    objective_degree: int
+
+
+def build_groups(statements: Statements) -> list[Group]:
+    """Statements by the nodes they stand on, in order of appearance."""
+    found: dict[bytes, Group] = {}
+    for row in statements.rows:
+        found.setdefault(row.nodes.key(), Group(row.nodes, [], [])).rows.append(row)
+    for summand in statements.summands:
+        found.setdefault(summand.nodes.key(), Group(summand.nodes, [], [])).summands.append(summand)
+    return list(found.values())
+
+
+def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -> Program:
+    """Derives every group and lays out workspace, buffers and sparsity.
+
+    Args:
+        statements: lowered rows and objective.
+        layout: of the decision variables.
+        constants: names of all constants, the kernels' uniform inputs in this order.
+    """
+    groups = build_groups(statements)
+    uniform: list[object] = [*(ConstantRef(name) for name in constants), ObjectiveFactor()]
+    for group in groups:
+        group.derive(uniform)
+        group.positions = np.array(
+            [layout.position(k, group.nodes) for k in group.unknown], np.int64
+        ).reshape(len(group.unknown), group.size)
+    row_stage, row_group, row_number, row_instance, row_linear = _number_rows(groups)
+    m, n = len(row_stage), layout.size
+    at = n + m
+    data_start, index_values, index_derivatives = [], [], []
+    for group in groups:
+        data_start.append(at)
+        data = at + np.arange(len(group.data) * group.size).reshape(len(group.data), group.size)
+        at += data.size
+        values = np.concatenate([group.positions, data])
+        index_values.append(blocks(values))
+        index_derivatives.append(blocks(np.concatenate([values, n + group.row_ids])))
+    values_start, values_size = _starts(groups, [_tape(g.values_tape) for g in groups])
+    derivatives_start, derivatives_size = _starts(groups, [_tape(g.derivatives_tape) for g in groups])
+    row_source = np.zeros(m, np.int64)
+    objective_source: list[IntArray] = []
+    grad: tuple[list[IntArray], ...] = ([], [], [])
+    jac: tuple[list[IntArray], ...] = ([], [], [])
+    hess: tuple[list[IntArray], ...] = ([], [], [])
+    for group, start, dstart in zip(groups, values_start, derivatives_start, strict=True):
+        width, dwidth = len(_tape(group.values_tape).outputs), len(_tape(group.derivatives_tape).outputs)
+        for r in range(len(group.rows)):
+            row_source[group.row_ids[r]] = outputs_at(start, width, r, group.size)
+        if group.objective is not None:
+            objective_source.append(outputs_at(start, width, len(group.rows), group.size))
+        out = 0
+        for k in group.gradient:
+            _append(grad, np.zeros(group.size, np.int64), group.positions[k], dstart, dwidth, out, group.size)
+            out += 1
+        for r, k in group.jacobian:
+            _append(jac, group.row_ids[r], group.positions[k], dstart, dwidth, out, group.size)
+            out += 1
+        for a, b in group.hessian:
+            pa, pb = group.positions[a], group.positions[b]
+            high, low = np.maximum(pa, pb), np.minimum(pa, pb)
+            source = outputs_at(dstart, dwidth, out, group.size)
+            for part, values in zip(hess, (high, low, source), strict=True):
+                part.append(values)
+            same = (high == low) if a != b else np.zeros(0, bool)
+            if same.any():  # two inputs that are one unknown here: the entry and its mirror both count
+                for part, values in zip(hess, (high[same], low[same], source[same]), strict=True):
+                    part.append(values)
+            out += 1
+    degrees = [g.objective_degree for g in groups if g.objective is not None]
+    return Program(
+        groups=groups,
+        size=n,
+        row_count=m,
+        uniform=uniform,
+        row_stage=row_stage,
+        row_linear=row_linear,
+        row_group=row_group,
+        row_number=row_number,
+        row_instance=row_instance,
+        workspace_size=at,
+        data_start=data_start,
+        index_values=index_values,
+        index_derivatives=index_derivatives,
+        values_start=values_start,
+        derivatives_start=derivatives_start,
+        values_size=values_size,
+        derivatives_size=derivatives_size,
+        row_source=row_source,
+        objective_source=np.concatenate(objective_source) if objective_source else np.zeros(0, np.int64),
+        gradient=Sparsity.collect(*grad),
+        jacobian=Sparsity.collect(*jac),
+        hessian=Sparsity.collect(*hess),
+        objective_degree=max(degrees, default=0),
+    )
+
+
+def _tape(tape: Tape | None) -> Tape:
+    assert tape is not None
+    return tape
+
+
+def _append(
+    parts: tuple[list[IntArray], ...],
+    rows: IntArray,
+    cols: IntArray,
+    start: int,
+    width: int,
+    output: int,
+    size: int,
+) -> None:
+    parts[0].append(rows)
+    parts[1].append(cols)
+    parts[2].append(outputs_at(start, width, output, size))
+
+
+def outputs_at(start: int, width: int, output: int, size: int) -> IntArray:
+    """Buffer positions of one output of a kernel with ``width`` outputs for its ``size`` nodes. (size,)"""
+    k = np.arange(size)
+    return start + (k // LANES) * (width * LANES) + output * LANES + k % LANES
+
+
+def blocks(table: IntArray) -> NDArray[np.int32]:
+    """(inputs, k) positions as (blocks, inputs, LANES); the last node fills the last block."""
+    inputs, size = table.shape
+    count = -(-size // LANES)
+    padded = np.concatenate([table, np.repeat(table[:, -1:], count * LANES - size, axis=1)], axis=1)
+    return np.ascontiguousarray(padded.reshape(inputs, count, LANES).transpose(1, 0, 2), np.int32)
+
+
+def _starts(groups: Sequence[Group], tapes: Sequence[Tape]) -> tuple[list[int], int]:
+    """Where each group's outputs begin in a buffer, and the buffer's size."""
+    starts, at = [], 0
+    for group, tape in zip(groups, tapes, strict=True):
+        starts.append(at)
+        at += -(-group.size // LANES) * LANES * len(tape.outputs)
+    return starts, at
+
+
+def _number_rows(
+    groups: Sequence[Group],
+) -> tuple[NDArray[np.int32], IntArray, IntArray, IntArray, NDArray[np.bool_]]:
+    """Numbers the rows frame by frame, in order of time and then of appearance."""
+    frames, owner, number, instance = [], [], [], []
+    for g, group in enumerate(groups):
+        r, k = len(group.rows), group.size
+        frames.append(np.tile(group.nodes.frame, r))
+        owner.append(np.full(r * k, g))
+        number.append(np.repeat(np.arange(r), k))
+        instance.append(np.tile(np.arange(k), r))
+    if not frames or not sum(map(len, frames)):
+        for group in groups:
+            group.row_ids = np.zeros((0, group.size), np.int64)
+        empty = np.zeros(0, np.int64)
+        return empty.astype(np.int32), empty, empty, empty, np.zeros(0, bool)
+    frame, group_of, number_of, instance_of = map(np.concatenate, (frames, owner, number, instance))
+    order = np.argsort(frame, kind="stable")
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    at = 0
+    for group in groups:
+        r, k = len(group.rows), group.size
+        group.row_ids = rank[at : at + r * k].reshape(r, k)
+        at += r * k
+    linear = np.concatenate([np.repeat(np.array(g.degrees, np.int64) <= 1, g.size) for g in groups])
+    return (
+        frame[order].astype(np.int32),
+        group_of[order],
+        number_of[order],
+        instance_of[order],
+        linear[order],
+    )
+

@@ -1,0 +1,273 @@
+"""The nonlinear program with its numbers: what the solver sees.
+
+Binding evaluates constants into kernel inputs, node data, bounds and the starting point.  Another value of a
+constant that shapes nothing binds again in moments; nothing is differentiated or compiled for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.problem import ConstantRef, Problem
+from stc.symbolic.expr import Expr, evaluate, symbols
+from stc.transcription.assemble import Program, Sparsity
+from stc.transcription.grid import Nodes
+from stc.transcription.layout import Layout
+from stc.transcription.lower import DataRef, data_values
+from stc.transcription.statements import Bound, Statements
+from stc.transcription.steps import Steps
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """Bounds that exclude each other, found before solving.
+
+    ``relations`` index ``Problem.relations``; ``gap`` is how far apart the bounds are.
+    """
+
+    relations: tuple[int, ...]
+    name: str
+    frame: float
+    gap: float
+    message: str
+
+
+@dataclass(slots=True)
+class Bounds:
+    """Bounds of decision variables and where each came from (-1: nowhere). All (size,)."""
+
+    lower: FloatArray
+    upper: FloatArray
+    lower_from: NDArray[np.int64]
+    upper_from: NDArray[np.int64]
+    contradictions: list[Contradiction]
+
+
+class Numbers:
+    """Evaluates expressions of constants and node data for given constants."""
+
+    def __init__(
+        self, statements: Statements, steps: Steps, coefficients: FloatArray, constants: Mapping[str, float]
+    ) -> None:
+        self.steps, self.coefficients = steps, coefficients
+        self.weights = {k: table.values(coefficients) for k, table in enumerate(statements.weights)}
+        self.constants: dict[object, float | FloatArray] = {
+            ConstantRef(name): value for name, value in constants.items()
+        }
+
+    def data(self, ref: DataRef, nodes: Nodes) -> FloatArray:
+        return data_values(ref, nodes, self.steps, self.coefficients, self.weights)
+
+    def at(self, e: Expr, nodes: Nodes) -> FloatArray:
+        """The value of ``e`` at every node. (k,)"""
+        given = dict(self.constants)
+        for key in symbols(e):
+            if isinstance(key, DataRef):
+                given[key] = self.data(key, nodes)
+        return np.broadcast_to(np.asarray(evaluate(e, given), float), (len(nodes),))
+
+
+def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, numbers: Numbers) -> Bounds:
+    """Intersects all bounds on each decision variable and lists those that contradict each other."""
+    size = layout.size
+    result = Bounds(
+        np.full(size, -np.inf), np.full(size, np.inf), np.full(size, -1), np.full(size, -1), []
+    )
+    for bound in statements.bounds:
+        _apply(problem, bound, layout, numbers, result)
+    crossed = np.flatnonzero(result.lower > result.upper)
+    for position in crossed:
+        low, high = result.lower[position], result.upper[position]
+        if low - high <= 1e-12 * max(1.0, abs(low), abs(high)):  # rounding of one and the same number
+            result.lower[position] = result.upper[position] = 0.5 * (low + high)
+            continue
+        name, order, frame, _ = layout.describe(int(position))
+        text = name + "'" * order
+        where = f" at frame {frame:g}" if frame >= 0 else ""
+        owners = (int(result.lower_from[position]), int(result.upper_from[position]))
+        result.contradictions.append(
+            Contradiction(
+                owners,
+                text,
+                frame,
+                float(low - high),
+                f"{text}{where} must be at least {low:.10g} and at most {high:.10g}",
+            )
+        )
+    return result
+
+
+def _apply(problem: Problem, bound: Bound, layout: Layout, numbers: Numbers, into: Bounds) -> None:
+    rest = numbers.at(bound.rest, bound.nodes)
+    minus, plus = np.full(len(rest), -np.inf), np.full(len(rest), np.inf)
+    low = minus if bound.lower is None else numbers.at(bound.lower, bound.nodes) - rest
+    high = plus if bound.upper is None else numbers.at(bound.upper, bound.nodes) - rest
+    if bound.unknown is None:
+        slope = np.zeros(len(rest))
+    else:
+        slope = numbers.at(bound.coefficient, bound.nodes)
+    tolerance = 1e-9 * np.maximum(1.0, np.abs(rest))
+    dead = slope == 0
+    wrong = dead & ((low > tolerance) | (high < -tolerance) | np.isnan(low) | np.isnan(high))
+    if wrong.any():
+        k = int(np.flatnonzero(wrong)[0])
+        relation = problem.relations[bound.relation]
+        frame = float(bound.nodes.position[k]) / 2
+        into.contradictions.append(
+            Contradiction(
+                (bound.relation,),
+                "",
+                frame,
+                float(max(low[k], -high[k])),
+                f"`{relation.text}` is false at frame {frame:g} whatever the unknowns are",
+            )
+        )
+    if bound.unknown is None or dead.all():
+        return
+    position = layout.position(bound.unknown, bound.nodes)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.where(slope > 0, low / slope, high / slope), np.where(slope > 0, high / slope, low / slope)
+    live = ~dead
+    at, lo, hi = position[live], ends[0][live], ends[1][live]
+    for k in _once(at):
+        tighter = k[lo[k] > into.lower[at[k]]]
+        into.lower[at[tighter]], into.lower_from[at[tighter]] = lo[tighter], bound.relation
+        tighter = k[hi[k] < into.upper[at[k]]]
+        into.upper[at[tighter]], into.upper_from[at[tighter]] = hi[tighter], bound.relation
+
+
+def _once(positions: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Splits indices so that no position occurs twice in a part."""
+    _, first = np.unique(positions, return_index=True)
+    if len(first) == len(positions):
+        return [np.arange(len(positions))]
+    return [np.array([k]) for k in range(len(positions))]
+
+
+class BoundProgram:
+    """A nonlinear program for the solver: :class:`stc.solver.nlp.NLP`.
+
+    Attributes follow that protocol; ``contradictions`` tells whether solving is of any use.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        layout: Layout,
+        numbers: Numbers,
+        bounds: Bounds,
+        x0: FloatArray,
+        kernels: tuple[list[Callable[..., None]], list[Callable[..., None]]],
+        constants: Mapping[str, float],
+    ) -> None:
+        self.program = program
+        self.bounds = bounds
+        self.n, self.m = program.size, program.row_count
+        self.x0 = x0
+        self.x_lower, self.x_upper = bounds.lower, bounds.upper
+        self.row_lower, self.row_upper = _row_bounds(program, numbers)
+        self.jac_rows, self.jac_cols = program.jacobian.rows, program.jacobian.cols
+        self.hess_rows, self.hess_cols = program.hessian.rows, program.hessian.cols
+        self.var_stage, self.row_stage = layout.stage, program.row_stage
+        self.row_linear = program.row_linear
+        self.objective_degree = program.objective_degree
+        self.contradictions = bounds.contradictions
+        self.workspace = np.zeros(program.workspace_size)
+        for group, start in zip(program.groups, program.data_start, strict=True):
+            for k, ref in enumerate(group.data):
+                at = start + k * group.size
+                self.workspace[at : at + group.size] = numbers.data(ref, group.nodes)
+        self.uniform = np.array([constants.get(getattr(k, "name", ""), 0.0) for k in program.uniform] or [0.0])
+        self._values_buffer = np.zeros(program.values_size)
+        self._derivatives_buffer = np.zeros(program.derivatives_size)
+        self._values_calls = _calls(
+            kernels[0], self, program.index_values, self._values_buffer, program.values_start, program, True
+        )
+        self._derivatives_calls = _calls(
+            kernels[1],
+            self,
+            program.index_derivatives,
+            self._derivatives_buffer,
+            program.derivatives_start,
+            program,
+            False,
+        )
+        self._rows = np.zeros(self.m)
+        self._gradient = np.zeros(self.n)
+        self._jacobian = np.zeros(len(program.jacobian))
+        self._hessian = np.zeros(len(program.hessian))
+
+    def values(self, x: FloatArray) -> tuple[float, FloatArray]:
+        """Objective and rows at ``x``; the rows' array is reused by the next call."""
+        self.workspace[: self.n] = x
+        for call in self._values_calls:
+            call()
+        buffer = self._values_buffer
+        np.take(buffer, self.program.row_source, out=self._rows)
+        return float(buffer[self.program.objective_source].sum()), self._rows
+
+    def derivatives(
+        self, x: FloatArray, multipliers: FloatArray, objective_factor: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Objective gradient, Jacobian values and Hessian values of the Lagrangian; arrays are reused."""
+        self.workspace[: self.n] = x
+        self.workspace[self.n : self.n + self.m] = multipliers
+        self.uniform[-1] = objective_factor
+        for call in self._derivatives_calls:
+            call()
+        buffer = self._derivatives_buffer
+        gradient = self.program.gradient
+        self._gradient[:] = 0.0
+        if len(gradient):
+            self._gradient[gradient.cols] = _gather(buffer, gradient)
+        _gather(buffer, self.program.jacobian, self._jacobian)
+        _gather(buffer, self.program.hessian, self._hessian)
+        return self._gradient, self._jacobian, self._hessian
+
+
+def _gather(buffer: FloatArray, entries: Sparsity, out: FloatArray | None = None) -> FloatArray:
+    """Adds buffer values up to matrix entries. (nnz,)"""
+    if not len(entries):
+        return np.zeros(0) if out is None else out
+    if len(entries.source) == len(entries):
+        return np.take(buffer, entries.source, out=out)
+    return np.add.reduceat(buffer[entries.source], entries.start[:-1], out=out)
+
+
+def _calls(
+    kernels: list[Callable[..., None]],
+    program: BoundProgram,
+    index: list[NDArray[np.int32]],
+    buffer: FloatArray,
+    starts: list[int],
+    structure: Program,
+    values: bool,
+) -> list[Callable[[], None]]:
+    calls = []
+    for k, group in enumerate(structure.groups):
+        tape = group.values_tape if values else group.derivatives_tape
+        assert tape is not None
+        count = len(tape.outputs)
+        if not count or not group.size:
+            continue
+        block, _, lanes = index[k].shape
+        out = buffer[starts[k] : starts[k] + block * count * lanes].reshape(block, count, lanes)
+        calls.append(kernels[k](program.workspace, program.uniform, index[k], out))
+    return calls
+
+
+def _row_bounds(program: Program, numbers: Numbers) -> tuple[FloatArray, FloatArray]:
+    lower, upper = np.full(program.row_count, -np.inf), np.full(program.row_count, np.inf)
+    for group in program.groups:
+        for r, row in enumerate(group.rows):
+            if row.lower is not None:
+                lower[group.row_ids[r]] = numbers.at(row.lower, row.nodes)
+            if row.upper is not None:
+                upper[group.row_ids[r]] = numbers.at(row.upper, row.nodes)
+    return lower, upper

@@ -1,0 +1,121 @@
+"""Where in time statements stand: frames, midpoints and the two sides of jumps.
+
+A *node* is a place where an expression is evaluated.  Its position is counted in half frames, so that frame
+``i`` is ``2*i`` and the midpoint after it ``2*i + 1``; its side tells which of the two values of a jump it
+reads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.problem import DefinitionPiece, FrameRange, Problem
+
+IntArray = NDArray[np.int64]
+
+SINGLE, BEFORE, AFTER = 0, 1, 2
+"""Sides of a node: one-valued, before a jump, after a jump."""
+
+SIDES = {"": SINGLE, "before": BEFORE, "after": AFTER}
+
+
+@dataclass(frozen=True, slots=True)
+class Nodes:
+    """Places where a statement stands, in time order.
+
+    ``position`` (k,): twice the frame index (odd at midpoints); ``side`` (k,): SINGLE, BEFORE or AFTER.
+    """
+
+    position: IntArray
+    side: IntArray
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def __getitem__(self, which: NDArray[np.bool_] | IntArray) -> Nodes:
+        return Nodes(self.position[which], self.side[which])
+
+    @property
+    def frame(self) -> IntArray:
+        """The frame of each node; for a midpoint the frame before it. (k,)"""
+        return self.position // 2
+
+    @property
+    def is_midpoint(self) -> NDArray[np.bool_]:
+        return (self.position & 1).astype(bool)
+
+    def key(self) -> bytes:
+        """Equal for equal nodes: groups statements that stand on the same places."""
+        return self.position.tobytes() + b"|" + self.side.tobytes()
+
+
+def join(parts: list[Nodes]) -> Nodes:
+    """All nodes of several lists, each once, in time order."""
+    position = np.concatenate([p.position for p in parts])
+    side = np.concatenate([p.side for p in parts])
+    order = np.unique(4 * position + side)
+    return Nodes(order // 4, order % 4)
+
+
+class Grid:
+    """The frames of a motion, with midpoints where the method has them, and the frames that jump."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.n = problem.n
+        self.method = problem.method
+        self.has_midpoints = problem.method == "hermite-simpson"
+        self.jump = np.zeros(self.n + 1, bool)
+        for jump in problem.jumps:
+            self.jump[jump.frame] = True
+        self.any_jump = bool(self.jump.any())
+
+    def nodes(self, where: FrameRange, midpoints: bool = True) -> Nodes:
+        """The nodes of a statement on ``where``: frames, their sides at jumps, midpoints between them.
+
+        A range that ends at a jump reads the value before it, one that starts there the value after it; one
+        that passes through, or stands on it alone, holds for both.
+        """
+        first, last = where.first, where.last
+        frames = np.arange(first, last + 1)
+        position, side = 2 * frames, np.zeros(len(frames), np.int64)
+        jumps = np.flatnonzero(self.jump[first : last + 1]) + first if self.any_jump else np.zeros(0, int)
+        if len(jumps):
+            here = jumps - first
+            side[here] = BEFORE
+            if first < last and self.jump[first]:
+                side[0] = AFTER
+            twice = jumps[(jumps > first) & (jumps < last)] if first < last else jumps
+            position = np.concatenate([position, 2 * twice])
+            side = np.concatenate([side, np.full(len(twice), AFTER)])
+        if self.has_midpoints and midpoints and last > first:
+            position = np.concatenate([position, 2 * np.arange(first, last) + 1])
+            side = np.concatenate([side, np.zeros(last - first, np.int64)])
+        order = np.argsort(4 * position + side, kind="stable")
+        return Nodes(position[order], side[order])
+
+    def step_nodes(self) -> Nodes:
+        """One node inside every step, for what belongs to the step itself. (n,)"""
+        return Nodes(2 * np.arange(self.n) + 1, np.zeros(self.n, np.int64))
+
+    def pieces(self, pieces: list[DefinitionPiece] | tuple[DefinitionPiece, ...], nodes: Nodes) -> IntArray:
+        """Which piece of a ranged definition holds at each node, -1 where none does. (k,)
+
+        Of overlapping pieces the later one wins; at a jump, pieces that end there speak for the value before
+        it and pieces that start there for the value after it.  A midpoint takes the piece of the frame before.
+        """
+        frame = nodes.frame
+        found = np.full(len(nodes), -1)
+        preferred = np.full(len(nodes), -1)
+        at_jump = (nodes.side != SINGLE) & ~nodes.is_midpoint
+        for k, piece in enumerate(pieces):
+            a, b = piece.range.first, piece.range.last
+            holds = (frame >= a) & (frame <= b)
+            found[holds] = k
+            if a < b:
+                wrong_side = ((nodes.side == BEFORE) & (frame == a)) | ((nodes.side == AFTER) & (frame == b))
+                holds &= ~(wrong_side & at_jump)
+            preferred[holds] = k
+        return np.where(preferred >= 0, preferred, found)

@@ -1,0 +1,147 @@
+"""The starting point: pinned values, written guesses, straight lines in between.
+
+Where a variable is pinned (its bounds coincide) it starts there.  Elsewhere a written guess counts; without one
+the start is linear between the pinned frames, constant outside them, 0 where nothing is pinned.  Derivatives
+that are unknowns of their own start from differences of these values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.errors import Diagnostic, SpecError
+from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef
+from stc.symbolic.expr import evaluate
+from stc.transcription.grid import Grid, Nodes
+from stc.transcription.layout import Layout
+from stc.transcription.lower import Expander
+from stc.transcription.steps import Steps
+
+FloatArray = NDArray[np.float64]
+
+
+def starting_point(
+    problem: Problem,
+    grid: Grid,
+    layout: Layout,
+    steps: Steps,
+    coefficients: FloatArray,
+    constants: Mapping[str, float],
+    lower: FloatArray,
+    upper: FloatArray,
+) -> FloatArray:
+    """The decision vector to start from, inside its bounds. (layout.size,)
+
+    Raises:
+        SpecError: a step would be zero or negative: a parameter in it needs a guess.
+    """
+    x = np.zeros(layout.size)
+    values: dict[object, float] = {ConstantRef(k): v for k, v in constants.items()}
+    for guess in problem.guesses:
+        if guess.name in layout.parameters:
+            x[layout.parameters[guess.name]] = float(evaluate(guess.body, dict(values)))
+    parameters = list(layout.parameters.values())
+    x[parameters] = np.clip(x[parameters], lower[parameters], upper[parameters])
+    values.update({ParameterRef(name): x[p] for name, p in layout.parameters.items()})
+    h = steps.lengths(coefficients, values)
+    if grid.n and not (h > 0).all():
+        bad = int(np.flatnonzero(~(h > 0))[0])
+        free = ", ".join(layout.parameters) or "h"
+        raise SpecError(
+            [
+                Diagnostic(
+                    "error",
+                    f"the step from frame {bad} to {bad + 1} starts at {h[bad]:g}, but steps must be positive",
+                    None,
+                    f"give {free} a guess that makes every step positive" if steps.free else "h must be positive",
+                )
+            ]
+        )
+    time = np.concatenate([[0.0], np.cumsum(h)])
+    written = _written(problem, grid, values, time)
+    for name, order, before, after, middle in layout.slots():
+        if order == 0:
+            frames, mids = _start_of(before, after, middle, lower, upper, written.get(name), time)
+        else:
+            frames, mids = _slope(frames, mids, time, grid.jump)
+        x[before], x[after] = frames[0], frames[1]
+        if len(middle):
+            x[middle] = mids
+    return np.clip(x, lower, upper)
+
+
+def _written(
+    problem: Problem, grid: Grid, values: Mapping[object, float], time: FloatArray
+) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Written guesses at frames (n+1,) and midpoints (n,) per variable, NaN where none is given."""
+    result: dict[str, tuple[FloatArray, FloatArray]] = {}
+    expand = Expander(problem, grid)
+    frames = np.arange(grid.n + 1)
+    for guess in problem.guesses:
+        if guess.name not in problem.variables:
+            continue
+        if guess.name not in result:
+            result[guess.name] = np.full(grid.n + 1, np.nan), np.full(grid.n, np.nan)
+        at_frames, at_mids = result[guess.name]
+        first, last = guess.range.first, guess.range.last
+        position = np.arange(2 * first, 2 * last + 1)
+        for body, nodes in expand(guess.body, Nodes(position, np.zeros(len(position), np.int64))):
+            half = nodes.is_midpoint
+            t = time[nodes.frame].copy()
+            t[half] = 0.5 * (time[nodes.frame[half]] + time[nodes.frame[half] + 1])
+            given = {**values, IndexRef(): nodes.position / 2.0, TimeRef(): t}
+            value = np.broadcast_to(evaluate(body, given), t.shape)
+            at_frames[nodes.frame[~half]] = value[~half]
+            at_mids[nodes.frame[half]] = value[half]
+    assert len(frames) == grid.n + 1
+    return result
+
+
+def _start_of(
+    before: NDArray[np.int64],
+    after: NDArray[np.int64],
+    middle: NDArray[np.int64],
+    lower: FloatArray,
+    upper: FloatArray,
+    written: tuple[FloatArray, FloatArray] | None,
+    time: FloatArray,
+) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
+    """Values of a variable: ((before, after) at frames, at midpoints)."""
+    n = len(time) - 1
+    pinned_before, pinned_after = lower[before] == upper[before], lower[after] == upper[after]
+    pins = np.flatnonzero(pinned_before | pinned_after)
+    value = np.where(pinned_before, lower[before], np.where(pinned_after, lower[after], 0.0))
+    line = np.interp(time, time[pins], value[pins]) if len(pins) else np.zeros(n + 1)
+    line_mids = 0.5 * (line[:-1] + line[1:])
+    if written is not None:
+        line = np.where(np.isnan(written[0]), line, written[0])
+        line_mids = np.where(np.isnan(written[1]), 0.5 * (line[:-1] + line[1:]), written[1])
+    frames = np.where(pinned_before, lower[before], line), np.where(pinned_after, lower[after], line)
+    if len(middle):
+        pinned = lower[middle] == upper[middle]
+        line_mids = np.where(pinned, lower[middle], line_mids)
+    return frames, line_mids
+
+
+def _slope(
+    frames: tuple[FloatArray, FloatArray], mids: FloatArray, time: FloatArray, jump: NDArray[np.bool_]
+) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
+    """Differences of values: centred inside, one-sided at the ends and on either side of a jump."""
+    n = len(time) - 1
+    if n == 0:
+        zero = np.zeros(1)
+        return (zero, zero), np.zeros(0)
+    h = np.diff(time)
+    slope = (frames[0][1:] - frames[1][:-1]) / h
+    before, after = np.empty(n + 1), np.empty(n + 1)
+    before[1:], after[:-1] = slope, slope
+    before[0], after[n] = after[0], before[n]
+    smooth = ~jump
+    smooth[[0, n]] = False
+    k = np.flatnonzero(smooth)
+    mean = (h[k] * slope[k - 1] + h[k - 1] * slope[k]) / (h[k - 1] + h[k])
+    before[k] = after[k] = mean
+    return (before, after), slope

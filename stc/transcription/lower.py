@@ -1,0 +1,243 @@
+"""From the expressions of a spec to expressions of decision variables, one for each kind of node.
+
+Lowering replaces, in this order, ranged definitions by the piece that holds, derivatives by differences
+(central) or by unknowns of their own, ``i`` and ``t`` by data of the node.  Nodes on which the result has the
+same form share one expression; what differs between them (positions in the decision vector, data) is a table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.problem import DefinitionRef, IndexRef, Problem, TimeRef, VariableRef
+from stc.symbolic.differentiate import total_derivative
+from stc.symbolic.expr import ONE, ZERO, Expr, num, substitute, sum_of, sym, symbols
+from stc.transcription.grid import Grid, IntArray, Nodes
+from stc.transcription.layout import Layout
+from stc.transcription.schemes import difference, stencil_reach
+from stc.transcription.steps import Steps
+
+
+@dataclass(frozen=True, slots=True)
+class DataRef:
+    """A number that each node brings along.
+
+    ``kind``: ``index`` (i), ``elapsed`` (share of basis function ``item`` in t), ``step`` (share of basis
+    function ``item`` in the step after frame ``scale*i + shift``), ``weight`` (entry ``item`` of the
+    quadrature tables of an objective term).
+    """
+
+    kind: str
+    item: int = 0
+    scale: Fraction = Fraction(1)
+    shift: Fraction = Fraction(0)
+
+
+def rate(key: object) -> Expr:
+    """The time derivative of a symbol, as the language defines primes."""
+    if isinstance(key, VariableRef | DefinitionRef):
+        return sym(replace(key, order=key.order + 1))
+    return ONE if isinstance(key, TimeRef) else ZERO
+
+
+def prime(e: Expr, times: int) -> Expr:
+    """The total time derivative of the given order, by the chain rule."""
+    for _ in range(times):
+        e = total_derivative(e, rate)
+    return e
+
+
+def one_sided(e: Expr, side: str) -> Expr:
+    """``before(e)`` or ``after(e)``: every variable in it read on that side."""
+    keys = [k for k in symbols(e) if isinstance(k, VariableRef | DefinitionRef)]
+    return substitute(e, {k: sym(replace(k, side=side)) for k in keys})
+
+
+def definition_value(problem: Problem, ref: DefinitionRef, piece: int) -> Expr:
+    body = prime(problem.definitions[ref.name][piece].body, ref.order)
+    return one_sided(body, ref.side) if ref.side else body
+
+
+def groups(signature: NDArray[np.int64]) -> Iterator[tuple[IntArray, IntArray]]:
+    """Splits columns of a (rows, k) table into classes of equal columns: (column, indices) pairs."""
+    if signature.shape[1] == 0:
+        return
+    if signature.shape[0] == 0 or (signature == signature[:, :1]).all():
+        yield signature[:, 0], np.arange(signature.shape[1])
+        return
+    values, inverse = np.unique(signature, axis=1, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    for k in range(values.shape[1]):
+        yield values[:, k], np.flatnonzero(inverse == k)
+
+
+class Expander:
+    """Replaces ranged definitions by the pieces that hold."""
+
+    def __init__(self, problem: Problem, grid: Grid) -> None:
+        self.problem, self.grid = problem, grid
+
+    def __call__(self, body: Expr, nodes: Nodes) -> Iterator[tuple[Expr, Nodes]]:
+        """Yields (expression without definitions, the nodes it is for)."""
+        refs = [k for k in symbols(body) if isinstance(k, DefinitionRef)]
+        if not refs or not len(nodes):
+            yield body, nodes
+            return
+        table = []
+        for ref in refs:
+            at = nodes
+            if ref.side:
+                wanted = {"before": 1, "after": 2}[ref.side]
+                at = Nodes(nodes.position, np.where(nodes.side > 0, wanted, 0))
+            found = self.grid.pieces(list(self.problem.definitions[ref.name]), at)
+            if ref.name == "h":  # there is no step after the last frame: h means the last one there
+                found = np.where(found < 0, found.max(initial=0), found)
+            table.append(found)
+        for choice, which in groups(np.array(table)):
+            if (choice < 0).any():
+                continue
+            pieces = {
+                ref: definition_value(self.problem, ref, int(k)) for ref, k in zip(refs, choice, strict=True)
+            }
+            yield from self(substitute(body, pieces), nodes[which])
+
+
+class Lowering:
+    """Everything that tells what an expression means at a node."""
+
+    def __init__(self, problem: Problem, grid: Grid, layout: Layout, steps: Steps) -> None:
+        self.problem, self.grid, self.layout, self.steps = problem, grid, layout, steps
+        self.expand = Expander(problem, grid)
+        self.central = grid.method == "central"
+
+    def lower(self, body: Expr, nodes: Nodes) -> list[tuple[Expr, Nodes]]:
+        """(expression of decision variables, constants and data; its nodes) for each form it takes.
+
+        Nodes at which a derivative or an index would reach outside the motion are dropped.
+        """
+        result = []
+        for expanded, at in self.expand(body, nodes):
+            refs = [k for k in symbols(expanded) if isinstance(k, VariableRef)]
+            keep = np.ones(len(at), bool)
+            if any(r.scale != 0 and (r.scale, r.shift) != (1, 0) for r in refs):
+                keep &= ~at.is_midpoint  # a statement with a relative index holds on frames alone
+            for ref in refs:
+                reach = stencil_reach(ref.order) if self.central and ref.order > 1 else 0
+                keep &= self.layout.reachable(ref, at, reach)
+            if self.central and self.grid.n < 1 and any(r.order for r in refs):
+                keep[:] = False
+            at = at[keep]
+            for different, where in self._differences(expanded, at, refs) if self.central else [(expanded, at)]:
+                if len(where):
+                    result.append((self.with_data(different), where))
+        return result
+
+    def _differences(self, body: Expr, nodes: Nodes, refs: Sequence[VariableRef]) -> list[tuple[Expr, Nodes]]:
+        """Central differences for every derivative, per class of nodes with the same stencils and steps."""
+        refs = [r for r in refs if r.order]
+        if not refs or not len(nodes):
+            return [(body, nodes)] if len(nodes) else []
+        n = self.grid.n
+        rows = []
+        for ref in refs:
+            target = np.array(
+                [int(ref.scale * int(p) / 2 + ref.shift) for p in nodes.position]
+                if ref.scale.denominator > 1
+                else int(ref.scale) * nodes.frame + int(ref.shift)
+            )
+            if ref.order == 1:
+                place = np.where(target == 0, -1, np.where(target == n, 1, 0))
+                span = min(2, n)
+                first = np.where(place < 0, 0, np.where(place > 0, -span, -1))
+                count = np.where(place == 0, 2, span)
+            else:
+                reach = stencil_reach(ref.order)
+                first, count = np.full(len(nodes), -reach), np.full(len(nodes), 2 * reach)
+            rows += [first, count]
+            for k in range(max(int(count.max()), 0)):
+                step = np.clip(target + first + k, 0, n - 1)
+                present = k < count
+                for support in self.steps.support:
+                    rows.append(np.where(present, support[step], 0))
+        result = []
+        for column, which in groups(np.array(rows, np.int64)):
+            it = iter(column.tolist())
+            mapping: dict[object, Expr] = {}
+            longest = iter([int(r) for r in self._longest(refs, rows)])
+            for ref in refs:
+                first, count = next(it), next(it)
+                steps = []
+                for k in range(next(longest)):
+                    present = [next(it) for _ in self.steps.basis]
+                    if k < count:
+                        steps.append(self.step(present, ref.scale, ref.shift + first + k))
+                mapping[ref] = difference(ref, range(first, first + count + 1), steps)
+            result.append((substitute(body, mapping), nodes[which]))
+        return result
+
+    def _longest(self, refs: Sequence[VariableRef], rows: Sequence[NDArray[np.int64]]) -> list[int]:
+        """How many steps the widest stencil of each derivative spans: the layout of its signature rows."""
+        result, at = [], 0
+        for _ in refs:
+            count = int(rows[at + 1].max())
+            result.append(count)
+            at += 2 + count * len(self.steps.basis)
+        return result
+
+    def step(self, present: Sequence[int], scale: Fraction, shift: Fraction) -> Expr:
+        """The step after frame ``scale*i + shift``, given which basis functions it has."""
+        terms = []
+        for k, phi in enumerate(self.steps.basis):
+            if not present[k]:
+                continue
+            if self.steps.plain[k]:
+                terms.append(phi)
+            else:
+                terms.append(sym(DataRef("step", k, scale, shift)) * phi)
+        return sum_of(terms)
+
+    def with_data(self, body: Expr) -> Expr:
+        """``i`` and ``t`` replaced by data of the node."""
+        keys = symbols(body)
+        mapping: dict[object, Expr] = {}
+        if any(isinstance(k, IndexRef) for k in keys):
+            mapping[IndexRef()] = sym(DataRef("index"))
+        if any(isinstance(k, TimeRef) for k in keys):
+            mapping[TimeRef()] = sum_of(
+                [sym(DataRef("elapsed", k)) * phi for k, phi in enumerate(self.steps.basis)]
+            )
+        return substitute(body, mapping) if mapping else body
+
+    def link_groups(self, nodes: Nodes) -> Iterator[tuple[Expr, Nodes]]:
+        """The step's length as an expression, per class of steps; ``nodes`` has one node a step."""
+        if not len(nodes):
+            return
+        for present, which in groups(self.steps.support.astype(np.int64)):
+            shift = Fraction(-1, 2) if self.grid.has_midpoints else Fraction(0)
+            yield self.step(present.tolist(), Fraction(1), shift), nodes[which]
+
+
+def data_values(
+    ref: DataRef,
+    nodes: Nodes,
+    steps: Steps,
+    coefficients: NDArray[np.float64],
+    weights: Mapping[int, NDArray[np.float64]],
+) -> NDArray[np.float64]:
+    """The numbers that a :class:`DataRef` stands for. (k,)"""
+    if ref.kind == "index":
+        return nodes.position / 2.0
+    if ref.kind == "elapsed":
+        return steps.elapsed(coefficients, nodes)[ref.item]
+    if ref.kind == "step":
+        at = np.rint(float(ref.scale) * nodes.position / 2.0 + float(ref.shift)).astype(np.int64)
+        return coefficients[ref.item, np.clip(at, 0, max(steps.n - 1, 0))]
+    return weights[ref.item]
+
+
+__all__ = ["DataRef", "Expander", "Lowering", "data_values", "num", "prime", "rate"]

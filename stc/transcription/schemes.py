@@ -1,0 +1,153 @@
+"""The transcriptions as data: difference stencils, links between derivatives, quadrature weights.
+
+Central differences replace a derivative by the derivative of the polynomial through neighbouring frames
+(Fornberg 1988).  The collocation methods carry derivatives as unknowns and tie them by linear links (Kelly
+2017, sections 3 and 4, in separated form)::
+
+    trapezoidal      x[i+1] - x[i] = h/2 (x'[i] + x'[i+1])
+    hermite-simpson  x[i+1] - x[i] = h/6 (x'[i] + 4 x'[m] + x'[i+1])
+                     x[m] = (x[i] + x[i+1])/2 + h/8 (x'[i] - x'[i+1])
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.problem import FrameRange, VariableRef
+from stc.symbolic.expr import ONE, ZERO, Expr, num, sum_of, sym
+from stc.transcription.grid import AFTER, BEFORE, Grid, IntArray, Nodes
+
+METHODS = ("central", "trapezoidal", "hermite-simpson")
+
+HALF = Fraction(1, 2)
+
+
+def stencil_reach(order: int) -> int:
+    """Frames that the shortest symmetric second-order stencil of a derivative needs on either side."""
+    return (order + 1) // 2
+
+
+def stencil_weights(order: int, positions: Sequence[Expr]) -> list[Expr]:
+    """Weights of the derivative at 0 of the polynomial through points at ``positions`` (Fornberg 1988).
+
+    Args:
+        order: of the derivative, below ``len(positions)``.
+        positions: times relative to where the derivative is taken, any expressions (numbers fold).
+    """
+    count = len(positions)
+    weights = [[ZERO] * count for _ in range(order + 1)]
+    weights[0][0] = ONE
+    product_before: Expr = ONE
+    for i in range(1, count):
+        product: Expr = ONE
+        for j in range(i):
+            gap = positions[i] - positions[j]
+            product = product * gap
+            if j == i - 1:
+                for k in range(min(i, order), -1, -1):
+                    lower = weights[k - 1][i - 1] * float(k) if k else ZERO
+                    weights[k][i] = (product_before / product) * (lower - positions[i - 1] * weights[k][i - 1])
+            for k in range(min(i, order), -1, -1):
+                lower = weights[k - 1][j] * float(k) if k else ZERO
+                weights[k][j] = (positions[i] * weights[k][j] - lower) / gap
+        product_before = product
+    return weights[order]
+
+
+def difference(ref: VariableRef, offsets: Sequence[int], steps: Sequence[Expr]) -> Expr:
+    """The derivative ``ref`` as a difference of the variable's values at ``offsets`` frames from its own.
+
+    Args:
+        offsets: consecutive whole numbers, in rising order.
+        steps: the ``len(offsets) - 1`` steps between them.
+    """
+    if all(h is steps[0] for h in steps):
+        points = [num(float(o)) for o in offsets]
+        scale = ONE / steps[0] ** float(ref.order)
+    else:
+        start = offsets.index(0)
+        points = [ZERO] * len(offsets)
+        for k in range(start + 1, len(offsets)):
+            points[k] = points[k - 1] + steps[k - 1]
+        for k in range(start - 1, -1, -1):
+            points[k] = points[k + 1] - steps[k]
+        scale = ONE
+    weights = stencil_weights(ref.order, points)
+    values = [
+        sym(VariableRef(ref.name, 0, ref.scale, ref.shift + offset, ref.side)) * weight
+        for offset, weight in zip(offsets, weights, strict=True)
+    ]
+    return sum_of(values) * scale
+
+
+def links(method: str, name: str, order: int, h: Expr) -> list[Expr]:
+    """The rows (= 0) that tie derivative ``order`` of a variable to the next one over a step of length h.
+
+    They stand on the step's node: for trapezoidal the frame before the step, for hermite-simpson its midpoint.
+    """
+    if method == "trapezoidal":
+        x0, x1 = _at(name, order, Fraction(0)), _at(name, order, Fraction(1))
+        v0, v1 = _at(name, order + 1, Fraction(0)), _at(name, order + 1, Fraction(1))
+        return [x1 - x0 - 0.5 * h * (v0 + v1)]
+    x0, xm, x1 = (_at(name, order, s) for s in (-HALF, Fraction(0), HALF))
+    v0, vm, v1 = (_at(name, order + 1, s) for s in (-HALF, Fraction(0), HALF))
+    return [
+        x1 - x0 - (h / 6.0) * (v0 + 4.0 * vm + v1),
+        xm - 0.5 * (x0 + x1) - (h / 8.0) * (v0 - v1),
+    ]
+
+
+def link_nodes(grid: Grid) -> Nodes:
+    """Where the links stand: one node for every step. (n,)"""
+    steps = np.arange(grid.n)
+    if grid.has_midpoints:
+        return Nodes(2 * steps + 1, np.zeros(grid.n, np.int64))
+    return Nodes(2 * steps, np.where(grid.jump[:-1], AFTER, 0).astype(np.int64))
+
+
+def _at(name: str, order: int, shift: Fraction) -> Expr:
+    return sym(VariableRef(name, order, Fraction(1), shift))
+
+
+def sum_weights(grid: Grid, nodes: Nodes, first: int, last: int) -> NDArray[np.float64]:
+    """How often a plain objective term on frames first..last counts at each of its nodes. (k,)
+
+    Frames count once, the two sides of a jump half each where the range passes through; with midpoints the sum
+    becomes its Simpson counterpart, (e[first] + e[last])/2 + sum of (e[i] + 4 e[mid] + e[i+1])/6.
+    """
+    weight = np.ones(len(nodes))
+    two_sided = (nodes.side != 0) & (((nodes.position > 2 * first) & (nodes.position < 2 * last)) | (first == last))
+    if grid.has_midpoints and last > first and nodes.is_midpoint.any():
+        inner = (nodes.position > 2 * first) & (nodes.position < 2 * last)
+        weight[:] = np.where(inner, 1.0 / 3.0, 0.5 + 1.0 / 6.0)
+        weight[nodes.is_midpoint] = 4.0 / 6.0
+    weight[two_sided] *= 0.5
+    return weight
+
+
+def quadrature(
+    grid: Grid, first: int, last: int, midpoints: bool = True
+) -> tuple[Nodes, IntArray, IntArray, NDArray[np.float64]]:
+    """The method's own quadrature over the time from frame ``first`` to ``last``.
+
+    Without ``midpoints`` it is the trapezoid rule over the frames alone.
+
+    Returns:
+        nodes, and the incidence of steps on them: (node number, step, share of the step's length), each (k,).
+    """
+    nodes = grid.nodes(FrameRange(first, last), midpoints)
+    frame, middle = nodes.frame, nodes.is_midpoint
+    edge = 1.0 / 6.0 if middle.any() else 0.5
+    number = np.arange(len(nodes))
+    left = ~middle & (frame > first) & (nodes.side != AFTER)
+    right = ~middle & (frame < last) & (nodes.side != BEFORE)
+    which = np.concatenate([number[left], number[right], number[middle]])
+    step = np.concatenate([frame[left] - 1, frame[right], frame[middle]])
+    share = np.concatenate(
+        [np.full(left.sum(), edge), np.full(right.sum(), edge), np.full(middle.sum(), 4.0 / 6.0)]
+    )
+    return nodes, which, step, share

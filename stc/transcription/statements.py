@@ -1,0 +1,325 @@
+"""Sorts the relations of a problem, once lowered, into bounds, rows and contradictions, and weighs the objective.
+
+What comes out is still symbolic: expressions of decision variables, constants and node data, with the nodes
+they stand on.  Numbers enter in :mod:`stc.transcription.assemble`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.errors import Diagnostic, SpecError
+from stc.problem import ObjectiveTerm, ParameterRef, Problem, Relation, VariableRef
+from stc.symbolic.differentiate import derivative
+from stc.symbolic.expr import ZERO, Expr, substitute, sum_of, sym, symbols
+from stc.transcription.grid import Grid, IntArray, Nodes, join
+from stc.transcription.lower import DataRef, Lowering, groups
+from stc.transcription.schemes import link_nodes, links, quadrature, sum_weights
+
+LINK = -1
+"""Relation number of the rows that tie derivatives together."""
+
+
+@dataclass(slots=True)
+class Row:
+    """``lower <= body <= upper`` at every node; None is no bound.  ``relation`` indexes Problem.relations."""
+
+    body: Expr
+    lower: Expr | None
+    upper: Expr | None
+    nodes: Nodes
+    relation: IntArray
+    label: str = ""
+
+
+@dataclass(slots=True)
+class Bound:
+    """``lower <= coefficient*unknown + rest <= upper``: a bound on one decision variable.
+
+    ``unknown`` is None where nothing unknown is left: then the relation either holds or contradicts itself.
+    """
+
+    unknown: VariableRef | ParameterRef | None
+    coefficient: Expr
+    rest: Expr
+    lower: Expr | None
+    upper: Expr | None
+    nodes: Nodes
+    relation: int
+
+
+@dataclass(slots=True)
+class WeightTable:
+    """The weights of an objective term at the nodes of one expression.
+
+    Either ``fixed`` (k,), or the share of each step's basis coefficient ``basis`` that falls on each node.
+    """
+
+    size: int
+    fixed: NDArray[np.float64] | None = None
+    basis: int = 0
+    node: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    step: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    share: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+
+    def values(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self.fixed is not None:
+            return self.fixed
+        amount = self.share * coefficients[self.basis, self.step]
+        return np.bincount(self.node, amount, minlength=self.size)
+
+
+@dataclass(slots=True)
+class Summand:
+    """A weighted objective term at the nodes where it has one form."""
+
+    body: Expr
+    nodes: Nodes
+    term: int
+
+
+@dataclass(slots=True)
+class Statements:
+    rows: list[Row]
+    bounds: list[Bound]
+    summands: list[Summand]
+    weights: list[WeightTable]
+
+
+def is_unknown(key: object) -> bool:
+    return isinstance(key, VariableRef | ParameterRef)
+
+
+def unknowns(e: Expr) -> list[VariableRef | ParameterRef]:
+    return [k for k in symbols(e) if isinstance(k, VariableRef | ParameterRef)]
+
+
+class Sorter:
+    """Collects the statements of one problem."""
+
+    def __init__(self, problem: Problem, grid: Grid, lowering: Lowering) -> None:
+        self.problem, self.grid, self.lowering = problem, grid, lowering
+        self.rows: dict[tuple[Expr, Expr | None, Expr | None], Row] = {}
+        self.bounds: list[Bound] = []
+        self.summands: list[Summand] = []
+        self.weights: list[WeightTable] = []
+        self.mistakes: list[Diagnostic] = []
+
+    def run(self) -> Statements:
+        """Everything the problem states, lowered.
+
+        Raises:
+            SpecError: a statement is left without any frame to hold on.
+        """
+        self._links()
+        for number, relation in enumerate(self.problem.relations):
+            self._relation(number, relation)
+        for number, term in enumerate(self.problem.objective):
+            if term.integral:
+                self._integral(number, term)
+            else:
+                self._plain(number, term)
+        if self.mistakes:
+            raise SpecError(self.mistakes)
+        rows = [self._distinct(row) for row in self.rows.values()]
+        return Statements(rows, self.bounds, self.summands, self.weights)
+
+    def _links(self) -> None:
+        if self.grid.method == "central" or self.grid.n == 0:
+            return
+        nodes = link_nodes(self.grid)
+        for h, where in self.lowering.link_groups(nodes):
+            for name, top in self.lowering.layout.order.items():
+                for order in range(top):
+                    for body in links(self.grid.method, name, order, h):
+                        self._add_row(body, ZERO, ZERO, where, LINK, f"link of {name}{chr(39) * order}")
+
+    def _relation(self, number: int, relation: Relation) -> None:
+        parts = self.lowering.lower(relation.body, self.grid.nodes(relation.range))
+        if not parts:
+            self.mistakes.append(
+                Diagnostic(
+                    "error",
+                    "this statement holds on no frame: its derivatives or indices reach outside the motion",
+                    relation.span,
+                    "give it a range farther from the ends, or raise n",
+                )
+            )
+        for body, nodes in parts:
+            ends = [self._end(e) for e in (relation.lower, relation.upper)]
+            if relation.is_equality:
+                ends[1] = ends[0]
+            loose = [e for e in ends if e is not None and unknowns(e)]
+            if not loose:
+                self._split(number, body, ends[0], ends[1], nodes)
+            elif relation.is_equality:
+                assert ends[0] is not None
+                self._split(number, body - ends[0], ZERO, ZERO, nodes)
+            else:  # an end that moves with the unknowns (t of free steps) is part of the row
+                if ends[0] is not None:
+                    self._split(number, body - ends[0], ZERO, None, nodes)
+                if ends[1] is not None:
+                    self._split(number, body - ends[1], None, ZERO, nodes)
+
+    def _end(self, e: Expr | None) -> Expr | None:
+        return None if e is None else self.lowering.with_data(e)
+
+    def _split(self, number: int, body: Expr, lower: Expr | None, upper: Expr | None, nodes: Nodes) -> None:
+        """A relation in one unknown, linear in it, is a bound; any other is a row."""
+        found = unknowns(body)
+        if len(found) > 1:
+            self._add_row(body, lower, upper, nodes, number)
+            return
+        if not found:
+            self.bounds.append(Bound(None, ZERO, body, lower, upper, nodes, number))
+            return
+        slope = derivative(body, found[0])
+        if unknowns(slope):
+            self._add_row(body, lower, upper, nodes, number)
+        else:
+            rest = substitute(body, {found[0]: ZERO})
+            self.bounds.append(Bound(found[0], slope, rest, lower, upper, nodes, number))
+
+    def _add_row(
+        self,
+        body: Expr,
+        lower: Expr | None,
+        upper: Expr | None,
+        nodes: Nodes,
+        relation: int,
+        label: str = "",
+    ) -> None:
+        key = (body, lower, upper)
+        row = self.rows.get(key)
+        if row is None:
+            self.rows[key] = Row(body, lower, upper, nodes, np.full(len(nodes), relation), label)
+            return
+        known = 4 * row.nodes.position + row.nodes.side
+        new = ~np.isin(4 * nodes.position + nodes.side, known)
+        if new.any():
+            together = join([row.nodes, nodes])
+            code = 4 * together.position + together.side
+            owner = np.full(len(together), relation)
+            owner[np.searchsorted(code, known)] = row.relation
+            self.rows[key] = Row(body, lower, upper, together, owner, row.label)
+
+    def _distinct(self, row: Row) -> Row:
+        """Drops nodes at which the very same row stands already: the other side of a jump, absolute indices."""
+        keys = [k for e in (row.body, row.lower, row.upper) if e is not None for k in symbols(e)]
+        fixed = not any(
+            isinstance(k, DataRef) or (isinstance(k, VariableRef) and k.scale != 0) for k in keys
+        )
+        if not fixed and not (row.nodes.side > 0).any():
+            return row
+        layout = self.lowering.layout
+        table = [layout.position(k, row.nodes) for k in keys if isinstance(k, VariableRef | ParameterRef)]
+        if any(isinstance(k, DataRef) for k in keys):
+            table.append(row.nodes.position)
+        if not table:
+            table = [np.zeros(len(row.nodes), np.int64)]
+        _, first = np.unique(np.array(table), axis=1, return_index=True)
+        first = np.sort(first)
+        return Row(row.body, row.lower, row.upper, row.nodes[first], row.relation[first], row.label)
+
+    def _plain(self, number: int, term: ObjectiveTerm) -> None:
+        first, last = term.range.first, term.range.last
+        nodes = self.grid.nodes(term.range)
+        parts = self.lowering.lower(term.body, nodes)
+        if not parts:
+            self._lost(term)
+            return
+        if self.grid.has_midpoints and not any(p.is_midpoint.any() for _, p in parts):
+            nodes = self.grid.nodes(term.range, midpoints=False)
+        weight = sum_weights(self.grid, nodes, first, last)
+        code = 4 * nodes.position + nodes.side
+        for body, where in parts:
+            share = weight[np.searchsorted(code, 4 * where.position + where.side)]
+            if (share != 1.0).any():
+                body = sym(self._table(WeightTable(len(where), fixed=share))) * body
+            self.summands.append(Summand(body, where, number))
+
+    def _integral(self, number: int, term: ObjectiveTerm) -> None:
+        grid = self.grid
+        nodes, which, step, share = quadrature(grid, term.range.first, term.range.last)
+        parts = self.lowering.lower(term.body, nodes)
+        if not parts:
+            self._lost(term)
+            return
+        if grid.has_midpoints and not any(p.is_midpoint.any() for _, p in parts) and len(nodes) > 1:
+            nodes, which, step, share = quadrature(grid, term.range.first, term.range.last, midpoints=False)
+        code = 4 * nodes.position + nodes.side
+        held = np.sort(np.concatenate([4 * p.position + p.side for _, p in parts]))
+        which = self._nearest(code, held)[which]
+        for body, where in parts:
+            at = np.full(len(held), -1)
+            at[np.searchsorted(held, 4 * where.position + where.side)] = np.arange(len(where))
+            mine = at[which] >= 0
+            node, my_step, my_share = at[which[mine]], step[mine], share[mine]
+            support = np.zeros((len(self.lowering.steps.basis), len(where)), np.int64)
+            for k, has in enumerate(self.lowering.steps.support):
+                support[k, node[has[my_step]]] = 1
+            for present, subset in groups(support):
+                self._weighted(number, body, where, subset, present, node, my_step, my_share)
+
+    def _weighted(
+        self,
+        number: int,
+        body: Expr,
+        where: Nodes,
+        subset: IntArray,
+        present: IntArray,
+        node: IntArray,
+        step: IntArray,
+        share: NDArray[np.float64],
+    ) -> None:
+        if not present.any():
+            return
+        local = np.full(len(where), -1)
+        local[subset] = np.arange(len(subset))
+        mine = local[node] >= 0
+        weights = []
+        for k in np.flatnonzero(present):
+            use = mine & self.lowering.steps.support[k][step]
+            table = WeightTable(
+                len(subset), basis=int(k), node=local[node[use]], step=step[use], share=share[use]
+            )
+            weights.append(sym(self._table(table)) * self.lowering.steps.basis[k])
+        self.summands.append(Summand(sum_of(weights) * body, where[subset], number))
+
+    @staticmethod
+    def _nearest(code: IntArray, held: IntArray) -> IntArray:
+        """For every node the nearest of those that are held, itself if it is. (len(code),)"""
+        right = np.clip(np.searchsorted(held, code), 0, len(held) - 1)
+        left = np.clip(right - 1, 0, len(held) - 1)
+        closer_left = np.abs(held[left] - code) < np.abs(held[right] - code)
+        return np.where(closer_left, left, right)
+
+    def _table(self, table: WeightTable) -> DataRef:
+        self.weights.append(table)
+        return DataRef("weight", len(self.weights) - 1)
+
+    def _lost(self, term: ObjectiveTerm) -> None:
+        self.mistakes.append(
+            Diagnostic(
+                "error",
+                "this objective term counts on no frame: its derivatives reach outside the motion",
+                term.span,
+                "give it a range farther from the ends, or raise n",
+            )
+        )
+
+
+def highest_orders(problem: Problem, bodies: Sequence[Expr]) -> dict[str, int]:
+    """The highest derivative of each variable that statements or jumps use."""
+    orders = dict.fromkeys(problem.variables, 0)
+    for body in bodies:
+        for key in symbols(body):
+            if isinstance(key, VariableRef):
+                orders[key.name] = max(orders[key.name], key.order)
+    for jump in problem.jumps:
+        orders[jump.name] = max(orders[jump.name], jump.order)
+    return orders

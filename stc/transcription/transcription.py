@@ -1,0 +1,184 @@
+"""A problem transcribed: structure once, numbers as often as constants change."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.codegen.kernel import KernelSet, compile_tapes
+from stc.codegen.tape import Tape
+from stc.errors import EvaluationError
+from stc.problem import Problem, VariableRef
+from stc.symbolic.expr import Expr
+from stc.transcription.assemble import Program, assemble
+from stc.transcription.bind import BoundProgram, Numbers, evaluate_bounds
+from stc.transcription.grid import Grid
+from stc.transcription.guess import starting_point
+from stc.transcription.layout import Layout
+from stc.transcription.lower import Expander, Lowering
+from stc.transcription.recover import Recovery
+from stc.transcription.statements import LINK, Sorter, Statements, highest_orders
+from stc.transcription.steps import Steps
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class Transcription:
+    """Everything derived from a problem's text and structural constants.
+
+    ``kernels`` holds the compiled values kernels, then the derivatives kernels, one of each per group;
+    ``seconds`` has ``derive`` and ``compile``.
+    """
+
+    problem: Problem
+    grid: Grid
+    layout: Layout
+    steps: Steps
+    lowering: Lowering
+    statements: Statements
+    program: Program
+    tapes: list[Tape]
+    kernels: KernelSet | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def compile(self, backend: str = "auto", cache: bool = True) -> None:
+        """Compiles the kernels, or takes them from the object cache."""
+        begin = time.perf_counter()
+        self.kernels = compile_tapes(self.tapes, backend=backend, cache=cache)
+        self.seconds["compile"] = time.perf_counter() - begin
+
+    def bind(
+        self, constants: Mapping[str, float] | None = None, start: FloatArray | None = None
+    ) -> BoundProgram:
+        """The nonlinear program for these constants (default: the problem's own).
+
+        Args:
+            constants: values for all constants; none of the structural ones may differ from the problem's.
+            start: (layout.size,) decision vector to start from instead of the guess; moved inside the bounds.
+
+        Raises:
+            SpecError: a step is not positive at the starting point.
+            EvaluationError: a function is undefined at the starting point.
+        """
+        if self.kernels is None:
+            self.compile()
+        assert self.kernels is not None
+        constants = self.problem.constants if constants is None else constants
+        coefficients = self.steps.coefficients(constants)
+        numbers = Numbers(self.statements, self.steps, coefficients, constants)
+        bounds = evaluate_bounds(self.problem, self.statements, self.layout, numbers)
+        if start is None:
+            low, high = bounds.lower, np.maximum(bounds.lower, bounds.upper)
+            x0 = starting_point(
+                self.problem, self.grid, self.layout, self.steps, coefficients, constants, low, high
+            )
+        else:
+            x0 = np.clip(start, bounds.lower, np.maximum(bounds.lower, bounds.upper))
+        count = len(self.program.groups)
+        kernels = self.kernels
+
+        def binder(k: int) -> Callable[..., Callable[[], None]]:
+            return lambda W, uniform, index, out: kernels.bind(k, W, uniform, index, out)
+
+        bound = BoundProgram(
+            self.program,
+            self.layout,
+            numbers,
+            bounds,
+            x0,
+            ([binder(k) for k in range(count)], [binder(k + count) for k in range(count)]),
+            constants,
+        )
+        if not bound.contradictions:
+            self._check_start(bound)
+        return bound
+
+    def recovery(self, x: FloatArray, constants: Mapping[str, float] | None = None) -> Recovery:
+        """Reads node values off a decision vector."""
+        return Recovery(
+            self.problem,
+            self.grid,
+            self.layout,
+            self.steps,
+            self.lowering,
+            self.problem.constants if constants is None else constants,
+            x,
+        )
+
+    def _check_start(self, bound: BoundProgram) -> None:
+        objective, rows = bound.values(bound.x0)
+        bad = np.flatnonzero(~np.isfinite(rows))
+        if len(bad):
+            row = int(bad[0])
+            group = self.program.groups[self.program.row_group[row]]
+            statement = group.rows[self.program.row_number[row]]
+            instance = int(self.program.row_instance[row])
+            number = int(statement.relation[instance])
+            text, span = "", None
+            if number != LINK:
+                text, span = self.problem.relations[number].text, self.problem.relations[number].span
+            self._undefined(text or statement.label, span, group.nodes.position[instance] / 2, bound, statement.body)
+        if not np.isfinite(objective):
+            for group in self.program.groups:
+                for summand in group.summands:
+                    term = self.problem.objective[summand.term]
+                    recovery = self.recovery(bound.x0)
+                    channel = recovery.channel(term.body)
+                    values = channel.before[term.range.first : term.range.last + 1]
+                    wrong = np.flatnonzero(~np.isfinite(values))
+                    if len(wrong):
+                        frame = float(term.range.first + wrong[0])
+                        self._undefined(term.text, term.span, frame, bound, term.body)
+            term = self.problem.objective[0]
+            self._undefined(term.text, term.span, 0.0, bound, term.body)
+
+    def _undefined(self, text: str, span: object, frame: float, bound: BoundProgram, body: Expr) -> None:
+        from stc.symbolic.expr import symbols
+
+        values: dict[str, float] = {}
+        recovery = self.recovery(bound.x0)
+        names = {getattr(k, "name", None): k for k in symbols(body)}
+        for name in names:
+            if name in recovery.parameters:
+                values[name] = recovery.parameters[name]
+        for (name, order), channel in recovery.trajectories().items():
+            if name in names and isinstance(names[name], VariableRef):
+                at = channel.before[int(frame)]
+                if frame != int(frame) and channel.mid is not None:
+                    at = channel.mid[int(frame)]
+                values[name + "'" * order] = float(at)
+        raise EvaluationError(text, frame, values, span)
+
+
+def transcribe(problem: Problem) -> Transcription:
+    """Transcribes a problem into a nonlinear program's structure.
+
+    Raises:
+        SpecError: a statement holds on no frame, or a step's form is not supported.
+    """
+    begin = time.perf_counter()
+    grid = Grid(problem)
+    expand = Expander(problem, grid)
+    steps = Steps(problem, grid, expand)
+    bodies: list[Expr] = []
+    for statement in [*problem.relations, *problem.objective]:
+        bodies += [body for body, _ in expand(statement.body, grid.nodes(statement.range))]
+    if problem.method == "central":
+        orders = dict.fromkeys(problem.variables, 0)
+    else:
+        orders = highest_orders(problem, bodies)
+    layout = Layout(problem, grid, orders)
+    lowering = Lowering(problem, grid, layout, steps)
+    statements = Sorter(problem, grid, lowering).run()
+    program = assemble(statements, layout, list(problem.constants))
+    tapes = [g.values_tape for g in program.groups] + [g.derivatives_tape for g in program.groups]
+    result = Transcription(
+        problem, grid, layout, steps, lowering, statements, program, [t for t in tapes if t is not None]
+    )
+    result.seconds["derive"] = time.perf_counter() - begin
+    return result
