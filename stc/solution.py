@@ -1,0 +1,395 @@
+"""The result of a solve: everything needed to look at it, replay it, resample it or solve on from it.
+
+A :class:`Solution` stands alone: it knows its spec's text, the numbers that were put in, the node values of
+every variable and derivative, the multipliers, and what a simulator must be told to replay it.  It holds
+numbers only and no expressions; whoever solves evaluates those and constructs one of these.
+:meth:`Solution.save` and :func:`read` keep it in a file (see :mod:`stc.solution_file` for the layout).
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from stc.errors import StcError, UsageError
+from stc.trajectory import METHODS, Channel, FloatArray, IntArray, places, sample
+
+Side = Literal["before", "after"]
+Path = str | os.PathLike[str]
+
+STATUSES = (
+    "optimal",
+    "infeasible",
+    "unbounded",
+    "iteration_limit",
+    "time_limit",
+    "interrupted",
+    "failed",
+)
+
+
+class SolutionError(StcError):
+    """A solution that contradicts itself, or a file that does not hold a solution."""
+
+
+class UnknownNameError(StcError, KeyError):
+    """A name that the solution does not have; the message offers the nearest one."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReplayChannel:
+    """One line of the spec's ``replay:`` section with its expression evaluated at the nodes.
+
+    Attributes:
+        kind: ``joint``, ``actuator``, ``compare`` or ``set``.
+        path: the dotted name on the left of the line, such as ``("body", "particle", "mass")``.
+        value: node values.
+        rate: node values of the first time derivative (joints: the velocity), where it is known.
+        acceleration: node values of the second time derivative, where it is known.
+    """
+
+    kind: str
+    path: tuple[str, ...]
+    value: Channel
+    rate: Channel | None = None
+    acceleration: Channel | None = None
+
+    @property
+    def name(self) -> str:
+        """The path as it is written, with dots."""
+        return ".".join(self.path)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MultiplierBlock:
+    """The multipliers of one statement of the spec, or of one link between a variable and its derivative.
+
+    Attributes:
+        kind: ``row`` (a constraint), ``link`` (a defect of the transcription) or ``bound``.
+        label: the statement's text, or for bounds and links the name with its primes.
+        nodes: (k,) frame index of each instance, a half more at midpoints.
+        sides: (k,) -1 for the value before a jump, 1 for the one after it, 0 where nothing jumps.
+        values: (k,) multipliers: positive where an upper bound holds the solution back, negative at a lower.
+    """
+
+    kind: str
+    label: str
+    nodes: FloatArray
+    sides: npt.NDArray[np.int8]
+    values: FloatArray
+
+
+def _no_numbers() -> FloatArray:
+    return np.zeros(0)
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class Solution:
+    """A motion: node values of a solved spec, with what led to them.
+
+    Shapes are for n steps, that is n+1 frames; N unknowns and M rows are those of the nonlinear program.
+
+    Attributes:
+        name: name of the spec.
+        source: the spec's whole text.
+        directory: folder that the spec was read from (where its model is looked up), or "" if there is none.
+        constants: value of every constant, overrides applied.
+        overrides: the constants that were given from outside.
+        method: ``central``, ``trapezoidal`` or ``hermite-simpson``.
+        time: (n+1,) time of each frame, in seconds.
+        trajectories: node values per (variable, order of the derivative); orders of one variable start at 0
+            and have no gap.  Under ``central`` a derivative whose stencil does not fit at a frame holds the
+            value of the nearest frame where it does.
+        parameters: value of every parameter.
+        status: how the solve ended, one of :data:`STATUSES`.
+        message: the same in words.
+        objective: value of the objective.
+        violation: largest violation of a row or bound, each divided by max(1, |bound|).
+        optimality: the first-order optimality error that the solver stopped with.
+        iterations: number of iterations.
+        factorizations: number of factorised KKT systems, inner loops included.
+        seconds: wall time by stage (``parse``, ``derive``, ``compile``, ``solve``, ``total``).
+        x: (N,) the unknowns as the solver ordered them.
+        row_multipliers: (M,) multipliers of the rows in the solver's order.
+        bound_multipliers: (N,) multipliers of the bounds in the solver's order.
+        multipliers: the same multipliers by statement.
+        model: file name of the MuJoCo model as the spec writes it, or None.
+        replay: the evaluated ``replay:`` section.
+        force_frames: first and last frame at which the equations of motion hold, outside of which a replay
+            takes the nearest one's forces.  By default all of them, but for ``central`` with second or higher
+            derivatives the frames where the widest stencil fits.
+        sha256: hash of ``source`` (hexadecimal); computed.
+        stc_version: version of the program that made the solution.
+
+    Raises:
+        SolutionError: shapes, method or status contradict each other.
+    """
+
+    name: str
+    source: str
+    constants: Mapping[str, float]
+    method: str
+    time: FloatArray
+    trajectories: Mapping[tuple[str, int], Channel]
+    status: str
+    directory: str = ""
+    overrides: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    message: str = ""
+    objective: float = float("nan")
+    violation: float = float("nan")
+    optimality: float = float("nan")
+    iterations: int = 0
+    factorizations: int = 0
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    x: FloatArray = field(default_factory=_no_numbers)
+    row_multipliers: FloatArray = field(default_factory=_no_numbers)
+    bound_multipliers: FloatArray = field(default_factory=_no_numbers)
+    multipliers: Sequence[MultiplierBlock] = ()
+    model: str | None = None
+    replay: Sequence[ReplayChannel] = ()
+    force_frames: tuple[int, int] | None = None
+    sha256: str = ""
+    stc_version: str = ""
+
+    def __post_init__(self) -> None:
+        self.time = np.array(self.time, dtype=np.float64)
+        if self.time.ndim != 1 or not len(self.time):
+            raise SolutionError("the times of the frames must be a list of at least one number")
+        if not np.all(np.diff(self.time) > 0.0):
+            raise SolutionError("the times of the frames must increase")
+        if self.method not in METHODS:
+            raise SolutionError(f"unknown method {self.method!r}; known are {', '.join(METHODS)}")
+        if self.status not in STATUSES:
+            raise SolutionError(f"unknown status {self.status!r}; known are {', '.join(STATUSES)}")
+        for (variable, order), channel in self.trajectories.items():
+            self._check_channel(variable + "'" * order, channel)
+            if order and (variable, order - 1) not in self.trajectories:
+                raise SolutionError(f"{variable}{chr(39) * order} is given without the derivative below it")
+        for line in self.replay:
+            for part in (line.value, line.rate, line.acceleration):
+                if part is not None:
+                    self._check_channel(f"{line.kind} {line.name}", part)
+        for key in ("constants", "overrides", "parameters", "seconds"):
+            setattr(self, key, {name: float(value) for name, value in getattr(self, key).items()})
+        for key in ("objective", "violation", "optimality"):
+            setattr(self, key, float(getattr(self, key)))
+        for key in ("x", "row_multipliers", "bound_multipliers"):
+            setattr(self, key, np.array(getattr(self, key), dtype=np.float64))
+        self.iterations, self.factorizations = int(self.iterations), int(self.factorizations)
+        self.sha256 = hashlib.sha256(self.source.encode()).hexdigest()
+        if not self.stc_version:
+            self.stc_version = _version()
+        if self.force_frames is None:
+            self.force_frames = self._frames_with_forces()
+
+    def _check_channel(self, label: str, channel: Channel) -> None:
+        frames = (self.n + 1,)
+        if channel.before.shape != frames or channel.after.shape != frames:
+            raise SolutionError(f"{label} has {channel.before.shape} values on {self.n + 1} frames")
+        if (self.method == "hermite-simpson") != (channel.mid is not None):
+            raise SolutionError(f"{label}: midpoint values belong to hermite-simpson, here {self.method}")
+        if channel.mid is not None and channel.mid.shape != (self.n,):
+            raise SolutionError(f"{label} has {channel.mid.shape} values at {self.n} midpoints")
+
+    def _frames_with_forces(self) -> tuple[int, int]:
+        highest = max((order for _, order in self.trajectories), default=0)
+        reach = (highest + 1) // 2 if self.method == "central" and highest > 1 else 0
+        reach = min(reach, self.n // 2)
+        return reach, self.n - reach
+
+    @property
+    def n(self) -> int:
+        """Index of the last frame: the number of steps."""
+        return len(self.time) - 1
+
+    @property
+    def duration(self) -> float:
+        """Time from the first frame to the last, in seconds."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def variables(self) -> list[str]:
+        """The variables' names in the order of the spec."""
+        return [name for name, order in self.trajectories if order == 0]
+
+    @property
+    def names(self) -> list[str]:
+        """Everything that ``solution[name]`` answers: variables, their derivatives, parameters."""
+        return [v + "'" * order for v, order in self.trajectories] + list(self.parameters)
+
+    def __getitem__(self, name: str) -> FloatArray | float:
+        """A parameter's value, or (n+1,) values of a variable or derivative (``"x''"``) at the frames.
+
+        At a jump it is the value after it; see :attr:`before`.
+
+        Raises:
+            UnknownNameError: the solution has no such name.
+        """
+        if name in self.parameters:
+            return self.parameters[name]
+        return self.channel(name).after
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.parameters or _key(name) in self.trajectories
+
+    def channel(self, name: str) -> Channel:
+        """All node values of a variable or derivative: both sides of every frame, and the midpoints.
+
+        Raises:
+            UnknownNameError: the solution has no such name.
+        """
+        key = _key(name)
+        if key in self.trajectories:
+            return self.trajectories[key]
+        raise UnknownNameError(self._unknown(name))
+
+    def _unknown(self, name: str) -> str:
+        base = name.rstrip("'")
+        orders = [order for variable, order in self.trajectories if variable == base]
+        if orders:
+            known = ", ".join(base + "'" * order for order in sorted(orders))
+            return f"the solution of {self.name} has no {name}: no such derivative is used (it has {known})"
+        if base in self.parameters:
+            return f"{base} is a parameter of {self.name}; it has no derivative"
+        near = difflib.get_close_matches(name, self.names, n=1, cutoff=0.0)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        return f"the solution of {self.name} has no {name}{hint}"
+
+    @property
+    def before(self) -> Mapping[str, FloatArray]:
+        """Values at the frames, (n+1,) each, as the step to the left sees them."""
+        return _SideView(self, "before")
+
+    @property
+    def after(self) -> Mapping[str, FloatArray]:
+        """Values at the frames, (n+1,) each, as the step to the right sees them."""
+        return _SideView(self, "after")
+
+    def at(self, t: npt.ArrayLike, side: Side = "after") -> dict[str, FloatArray | float]:
+        """The motion at any time, by the transcription's own polynomials (see :mod:`stc.trajectory`).
+
+        Args:
+            t: a time between the first frame's and the last one's, in seconds, or an array of them.
+            side: which value to take at a frame where the quantity jumps.
+
+        Returns:
+            For every variable, derivative and parameter its value: a float for a scalar ``t``, else an array
+            of the shape of ``t`` (parameters are floats always).
+
+        Raises:
+            UsageError: a time outside of the motion.
+        """
+        instants = np.asarray(t, dtype=np.float64)
+        flat = instants.reshape(-1)
+        first, last = float(self.time[0]), float(self.time[-1])
+        slack = 1e-9 * max(1.0, self.duration)
+        outside = ~((flat >= first - slack) & (flat <= last + slack))
+        if np.any(outside):
+            raise UsageError(f"time {flat[outside][0]:g} s is outside of the motion, {first:g} to {last:g} s")
+        return self._sample(np.clip(flat, first, last), instants.shape, side)
+
+    def at_frame(self, index: npt.ArrayLike, side: Side = "after") -> dict[str, FloatArray | float]:
+        """As :meth:`at`, with the place given as a frame index, fractions allowed (2.5: halfway in step 2).
+
+        This is how a motion is resampled to another number of frames: phases and jumps keep their share of
+        the frames even where the durations of the steps differ.
+
+        Raises:
+            UsageError: an index outside 0..n.
+        """
+        indices = np.asarray(index, dtype=np.float64)
+        flat = indices.reshape(-1)
+        outside = ~((flat >= -1e-9) & (flat <= self.n + 1e-9))
+        if np.any(outside):
+            raise UsageError(f"frame {flat[outside][0]:g} is outside of the motion, 0 to {self.n}")
+        instants = np.interp(np.clip(flat, 0, self.n), np.arange(self.n + 1), self.time)
+        return self._sample(instants, indices.shape, side)
+
+    def _sample(
+        self, instants: FloatArray, shape: tuple[int, ...], side: Side
+    ) -> dict[str, FloatArray | float]:
+        if side not in ("before", "after"):
+            raise UsageError(f"side must be 'before' or 'after', not {side!r}")
+        where = places(self.time, instants, side)
+        found: dict[str, FloatArray | float] = {}
+        for variable in self.variables:
+            for order, values in sample(self.method, self._orders(variable), self.time, where, side).items():
+                found[variable + "'" * order] = values.reshape(shape) if shape else float(values[0])
+        found.update(self.parameters)
+        return found
+
+    def _orders(self, variable: str) -> dict[int, Channel]:
+        return {order: channel for (name, order), channel in self.trajectories.items() if name == variable}
+
+    def frames_that_jump(self) -> IntArray:
+        """Indices of the frames where some variable or derivative has two different values."""
+        mask = np.zeros(self.n + 1, dtype=bool)
+        for channel in self.trajectories.values():
+            mask |= channel.before != channel.after
+        return np.flatnonzero(mask)
+
+    def save(self, path: Path) -> None:
+        """Write the solution to ``path``: ``.npz`` (NumPy arrays) or ``.csv`` (text), both complete.
+
+        A reader never sees half a file: it is written under another name and moved into place.
+
+        Raises:
+            UsageError: another suffix.
+            OSError: the file cannot be written.
+        """
+        from stc.solution_file import write
+
+        write(self, path)
+
+
+def read(path: Path) -> Solution:
+    """Read a solution that :meth:`Solution.save` wrote.
+
+    Raises:
+        UsageError: no such file, or a suffix other than ``.npz`` and ``.csv``.
+        SolutionError: the file is damaged, is something else, or comes from a newer version.
+    """
+    from stc.solution_file import load
+
+    return load(path)
+
+
+class _SideView(Mapping[str, FloatArray]):
+    """The frame values of one side, by name."""
+
+    def __init__(self, solution: Solution, side: Side) -> None:
+        self._solution = solution
+        self._side = side
+
+    def __getitem__(self, name: str) -> FloatArray:
+        channel = self._solution.channel(name)
+        return channel.before if self._side == "before" else channel.after
+
+    def __iter__(self) -> Iterator[str]:
+        return (variable + "'" * order for variable, order in self._solution.trajectories)
+
+    def __len__(self) -> int:
+        return len(self._solution.trajectories)
+
+
+def _key(name: object) -> tuple[str, int]:
+    text = str(name)
+    base = text.rstrip("'")
+    return base, len(text) - len(base)
+
+
+def _version() -> str:
+    from stc import __version__
+
+    return __version__

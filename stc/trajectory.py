@@ -1,0 +1,205 @@
+"""Node values of one quantity along a motion, and the curve that a transcription means by them.
+
+A motion has frames ``0..n`` at times ``time[0] < ... < time[n]``; step i runs from frame i to frame i+1.
+Inside a step every curve is a polynomial in ``s``, the share of the step that has passed (0 at the left
+frame, 1 at the right one).  The rule is the same for every method: the highest derivative that is known at
+the nodes is interpolated, each lower one is its integral over the step.
+
+==================  ==============================================  =======================================
+method              highest derivative (order d)                    lower ones
+==================  ==============================================  =======================================
+hermite-simpson     parabola through frame, midpoint, frame         integrals: cubic, quartic, ...
+trapezoidal         straight line between the frames                integrals: parabola, cubic, ...
+central             straight line between the frames                variable: cubic with the velocities of the
+                                                                    central differences; first derivative:
+                                                                    that cubic's own
+==================  ==============================================  =======================================
+
+Integrals start at the left frame's value.  Whatever the transcription leaves over at the right frame (the
+violation of its links; for the trapezoidal rule also the difference between the trapezoid rule and the exact
+integral of a parabola, third order in the step) is spread linearly over the step, so that every curve passes
+through the values of all frames.  See Kelly (2017), "An introduction to trajectory optimization", sections
+3.4 and 4.3, for the curves of the two collocation methods.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+METHODS = ("central", "trapezoidal", "hermite-simpson")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Channel:
+    """Values of one quantity at the nodes of a motion of n steps.
+
+    Attributes:
+        before: (n+1,) value at each frame as its left step sees it.
+        after: (n+1,) value at each frame as its right step sees it; equal to ``before`` where nothing jumps.
+        mid: (n,) value at the midpoint of each step (hermite-simpson), else None.
+    """
+
+    before: FloatArray
+    after: FloatArray
+    mid: FloatArray | None = None
+
+    @staticmethod
+    def smooth(values: npt.ArrayLike, mid: npt.ArrayLike | None = None) -> Channel:
+        """A channel without jumps: ``values`` (n+1,) at the frames, ``mid`` (n,) at the midpoints."""
+        frames = np.array(values, dtype=np.float64)
+        return Channel(frames, frames, None if mid is None else np.array(mid, dtype=np.float64))
+
+    @property
+    def jumps(self) -> bool:
+        """Whether any frame has two different values."""
+        return self.before is not self.after and not np.array_equal(self.before, self.after, equal_nan=True)
+
+    def held_outside(self, first: int, last: int) -> Channel:
+        """The same channel; frames before ``first`` and after ``last`` take the value of that nearest one."""
+        frames = np.arange(len(self.before))
+        early, late = frames < first, frames > last
+
+        def held(values: FloatArray) -> FloatArray:
+            return np.where(early, self.after[first], np.where(late, self.before[last], values))
+
+        mid = self.mid
+        if mid is not None:
+            mid = np.where(early[:-1], self.after[first], np.where(late[1:], self.before[last], mid))
+        return Channel(held(self.before), held(self.after), mid)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """Where in the motion some instants lie; every array has the shape (m,).
+
+    Attributes:
+        step: index of the step that holds the instant.
+        share: position inside the step, 0 at its left frame and 1 at its right one.
+        frame: index of the frame that the instant falls on, or -1 between frames.
+        corner: the share, 0 or 1, at which the step meets that frame.
+    """
+
+    step: IntArray
+    share: FloatArray
+    frame: IntArray
+    corner: FloatArray
+
+
+#: An instant closer to a frame than this share of a step counts as on the frame, so that rounding in a sum of
+#: steps does not decide which side of a jump is read.
+FRAME_TOLERANCE = 1e-9
+
+
+def places(time: FloatArray, instants: FloatArray, side: str) -> Places:
+    """Locate ``instants`` (m,) among the frame times ``time`` (n+1,); the caller checks that they fit.
+
+    An instant on a frame belongs to the step on the given ``side`` of it, where there is one.
+    """
+    none = np.zeros(len(instants))
+    last = len(time) - 1
+    if last == 0:
+        return Places(none.astype(np.intp), none, none.astype(np.intp), none)
+    step = np.clip(np.searchsorted(time, instants, side="right") - 1, 0, last - 1)
+    share = (instants - time[step]) / (time[step + 1] - time[step])
+    frame = np.where(share <= FRAME_TOLERANCE, step, np.where(share >= 1.0 - FRAME_TOLERANCE, step + 1, -1))
+    own = np.clip(frame if side == "after" else frame - 1, 0, last - 1)
+    step = np.where(frame >= 0, own, step)
+    share = (instants - time[step]) / (time[step + 1] - time[step])
+    return Places(step, share, frame, np.where(frame > step, 1.0, 0.0))
+
+
+def parabola(left: FloatArray, mid: FloatArray, right: FloatArray) -> list[FloatArray]:
+    """Coefficients, lowest first, in s of the parabola through values at s = 0, 1/2 and 1."""
+    return [left, -3.0 * left + 4.0 * mid - right, 2.0 * left - 4.0 * mid + 2.0 * right]
+
+
+def horner(coefficients: list[FloatArray], share: FloatArray) -> FloatArray:
+    """Value of a polynomial, coefficients lowest first, at ``share``."""
+    value = coefficients[-1]
+    for coefficient in reversed(coefficients[:-1]):
+        value = value * share + coefficient
+    return value
+
+
+def _integrate(
+    rate: list[FloatArray], length: FloatArray, left: FloatArray, right: FloatArray
+) -> list[FloatArray]:
+    """The integral of ``rate`` over a step, from ``left`` and, by a linear remainder, to ``right``."""
+    terms = [length * c / (k + 1) for k, c in enumerate(rate)]
+    remainder = right - left - sum(terms[1:], terms[0])
+    return [left, terms[0] + remainder, *terms[1:]]
+
+
+def _interpolated(channel: Channel, step: IntArray) -> list[FloatArray]:
+    """The interpolant of a channel on the given steps: a parabola where it has midpoints, else a line."""
+    left, right = channel.after[step], channel.before[step + 1]
+    if channel.mid is not None:
+        return parabola(left, channel.mid[step], right)
+    return [left, right - left]
+
+
+def _central(
+    orders: Mapping[int, Channel], step: IntArray, length: FloatArray
+) -> dict[int, list[FloatArray]]:
+    """Coefficients under central differences; see the module's table."""
+    curves = {order: _interpolated(channel, step) for order, channel in orders.items()}
+    if 0 in orders and 1 in orders:
+        x, v = orders[0], orders[1]
+        x0, x1 = x.after[step], x.before[step + 1]
+        v0, v1 = length * v.after[step], length * v.before[step + 1]
+        cubic = [x0, v0, 3.0 * (x1 - x0) - 2.0 * v0 - v1, 2.0 * (x0 - x1) + v0 + v1]
+        curves[0] = cubic
+        curves[1] = [k * c / length for k, c in enumerate(cubic)][1:]
+    return curves
+
+
+def curves(
+    method: str, orders: Mapping[int, Channel], step: IntArray, length: FloatArray
+) -> dict[int, list[FloatArray]]:
+    """Polynomials in s of a variable and its derivatives on some steps.
+
+    Args:
+        method: one of :data:`METHODS`.
+        orders: node values of the variable (0) and its derivatives (1, 2, ...), without gaps.
+        step: (m,) the steps asked for.
+        length: (m,) their duration.
+
+    Returns:
+        For every order its coefficients, lowest first, each of shape (m,).
+    """
+    if method == "central":
+        return _central(orders, step, length)
+    highest = max(orders)
+    found = {highest: _interpolated(orders[highest], step)}
+    for order in range(highest - 1, -1, -1):
+        channel = orders[order]
+        found[order] = _integrate(found[order + 1], length, channel.after[step], channel.before[step + 1])
+    return found
+
+
+def sample(
+    method: str, orders: Mapping[int, Channel], time: FloatArray, where: Places, side: str
+) -> dict[int, FloatArray]:
+    """Values of a variable and its derivatives at some places, ``side`` deciding at frames that jump.
+
+    Exactly on a frame it is the stored value of that frame.
+
+    Returns:
+        For every order an array of the shape of ``where.step``.
+    """
+    frame = np.maximum(where.frame, 0)
+    stored = {k: (c.before if side == "before" else c.after)[frame] for k, c in orders.items()}
+    if len(time) == 1:
+        return stored
+    found = {}
+    for k, curve in curves(method, orders, where.step, time[where.step + 1] - time[where.step]).items():
+        inside = horner(curve, where.share)
+        found[k] = np.where(where.frame >= 0, stored[k] + (inside - horner(curve, where.corner)), inside)
+    return found

@@ -1,0 +1,342 @@
+"""Solutions: names, interpolation against closed forms, and files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.polynomial import Polynomial
+
+from stc.errors import UsageError
+from stc.solution import MultiplierBlock, ReplayChannel, Solution, SolutionError, UnknownNameError, read
+from stc.trajectory import Channel, FloatArray
+
+SPEC = "# a test\nconstants: n = 4;\n"
+
+
+def grid(steps: list[float]) -> FloatArray:
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def of_polynomial(
+    curve: Polynomial, orders: int, time: FloatArray, mid: bool
+) -> dict[tuple[str, int], Channel]:
+    """Exact node values of a polynomial motion and its derivatives."""
+    middle = 0.5 * (time[:-1] + time[1:])
+    found = {}
+    for order in range(orders + 1):
+        derivative = curve.deriv(order) if order else curve
+        found["x", order] = Channel.smooth(derivative(time), derivative(middle) if mid else None)
+    return found
+
+
+def make(
+    method: str, time: FloatArray, trajectories: dict[tuple[str, int], Channel], **more: object
+) -> Solution:
+    return Solution(
+        name="test",
+        source=SPEC,
+        constants={"n": len(time) - 1},
+        method=method,
+        time=time,
+        trajectories=trajectories,
+        status="optimal",
+        **more,  # type: ignore[arg-type]
+    )
+
+
+coefficients = st.lists(st.floats(-3, 3), min_size=1, max_size=5)
+steps = st.lists(st.floats(0.05, 1.0), min_size=1, max_size=6)
+
+
+@given(coefficients, steps, st.lists(st.floats(0, 1), min_size=1, max_size=5))
+@settings(max_examples=60, deadline=None)
+def test_hermite_simpson_is_exact_for_quartics(c: list[float], h: list[float], shares: list[float]) -> None:
+    """A quartic has a parabola as its second derivative, which is all that the method can hold."""
+    time, curve = grid(h), Polynomial(c)
+    solution = make("hermite-simpson", time, of_polynomial(curve, 2, time, mid=True))
+    t = time[-1] * np.array(shares)
+    found = solution.at(t)
+    for order, name in enumerate(("x", "x'", "x''")):
+        exact = curve.deriv(order)(t) if order else curve(t)
+        np.testing.assert_allclose(found[name], exact, rtol=0, atol=1e-11 * (1 + time[-1] ** 4) * 10)
+
+
+@given(coefficients, steps)
+@settings(max_examples=60, deadline=None)
+def test_trapezoidal_is_exact_for_parabolas_and_passes_through_the_frames(
+    c: list[float], h: list[float]
+) -> None:
+    time = grid(h)
+    parabola = Polynomial(c[:3])
+    solution = make("trapezoidal", time, of_polynomial(parabola, 2, time, mid=False))
+    t = np.linspace(0, time[-1], 17)
+    np.testing.assert_allclose(solution.at(t)["x"], parabola(t), rtol=0, atol=1e-11 * (1 + time[-1] ** 2))
+    anything = make("trapezoidal", time, of_polynomial(Polynomial(c), 2, time, mid=False))
+    close = anything.at(time[1:] - 1e-8 * np.diff(time))
+    for name in ("x", "x'", "x''"):
+        np.testing.assert_allclose(close[name], anything[name][1:], rtol=0, atol=1e-5)  # type: ignore[index]
+
+
+def test_central_is_smooth_and_third_order_between_the_frames() -> None:
+    errors = []
+    for n in (20, 40):
+        time = np.linspace(0, 2, n + 1)
+        x = np.sin(time)
+        orders = {
+            ("x", 0): Channel.smooth(x),
+            ("x", 1): Channel.smooth(np.cos(time)),
+            ("f", 0): Channel.smooth(-x),
+        }
+        solution = make("central", time, orders)
+        t = np.linspace(0, 2, 333)
+        errors.append(np.abs(solution.at(t)["x"] - np.sin(t)).max())
+        found = solution.at(time)
+        np.testing.assert_array_equal(found["x"], x)
+        np.testing.assert_allclose(solution.at(t)["f"], np.interp(t, time, -x), atol=1e-14)
+    assert np.log2(errors[0] / errors[1]) > 3.7
+
+
+def test_jumps_have_two_sides() -> None:
+    """Free fall from 1 m, a bounce at t = 1 that turns the velocity round and halves it."""
+    time = np.array([0.0, 0.5, 1.0, 1.5])
+    g = -2.0
+    x = Channel.smooth([1.0, 0.75, 0.0, 0.25], [1 - 0.0625, 1 - 0.5625, 0.25 - 0.0625])
+    v = Channel(
+        np.array([0.0, -1.0, -2.0, 0.0]), np.array([0.0, -1.0, 1.0, 0.0]), np.array([-0.5, -1.5, 0.5])
+    )
+    a = Channel.smooth([g] * 4, [g] * 3)
+    solution = make("hermite-simpson", time, {("x", 0): x, ("x", 1): v, ("x", 2): a})
+    assert solution["x'"][2] == 1.0  # type: ignore[index]
+    assert solution.before["x'"][2] == -2.0
+    assert solution.after["x'"][2] == 1.0
+    assert solution.at(1.0)["x'"] == 1.0
+    assert solution.at(1.0, side="before")["x'"] == -2.0
+    assert solution.at(1.0 - 1e-13, side="before")["x'"] == pytest.approx(-2.0, abs=1e-12)
+    assert solution.at(0.8)["x"] == pytest.approx(1 - 0.64, abs=1e-14)
+    assert solution.at(1.2)["x"] == pytest.approx(0.2 - 0.04, abs=1e-14)
+    assert solution.at_frame(2.4)["x"] == pytest.approx(0.2 - 0.04, abs=1e-14)
+    assert list(solution.frames_that_jump()) == [2]
+    assert set(solution.before) == {"x", "x'", "x''"}
+
+
+def test_what_links_leave_over_is_spread_so_that_frames_are_met() -> None:
+    time = np.array([0.0, 1.0])
+    x, v = Channel.smooth([0.0, 5.0], [2.0]), Channel.smooth([1.0, 1.0], [1.0])
+    solution = make("hermite-simpson", time, {("x", 0): x, ("x", 1): v})
+    assert solution.at(0.5)["x"] == pytest.approx(2.5)
+    assert solution.at(1.0)["x"] == 5.0
+
+
+def test_shapes_of_at_follow_the_argument() -> None:
+    time = np.linspace(0, 1, 5)
+    solution = make("trapezoidal", time, {("x", 0): Channel.smooth(time)}, parameters={"T": 2.0})
+    scalar = solution.at(0.3)
+    assert scalar == {"x": pytest.approx(0.3), "T": 2.0}
+    assert isinstance(scalar["x"], float)
+    assert np.shape(solution.at([[0.1, 0.2], [0.3, 0.4]])["x"]) == (2, 2)
+    assert solution.at([])["x"].shape == (0,)  # type: ignore[union-attr]
+
+
+def test_a_single_frame_is_a_motion_too() -> None:
+    solution = make("central", np.array([0.0]), {("x", 0): Channel.smooth([3.0])})
+    assert solution.n == 0
+    assert solution.at(0.0)["x"] == 3.0
+
+
+@pytest.mark.parametrize("t", [-0.1, 1.1, float("nan")])
+def test_times_outside_the_motion_are_refused(t: float) -> None:
+    solution = make("central", np.linspace(0, 1, 5), {("x", 0): Channel.smooth(np.zeros(5))})
+    with pytest.raises(UsageError, match=r"outside of the motion, 0 to 1 s"):
+        solution.at(t)
+    with pytest.raises(UsageError, match="outside of the motion, 0 to 4"):
+        solution.at_frame(4 * t)
+
+
+def test_unknown_names_offer_the_nearest() -> None:
+    time = np.linspace(0, 1, 5)
+    orders = of_polynomial(Polynomial([1.0]), 1, time, mid=False) | {("hip", 0): Channel.smooth(time)}
+    solution = make("central", time, orders, parameters={"mass": 2.0})
+    with pytest.raises(UnknownNameError) as caught:
+        solution["hipp"]
+    assert str(caught.value) == "the solution of test has no hipp; did you mean hip?"
+    with pytest.raises(KeyError, match=r"no such derivative is used \(it has x, x'\)"):
+        solution["x''"]
+    with pytest.raises(UnknownNameError, match="mass is a parameter"):
+        solution["mass'"]
+    assert solution["mass"] == 2.0
+    assert "hip" in solution
+    assert "mass" in solution
+    assert "x'" in solution
+    assert "x''" not in solution
+    assert solution.variables == ["x", "hip"]
+
+
+def test_contradictions_are_found_when_a_solution_is_made() -> None:
+    time = np.linspace(0, 1, 5)
+    good = {("x", 0): Channel.smooth(time)}
+    with pytest.raises(SolutionError, match="must increase"):
+        make("central", np.array([0.0, 0.0]), {})
+    with pytest.raises(SolutionError, match="unknown method 'euler'"):
+        make("euler", time, good)
+    with pytest.raises(SolutionError, match="midpoint values belong to hermite-simpson"):
+        make("hermite-simpson", time, good)
+    with pytest.raises(SolutionError, match=r"x has \(4,\) values on 5 frames"):
+        make("central", time, {("x", 0): Channel.smooth(np.zeros(4))})
+    with pytest.raises(SolutionError, match="without the derivative below"):
+        make("central", time, {("x", 1): Channel.smooth(time)})
+
+
+def test_where_forces_are_determined() -> None:
+    time = np.linspace(0, 1, 9)
+    quartic = Polynomial([0, 0, 0, 0, 1.0])
+    assert make("central", time, of_polynomial(quartic, 1, time, mid=False)).force_frames == (0, 8)
+    assert make("central", time, of_polynomial(quartic, 2, time, mid=False)).force_frames == (1, 7)
+    assert make("central", time, of_polynomial(quartic, 4, time, mid=False)).force_frames == (2, 6)
+    assert make("trapezoidal", time, of_polynomial(quartic, 2, time, mid=False)).force_frames == (0, 8)
+    held = Channel.smooth(time).held_outside(1, 7)
+    np.testing.assert_array_equal(held.after, [time[1], *time[1:8], time[7]])
+
+
+def rich_solution(method: str) -> Solution:
+    """A solution with everything in it: jumps, replay lines, multipliers, odd numbers and letters."""
+    rng = np.random.default_rng(7)
+    n = 6
+    time = np.cumsum(rng.uniform(0.01, 0.2, n + 1))
+
+    def channel(jump: bool = False) -> Channel:
+        before = rng.normal(size=n + 1) * 10.0 ** rng.integers(-300, 300, n + 1)
+        after = before.copy()
+        if jump:
+            after[2] += 1e300
+        return Channel(before, after, rng.normal(size=n) if method == "hermite-simpson" else None)
+
+    return Solution(
+        name="bounce",
+        source="# Größe, 'quoted', \"double\", back\\slash\r\n\tconstants: n = 6;\n",
+        directory="/some/where",
+        constants={"n": 6.0, "g": 9.8},
+        overrides={"g": np.float64(9.8)},
+        method=method,
+        time=time,
+        trajectories={("x", 0): channel(), ("x", 1): channel(jump=method != "central"), ("f", 0): channel()},
+        parameters={"T": 1 / 3},
+        status="iteration_limit",
+        message="stopped\nafter two",
+        objective=1 / 7,
+        violation=float("nan"),
+        optimality=1e-12,
+        iterations=3,
+        factorizations=4,
+        seconds={"solve": 0.25},
+        x=rng.normal(size=30),
+        row_multipliers=rng.normal(size=12),
+        bound_multipliers=rng.normal(size=30),
+        multipliers=[
+            MultiplierBlock("row", "x'' = f, \"so\"", np.arange(3.0) / 2, np.zeros(3, np.int8), np.ones(3))
+        ],
+        model="particle.xml",
+        replay=[
+            ReplayChannel("joint", ("x",), channel(), channel(), channel()),
+            ReplayChannel("set", ("body", "particle", "mass"), channel()),
+        ],
+    )
+
+
+def assert_equal(a: object, b: object) -> None:
+    """Deep equality, bit by bit."""
+    assert type(a) is type(b)
+    if isinstance(a, np.ndarray):
+        assert isinstance(b, np.ndarray)
+        assert a.dtype == b.dtype
+        np.testing.assert_array_equal(a, b)
+    elif isinstance(a, dict) and isinstance(b, dict):
+        assert list(a) == list(b)
+        for key in a:
+            assert_equal(a[key], b[key])
+    elif isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
+        assert len(a) == len(b)
+        for left, right in zip(a, b, strict=True):
+            assert_equal(left, right)
+    elif hasattr(a, "__slots__") and not isinstance(a, (str, int, float)):
+        for slot in a.__slots__:
+            assert_equal(getattr(a, slot), getattr(b, slot))
+    else:
+        assert a == b or (a != a and b != b)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+@pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])
+def test_files_keep_every_bit(tmp_path: Path, method: str, suffix: str) -> None:
+    solution = rich_solution(method)
+    path = tmp_path / f"a{suffix}"
+    solution.save(path)
+    solution.save(path)  # over itself
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    assert_equal(read(path), solution)
+
+
+def test_a_csv_reads_as_a_table(tmp_path: Path) -> None:
+    rich_solution("hermite-simpson").save(tmp_path / "a.csv")
+    rows = [line for line in (tmp_path / "a.csv").read_text().splitlines() if not line.startswith("#")]
+    assert rows[0].startswith(
+        "node,time,x,x',f,joint x,joint x rate,joint x acceleration,set body.particle.mass"
+    )
+    kinds = [row.split(",")[0] for row in rows[1:]]
+    assert kinds == ["frame", "mid", "frame", "mid", "before", "after", "mid", *["frame", "mid"] * 3, "frame"]
+
+
+def test_names_and_missing_files_are_explained(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"ends in \.npz or \.csv"):
+        rich_solution("central").save(tmp_path / "a.txt")
+    with pytest.raises(UsageError, match="there is no solution file"):
+        read(tmp_path / "none.npz")
+    with pytest.raises(UsageError, match=r"ends in \.npz or \.csv"):
+        read(tmp_path / "none")
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+def test_damaged_files_are_told_from_good_ones(tmp_path: Path, suffix: str) -> None:
+    solution = rich_solution("trapezoidal")
+    path = tmp_path / f"a{suffix}"
+    solution.save(path)
+    whole = path.read_bytes()
+    for content in (b"", b"nonsense", whole[: len(whole) // 2], whole[:200]):
+        path.write_bytes(content)
+        with pytest.raises(SolutionError, match=r"solution file|damaged"):
+            read(path)
+
+
+def test_altered_and_newer_files_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    solution, path = rich_solution("central"), tmp_path / "a.csv"
+    solution.save(path)
+    path.write_text(path.read_text().replace("constants: n = 6", "constants: n = 5", 1))
+    with pytest.raises(SolutionError, match="does not match its hash"):
+        read(path)
+    monkeypatch.setattr("stc.solution_file.FORMAT", 99)
+    solution.save(path)
+    monkeypatch.undo()
+    with pytest.raises(SolutionError, match=r"format 99, written by stc .* install a newer stc"):
+        read(path)
+    other = tmp_path / "b.npz"
+    np.savez(other, a=np.zeros(3))
+    with pytest.raises(SolutionError, match="not a solution file"):
+        read(other)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    solution, path = rich_solution("central"), tmp_path / "a.npz"
+    solution.save(path)
+    old = path.read_bytes()
+
+    def full_disk(*_: object, **__: object) -> None:
+        raise OSError("no space left")
+
+    monkeypatch.setattr("numpy.savez", full_disk)
+    with pytest.raises(OSError, match="no space"):
+        solution.save(path)
+    assert path.read_bytes() == old
+    assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
