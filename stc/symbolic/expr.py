@@ -1,0 +1,60 @@
+"""The public face of expressions: construct, look through, substitute, evaluate, print."""
+
+from __future__ import annotations
+
+from stc.symbolic import rules as _rules
+from stc.symbolic.node import (
+    ARITY,
+    FUNCTIONS,
+    ONE,
+    ZERO,
+    Expr,
+    add,
+    call,
+    div,
+    interned_count,
+    is_literal,
+    mul,
+    neg,
+    num,
+    pow_,
+    raw,
+    rebuild,
+    sub,
+    sum_of,
+    sym,
+)
+from stc.symbolic.render import render
+from stc.symbolic.traverse import evaluate, evaluate_all, postorder, reachable, substitute, symbols
+
+RULES = _rules.RULES
+
+__all__ = [
+    "ARITY",
+    "FUNCTIONS",
+    "ONE",
+    "RULES",
+    "ZERO",
+    "Expr",
+    "add",
+    "call",
+    "div",
+    "evaluate",
+    "evaluate_all",
+    "interned_count",
+    "is_literal",
+    "mul",
+    "neg",
+    "num",
+    "postorder",
+    "pow_",
+    "raw",
+    "reachable",
+    "rebuild",
+    "render",
+    "sub",
+    "substitute",
+    "sum_of",
+    "sym",
+    "symbols",
+]

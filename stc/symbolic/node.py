@@ -1,0 +1,339 @@
+"""Interned expression nodes: the representation, and the constructors that simplify.
+
+Every distinct expression exists once (hash-consing), so structural equality is identity, memo tables are keyed
+by the node itself, and common subexpressions are shared by construction.
+
+*Order.*  Each node carries ``order``, an integer made from its structure alone: the height above its leaves in
+the high bits and a hash of its operator and operands in the low ones.  Sorting by it is a topological order
+(operands first), puts literals before symbols before compound expressions, and is the same in every process:
+no string hash, memory address or creation history enters.  Commutative operators keep their operands in this order.
+
+*Interning.*  The table holds nodes weakly: an expression that nobody uses any more is freed together with its
+entry.  The table is not locked; expressions are to be built by one thread at a time.
+
+*Simplifying.*  ``add``, ``sub``, ``mul``, ``div``, ``neg``, ``pow_`` and ``call`` look up the rules registered for
+the operators of their operands (:mod:`stc.symbolic.rules`) and intern the node as it stands only when none applies.
+``raw`` interns without simplifying.
+"""
+
+from __future__ import annotations
+
+import math
+import weakref
+from collections.abc import Callable, Hashable, Iterable
+from hashlib import blake2b
+from typing import Any, Final
+
+FUNCTIONS: Final[dict[str, int]] = {
+    "sin": 1,
+    "cos": 1,
+    "tan": 1,
+    "asin": 1,
+    "acos": 1,
+    "atan": 1,
+    "atan2": 2,
+    "sinh": 1,
+    "cosh": 1,
+    "tanh": 1,
+    "exp": 1,
+    "log": 1,
+    "sqrt": 1,
+}
+"""The functions of the spec language and how many arguments each takes."""
+
+ARITY: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2, "neg": 1, **FUNCTIONS}
+"""Every operator that has operands; ``num`` and ``sym`` are leaves."""
+
+COMMUTATIVE: Final = frozenset({"add", "mul"})
+
+_HASH_BITS: Final = 60
+_HASH_MASK: Final = (1 << _HASH_BITS) - 1
+_OPCODE: Final[dict[str, int]] = {op: 7919 * (k + 2) for k, op in enumerate(ARITY)}
+
+
+class Expr:
+    """One interned node; made by the constructors of this module only, never changed.
+
+    ``op`` is ``"num"``, ``"sym"`` or an operator of :data:`ARITY`; ``args`` its operands; ``payload`` the value of a
+    literal (float) or the key of a symbol (hashable).  ``order`` is explained above.  Equality is identity.
+    """
+
+    __slots__ = ("__weakref__", "args", "op", "order", "payload")
+
+    op: Final[str]
+    args: Final[tuple[Expr, ...]]
+    payload: Final[Any]
+    order: Final[int]
+
+    def __init__(self, op: str, args: tuple[Expr, ...], payload: Any, order: int) -> None:
+        self.op = op
+        self.args = args
+        self.payload = payload
+        self.order = order
+
+    def __add__(self, other: Expr | float) -> Expr:
+        return add(self, other if isinstance(other, Expr) else num(other))
+
+    def __radd__(self, other: float) -> Expr:
+        return add(num(other), self)
+
+    def __sub__(self, other: Expr | float) -> Expr:
+        return sub(self, other if isinstance(other, Expr) else num(other))
+
+    def __rsub__(self, other: float) -> Expr:
+        return sub(num(other), self)
+
+    def __mul__(self, other: Expr | float) -> Expr:
+        return mul(self, other if isinstance(other, Expr) else num(other))
+
+    def __rmul__(self, other: float) -> Expr:
+        return mul(num(other), self)
+
+    def __truediv__(self, other: Expr | float) -> Expr:
+        return div(self, other if isinstance(other, Expr) else num(other))
+
+    def __rtruediv__(self, other: float) -> Expr:
+        return div(num(other), self)
+
+    def __pow__(self, other: Expr | float) -> Expr:
+        return pow_(self, other if isinstance(other, Expr) else num(other))
+
+    def __rpow__(self, other: float) -> Expr:
+        return pow_(num(other), self)
+
+    def __neg__(self) -> Expr:
+        return neg(self)
+
+    def __copy__(self) -> Expr:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Expr:
+        return self
+
+    def __reduce__(self) -> tuple[Callable[..., Expr], tuple[Any, ...]]:
+        return (_restore, (self.op, self.args, self.payload))
+
+    def __repr__(self) -> str:
+        from stc.symbolic.render import render
+
+        return f"Expr({render(self)})" if self.order >> _HASH_BITS <= 12 else f"Expr({self.op} ...)"
+
+
+class _Ref(weakref.ref[Expr]):
+    """A weak reference that knows its entry in the interning table."""
+
+    __slots__ = ("key",)
+    key: tuple[Any, ...]
+
+
+_table: dict[tuple[Any, ...], _Ref] = {}
+
+
+def _forget(ref: _Ref) -> None:
+    """Drop the entry of a node that was freed, unless a new node has taken its place already."""
+    if _table.get(ref.key) is ref:
+        del _table[ref.key]
+
+
+def interned_count() -> int:
+    """How many nodes are alive in this process."""
+    return len(_table)
+
+
+def _register(key: tuple[Any, ...], node: Expr) -> Expr:
+    ref = _Ref(node, _forget)
+    ref.key = key
+    _table[key] = ref
+    return node
+
+
+def _intern(op: str, a: Expr, b: Expr | None = None) -> Expr:
+    key = (op, a, b)
+    ref = _table.get(key)
+    if ref is not None:
+        found = ref()
+        if found is not None:
+            return found
+    high = a.order
+    if b is None:
+        # A tuple of integers hashes the same in every process: only strings and bytes are salted.
+        low = hash((_OPCODE[op], high)) & _HASH_MASK
+        node = Expr(op, (a,), None, ((high >> _HASH_BITS) + 1 << _HASH_BITS) | low)
+    else:
+        other = b.order
+        low = hash((_OPCODE[op], high, other)) & _HASH_MASK
+        if other > high:
+            high = other
+        node = Expr(op, (a, b), None, ((high >> _HASH_BITS) + 1 << _HASH_BITS) | low)
+    ref = _Ref(node, _forget)
+    ref.key = key
+    _table[key] = ref
+    return node
+
+
+def num(value: float) -> Expr:
+    """The literal ``value``.  Negative zero is stored as zero."""
+    value = float(value) + 0.0
+    key = ("num", value if value == value else "nan")
+    ref = _table.get(key)
+    if ref is not None:
+        found = ref()
+        if found is not None:
+            return found
+    return _register(key, Expr("num", (), value, hash(value) & _HASH_MASK if value == value else 1))
+
+
+def sym(key: Hashable) -> Expr:
+    """The symbol with this key.  Keys are compared by equality and must have the same ``repr`` in every process."""
+    entry = ("sym", key)
+    ref = _table.get(entry)
+    if ref is not None:
+        found = ref()
+        if found is not None:
+            return found
+    digest = blake2b(repr(key).encode(), digest_size=8).digest()
+    low = int.from_bytes(digest, "big") & _HASH_MASK
+    return _register(entry, Expr("sym", (), key, (1 << _HASH_BITS) | low))
+
+
+def raw(op: str, *args: Expr) -> Expr:
+    """Intern ``op(*args)`` as it stands, without simplifying and without reordering operands.
+
+    Raises:
+        ValueError: the operator is unknown or has another number of operands.
+    """
+    if ARITY.get(op) != len(args):
+        raise ValueError(f"no operator {op!r} with {len(args)} operands")
+    return _intern(op, *args)
+
+
+def _restore(op: str, args: tuple[Expr, ...], payload: Any) -> Expr:
+    if op == "num":
+        return num(payload)
+    return sym(payload) if op == "sym" else _intern(op, *args)
+
+
+Rewrite = Callable[..., "Expr | None"]
+"""A rule's action: takes the operands, returns the simpler expression or None where the rule does not apply."""
+
+binary_rules: dict[tuple[str, str, str], tuple[Rewrite, ...]] = {}
+"""Actions by operator and the operators of its two operands, in the order in which they are tried."""
+
+unary_rules: dict[tuple[str, str], tuple[Rewrite, ...]] = {}
+"""Actions by operator and the operator of its operand, in the order in which they are tried."""
+
+
+def add(a: Expr, b: Expr) -> Expr:
+    """``a + b``, simplified."""
+    if a.order > b.order:
+        a, b = b, a
+    rules = binary_rules.get(("add", a.op, b.op))
+    if rules is not None:
+        for rule in rules:
+            result = rule(a, b)
+            if result is not None:
+                return result
+    return _intern("add", a, b)
+
+
+def mul(a: Expr, b: Expr) -> Expr:
+    """``a * b``, simplified."""
+    if a.order > b.order:
+        a, b = b, a
+    rules = binary_rules.get(("mul", a.op, b.op))
+    if rules is not None:
+        for rule in rules:
+            result = rule(a, b)
+            if result is not None:
+                return result
+    return _intern("mul", a, b)
+
+
+def _binary(op: str, a: Expr, b: Expr) -> Expr:
+    rules = binary_rules.get((op, a.op, b.op))
+    if rules is not None:
+        for rule in rules:
+            result = rule(a, b)
+            if result is not None:
+                return result
+    return _intern(op, a, b)
+
+
+def _unary(op: str, a: Expr) -> Expr:
+    rules = unary_rules.get((op, a.op))
+    if rules is not None:
+        for rule in rules:
+            result = rule(a)
+            if result is not None:
+                return result
+    return _intern(op, a)
+
+
+def sub(a: Expr, b: Expr) -> Expr:
+    """``a - b``, simplified."""
+    return _binary("sub", a, b)
+
+
+def div(a: Expr, b: Expr) -> Expr:
+    """``a / b``, simplified."""
+    return _binary("div", a, b)
+
+
+def pow_(a: Expr, b: Expr) -> Expr:
+    """``a ^ b``, simplified; ``0^0`` is 1 and a negative base with a fractional exponent is not a number (IEEE)."""
+    return _binary("pow", a, b)
+
+
+def neg(a: Expr) -> Expr:
+    """``-a``, simplified."""
+    return _unary("neg", a)
+
+
+def call(name: str, *args: Expr) -> Expr:
+    """The function ``name`` of :data:`FUNCTIONS` applied to its arguments, simplified.
+
+    Raises:
+        ValueError: the function is unknown or takes another number of arguments.
+    """
+    arity = FUNCTIONS.get(name)
+    if arity != len(args):
+        raise ValueError(f"no function {name!r} of {len(args)} arguments")
+    return _binary(name, *args) if arity == 2 else _unary(name, *args)
+
+
+def rebuild(op: str, args: tuple[Expr, ...]) -> Expr:
+    """The simplified node of any operator of :data:`ARITY`: what ``raw`` leaves alone."""
+    if len(args) == 1:
+        return _unary(op, args[0])
+    if op == "add":
+        return add(args[0], args[1])
+    if op == "mul":
+        return mul(args[0], args[1])
+    return _binary(op, args[0], args[1])
+
+
+def sum_of(terms: Iterable[Expr]) -> Expr:
+    """The sum of the terms, added pairwise as a balanced tree (rounding error grows as the logarithm of their number)."""
+    level = list(terms)
+    if not level:
+        return ZERO
+    while len(level) > 1:
+        paired = [add(level[k], level[k + 1]) for k in range(0, len(level) - 1, 2)]
+        if len(level) % 2:
+            paired.append(level[-1])
+        level = paired
+    return level[0]
+
+
+def is_literal(e: Expr, value: float) -> bool:
+    """Whether ``e`` is the literal of this value."""
+    return e.op == "num" and e.payload == value
+
+
+def finite(value: float) -> Expr | None:
+    """The literal of a finite value, None otherwise: folding must never hide an undefined operation."""
+    return num(value) if math.isfinite(value) else None
+
+
+ZERO: Final = num(0.0)
+ONE: Final = num(1.0)
