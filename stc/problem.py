@@ -23,6 +23,9 @@ class ConstantRef:
 
     name: str
 
+    def __str__(self) -> str:
+        return self.name
+
 
 @dataclass(frozen=True, slots=True)
 class ParameterRef:
@@ -30,20 +33,33 @@ class ParameterRef:
 
     name: str
 
+    def __str__(self) -> str:
+        return self.name
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, repr=False)
 class VariableRef:
     """A variable, or its time derivative of the given order, at frame ``scale*i + shift``.
 
     ``(1, 0)`` is the frame the statement stands on, ``(1, k)`` a relative and ``(0, k)`` an absolute index.
     ``side`` is ``"before"`` or ``"after"`` where the spec asks for one side of a jump, else empty.
+    Whole numbers are best given as int (they hash much faster than fractions); both compare and print alike.
     """
 
     name: str
     order: int = 0
-    scale: Fraction = Fraction(1)
-    shift: Fraction = Fraction(0)
+    scale: Fraction | int = 1
+    shift: Fraction | int = 0
     side: str = ""
+
+    def __repr__(self) -> str:
+        return f"VariableRef({self.name!r}, {self.order}, {self.scale}, {self.shift}, {self.side!r})"
+
+    def __str__(self) -> str:
+        text = self.name + "'" * self.order
+        if (self.scale, self.shift) != (1, 0):
+            text += f"[{index_text(self.scale, self.shift)}]"
+        return f"{self.side}({text})" if self.side else text
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,15 +73,37 @@ class DefinitionRef:
     order: int = 0
     side: str = ""
 
+    def __str__(self) -> str:
+        text = self.name + "'" * self.order
+        return f"{self.side}({text})" if self.side else text
+
 
 @dataclass(frozen=True, slots=True)
 class TimeRef:
     """``t``: the time of the frame the statement stands on."""
 
+    def __str__(self) -> str:
+        return "t"
+
 
 @dataclass(frozen=True, slots=True)
 class IndexRef:
     """``i``: the index of the frame the statement stands on (a half at a midpoint)."""
+
+    def __str__(self) -> str:
+        return "i"
+
+
+def index_text(scale: Fraction | int, shift: Fraction | int) -> str:
+    """``scale*i + shift`` as the spec language writes it: ``i + 1``, ``2*i``, ``60 - i``, ``7``."""
+    if scale == 0:
+        return str(shift)
+    times_i = {1: "i", -1: "-i"}.get(scale, f"{scale}*i")  # type: ignore[call-overload]
+    if shift == 0:
+        return str(times_i)
+    if scale < 0 < shift:
+        return f"{shift} - {times_i[1:]}"
+    return f"{times_i} + {shift}" if shift > 0 else f"{times_i} - {-shift}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +113,9 @@ class FrameRange:
     first: int
     last: int
     span: Span | None = None
+
+    def __str__(self) -> str:
+        return f"[{self.first}]" if self.first == self.last else f"[{self.first}, {self.last}]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +196,8 @@ class Problem:
     ``constants`` holds the value of each constant (overrides applied).  ``structural`` names the constants
     whose values shaped this object (ranges, indices, exponents): changing one of those means elaborating
     again, changing any other does not.  ``step`` is the time from a frame to the next, in constants,
-    parameters, ``i`` and possibly ``DefinitionRef("h")``.
+    parameters, ``i`` and possibly ``DefinitionRef("h")``.  ``definitions`` holds those that stand under range
+    headers; ``macros`` the values of all others, which occur in no other expression by name.
     """
 
     name: str
@@ -175,3 +217,4 @@ class Problem:
     model: str | None = None
     replay: Sequence[ReplayChannel] = ()
     warnings: Sequence[Diagnostic] = field(default_factory=list)
+    macros: Mapping[str, Expr] = field(default_factory=dict)

@@ -1,0 +1,128 @@
+"""Characters to tokens.
+
+A token's kind is ``number``, ``name``, ``string``, ``prime`` (one or more ``'``), ``end``, or for every operator
+and delimiter its own text.  Tokens are held as parallel lists, which is what makes lexing cheap in Python.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from stc.errors import Source
+from stc.language.diagnostics import Diagnostics
+
+_LETTER = r"A-Za-z_\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u024f\u0370-\u03ff\u1f00-\u1fff"
+_TOKEN = re.compile(
+    rf"""(?P<blank>(?:[\s\ufeff]+|\#[^\n]*)+)
+    |(?P<name>[{_LETTER}][{_LETTER}0-9]*)
+    |(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)
+    |(?P<slip>\*\*|[=!]=|:=|&&|\|\||[<>](?!=)|[≤≥−–·×÷’′″²³“”])
+    |(?P<operator><=|>=|[-+*/^()\[\],;:=.])
+    |(?P<prime>'+)
+    |(?P<string>"[^"\n]*")
+    """,
+    re.VERBOSE,
+)
+
+# What people type that the language writes otherwise: the kind it is read as, and the advice.
+_SLIPS: dict[str, tuple[str, str]] = {
+    "**": ("^", "powers are written `^`"),
+    "==": ("=", "an equality is written `=`"),
+    "!=": ("=", "only `=`, `<=` and `>=` relate two expressions"),
+    ":=": ("=", "a definition is written `=`"),
+    "<": ("<=", "inequalities are not strict: write `<=`"),
+    ">": (">=", "inequalities are not strict: write `>=`"),
+    "&&": (";", "every relation is a statement of its own; end it with `;`"),
+    "||": (";", "every relation is a statement of its own; alternatives cannot be stated"),
+    "≤": ("<=", "write `<=`"),
+    "≥": (">=", "write `>=`"),
+    "−": ("-", "write the plain minus `-`"),
+    "–": ("-", "write the plain minus `-`"),
+    "·": ("*", "write `*`"),
+    "×": ("*", "write `*`"),
+    "÷": ("/", "write `/`"),
+    "’": ("prime", "write the plain `'`"),
+    "′": ("prime", "write the plain `'`"),
+    "″": ("prime", "write two plain `'`"),
+    "²": ("", "write `^2`"),
+    "³": ("", "write `^3`"),
+    "“": ("", 'write plain quotes `"`'),
+    "”": ("", 'write plain quotes `"`'),
+}
+
+
+@dataclass(slots=True)
+class Tokens:
+    """Kinds, first characters and ends of all tokens; the last one is of kind ``end`` and empty."""
+
+    source: Source
+    kinds: list[str]
+    starts: list[int]
+    ends: list[int]
+
+    def text(self, index: int) -> str:
+        """The characters of a token."""
+        return self.source.text[self.starts[index] : self.ends[index]]
+
+
+def tokenize(source: Source, diagnostics: Diagnostics) -> Tokens:
+    """Split a text into tokens; characters that belong to none are noted in ``diagnostics`` and left out."""
+    kinds: list[str] = []
+    starts: list[int] = []
+    ends: list[int] = []
+    text = source.text
+    position, length = 0, len(text)
+    match = _TOKEN.match
+    while position < length:
+        found = match(text, position)
+        if found is None:
+            position = _bad_character(text, position, diagnostics)
+            continue
+        kind = found.lastgroup or ""
+        end = found.end()
+        if kind != "blank":
+            if kind == "operator":
+                kind = found.group()
+            elif kind == "slip":
+                slip = found.group()
+                kind, advice = _SLIPS[slip]
+                diagnostics.error(f"`{slip}` is not part of the language", position, end, advice)
+            if kind:
+                kinds.append(kind)
+                starts.append(position)
+                ends.append(end)
+        position = end
+    kinds.append("end")
+    starts.append(length)
+    ends.append(length)
+    return Tokens(source, kinds, starts, ends)
+
+
+def _bad_character(text: str, position: int, diagnostics: Diagnostics) -> int:
+    """Note a run of characters that start no token; returns where to go on."""
+    if text[position] == '"':
+        end = text.find("\n", position)
+        end = len(text) if end < 0 else end
+        hint = 'text in quotes ends with `"` on the same line; a second derivative is written with two `\'`'
+        diagnostics.error("a quote is not closed", position, position + 1, hint)
+        return position + 1
+    end = position + 1
+    while end < len(text) and text[end] == text[position]:
+        end += 1
+    shown = text[position]
+    if not shown.isprintable():
+        shown = f"U+{ord(shown):04X}"
+    hint = {
+        "{": "group with parentheses",
+        "}": "group with parentheses",
+        "&": "every relation is a statement of its own; end it with `;`",
+        "|": "every relation is a statement of its own; alternatives cannot be stated",
+        "%": "comments start with `#`",
+        "$": "constants are set from outside with `--set name=value`",
+        "\\": "a statement may go on over several lines without any mark",
+        "`": "write the plain `'`",
+        "!": "comments start with `#`",
+    }.get(shown, "")
+    diagnostics.error(f"unexpected character `{shown}`", position, end, hint)
+    return end

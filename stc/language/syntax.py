@@ -1,0 +1,198 @@
+"""The syntax tree: what the text says, before any name is looked up.
+
+Every node knows its characters (``start``, ``end``); two nodes are equal when they say the same, wherever they
+stand.  Sums and products are held flat, as written between one pair of parentheses, so that a sum of a thousand
+terms is no deeper than one of two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from stc.errors import Source
+
+
+@dataclass(slots=True)
+class Node:
+    """Any piece of syntax, with the offsets of its first character and of the one after its last."""
+
+    start: int = field(compare=False, repr=False)
+    end: int = field(compare=False, repr=False)
+
+
+# ---------------------------------------------------------------- expressions
+
+
+@dataclass(slots=True)
+class Number(Node):
+    """A literal."""
+
+    value: float
+
+
+@dataclass(slots=True)
+class Name(Node):
+    """A name: of a constant, variable, parameter or definition, or a reserved one."""
+
+    name: str
+
+
+@dataclass(slots=True)
+class Negate(Node):
+    """``-e``."""
+
+    operand: Expression
+
+
+@dataclass(slots=True)
+class Sum(Node):
+    """Two or more terms, each with its ``+`` or ``-``; the first one's is ``+``."""
+
+    terms: list[tuple[str, Expression]]
+
+
+@dataclass(slots=True)
+class Product(Node):
+    """Two or more factors, each with its ``*`` or ``/``; the first one's is ``*``.  Read from left to right."""
+
+    factors: list[tuple[str, Expression]]
+
+
+@dataclass(slots=True)
+class Power(Node):
+    """``base^exponent``."""
+
+    base: Expression
+    exponent: Expression
+
+
+@dataclass(slots=True)
+class Call(Node):
+    """``function(arguments)``; also ``integral``, ``before`` and ``after``."""
+
+    function: str
+    arguments: list[Expression]
+
+
+@dataclass(slots=True)
+class Prime(Node):
+    """``operand'``, ``operand''``, ...: ``order`` time derivatives."""
+
+    operand: Expression
+    order: int
+
+
+@dataclass(slots=True)
+class Index(Node):
+    """``operand[index]``."""
+
+    operand: Expression
+    index: Expression
+
+
+Expression: TypeAlias = Number | Name | Negate | Sum | Product | Power | Call | Prime | Index
+
+
+# ----------------------------------------------------------------- statements
+
+
+@dataclass(slots=True)
+class Declaration(Node):
+    """``name`` or ``name = value`` in a list of constants, variables or parameters."""
+
+    name: Name
+    value: Expression | None
+
+
+@dataclass(slots=True)
+class Assignment(Node):
+    """``name = value;`` among definitions or guesses."""
+
+    name: Name
+    value: Expression
+
+
+@dataclass(slots=True)
+class Relation(Node):
+    """``e``, ``a = b``, ``a <= b``, ``lo <= e <= hi``, ...: operands with the operators between them."""
+
+    operands: list[Expression]
+    operators: list[str]
+
+
+@dataclass(slots=True)
+class JumpList(Node):
+    """``x', tau;``: quantities with two values at the frames of the range header."""
+
+    quantities: list[Expression]
+
+
+@dataclass(slots=True)
+class MethodChoice(Node):
+    """``central;``."""
+
+    name: str
+
+
+@dataclass(slots=True)
+class ModelFile(Node):
+    """``model = "file.xml";`` in `replay:`."""
+
+    path: str
+
+
+@dataclass(slots=True)
+class Channel(Node):
+    """``kind path = value;`` in `replay:`."""
+
+    kind: str
+    path: tuple[str, ...]
+    value: Expression
+
+
+@dataclass(slots=True)
+class RangeHeader(Node):
+    """``[first, last]:``; ``last`` is None in ``[k]:``."""
+
+    first: Expression
+    last: Expression | None
+
+
+Statement: TypeAlias = Declaration | Assignment | Relation | JumpList | MethodChoice | ModelFile | Channel
+
+
+@dataclass(slots=True)
+class Block(Node):
+    """The statements under one range header (None: those before any header, or a section without ranges)."""
+
+    header: RangeHeader | None
+    statements: list[Statement]
+
+
+@dataclass(slots=True)
+class Section(Node):
+    """One section; ``start`` to ``end`` is its head."""
+
+    kind: str
+    blocks: list[Block]
+
+
+@dataclass(slots=True)
+class Spec:
+    """A whole file.
+
+    ``damaged`` holds the names in declarations that could not be read, so that their uses are not called
+    undeclared on top.
+    """
+
+    source: Source
+    sections: list[Section]
+    damaged: frozenset[str] = frozenset()
+
+    def blocks(self, kind: str) -> Iterator[Block]:
+        """The blocks of all sections of a kind, in file order."""
+        for section in self.sections:
+            if section.kind == kind:
+                yield from section.blocks

@@ -1,0 +1,85 @@
+"""The fixed vocabulary of the spec language: sections, methods, reserved names, and common slips.
+
+Adding a section means one line in :data:`SECTIONS` and a statement parser of that name in
+:mod:`stc.language.parser`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class SectionKind:
+    """What a section holds and whether range headers (`[a, b]:`) may stand in it."""
+
+    holds: str
+    ranged: bool = False
+    declares: bool = False
+    supported: bool = True
+
+
+SECTIONS: dict[str, SectionKind] = {
+    "constants": SectionKind("`name` or `name = expression`, separated by `,`", declares=True),
+    "variables": SectionKind("names, separated by `,`", declares=True),
+    "parameters": SectionKind("names, separated by `,`", declares=True),
+    "definitions": SectionKind("`name = expression;`", ranged=True, declares=True),
+    "guess": SectionKind("`name = expression;`", ranged=True),
+    "constraints": SectionKind("equalities and inequalities", ranged=True),
+    "objective": SectionKind("expressions whose sum is minimised", ranged=True),
+    "jumps": SectionKind("variables and derivatives, separated by `,`", ranged=True),
+    "method": SectionKind("the name of a method"),
+    "replay": SectionKind("lines that tie the spec to a MuJoCo model"),
+    "lagrangian": SectionKind("one expression", ranged=True, supported=False),
+    "forces": SectionKind("`name: expression;`", ranged=True, supported=False),
+    "model": SectionKind("the name of a MuJoCo model", supported=False),
+    "contact": SectionKind("points that touch a surface", ranged=True, supported=False),
+}
+
+METHODS = ("central", "trapezoidal", "hermite-simpson")
+
+#: Kinds of line in `replay:` besides `model = "file.xml";`.
+REPLAY_KINDS = ("joint", "actuator", "compare", "set")
+
+#: Words that look like functions but belong to the language.
+OPERATORS = {"integral": 1, "before": 1, "after": 1}
+
+#: Names that a spec may not declare, with what they mean.
+RESERVED = {
+    "t": "the time of the frame",
+    "i": "the index of the frame",
+    "pi": "the number 3.14159...",
+    "inf": "infinity, for bounds",
+    "integral": "the integral of an objective term",
+    "before": "the value before a jump",
+    "after": "the value after a jump",
+}
+
+#: What people write for functions that the language calls otherwise or does not have.
+FUNCTION_ADVICE = {
+    "ln": "the natural logarithm is `log`",
+    "log10": "write `log(x)/log(10)`",
+    "log2": "write `log(x)/log(2)`",
+    "arcsin": "it is called `asin`",
+    "arccos": "it is called `acos`",
+    "arctan": "it is called `atan`",
+    "arctan2": "it is called `atan2`",
+    "pow": "write `x^y`",
+    "power": "write `x^y`",
+    "sqr": "write `x^2`",
+    "square": "write `x^2`",
+    "cbrt": "write `x^(1/3)`",
+    "abs": "it has a kink; write `sqrt(x^2 + e^2)` with a small constant e, or bound both `x` and `-x`",
+    "min": "it has a kink; bound a parameter by each of the arguments instead",
+    "max": "it has a kink; bound a parameter by each of the arguments instead",
+    "sign": "it has a step; a smooth `tanh(x/e)` with a small constant e stands in for it",
+    "dot": "the time derivative of `x` is written `x'`",
+    "der": "the time derivative of `x` is written `x'`",
+    "diff": "the time derivative of `x` is written `x'`",
+    "ddot": "the second time derivative of `x` is written `x''`",
+    "sum": "an objective is summed over its frames already",
+    "int": "the integral of an objective term is written `integral(e)`",
+    "sec": "write `1/cos(x)`",
+    "csc": "write `1/sin(x)`",
+    "cot": "write `1/tan(x)`",
+}
