@@ -87,9 +87,9 @@ class Recovery:
                     values[key] = data_values(key, where, self.steps, self.coefficients, {})
             into[where.frame] = np.asarray(evaluate(lowered, values), float)
 
-    def rate(self, body: Expr) -> Channel | None:
-        """The total time derivative of an expression at every node; None where an order is missing."""
-        slope = prime(body, 1)
+    def rate(self, body: Expr, order: int = 1) -> Channel | None:
+        """A total time derivative of an expression at every node; None where an unknown of it is missing."""
+        slope = prime(body, order)
         for key in symbols(slope):
             if (
                 isinstance(key, VariableRef)

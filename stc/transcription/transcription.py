@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from stc.codegen.kernel import KernelSet, compile_tapes
 from stc.codegen.tape import Tape
-from stc.errors import EvaluationError
+from stc.errors import EvaluationError, Span
 from stc.problem import Problem, VariableRef
-from stc.symbolic.expr import Expr
+from stc.symbolic.expr import Expr, symbols
 from stc.transcription.assemble import Program, assemble
 from stc.transcription.bind import BoundProgram, Numbers, evaluate_bounds
 from stc.transcription.grid import Grid
@@ -137,9 +137,7 @@ class Transcription:
             term = self.problem.objective[0]
             self._undefined(term.text, term.span, 0.0, bound, term.body)
 
-    def _undefined(self, text: str, span: object, frame: float, bound: BoundProgram, body: Expr) -> None:
-        from stc.symbolic.expr import symbols
-
+    def _undefined(self, text: str, span: Span | None, frame: float, bound: BoundProgram, body: Expr) -> None:
         values: dict[str, float] = {}
         recovery = self.recovery(bound.x0)
         names = {getattr(k, "name", None): k for k in symbols(body)}
@@ -152,7 +150,14 @@ class Transcription:
                 if frame != int(frame) and channel.mid is not None:
                     at = channel.mid[int(frame)]
                 values[name + "'" * order] = float(at)
-        raise EvaluationError(text, frame, values, span)
+        raise EvaluationError(
+            "this has no value at the starting point",
+            expression=text,
+            frame=frame,
+            values=values,
+            span=span,
+            hint="start elsewhere: give a guess at which every function is defined",
+        )
 
 
 def transcribe(problem: Problem) -> Transcription:

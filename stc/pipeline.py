@@ -1,0 +1,374 @@
+"""The walk from text to a verdict: one public function per arrow.
+
+    read_source -> parse -> elaborate -> transcribe -> solve -> Solution.save -> replay
+
+:class:`Model` strings them together and remembers what need not be done again: a changed constant that shapes
+nothing re-solves without parsing, differentiating or compiling.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.bundled import find_spec
+from stc.errors import Source, UsageError
+from stc.language.elaborate import elaborate
+from stc.language.parser import parse
+from stc.problem import Problem, VariableRef
+from stc.solution import ReplayChannel, Solution, read
+from stc.solver import Options, Result, Start, Status, minimize
+from stc.symbolic.expr import symbols
+from stc.trajectory import Channel
+from stc.transcription import Transcription
+from stc.transcription import transcribe as _transcribe
+from stc.transcription.bind import BoundProgram
+from stc.transcription.multipliers import multiplier_blocks
+from stc.transcription.recover import Recovery
+from stc.transcription.schemes import METHODS, stencil_reach
+
+if TYPE_CHECKING:
+    from stc.language.syntax import SpecTree
+
+Callback = Callable[[Any], bool | None]
+FloatArray = NDArray[np.float64]
+
+
+def read_source(spec: str | os.PathLike[str]) -> Source:
+    """The text of a spec: a path, a bundled name, or the text itself (anything with a line break or a colon).
+
+    Raises:
+        UsageError: no such spec, or a file that is not UTF-8 text.
+    """
+    if isinstance(spec, str) and ("\n" in spec or (":" in spec and ";" in spec)):
+        return Source("<text>", spec)
+    path = find_spec(spec)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path} is not UTF-8 text (byte {error.start})") from error
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
+    return Source(str(spec) if Path(spec).is_file() else path.name, text, str(path))
+
+
+def transcribe(problem: Problem) -> Transcription:
+    """The nonlinear program's structure, differentiated but not compiled yet."""
+    return _transcribe(problem)
+
+
+def solve(
+    transcription: Transcription,
+    constants: Mapping[str, float] | None = None,
+    options: Options | None = None,
+    start: Start | None = None,
+    callback: Callback | None = None,
+) -> tuple[BoundProgram, Result]:
+    """Binds constants, compiles what is not compiled, and minimises.
+
+    Args:
+        transcription: of the problem.
+        constants: values of all constants, default those of the problem.
+        options: of the solver.
+        start: decision vector (and multipliers) to start from instead of the guess.
+        callback: called after every iteration; returning True stops.
+
+    Raises:
+        SpecError, EvaluationError: the starting point is no place to start from.
+    """
+    bound = transcription.bind(constants, None if start is None else start.x)
+    if start is not None:
+        start = replace(start, x=bound.x0)
+    if bound.contradictions:
+        return bound, _contradicted(transcription, bound)
+    return bound, minimize(bound, options or Options(), start=start, callback=callback)
+
+
+def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
+    """The result where bounds exclude each other before any step is taken."""
+    lines = []
+    for contradiction in bound.contradictions[:5]:
+        places = [
+            transcription.problem.relations[k].span.location for k in contradiction.relations if k >= 0
+        ]
+        lines.append(f"{contradiction.message} ({' and '.join(dict.fromkeys(places))})")
+    more = len(bound.contradictions) - len(lines)
+    if more > 0:
+        lines.append(f"and {more} more")
+    objective, rows = bound.values(bound.x0)
+    with np.errstate(invalid="ignore"):
+        low = np.maximum(bound.x_lower - bound.x0, bound.x0 - bound.x_upper)
+        rlow = np.maximum(bound.row_lower - rows, rows - bound.row_upper)
+    worst = max((c.gap for c in bound.contradictions), default=0.0)
+    violation = float(max(np.max(low, initial=0.0), np.max(rlow, initial=0.0), worst))
+    return Result(
+        status=Status.INFEASIBLE,
+        x=bound.x0,
+        row_multipliers=np.zeros(bound.m),
+        bound_multipliers=np.zeros(bound.n),
+        objective=objective,
+        violation=violation,
+        optimality=float("nan"),
+        scaled_optimality=float("nan"),
+        iterations=0,
+        factorizations=0,
+        message="The bounds contradict each other: " + "; ".join(lines) + ".",
+    )
+
+
+def collect(
+    transcription: Transcription,
+    bound: BoundProgram,
+    result: Result,
+    constants: Mapping[str, float],
+    overrides: Mapping[str, float],
+    seconds: Mapping[str, float],
+) -> Solution:
+    """The solution that a stranger can use: node values, multipliers and replay channels by name."""
+    problem = transcription.problem
+    recovery = transcription.recovery(result.x, constants)
+    source = problem.source
+    return Solution(
+        name=problem.name,
+        source=source.text,
+        directory=str(Path(source.path).resolve().parent) if source.path else "",
+        constants=constants,
+        overrides=overrides,
+        method=problem.method,
+        time=recovery.time,
+        trajectories=recovery.trajectories(),
+        parameters=recovery.parameters,
+        status=str(result.status.value),
+        message=result.message,
+        objective=result.objective,
+        violation=result.violation,
+        optimality=result.optimality,
+        iterations=result.iterations,
+        factorizations=result.factorizations,
+        seconds=seconds,
+        x=result.x,
+        row_multipliers=result.row_multipliers,
+        bound_multipliers=result.bound_multipliers,
+        multipliers=multiplier_blocks(transcription, result.row_multipliers, result.bound_multipliers),
+        model=problem.model,
+        replay=_replay_channels(problem, recovery),
+        force_frames=_force_frames(problem),
+    )
+
+
+def _replay_channels(problem: Problem, recovery: Recovery) -> list[ReplayChannel]:
+    channels = []
+    for line in problem.replay:
+        if line.kind == "set":
+            number = np.full(problem.n + 1, recovery.number(line.body))
+            mid = number[:-1] if problem.method == "hermite-simpson" else None
+            channels.append(ReplayChannel(line.kind, line.path, Channel(number, number, mid)))
+            continue
+        value = recovery.channel(line.body)
+        rate = recovery.rate(line.body, 1) if line.kind != "actuator" else None
+        acceleration = recovery.rate(line.body, 2) if line.kind == "joint" else None
+        channels.append(ReplayChannel(line.kind, line.path, value, rate, acceleration))
+    return channels
+
+
+def _force_frames(problem: Problem) -> tuple[int, int]:
+    """The frames at which central differences leave no statement out."""
+    highest = 0
+    if problem.method == "central":
+        for statement in problem.relations:
+            for key in symbols(statement.body):
+                if isinstance(key, VariableRef):
+                    highest = max(highest, key.order)
+    reach = min(stencil_reach(highest), problem.n // 2) if highest > 1 else 0
+    return reach, problem.n - reach
+
+
+def resample(solution: Solution, transcription: Transcription, x: FloatArray) -> FloatArray:
+    """A decision vector that follows an earlier solution, whatever its number of frames.
+
+    Args:
+        solution: of the same or a similar spec; what it does not have stays as in ``x``.
+        transcription: of the problem to start.
+        x: (size,) the values for what is missing.
+    """
+    layout, n = transcription.layout, transcription.grid.n
+    result = x.copy()
+    share = solution.n / n if n else 0.0
+    frames, mids = np.arange(n + 1) * share, (np.arange(n) + 0.5) * share
+    before, after = solution.at_frame(frames, "before"), solution.at_frame(frames, "after")
+    middle = solution.at_frame(mids) if n else {}
+    for name, order, at_before, at_after, at_mid in layout.slots():
+        key = name + "'" * order
+        if key not in before or name in solution.parameters:
+            continue
+        values = [(at_after, after[key]), (at_before, before[key])]
+        if len(at_mid):
+            values.append((at_mid, middle[key]))
+        for position, value in values:
+            good = np.isfinite(value)
+            result[position[good]] = np.asarray(value)[good]
+    for name, at in layout.parameters.items():
+        if name in solution.parameters and np.isfinite(solution.parameters[name]):
+            result[at] = solution.parameters[name]
+    return result
+
+
+class Model:
+    """A spec, ready to be solved with other numbers, methods and frame counts.
+
+    Attributes:
+        source: the text and where it came from.
+        name: the spec's name.
+    """
+
+    def __init__(self, source: Source, overrides: Mapping[str, float] | None = None) -> None:
+        begin = time.perf_counter()
+        self.source = source
+        self.name = Path(source.path).stem if source.path else "text"
+        self.overrides = dict(overrides or {})
+        self.tree: SpecTree = parse(source)
+        self._parse_seconds = time.perf_counter() - begin
+        self._transcriptions: dict[object, Transcription] = {}
+
+    @property
+    def text(self) -> str:
+        """The spec's whole text."""
+        return self.source.text
+
+    def problem(self, method: str | None = None, **constants: float) -> Problem:
+        """The continuous-time statement with its numbers.
+
+        Raises:
+            SpecError: mistakes in the spec, all of them.
+            UsageError: an unknown constant or method.
+        """
+        if method is not None and method not in METHODS:
+            raise UsageError(f"unknown method {method!r}", f"the methods are {', '.join(METHODS)}")
+        return elaborate(self.tree, {**self.overrides, **constants}, method)
+
+    def transcription(self, method: str | None = None, **constants: float) -> tuple[Problem, Transcription]:
+        """The problem and its transcription, an earlier one where only numbers have changed."""
+        problem = self.problem(method, **constants)
+        key = (problem.method, tuple((name, problem.constants[name]) for name in sorted(problem.structural)))
+        if key not in self._transcriptions:
+            self._transcriptions[key] = transcribe(problem)
+        return problem, self._transcriptions[key]
+
+    def solve(
+        self,
+        *,
+        method: str | None = None,
+        tolerance: float | None = None,
+        max_iterations: int | None = None,
+        time_limit: float | None = None,
+        warm_start: Solution | str | os.PathLike[str] | None = None,
+        callback: Callback | None = None,
+        constants: Mapping[str, float] | None = None,
+        **overrides: float,
+    ) -> Solution:
+        """Solves the spec.
+
+        Args:
+            method: ``central``, ``trapezoidal`` or ``hermite-simpson`` instead of the spec's own.
+            tolerance: of the optimality conditions.
+            max_iterations: limit on iterations.
+            time_limit: limit in seconds of wall time.
+            warm_start: an earlier solution or its file; resampled where the number of frames differs.
+            callback: called with a record after every iteration; returning True stops the solve.
+            constants: values of constants by name, for names that clash with the arguments above.
+            **overrides: values of constants, such as ``n=120`` or ``g=1.62``.
+
+        Returns:
+            The solution, whatever its status; look at ``solution.status``.
+
+        Raises:
+            SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
+            UsageError: an unknown constant, method or file.
+        """
+        begin = time.perf_counter()
+        given = {**self.overrides, **(constants or {}), **overrides}
+        problem, transcription = self.transcription(method, **given)
+        seconds = {"parse": self._parse_seconds + time.perf_counter() - begin}
+        seconds["derive"] = transcription.seconds.pop("derive", 0.0)
+        seconds["parse"] = max(0.0, seconds["parse"] - seconds["derive"])
+        if transcription.kernels is None:
+            transcription.compile()
+        seconds["compile"] = transcription.seconds.pop("compile", 0.0)
+        limits: dict[str, Any] = {}
+        if tolerance is not None:
+            limits["tolerance"] = tolerance
+        if max_iterations is not None:
+            limits["max_iterations"] = max_iterations
+        if time_limit is not None:
+            limits["time_limit"] = time_limit
+        start = self._start(warm_start, transcription, problem)
+        if start is not None:
+            limits["warm_start"] = start.row_multipliers is not None
+        solving = time.perf_counter()
+        bound, result = solve(transcription, problem.constants, Options(**limits), start, callback)
+        seconds["solve"] = time.perf_counter() - solving
+        seconds["total"] = self._parse_seconds + time.perf_counter() - begin
+        return collect(transcription, bound, result, problem.constants, given, seconds)
+
+    def _start(
+        self,
+        warm_start: Solution | str | os.PathLike[str] | None,
+        transcription: Transcription,
+        problem: Problem,
+    ) -> Start | None:
+        if warm_start is None:
+            return None
+        earlier = warm_start if isinstance(warm_start, Solution) else read(warm_start)
+        program = transcription.program
+        same = (
+            len(earlier.x) == program.size
+            and len(earlier.row_multipliers) == program.row_count
+            and earlier.n == problem.n
+            and earlier.method == problem.method
+        )
+        if same and np.isfinite(earlier.x).all():
+            return Start(earlier.x, earlier.row_multipliers, earlier.bound_multipliers)
+        guess = transcription.bind(problem.constants).x0
+        return Start(resample(earlier, transcription, guess))
+
+
+def load(spec: str | os.PathLike[str], **constants: float) -> Model:
+    """Reads and parses a spec: a path, a bundled name or the text itself.
+
+    Args:
+        spec: what to read.
+        **constants: values of constants that hold for every solve of this model.
+
+    Raises:
+        SpecError: mistakes in the syntax.
+        UsageError: no such spec.
+    """
+    return Model(read_source(spec), constants)
+
+
+def replay(solution: Solution | str | os.PathLike[str], **options: Any) -> Any:
+    """Replays a solution in MuJoCo and judges it: :func:`stc.validate.validate`."""
+    from stc.validate import validate
+
+    return validate(solution, **options)
+
+
+__all__ = [
+    "Model",
+    "collect",
+    "elaborate",
+    "load",
+    "parse",
+    "read_source",
+    "replay",
+    "resample",
+    "solve",
+    "transcribe",
+]
