@@ -1,0 +1,532 @@
+"""Expressions of the compiled subset of Python, as LLVM instructions.
+
+Values are ``(type, text)`` pairs: the text names a register or spells a literal.  Locals live in stack slots,
+which LLVM turns into registers; so no phi nodes are needed here.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import math
+import struct
+from collections.abc import Callable
+from typing import Any, NamedTuple, NoReturn
+
+from stc.codegen import native_math
+from stc.codegen.native_types import NativeError, Signature, Type
+
+
+class Value(NamedTuple):
+    """A typed operand."""
+
+    type: Type
+    text: str
+
+
+class Callee(NamedTuple):
+    """Another compiled function."""
+
+    symbol: str
+    signature: Signature
+
+
+_COMPARE = {
+    ast.Lt: ("olt", "slt"),
+    ast.LtE: ("ole", "sle"),
+    ast.Gt: ("ogt", "sgt"),
+    ast.GtE: ("oge", "sge"),
+    ast.Eq: ("oeq", "eq"),
+    ast.NotEq: ("une", "ne"),
+}
+_ARITHMETIC = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul"}
+_BITWISE = {ast.BitAnd: "and", ast.BitOr: "or", ast.BitXor: "xor"}
+
+#: Function object -> LLVM intrinsic or C library function of one float.
+_UNARY_FLOAT: dict[Any, str] = {
+    native_math.sqrt: "llvm.sqrt.f64",
+    math.sqrt: "llvm.sqrt.f64",
+    native_math.fabs: "llvm.fabs.f64",
+    math.fabs: "llvm.fabs.f64",
+    native_math.floor: "llvm.floor.f64",
+    native_math.ceil: "llvm.ceil.f64",
+    native_math.exp: "exp",
+    native_math.log: "log",
+}
+
+DECLARATIONS = """\
+declare double @llvm.sqrt.f64(double)
+declare double @llvm.fabs.f64(double)
+declare double @llvm.floor.f64(double)
+declare double @llvm.ceil.f64(double)
+declare double @llvm.copysign.f64(double, double)
+declare i64 @llvm.abs.i64(i64, i1)
+declare double @exp(double) nounwind willreturn memory(none)
+declare double @log(double) nounwind willreturn memory(none)
+"""
+
+
+def float_literal(value: float) -> str:
+    """LLVM's exact spelling of a double."""
+    return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
+
+
+class ExpressionEmitter:
+    """Emits the instructions of one function's expressions."""
+
+    def __init__(
+        self,
+        filename: str,
+        fast: bool,
+        resolve: Callable[[str], Any],
+        callee_of: Callable[[Any], Callee | None],
+    ) -> None:
+        self.filename = filename
+        self.resolve = resolve
+        self.callee_of = callee_of
+        self.flags = " contract reassoc nsz" if fast else ""
+        self.lines: list[str] = []
+        self.entry: list[str] = []
+        self.locals: dict[str, tuple[Type, str]] = {}
+        self.assigned_names: frozenset[str] = frozenset()
+        self.terminated = False
+        self.targets: set[str] = set()  # blocks that something jumps to
+        self._registers = 0
+        self._labels = 0
+
+    # ---- low level ----------------------------------------------------------------------------------
+
+    def fail(self, node: ast.AST, message: str) -> NoReturn:
+        """Refuse a piece of source."""
+        raise NativeError(f"{self.filename}:{getattr(node, 'lineno', 0)}: {message}")
+
+    def register(self) -> str:
+        """A fresh register name."""
+        self._registers += 1
+        return f"%r{self._registers}"
+
+    def label(self, hint: str) -> str:
+        """A fresh block name."""
+        self._labels += 1
+        return f"{hint}{self._labels}"
+
+    def emit(self, instruction: str) -> None:
+        """Append an instruction; what follows a terminator in the source is unreachable and dropped."""
+        if not self.terminated:
+            self.lines.append("  " + instruction)
+
+    def compute(self, type_: Type, instruction: str) -> Value:
+        """Append an instruction with a result."""
+        name = self.register()
+        self.emit(f"{name} = {instruction}")
+        return Value(type_, name)
+
+    def branch(self, target: str) -> None:
+        """End the block with a jump."""
+        if not self.terminated:
+            self.targets.add(target)
+        self.emit(f"br label %{target}")
+        self.terminated = True
+
+    def branch_if(self, condition: Value, yes: str, no: str) -> None:
+        """End the block with a two-way jump."""
+        self.emit(f"br i1 {condition.text}, label %{yes}, label %{no}")
+        self.terminated = True
+
+    def begin(self, label: str) -> None:
+        """Start a block; control falls into it from the block before, if that is still open."""
+        if not self.terminated:
+            self.branch(label)
+        self.lines.append(f"{label}:")
+        self.terminated = False
+
+    def slot(self, type_: Type, initial: str | None = None) -> str:
+        """A stack slot for a local, made in the entry block."""
+        name = f"%s{len(self.entry)}"
+        self.entry.append(f"  {name} = alloca {type_.ir}")
+        zero = {Type.F64: "0.0", Type.I64: "0", Type.BOOL: "false"}.get(type_, "null")
+        self.entry.append(f"  store {type_.ir} {initial or zero}, ptr {name}")
+        return name
+
+    # ---- conversions --------------------------------------------------------------------------------
+
+    def convert(self, value: Value, type_: Type, node: ast.AST, what: str = "value") -> Value:
+        """Implicit conversion: bool to integer to float, nothing else."""
+        if value.type is type_:
+            return value
+        if value.type is Type.BOOL and type_ is Type.I64:
+            return self.compute(Type.I64, f"zext i1 {value.text} to i64")
+        if value.type is Type.BOOL and type_ is Type.F64:
+            return self.compute(Type.F64, f"uitofp i1 {value.text} to double")
+        if value.type is Type.I64 and type_ is Type.F64:
+            if value.text.lstrip("-").isdigit():
+                return Value(Type.F64, float_literal(float(value.text)))
+            return self.compute(Type.F64, f"sitofp i64 {value.text} to double")
+        self.fail(node, f"{what} is {value.type.value} where {type_.value} is needed")
+
+    def number(self, node: ast.expr) -> Value:
+        """A scalar."""
+        value = self.expression(node)
+        if value.type.is_array or value.type is Type.NONE:
+            self.fail(node, f"a number is needed, not {value.type.value}")
+        return value
+
+    def integer(self, node: ast.expr, what: str) -> Value:
+        """An integer scalar."""
+        return self.convert(self.number(node), Type.I64, node, what)
+
+    def common(self, left: Value, right: Value, node: ast.AST) -> tuple[Value, Value, Type]:
+        """Bring two scalars to one arithmetic type."""
+        type_ = Type.F64 if Type.F64 in (left.type, right.type) else Type.I64
+        return self.convert(left, type_, node), self.convert(right, type_, node), type_
+
+    def condition(self, node: ast.expr) -> Value:
+        """Truth of an expression, as in ``if``."""
+        value = self.number(node)
+        if value.type is Type.BOOL:
+            return value
+        if value.type is Type.I64:
+            return self.compute(Type.BOOL, f"icmp ne i64 {value.text}, 0")
+        return self.compute(Type.BOOL, f"fcmp une double {value.text}, 0.0")
+
+    # ---- expressions --------------------------------------------------------------------------------
+
+    def expression(self, node: ast.expr) -> Value:
+        """Emit any expression."""
+        method = getattr(self, "_" + type(node).__name__.lower(), None)
+        if method is None:
+            self.fail(node, f"{type(node).__name__} expressions cannot be compiled: {ast.unparse(node)}")
+        value: Value = method(node)
+        return value
+
+    def literal(self, value: Any, node: ast.AST) -> Value:
+        """A Python number as an operand."""
+        if isinstance(value, bool):
+            return Value(Type.BOOL, "true" if value else "false")
+        if isinstance(value, int):
+            if not -(2**63) <= value < 2**63:
+                self.fail(node, f"integer {value} does not fit 64 bits")
+            return Value(Type.I64, str(value))
+        if isinstance(value, float):
+            return Value(Type.F64, float_literal(value))
+        self.fail(node, f"{value!r} is not a number")
+
+    def _constant(self, node: ast.Constant) -> Value:
+        return self.literal(node.value, node)
+
+    def _name(self, node: ast.Name) -> Value:
+        if node.id in self.locals:
+            type_, slot = self.locals[node.id]
+            return self.compute(type_, f"load {type_.ir}, ptr {slot}")
+        if node.id in self.assigned_names:
+            self.fail(node, f"{node.id} is read before anything is assigned to it")
+        return self._constant_object(node)
+
+    def _attribute(self, node: ast.Attribute) -> Value:
+        return self._constant_object(node)
+
+    def lookup(self, node: ast.expr) -> Any:
+        """The Python object that a dotted name means outside the function; None when there is none."""
+        if isinstance(node, ast.Name):
+            if node.id in self.locals:
+                return None
+            return self.resolve(node.id)
+        if isinstance(node, ast.Attribute):
+            return getattr(self.lookup(node.value), node.attr, None)
+        return None
+
+    def _constant_object(self, node: ast.expr) -> Value:
+        found = self.lookup(node)
+        if isinstance(found, (bool, int, float)):
+            return self.literal(found, node)
+        what = "is not defined" if found is None else "is not a number"
+        self.fail(node, f"{ast.unparse(node)} {what} (only module-level numeric constants can be used)")
+
+    def _unaryop(self, node: ast.UnaryOp) -> Value:
+        if isinstance(node.op, ast.Not):
+            return self.compute(Type.BOOL, f"xor i1 {self.condition(node.operand).text}, true")
+        value = self.number(node.operand)
+        if value.type is Type.BOOL:
+            value = self.convert(value, Type.I64, node)
+        if isinstance(node.op, ast.UAdd):
+            return value
+        if not isinstance(node.op, ast.USub):
+            self.fail(node, f"operator cannot be compiled: {ast.unparse(node)}")
+        if value.type is Type.F64:
+            if value.text.startswith("0x"):
+                bits = int(value.text, 16) ^ (1 << 63)
+                return Value(Type.F64, f"0x{bits:016X}")
+            return self.compute(Type.F64, f"fneg{self.flags} double {value.text}")
+        if value.text.lstrip("-").isdigit():
+            return Value(Type.I64, str(-int(value.text)))
+        return self.compute(Type.I64, f"sub nsw i64 0, {value.text}")
+
+    def _binop(self, node: ast.BinOp) -> Value:
+        if isinstance(node.op, ast.Pow):
+            return self._power(node)
+        return self.binary(node.op, self.number(node.left), self.number(node.right), node)
+
+    def binary(self, op: ast.operator, left: Value, right: Value, node: ast.AST) -> Value:
+        """``left op right`` on scalars."""
+        if isinstance(op, ast.Div):
+            left, right = self.convert(left, Type.F64, node), self.convert(right, Type.F64, node)
+            return self.compute(Type.F64, f"fdiv{self.flags} double {left.text}, {right.text}")
+        left, right, type_ = self.common(left, right, node)
+        name = _ARITHMETIC.get(type(op))
+        if name is not None:
+            if type_ is Type.F64:
+                return self.compute(type_, f"f{name}{self.flags} double {left.text}, {right.text}")
+            return self.compute(type_, f"{name} nsw i64 {left.text}, {right.text}")
+        if type_ is Type.I64:
+            if isinstance(op, ast.FloorDiv):
+                return self._floor_divide(left, right)
+            if isinstance(op, ast.Mod):
+                return self._modulo(left, right)
+            if type(op) in _BITWISE:
+                return self.compute(type_, f"{_BITWISE[type(op)]} i64 {left.text}, {right.text}")
+        symbol = type(op).__name__
+        self.fail(node, f"operator {symbol} cannot be compiled for {type_.value} operands")
+
+    def _power_of_two(self, value: Value) -> int | None:
+        if value.text.isdigit() and int(value.text) > 0 and int(value.text).bit_count() == 1:
+            return int(value.text).bit_length() - 1
+        return None
+
+    def _floor_divide(self, left: Value, right: Value) -> Value:
+        shift = self._power_of_two(right)
+        if shift is not None:
+            return self.compute(Type.I64, f"ashr i64 {left.text}, {shift}")
+        quotient = self.compute(Type.I64, f"sdiv i64 {left.text}, {right.text}")
+        wrong = self._signs_differ(left, right)
+        return self.compute(
+            Type.I64, f"sub i64 {quotient.text}, {self.convert(wrong, Type.I64, ast.Pass()).text}"
+        )
+
+    def _modulo(self, left: Value, right: Value) -> Value:
+        if self._power_of_two(right) is not None:
+            return self.compute(Type.I64, f"and i64 {left.text}, {int(right.text) - 1}")
+        remainder = self.compute(Type.I64, f"srem i64 {left.text}, {right.text}")
+        wrong = self._signs_differ(left, right)
+        shift = self.compute(Type.I64, f"select i1 {wrong.text}, i64 {right.text}, i64 0")
+        return self.compute(Type.I64, f"add i64 {remainder.text}, {shift.text}")
+
+    def _signs_differ(self, left: Value, right: Value) -> Value:
+        """Whether division left a remainder whose sign is not the divisor's: Python rounds down there."""
+        remainder = self.compute(Type.I64, f"srem i64 {left.text}, {right.text}")
+        nonzero = self.compute(Type.BOOL, f"icmp ne i64 {remainder.text}, 0")
+        mixed = self.compute(Type.I64, f"xor i64 {remainder.text}, {right.text}")
+        negative = self.compute(Type.BOOL, f"icmp slt i64 {mixed.text}, 0")
+        return self.compute(Type.BOOL, f"and i1 {nonzero.text}, {negative.text}")
+
+    def _power(self, node: ast.BinOp) -> Value:
+        base, exponent = self.number(node.left), self.number(node.right)
+        if exponent.type is not Type.I64 or not exponent.text.lstrip("-").isdigit():
+            self.fail(node, "the exponent must be a constant whole number")
+        n = int(exponent.text)
+        if base.type is Type.BOOL or (n < 0 and base.type is Type.I64):
+            base = self.convert(base, Type.F64 if n < 0 else Type.I64, node)
+        square = base
+        result: Value | None = None
+        remaining = abs(n)
+        while remaining:
+            if remaining & 1:
+                result = square if result is None else self.binary(ast.Mult(), result, square, node)
+            remaining >>= 1
+            if remaining:
+                square = self.binary(ast.Mult(), square, square, node)
+        if result is None:
+            return self.convert(Value(Type.I64, "1"), base.type, node)
+        if n < 0:
+            return self.binary(ast.Div(), Value(Type.F64, float_literal(1.0)), result, node)
+        return result
+
+    def _compare(self, node: ast.Compare) -> Value:
+        left = self.number(node.left)
+        if len(node.ops) == 1:
+            return self._compare_one(node.ops[0], left, self.number(node.comparators[0]), node)
+        # a < b < c: as in Python, b once, and c only if a < b
+        slot, end = self.slot(Type.BOOL), self.label("chained")
+        for position, (op, comparator) in enumerate(zip(node.ops, node.comparators, strict=True)):
+            right = self.number(comparator)
+            result = self._compare_one(op, left, right, node)
+            self.emit(f"store i1 {result.text}, ptr {slot}")
+            if position < len(node.ops) - 1:
+                more = self.label("chain")
+                self.branch_if(result, more, end)
+                self.begin(more)
+            left = right
+        self.begin(end)
+        return self.compute(Type.BOOL, f"load i1, ptr {slot}")
+
+    def _compare_one(self, op: ast.cmpop, left: Value, right: Value, node: ast.AST) -> Value:
+        if type(op) not in _COMPARE:
+            self.fail(node, f"comparison {type(op).__name__} cannot be compiled")
+        left, right, type_ = self.common(left, right, node)
+        real, whole = _COMPARE[type(op)]
+        if type_ is Type.F64:
+            return self.compute(Type.BOOL, f"fcmp {real} double {left.text}, {right.text}")
+        return self.compute(Type.BOOL, f"icmp {whole} i64 {left.text}, {right.text}")
+
+    def _boolop(self, node: ast.BoolOp) -> Value:
+        slot, end = self.slot(Type.BOOL), self.label("decided")
+        for position, operand in enumerate(node.values):
+            value = self.number(operand)
+            if value.type is not Type.BOOL:
+                self.fail(operand, "operands of and/or must be conditions; write a comparison")
+            self.emit(f"store i1 {value.text}, ptr {slot}")
+            if position < len(node.values) - 1:
+                more = self.label("operand")
+                if isinstance(node.op, ast.And):
+                    self.branch_if(value, more, end)
+                else:
+                    self.branch_if(value, end, more)
+                self.begin(more)
+        self.begin(end)
+        return self.compute(Type.BOOL, f"load i1, ptr {slot}")
+
+    def _ifexp(self, node: ast.IfExp) -> Value:
+        yes, no, end = self.label("then"), self.label("otherwise"), self.label("chosen")
+        self.branch_if(self.condition(node.test), yes, no)
+        self.begin(yes)
+        first = self.number(node.body)
+        # The result's type is known only after both sides: finish the first block then.
+        resume = len(self.lines)
+        self.terminated = True
+        self.begin(no)
+        second = self.number(node.orelse)
+        type_ = first.type if first.type is second.type else None
+        if type_ is None:
+            type_ = Type.F64 if Type.F64 in (first.type, second.type) else Type.I64
+        slot = self.slot(type_)
+        second = self.convert(second, type_, node)
+        self.emit(f"store {type_.ir} {second.text}, ptr {slot}")
+        self.branch(end)
+        tail = self.lines[resume:]
+        del self.lines[resume:]
+        self.terminated = False
+        first = self.convert(first, type_, node)
+        self.emit(f"store {type_.ir} {first.text}, ptr {slot}")
+        self.branch(end)
+        self.lines.extend(tail)
+        self.begin(end)
+        return self.compute(type_, f"load {type_.ir}, ptr {slot}")
+
+    # ---- arrays -------------------------------------------------------------------------------------
+
+    def element_address(self, node: ast.Subscript) -> tuple[Type, str]:
+        """Type of the array and address of one element."""
+        array = self.expression(node.value)
+        if not array.type.is_array:
+            self.fail(node, f"{ast.unparse(node.value)} is not an array")
+        index = self.integer(node.slice, "index")
+        if index.text.startswith("-"):
+            self.fail(node, "negative indices cannot be compiled: lengths are not known")
+        pointer = self.compute(
+            array.type, f"getelementptr inbounds {array.type.element_ir}, ptr {array.text}, i64 {index.text}"
+        )
+        return array.type, pointer.text
+
+    def load_element(self, type_: Type, address: str) -> Value:
+        """Read an element."""
+        if type_ is Type.I32S:
+            narrow = self.compute(Type.I64, f"load i32, ptr {address}, align 4")
+            return self.compute(Type.I64, f"sext i32 {narrow.text} to i64")
+        return self.compute(type_.element, f"load {type_.element_ir}, ptr {address}, align 8")
+
+    def _subscript(self, node: ast.Subscript) -> Value:
+        if not isinstance(node.slice, ast.Slice):
+            return self.load_element(*self.element_address(node))
+        array = self.expression(node.value)
+        if not array.type.is_array:
+            self.fail(node, f"{ast.unparse(node.value)} is not an array")
+        if node.slice.step is not None:
+            self.fail(node, "views with a step cannot be compiled")
+        if node.slice.lower is None:
+            return array
+        offset = self.integer(node.slice.lower, "offset")
+        return self.compute(
+            array.type, f"getelementptr inbounds {array.type.element_ir}, ptr {array.text}, i64 {offset.text}"
+        )
+
+    # ---- calls --------------------------------------------------------------------------------------
+
+    def _call(self, node: ast.Call) -> Value:
+        if node.keywords or any(isinstance(argument, ast.Starred) for argument in node.args):
+            self.fail(node, "only plain positional arguments can be compiled")
+        target = self.lookup(node.func)
+        callee = self.callee_of(target)
+        if callee is not None:
+            return self._call_native(node, callee)
+        name = ast.unparse(node.func)
+        if target in _UNARY_FLOAT:
+            (value,) = self._arguments(node, 1, name, Type.F64)
+            return self.compute(
+                Type.F64, f"call{self.flags} double @{_UNARY_FLOAT[target]}(double {value.text})"
+            )
+        if target is native_math.isnan:
+            (value,) = self._arguments(node, 1, name, Type.F64)
+            return self.compute(Type.BOOL, f"fcmp uno double {value.text}, 0.0")
+        if target in (native_math.isfinite, math.isfinite):
+            (value,) = self._arguments(node, 1, name, Type.F64)
+            size = self.compute(Type.F64, f"call double @llvm.fabs.f64(double {value.text})")
+            return self.compute(Type.BOOL, f"fcmp olt double {size.text}, {float_literal(math.inf)}")
+        if target in (native_math.copysign, math.copysign):
+            x, y = self._arguments(node, 2, name, Type.F64)
+            return self.compute(Type.F64, f"call double @llvm.copysign.f64(double {x.text}, double {y.text})")
+        if target in (builtins.min, builtins.max):
+            return self._extremum(node, "lt" if target is builtins.min else "gt")
+        if target in (builtins.abs, builtins.float, builtins.int):
+            return self._builtin(node, target)
+        what = "is not defined" if target is None else "is not compiled itself"
+        self.fail(node, f"{name}() cannot be called from compiled code: it {what}")
+
+    def _arguments(self, node: ast.Call, count: int, name: str, type_: Type | None = None) -> list[Value]:
+        if len(node.args) != count:
+            self.fail(node, f"{name}() takes {count} argument{'s' * (count > 1)}, not {len(node.args)}")
+        values = [self.number(argument) for argument in node.args]
+        return values if type_ is None else [self.convert(value, type_, node, "argument") for value in values]
+
+    def _builtin(self, node: ast.Call, target: Any) -> Value:
+        (value,) = self._arguments(node, 1, target.__name__)
+        if target is builtins.float:
+            return self.convert(value, Type.F64, node)
+        if value.type is Type.BOOL:
+            value = self.convert(value, Type.I64, node)
+        if target is builtins.int:
+            if value.type is Type.I64:
+                return value
+            return self.compute(Type.I64, f"fptosi double {value.text} to i64")
+        if value.type is Type.I64:
+            return self.compute(Type.I64, f"call i64 @llvm.abs.i64(i64 {value.text}, i1 true)")
+        return self.compute(Type.F64, f"call double @llvm.fabs.f64(double {value.text})")
+
+    def _extremum(self, node: ast.Call, relation: str) -> Value:
+        """min and max keep the first of equals, and the first where nan is involved, as Python's do."""
+        if len(node.args) < 2:
+            self.fail(node, "min and max need at least two numbers")
+        best = self.number(node.args[0])
+        for argument in node.args[1:]:
+            best, other, type_ = self.common(best, self.number(argument), node)
+            compare = f"fcmp o{relation} double" if type_ is Type.F64 else f"icmp s{relation} i64"
+            better = self.compute(Type.BOOL, f"{compare} {other.text}, {best.text}")
+            best = self.compute(
+                type_, f"select i1 {better.text}, {type_.ir} {other.text}, {type_.ir} {best.text}"
+            )
+        return best
+
+    def _call_native(self, node: ast.Call, callee: Callee) -> Value:
+        signature = callee.signature
+        name = ast.unparse(node.func)
+        if len(node.args) != len(signature.types):
+            self.fail(node, f"{name}() takes {len(signature.types)} arguments, not {len(node.args)}")
+        arguments = []
+        for parameter, type_, argument in zip(signature.names, signature.types, node.args, strict=True):
+            value = self.convert(
+                self.expression(argument), type_, argument, f"argument {parameter} of {name}()"
+            )
+            arguments.append(f"{type_.ir} {value.text}")
+        call = f"call {signature.result.ir} @{callee.symbol}({', '.join(arguments)})"
+        if signature.result is Type.NONE:
+            self.emit(call)
+            return Value(Type.NONE, "")
+        return self.compute(signature.result, call)

@@ -1,0 +1,284 @@
+"""Statements and functions of the compiled subset of Python, as one LLVM module."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from typing import Any
+
+from stc.codegen.native_expressions import DECLARATIONS, Callee, ExpressionEmitter, Value
+from stc.codegen.native_types import Signature, Type, type_of_annotation
+
+
+class FunctionEmitter(ExpressionEmitter):
+    """Emits one function: its body, and a second entry that takes its arguments from memory."""
+
+    def __init__(
+        self,
+        filename: str,
+        definition: ast.FunctionDef,
+        symbol: str,
+        signature: Signature,
+        *,
+        fast: bool,
+        inline: bool,
+        exported: bool,
+        resolve: Callable[[str], Any],
+        callee_of: Callable[[Any], Callee | None],
+    ) -> None:
+        super().__init__(filename, fast, resolve, callee_of)
+        self.definition = definition
+        self.symbol = symbol
+        self.signature = signature
+        self.inline = inline
+        self.exported = exported
+        self._loops: list[tuple[str, str]] = []  # labels to go to on continue and on break
+        stores = (n for n in ast.walk(definition) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store))
+        self.assigned_names = frozenset(n.id for n in stores) | frozenset(signature.names)
+
+    def function(self) -> str:
+        """The function's IR."""
+        parameters = []
+        for position, (name, type_) in enumerate(
+            zip(self.signature.names, self.signature.types, strict=True)
+        ):
+            self.locals[name] = (type_, self.slot(type_, f"%a{position}"))
+            attributes = " noalias noundef" if type_.is_array else " noundef"
+            parameters.append(f"{type_.ir}{attributes} %a{position}")
+        self.block(self.definition.body)
+        if not self.terminated:
+            if self.signature.result is not Type.NONE:
+                self.fail(self.definition, f"{self.definition.name}() may end without returning a value")
+            self.emit("ret void")
+        linkage = "" if self.exported else "internal "
+        attributes = "nounwind" + (" alwaysinline" if self.inline else "")
+        head = f"define {linkage}{self.signature.result.ir} @{self.symbol}({', '.join(parameters)}) {attributes} {{"
+        text = [head, "entry:", *self.entry, *self.lines, "}"]
+        if self.exported:
+            text.extend(self._packed_entry())
+        return "\n".join(text) + "\n"
+
+    def _packed_entry(self) -> list[str]:
+        """An entry for prepared calls: all arguments come from consecutive 8-byte cells."""
+        lines = [f"define {self.signature.result.ir} @{self.symbol}.packed(ptr %cells) nounwind {{"]
+        arguments = []
+        for position, type_ in enumerate(self.signature.types):
+            lines.append(f"  %p{position} = getelementptr inbounds i64, ptr %cells, i64 {position}")
+            lines.append(f"  %v{position} = load {type_.ir}, ptr %p{position}, align 8")
+            arguments.append(f"{type_.ir} %v{position}")
+        call = f"call {self.signature.result.ir} @{self.symbol}({', '.join(arguments)})"
+        if self.signature.result is Type.NONE:
+            return [*lines, "  " + call, "  ret void", "}"]
+        return [*lines, f"  %result = {call}", f"  ret {self.signature.result.ir} %result", "}"]
+
+    # ---- statements ---------------------------------------------------------------------------------
+
+    def block(self, statements: list[ast.stmt]) -> None:
+        """Emit statements in order."""
+        for statement in statements:
+            if self.terminated:  # unreachable, but LLVM wants it well formed: a block that nothing jumps to
+                self.begin(self.label("dead"))
+            self.statement(statement)
+
+    def statement(self, node: ast.stmt) -> None:
+        """Emit one statement."""
+        method = getattr(self, "_do_" + type(node).__name__.lower(), None)
+        if method is None:
+            self.fail(node, f"{type(node).__name__} statements cannot be compiled")
+        method(node)
+
+    def _do_pass(self, node: ast.Pass) -> None:
+        pass
+
+    def _do_expr(self, node: ast.Expr) -> None:
+        if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            return  # documentation
+        if not isinstance(node.value, ast.Call):
+            self.fail(node, "an expression without effect")
+        self.expression(node.value)
+
+    def _do_assign(self, node: ast.Assign) -> None:
+        if len(node.targets) == 1 and isinstance(node.targets[0], ast.Tuple):
+            targets = node.targets[0].elts
+            if not isinstance(node.value, ast.Tuple) or len(node.value.elts) != len(targets):
+                self.fail(node, "a tuple can only be assigned from as many values")
+            values = [self.expression(element) for element in node.value.elts]
+            for target, value in zip(targets, values, strict=True):
+                self.assign(target, value)
+            return
+        value = self.expression(node.value)
+        for target in node.targets:
+            self.assign(target, value)
+
+    def _do_annassign(self, node: ast.AnnAssign) -> None:
+        type_ = type_of_annotation(ast.unparse(node.annotation))
+        if type_ is None or type_ is Type.NONE:
+            self.fail(node, f"{ast.unparse(node.annotation)} is not a type of compiled code")
+        if not isinstance(node.target, ast.Name):
+            self.fail(node, "only names can be declared")
+        if node.target.id not in self.locals:
+            self.locals[node.target.id] = (type_, self.slot(type_))
+        elif self.locals[node.target.id][0] is not type_:
+            self.fail(node, f"{node.target.id} already is {self.locals[node.target.id][0].value}")
+        if node.value is not None:
+            self.assign(node.target, self.expression(node.value))
+
+    def _do_augassign(self, node: ast.AugAssign) -> None:
+        if isinstance(node.op, ast.Pow):
+            self.fail(node, "**= cannot be compiled; write x = x**n")
+        if isinstance(node.target, ast.Subscript):
+            type_, address = self.element_address(node.target)
+            result = self.binary(node.op, self.load_element(type_, address), self.number(node.value), node)
+            self.store_element(type_, address, result, node)
+            return
+        if not isinstance(node.target, ast.Name) or node.target.id not in self.locals:
+            self.fail(node, f"{ast.unparse(node.target)} is changed before anything is assigned to it")
+        current = self.number(node.target)
+        self.assign(node.target, self.binary(node.op, current, self.number(node.value), node))
+
+    def assign(self, target: ast.expr, value: Value) -> None:
+        """Store a value to a name or an array element."""
+        if isinstance(target, ast.Subscript):
+            if isinstance(target.slice, ast.Slice):
+                self.fail(target, "only single elements can be assigned")
+            type_, address = self.element_address(target)
+            self.store_element(type_, address, value, target)
+            return
+        if not isinstance(target, ast.Name):
+            self.fail(target, f"cannot assign to {ast.unparse(target)}")
+        if value.type is Type.NONE:
+            self.fail(target, "the call returns nothing")
+        if target.id not in self.locals:
+            self.locals[target.id] = (value.type, self.slot(value.type))
+        type_, slot = self.locals[target.id]
+        if type_ is Type.I64 and value.type is Type.F64:
+            self.fail(
+                target, f"{target.id} was first assigned an integer and now a float; start it with a float"
+            )
+        value = self.convert(value, type_, target, f"value for {target.id}")
+        self.emit(f"store {type_.ir} {value.text}, ptr {slot}")
+
+    def store_element(self, type_: Type, address: str, value: Value, node: ast.AST) -> None:
+        """Write an element."""
+        value = self.convert(value, type_.element, node, "value for an element")
+        if type_ is Type.I32S:
+            value = self.compute(Type.I64, f"trunc i64 {value.text} to i32")
+            self.emit(f"store i32 {value.text}, ptr {address}, align 4")
+        else:
+            self.emit(f"store {type_.element_ir} {value.text}, ptr {address}, align 8")
+
+    def _do_return(self, node: ast.Return) -> None:
+        result = self.signature.result
+        if node.value is None or (isinstance(node.value, ast.Constant) and node.value.value is None):
+            if result is not Type.NONE:
+                self.fail(node, f"a value of type {result.value} must be returned")
+            self.emit("ret void")
+        else:
+            if result is Type.NONE:
+                self.fail(node, "the function is declared to return nothing")
+            value = self.convert(self.expression(node.value), result, node, "returned value")
+            self.emit(f"ret {result.ir} {value.text}")
+        self.terminated = True
+
+    def _do_if(self, node: ast.If) -> None:
+        yes, no, end = self.label("if"), self.label("else"), self.label("endif")
+        self.branch_if(self.condition(node.test), yes, no)
+        self.begin(yes)
+        self.block(node.body)
+        first_open = not self.terminated
+        if first_open:
+            self.branch(end)
+        self.begin(no)
+        self.block(node.orelse)
+        second_open = not self.terminated
+        if second_open:
+            self.branch(end)
+        if first_open or second_open:
+            self.begin(end)
+
+    def _do_while(self, node: ast.While) -> None:
+        test, body, other, end = (self.label(hint) for hint in ("test", "while", "whileelse", "endwhile"))
+        endless = isinstance(node.test, ast.Constant) and bool(node.test.value)
+        self.begin(test)
+        if endless:
+            self.branch(body)
+        else:
+            self.branch_if(self.condition(node.test), body, other)
+        self.begin(body)
+        left_by_break = self._loop_body(node.body, test, end)
+        if not self.terminated:
+            self.branch(test)
+        after_open = left_by_break
+        if not endless:
+            self.begin(other)
+            self.block(node.orelse)
+            if not self.terminated:
+                after_open = True
+                self.branch(end)
+        if after_open:
+            self.begin(end)
+
+    def _loop_body(self, statements: list[ast.stmt], again: str, end: str) -> bool:
+        """Emit a loop's body; returns whether some break leaves it."""
+        self._loops.append((again, end))
+        self.block(statements)
+        self._loops.pop()
+        return end in self.targets
+
+    def _do_for(self, node: ast.For) -> None:
+        start, stop, step = self._range(node)
+        if not isinstance(node.target, ast.Name):
+            self.fail(node, "the loop variable must be a name")
+        counter = self.slot(Type.I64)
+        test, body, again, other, end = (
+            self.label(hint) for hint in ("fortest", "for", "fornext", "forelse", "endfor")
+        )
+        self.emit(f"store i64 {start.text}, ptr {counter}")
+        self.begin(test)
+        now = self.compute(Type.I64, f"load i64, ptr {counter}")
+        if step.text.lstrip("-").isdigit():
+            relation = "slt" if int(step.text) > 0 else "sgt"
+            more = self.compute(Type.BOOL, f"icmp {relation} i64 {now.text}, {stop.text}")
+        else:
+            up = self.compute(Type.BOOL, f"icmp sgt i64 {step.text}, 0")
+            below = self.compute(Type.BOOL, f"icmp slt i64 {now.text}, {stop.text}")
+            above = self.compute(Type.BOOL, f"icmp sgt i64 {now.text}, {stop.text}")
+            more = self.compute(Type.BOOL, f"select i1 {up.text}, i1 {below.text}, i1 {above.text}")
+        self.branch_if(more, body, other)
+        self.begin(body)
+        self.assign(node.target, now)
+        self._loop_body(node.body, again, end)
+        self.begin(again)
+        last = self.compute(Type.I64, f"load i64, ptr {counter}")
+        following = self.compute(Type.I64, f"add nsw i64 {last.text}, {step.text}")
+        self.emit(f"store i64 {following.text}, ptr {counter}")
+        self.branch(test)
+        self.begin(other)
+        self.block(node.orelse)
+        self.begin(end)
+
+    def _range(self, node: ast.For) -> tuple[Value, Value, Value]:
+        call = node.iter
+        if not (isinstance(call, ast.Call) and self.lookup(call.func) is range and not call.keywords):
+            self.fail(node, "only loops over range(...) can be compiled")
+        if not 1 <= len(call.args) <= 3:
+            self.fail(node, "range takes one to three arguments")
+        values = [self.integer(argument, "range argument") for argument in call.args]
+        if len(values) == 1:
+            values.insert(0, Value(Type.I64, "0"))
+        if len(values) == 2:
+            values.append(Value(Type.I64, "1"))
+        if values[2].text == "0":
+            self.fail(node, "the step of range is zero")
+        return values[0], values[1], values[2]
+
+    def _do_break(self, node: ast.Break) -> None:
+        self.branch(self._loops[-1][1])
+
+    def _do_continue(self, node: ast.Continue) -> None:
+        self.branch(self._loops[-1][0])
+
+
+def module_text(functions: list[str]) -> str:
+    """One LLVM module from functions."""
+    return DECLARATIONS + "\n" + "\n".join(functions)
