@@ -1,0 +1,53 @@
+"""The meaning of a tape, in NumPy: the oracle for compiled kernels, and the fallback where there is no compiler."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stc.codegen.tape import Tape
+from stc.symbolic.traverse import NUMPY_MEANING
+
+_CHUNK: Final = 4096
+"""Instances per pass: enough to hide the cost of a NumPy call, few enough for the values alive to stay in cache."""
+
+
+def run(tape: Tape, uniform: ArrayLike, varying: ArrayLike) -> NDArray[np.float64]:
+    """Run the tape on N instances at once.
+
+    ``uniform`` has shape (n_uniform,), ``varying`` (n_varying, N); the result has shape (n_outputs, N).  Invalid
+    operations give nan and overflows inf, silently, as IEEE 754 says.
+
+    Raises:
+        ValueError: an input has the wrong shape.
+    """
+    shared = np.asarray(uniform, dtype=np.float64)
+    each = np.asarray(varying, dtype=np.float64)
+    if shared.shape != (tape.n_uniform,) or each.ndim != 2 or each.shape[0] != tape.n_varying:
+        raise ValueError(
+            f"inputs of shapes {shared.shape} and {each.shape} for a tape of {tape.n_uniform} uniform "
+            f"and {tape.n_varying} varying inputs"
+        )
+    out = np.empty((len(tape.outputs), each.shape[1]))
+    with np.errstate(all="ignore"):
+        for start in range(0, each.shape[1], _CHUNK):
+            _run_chunk(tape, shared, each[:, start : start + _CHUNK], out[:, start : start + _CHUNK])
+    return out
+
+
+def _run_chunk(
+    tape: Tape, uniform: NDArray[np.float64], varying: NDArray[np.float64], out: NDArray[np.float64]
+) -> None:
+    values: list[Any] = [*uniform, *varying, *map(np.float64, tape.constants)]
+    last_use = tape.last_use
+    for number, (op, a, b) in enumerate(tape.ops):
+        meaning = NUMPY_MEANING[op]
+        values.append(meaning(values[a]) if b < 0 else meaning(values[a], values[b]))
+        if last_use[a] == number:
+            values[a] = None
+        if b >= 0 and last_use[b] == number:
+            values[b] = None
+    for row, slot in enumerate(tape.outputs):
+        out[row] = values[slot]
