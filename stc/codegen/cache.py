@@ -12,28 +12,35 @@ import hashlib
 import os
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 _MAGIC = b"stc-object-1\n"
 _SUFFIX = ".stco"
+_TEMPORARY = ".tmp"
 #: Least recently used objects are deleted when their sum exceeds this many bytes.
 SIZE_LIMIT = 512 * 1024 * 1024
 
 
-def directory() -> Path:
-    """Where objects live: ``STC_CACHE_DIR``, else the platform's cache directory for this user."""
+def directory() -> Path | None:
+    """Where objects live: ``STC_CACHE_DIR``, else the user's cache directory; None without a home."""
     chosen = os.environ.get("STC_CACHE_DIR")
     if chosen:
         return Path(chosen)
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA") or os.path.expanduser(r"~\AppData\Local")
-    elif sys.platform == "darwin":
-        base = os.path.expanduser("~/Library/Caches")
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or ""
-        if not os.path.isabs(base):  # the XDG specification: relative paths are to be ignored
-            base = os.path.expanduser("~/.cache")
-    return Path(base) / "stc"
+    base: Path | None = None
+    try:
+        if sys.platform == "win32":
+            local = os.environ.get("LOCALAPPDATA")
+            base = Path(local) if local else Path.home() / "AppData" / "Local"
+        elif sys.platform == "darwin":
+            base = Path.home() / "Library" / "Caches"
+        else:
+            base = Path(os.environ.get("XDG_CACHE_HOME") or "")
+            if not base.is_absolute():  # the XDG specification: relative paths are to be ignored
+                base = Path.home() / ".cache"
+    except RuntimeError:  # no home directory
+        return None
+    return base / "stc"
 
 
 def key_of(*parts: str) -> str:
@@ -48,7 +55,10 @@ def key_of(*parts: str) -> str:
 
 def load(key: str) -> bytes | None:
     """Object code stored under ``key``; None when absent, unreadable or damaged."""
-    path = directory() / (key + _SUFFIX)
+    folder = directory()
+    if folder is None:
+        return None
+    path = folder / (key + _SUFFIX)
     try:
         content = path.read_bytes()
     except OSError:
@@ -65,40 +75,50 @@ def load(key: str) -> bytes | None:
 def store(key: str, code: bytes) -> bool:
     """Store object code; returns whether it could be written."""
     folder = directory()
-    temporary: str | None = None
+    if folder is None:
+        return False
+    temporary: Path | None = None
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=folder, prefix="new-", suffix=".tmp")
+        # Machine code is executed as it is read: nobody else may write here.
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=folder, prefix="new-", suffix=_TEMPORARY)
+        temporary = Path(name)
         with os.fdopen(handle, "wb") as file:
             file.write(_MAGIC + hashlib.sha256(code).digest() + code)
-        os.replace(temporary, folder / (key + _SUFFIX))
+        temporary.replace(folder / (key + _SUFFIX))
     except OSError:
         if temporary is not None:
             with contextlib.suppress(OSError):
-                os.unlink(temporary)
+                temporary.unlink()
         return False
     prune(SIZE_LIMIT)
     return True
 
 
 def prune(limit: int) -> None:
-    """Delete least recently used objects until at most ``limit`` bytes remain; never raises."""
-    entries: list[tuple[float, int, str]] = []
+    """Delete least recently used objects until at most ``limit`` bytes remain; never raises.
+
+    Temporary files that a writer left behind when it died are deleted too, once they are an hour old.
+    """
+    folder = directory()
+    if folder is None:
+        return
+    entries: list[tuple[float, int, Path]] = []
     try:
-        with os.scandir(directory()) as listing:
+        with os.scandir(folder) as listing:
             for entry in listing:
-                if entry.name.endswith(_SUFFIX):
-                    with contextlib.suppress(OSError):
-                        status = entry.stat()
-                        entries.append((status.st_mtime, status.st_size, entry.path))
+                with contextlib.suppress(OSError):
+                    status = entry.stat()
+                    if entry.name.endswith(_SUFFIX):
+                        entries.append((status.st_mtime, status.st_size, Path(entry.path)))
+                    elif entry.name.endswith(_TEMPORARY) and time.time() - status.st_mtime > 3600.0:
+                        Path(entry.path).unlink()
     except OSError:
         return
     excess = sum(size for _, size, _ in entries) - limit
-    if excess <= 0:
-        return
     for _, size, path in sorted(entries):
-        with contextlib.suppress(OSError):
-            os.unlink(path)
-        excess -= size
         if excess <= 0:
             return
+        with contextlib.suppress(OSError):
+            path.unlink()
+        excess -= size

@@ -5,22 +5,22 @@
         for k in range(n):
             y[k] += a * x[k]
 
-**Types.** ``f64``, ``i64`` scalars; ``f64s``, ``i32s``, ``i64s`` one-dimensional C-contiguous arrays, passed as
-pointers (lengths are arguments of their own).  The type of a local is that of its first assignment.
+**Types.** ``f64``, ``i64`` scalars; ``f64s``, ``i32s``, ``i64s`` one-dimensional C-contiguous arrays, passed
+as pointers (lengths are arguments of their own).  The type of a local is that of its first assignment.
 
 **Statements.** Assignment (tuples too), augmented and annotated assignment, ``if``, ``while``, ``for`` over
 ``range``, ``break``, ``continue``, ``else`` on loops, ``return``.
 
-**Expressions.** ``+ - * /``, ``// %`` of integers (divisor not zero), ``& | ^`` of integers, ``**`` with a constant
-whole exponent, comparisons, ``and or not`` of conditions, ``a if c else b``, ``x[k]`` (``k >= 0``, unchecked), views
-``x[k:]``, ``min max abs float int``, the functions of :mod:`stc.codegen.native_math`, module-level numeric
-constants, and other compiled functions of any module.
+**Expressions.** ``+ - * /``, ``// %`` of integers (divisor not zero), ``& | ^`` of integers, ``**`` with a
+constant whole exponent, comparisons, ``and or not`` of conditions, ``a if c else b``, ``x[k]`` (``k >= 0``,
+unchecked), views ``x[k:]``, ``min max abs float int``, the functions of :mod:`stc.codegen.native_math`,
+module-level numeric constants, and other compiled functions of any module.
 
-All functions of one Python module are compiled at the first call of one of them, into one object that is kept on disk.
-Arrays written by a call must not overlap its other arrays.  Arithmetic is IEEE, as written; ``fast=True`` lets the
-compiler fuse multiply-adds and reorder sums (nan and infinity keep their meaning).  ``inline=True`` copies the body
-into every caller.  Without LLVM, or with ``STC_BACKEND=python``, the same functions run as plain Python.
-The interpreter lock is released while compiled code runs.
+All functions of one Python module are compiled at the first call of one of them, into one object that is kept
+on disk.  Arrays written by a call must not overlap its other arrays.  Arithmetic is IEEE, as written;
+``fast=True`` lets the compiler fuse multiply-adds and reorder sums (nan and infinity keep their meaning).
+``inline=True`` copies the body into every caller.  Without LLVM, or with ``STC_BACKEND=python``, the same
+functions run as plain Python.  The interpreter lock is released while compiled code runs.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ R = TypeVar("R")
 _CTYPES: dict[Type, Any] = {Type.F64: ctypes.c_double, Type.I64: ctypes.c_int64, Type.NONE: None}
 _lock = threading.RLock()
 _registry: dict[str, dict[str, NativeFunction[..., Any]]] = {}
-_one_byte = ctypes.c_char.from_buffer
+_one_byte: Callable[[Any], Any] = ctypes.c_char.from_buffer
 _address_of = ctypes.addressof
 
 
@@ -137,6 +137,7 @@ class NativeFunction(Generic[P, R]):
     """A function of the compiled subset; call it like the Python function it was."""
 
     def __init__(self, function: Callable[P, R], *, fast: bool, inline: bool) -> None:
+        self.__name__ = function.__name__
         functools.update_wrapper(self, function)
         self.function = function
         self.fast = fast
@@ -163,10 +164,10 @@ class NativeFunction(Generic[P, R]):
             NativeError: a wrong argument; on first use, code outside the subset.
         """
         call = self._call or self._prepare()
-        return call(*args, **kwargs)  # type: ignore[no-any-return]
+        return call(*args, **kwargs)
 
     def bind(self, *args: Any) -> Bound:
-        """Prepare a call once to make it often: arrays are kept alive and addressed now, scalars stay settable.
+        """Prepare a call once to make it often: arrays are addressed and kept alive, scalars stay settable.
 
         Raises:
             NativeError: a wrong argument; on first use, code outside the subset.
@@ -232,7 +233,7 @@ class NativeFunction(Generic[P, R]):
 
     def _checked(self, entry: Callable[..., Any], *, convert: bool) -> Callable[..., Any]:
         """Wrap an entry in a function with this one's parameters that checks the arrays."""
-        names = {"_entry": entry, "_address": array_address}
+        names: dict[str, Any] = {"_entry": entry, "_address": array_address}
         passed, checks = [], []
         for name, type_ in zip(self.signature.names, self.signature.types, strict=True):
             if not type_.is_array:

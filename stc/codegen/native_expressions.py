@@ -11,7 +11,7 @@ import builtins
 import math
 import struct
 from collections.abc import Callable
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
 from stc.codegen import native_math
 from stc.codegen.native_types import NativeError, Signature, Type
@@ -96,9 +96,9 @@ class ExpressionEmitter:
 
     # ---- low level ----------------------------------------------------------------------------------
 
-    def fail(self, node: ast.AST, message: str) -> NoReturn:
-        """Refuse a piece of source."""
-        raise NativeError(f"{self.filename}:{getattr(node, 'lineno', 0)}: {message}")
+    def error(self, node: ast.AST, message: str) -> NativeError:
+        """The refusal of a piece of source, to be raised."""
+        return NativeError(f"{self.filename}:{getattr(node, 'lineno', 0)}: {message}")
 
     def register(self) -> str:
         """A fresh register name."""
@@ -162,13 +162,13 @@ class ExpressionEmitter:
             if value.text.lstrip("-").isdigit():
                 return Value(Type.F64, float_literal(float(value.text)))
             return self.compute(Type.F64, f"sitofp i64 {value.text} to double")
-        self.fail(node, f"{what} is {value.type.value} where {type_.value} is needed")
+        raise self.error(node, f"{what} is {value.type.value} where {type_.value} is needed")
 
     def number(self, node: ast.expr) -> Value:
         """A scalar."""
         value = self.expression(node)
         if value.type.is_array or value.type is Type.NONE:
-            self.fail(node, f"a number is needed, not {value.type.value}")
+            raise self.error(node, f"a number is needed, not {value.type.value}")
         return value
 
     def integer(self, node: ast.expr, what: str) -> Value:
@@ -195,7 +195,9 @@ class ExpressionEmitter:
         """Emit any expression."""
         method = getattr(self, "_" + type(node).__name__.lower(), None)
         if method is None:
-            self.fail(node, f"{type(node).__name__} expressions cannot be compiled: {ast.unparse(node)}")
+            raise self.error(
+                node, f"{type(node).__name__} expressions cannot be compiled: {ast.unparse(node)}"
+            )
         value: Value = method(node)
         return value
 
@@ -205,11 +207,11 @@ class ExpressionEmitter:
             return Value(Type.BOOL, "true" if value else "false")
         if isinstance(value, int):
             if not -(2**63) <= value < 2**63:
-                self.fail(node, f"integer {value} does not fit 64 bits")
+                raise self.error(node, f"integer {value} does not fit 64 bits")
             return Value(Type.I64, str(value))
         if isinstance(value, float):
             return Value(Type.F64, float_literal(value))
-        self.fail(node, f"{value!r} is not a number")
+        raise self.error(node, f"{value!r} is not a number")
 
     def _constant(self, node: ast.Constant) -> Value:
         return self.literal(node.value, node)
@@ -219,7 +221,7 @@ class ExpressionEmitter:
             type_, slot = self.locals[node.id]
             return self.compute(type_, f"load {type_.ir}, ptr {slot}")
         if node.id in self.assigned_names:
-            self.fail(node, f"{node.id} is read before anything is assigned to it")
+            raise self.error(node, f"{node.id} is read before anything is assigned to it")
         return self._constant_object(node)
 
     def _attribute(self, node: ast.Attribute) -> Value:
@@ -240,7 +242,9 @@ class ExpressionEmitter:
         if isinstance(found, (bool, int, float)):
             return self.literal(found, node)
         what = "is not defined" if found is None else "is not a number"
-        self.fail(node, f"{ast.unparse(node)} {what} (only module-level numeric constants can be used)")
+        raise self.error(
+            node, f"{ast.unparse(node)} {what} (only module-level numeric constants can be used)"
+        )
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):
@@ -251,7 +255,7 @@ class ExpressionEmitter:
         if isinstance(node.op, ast.UAdd):
             return value
         if not isinstance(node.op, ast.USub):
-            self.fail(node, f"operator cannot be compiled: {ast.unparse(node)}")
+            raise self.error(node, f"operator cannot be compiled: {ast.unparse(node)}")
         if value.type is Type.F64:
             if value.text.startswith("0x"):
                 bits = int(value.text, 16) ^ (1 << 63)
@@ -285,7 +289,7 @@ class ExpressionEmitter:
             if type(op) in _BITWISE:
                 return self.compute(type_, f"{_BITWISE[type(op)]} i64 {left.text}, {right.text}")
         symbol = type(op).__name__
-        self.fail(node, f"operator {symbol} cannot be compiled for {type_.value} operands")
+        raise self.error(node, f"operator {symbol} cannot be compiled for {type_.value} operands")
 
     def _power_of_two(self, value: Value) -> int | None:
         if value.text.isdigit() and int(value.text) > 0 and int(value.text).bit_count() == 1:
@@ -321,7 +325,7 @@ class ExpressionEmitter:
     def _power(self, node: ast.BinOp) -> Value:
         base, exponent = self.number(node.left), self.number(node.right)
         if exponent.type is not Type.I64 or not exponent.text.lstrip("-").isdigit():
-            self.fail(node, "the exponent must be a constant whole number")
+            raise self.error(node, "the exponent must be a constant whole number")
         n = int(exponent.text)
         if base.type is Type.BOOL or (n < 0 and base.type is Type.I64):
             base = self.convert(base, Type.F64 if n < 0 else Type.I64, node)
@@ -360,7 +364,7 @@ class ExpressionEmitter:
 
     def _compare_one(self, op: ast.cmpop, left: Value, right: Value, node: ast.AST) -> Value:
         if type(op) not in _COMPARE:
-            self.fail(node, f"comparison {type(op).__name__} cannot be compiled")
+            raise self.error(node, f"comparison {type(op).__name__} cannot be compiled")
         left, right, type_ = self.common(left, right, node)
         real, whole = _COMPARE[type(op)]
         if type_ is Type.F64:
@@ -372,7 +376,7 @@ class ExpressionEmitter:
         for position, operand in enumerate(node.values):
             value = self.number(operand)
             if value.type is not Type.BOOL:
-                self.fail(operand, "operands of and/or must be conditions; write a comparison")
+                raise self.error(operand, "operands of and/or must be conditions; write a comparison")
             self.emit(f"store i1 {value.text}, ptr {slot}")
             if position < len(node.values) - 1:
                 more = self.label("operand")
@@ -417,10 +421,10 @@ class ExpressionEmitter:
         """Type of the array and address of one element."""
         array = self.expression(node.value)
         if not array.type.is_array:
-            self.fail(node, f"{ast.unparse(node.value)} is not an array")
+            raise self.error(node, f"{ast.unparse(node.value)} is not an array")
         index = self.integer(node.slice, "index")
         if index.text.startswith("-"):
-            self.fail(node, "negative indices cannot be compiled: lengths are not known")
+            raise self.error(node, "negative indices cannot be compiled: lengths are not known")
         pointer = self.compute(
             array.type, f"getelementptr inbounds {array.type.element_ir}, ptr {array.text}, i64 {index.text}"
         )
@@ -438,9 +442,9 @@ class ExpressionEmitter:
             return self.load_element(*self.element_address(node))
         array = self.expression(node.value)
         if not array.type.is_array:
-            self.fail(node, f"{ast.unparse(node.value)} is not an array")
+            raise self.error(node, f"{ast.unparse(node.value)} is not an array")
         if node.slice.step is not None:
-            self.fail(node, "views with a step cannot be compiled")
+            raise self.error(node, "views with a step cannot be compiled")
         if node.slice.lower is None:
             return array
         offset = self.integer(node.slice.lower, "offset")
@@ -452,7 +456,7 @@ class ExpressionEmitter:
 
     def _call(self, node: ast.Call) -> Value:
         if node.keywords or any(isinstance(argument, ast.Starred) for argument in node.args):
-            self.fail(node, "only plain positional arguments can be compiled")
+            raise self.error(node, "only plain positional arguments can be compiled")
         target = self.lookup(node.func)
         callee = self.callee_of(target)
         if callee is not None:
@@ -478,11 +482,13 @@ class ExpressionEmitter:
         if target in (builtins.abs, builtins.float, builtins.int):
             return self._builtin(node, target)
         what = "is not defined" if target is None else "is not compiled itself"
-        self.fail(node, f"{name}() cannot be called from compiled code: it {what}")
+        raise self.error(node, f"{name}() cannot be called from compiled code: it {what}")
 
     def _arguments(self, node: ast.Call, count: int, name: str, type_: Type | None = None) -> list[Value]:
         if len(node.args) != count:
-            self.fail(node, f"{name}() takes {count} argument{'s' * (count > 1)}, not {len(node.args)}")
+            raise self.error(
+                node, f"{name}() takes {count} argument{'s' * (count > 1)}, not {len(node.args)}"
+            )
         values = [self.number(argument) for argument in node.args]
         return values if type_ is None else [self.convert(value, type_, node, "argument") for value in values]
 
@@ -503,7 +509,7 @@ class ExpressionEmitter:
     def _extremum(self, node: ast.Call, relation: str) -> Value:
         """min and max keep the first of equals, and the first where nan is involved, as Python's do."""
         if len(node.args) < 2:
-            self.fail(node, "min and max need at least two numbers")
+            raise self.error(node, "min and max need at least two numbers")
         best = self.number(node.args[0])
         for argument in node.args[1:]:
             best, other, type_ = self.common(best, self.number(argument), node)
@@ -518,7 +524,7 @@ class ExpressionEmitter:
         signature = callee.signature
         name = ast.unparse(node.func)
         if len(node.args) != len(signature.types):
-            self.fail(node, f"{name}() takes {len(signature.types)} arguments, not {len(node.args)}")
+            raise self.error(node, f"{name}() takes {len(signature.types)} arguments, not {len(node.args)}")
         arguments = []
         for parameter, type_, argument in zip(signature.names, signature.types, node.args, strict=True):
             value = self.convert(

@@ -48,11 +48,14 @@ class FunctionEmitter(ExpressionEmitter):
         self.block(self.definition.body)
         if not self.terminated:
             if self.signature.result is not Type.NONE:
-                self.fail(self.definition, f"{self.definition.name}() may end without returning a value")
+                raise self.error(
+                    self.definition, f"{self.definition.name}() may end without returning a value"
+                )
             self.emit("ret void")
         linkage = "" if self.exported else "internal "
         attributes = "nounwind" + (" alwaysinline" if self.inline else "")
-        head = f"define {linkage}{self.signature.result.ir} @{self.symbol}({', '.join(parameters)}) {attributes} {{"
+        result = self.signature.result.ir
+        head = f"define {linkage}{result} @{self.symbol}({', '.join(parameters)}) {attributes} {{"
         text = [head, "entry:", *self.entry, *self.lines, "}"]
         if self.exported:
             text.extend(self._packed_entry())
@@ -84,7 +87,7 @@ class FunctionEmitter(ExpressionEmitter):
         """Emit one statement."""
         method = getattr(self, "_do_" + type(node).__name__.lower(), None)
         if method is None:
-            self.fail(node, f"{type(node).__name__} statements cannot be compiled")
+            raise self.error(node, f"{type(node).__name__} statements cannot be compiled")
         method(node)
 
     def _do_pass(self, node: ast.Pass) -> None:
@@ -94,14 +97,14 @@ class FunctionEmitter(ExpressionEmitter):
         if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             return  # documentation
         if not isinstance(node.value, ast.Call):
-            self.fail(node, "an expression without effect")
+            raise self.error(node, "an expression without effect")
         self.expression(node.value)
 
     def _do_assign(self, node: ast.Assign) -> None:
         if len(node.targets) == 1 and isinstance(node.targets[0], ast.Tuple):
             targets = node.targets[0].elts
             if not isinstance(node.value, ast.Tuple) or len(node.value.elts) != len(targets):
-                self.fail(node, "a tuple can only be assigned from as many values")
+                raise self.error(node, "a tuple can only be assigned from as many values")
             values = [self.expression(element) for element in node.value.elts]
             for target, value in zip(targets, values, strict=True):
                 self.assign(target, value)
@@ -113,26 +116,26 @@ class FunctionEmitter(ExpressionEmitter):
     def _do_annassign(self, node: ast.AnnAssign) -> None:
         type_ = type_of_annotation(ast.unparse(node.annotation))
         if type_ is None or type_ is Type.NONE:
-            self.fail(node, f"{ast.unparse(node.annotation)} is not a type of compiled code")
+            raise self.error(node, f"{ast.unparse(node.annotation)} is not a type of compiled code")
         if not isinstance(node.target, ast.Name):
-            self.fail(node, "only names can be declared")
+            raise self.error(node, "only names can be declared")
         if node.target.id not in self.locals:
             self.locals[node.target.id] = (type_, self.slot(type_))
         elif self.locals[node.target.id][0] is not type_:
-            self.fail(node, f"{node.target.id} already is {self.locals[node.target.id][0].value}")
+            raise self.error(node, f"{node.target.id} already is {self.locals[node.target.id][0].value}")
         if node.value is not None:
             self.assign(node.target, self.expression(node.value))
 
     def _do_augassign(self, node: ast.AugAssign) -> None:
         if isinstance(node.op, ast.Pow):
-            self.fail(node, "**= cannot be compiled; write x = x**n")
+            raise self.error(node, "**= cannot be compiled; write x = x**n")
         if isinstance(node.target, ast.Subscript):
             type_, address = self.element_address(node.target)
             result = self.binary(node.op, self.load_element(type_, address), self.number(node.value), node)
             self.store_element(type_, address, result, node)
             return
         if not isinstance(node.target, ast.Name) or node.target.id not in self.locals:
-            self.fail(node, f"{ast.unparse(node.target)} is changed before anything is assigned to it")
+            raise self.error(node, f"{ast.unparse(node.target)} is changed before anything is assigned to it")
         current = self.number(node.target)
         self.assign(node.target, self.binary(node.op, current, self.number(node.value), node))
 
@@ -140,19 +143,19 @@ class FunctionEmitter(ExpressionEmitter):
         """Store a value to a name or an array element."""
         if isinstance(target, ast.Subscript):
             if isinstance(target.slice, ast.Slice):
-                self.fail(target, "only single elements can be assigned")
+                raise self.error(target, "only single elements can be assigned")
             type_, address = self.element_address(target)
             self.store_element(type_, address, value, target)
             return
         if not isinstance(target, ast.Name):
-            self.fail(target, f"cannot assign to {ast.unparse(target)}")
+            raise self.error(target, f"cannot assign to {ast.unparse(target)}")
         if value.type is Type.NONE:
-            self.fail(target, "the call returns nothing")
+            raise self.error(target, "the call returns nothing")
         if target.id not in self.locals:
             self.locals[target.id] = (value.type, self.slot(value.type))
         type_, slot = self.locals[target.id]
         if type_ is Type.I64 and value.type is Type.F64:
-            self.fail(
+            raise self.error(
                 target, f"{target.id} was first assigned an integer and now a float; start it with a float"
             )
         value = self.convert(value, type_, target, f"value for {target.id}")
@@ -171,11 +174,11 @@ class FunctionEmitter(ExpressionEmitter):
         result = self.signature.result
         if node.value is None or (isinstance(node.value, ast.Constant) and node.value.value is None):
             if result is not Type.NONE:
-                self.fail(node, f"a value of type {result.value} must be returned")
+                raise self.error(node, f"a value of type {result.value} must be returned")
             self.emit("ret void")
         else:
             if result is Type.NONE:
-                self.fail(node, "the function is declared to return nothing")
+                raise self.error(node, "the function is declared to return nothing")
             value = self.convert(self.expression(node.value), result, node, "returned value")
             self.emit(f"ret {result.ir} {value.text}")
         self.terminated = True
@@ -228,7 +231,7 @@ class FunctionEmitter(ExpressionEmitter):
     def _do_for(self, node: ast.For) -> None:
         start, stop, step = self._range(node)
         if not isinstance(node.target, ast.Name):
-            self.fail(node, "the loop variable must be a name")
+            raise self.error(node, "the loop variable must be a name")
         counter = self.slot(Type.I64)
         test, body, again, other, end = (
             self.label(hint) for hint in ("fortest", "for", "fornext", "forelse", "endfor")
@@ -260,16 +263,16 @@ class FunctionEmitter(ExpressionEmitter):
     def _range(self, node: ast.For) -> tuple[Value, Value, Value]:
         call = node.iter
         if not (isinstance(call, ast.Call) and self.lookup(call.func) is range and not call.keywords):
-            self.fail(node, "only loops over range(...) can be compiled")
+            raise self.error(node, "only loops over range(...) can be compiled")
         if not 1 <= len(call.args) <= 3:
-            self.fail(node, "range takes one to three arguments")
+            raise self.error(node, "range takes one to three arguments")
         values = [self.integer(argument, "range argument") for argument in call.args]
         if len(values) == 1:
             values.insert(0, Value(Type.I64, "0"))
         if len(values) == 2:
             values.append(Value(Type.I64, "1"))
         if values[2].text == "0":
-            self.fail(node, "the step of range is zero")
+            raise self.error(node, "the step of range is zero")
         return values[0], values[1], values[2]
 
     def _do_break(self, node: ast.Break) -> None:

@@ -1,7 +1,7 @@
 """Compiled functions as plain Python, with the arithmetic of the machine.
 
-Python raises where hardware gives inf or nan (division by zero), and NumPy's scalars are slow and wrap around at
-32 bits; so the function's own syntax tree is rewritten a little before it is handed back to Python:
+Python raises where hardware gives inf or nan (division by zero), and NumPy's scalars are slow and wrap around
+at 32 bits; so the function's own syntax tree is rewritten a little before it is handed back to Python:
 ``x[k]`` becomes ``x.item(k)``, ``a / b`` and ``a ** n`` become calls.
 """
 

@@ -62,7 +62,11 @@ _ELEMENT = {
     Type.I32S: ("i32", Type.I64),
     Type.I64S: ("i64", Type.I64),
 }
-DTYPES = {Type.F64S: np.dtype(np.float64), Type.I32S: np.dtype(np.int32), Type.I64S: np.dtype(np.int64)}
+DTYPES: dict[Type, np.dtype[Any]] = {
+    Type.F64S: np.dtype(np.float64),
+    Type.I32S: np.dtype(np.int32),
+    Type.I64S: np.dtype(np.int64),
+}
 
 _BY_NAME = {kind.value: kind for kind in Type} | {"float": Type.F64, "int": Type.I64}
 _BY_OBJECT: tuple[tuple[Any, Type], ...] = (
