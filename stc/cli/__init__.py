@@ -1,0 +1,94 @@
+"""The command line: ``stc solve``, ``run``, ``validate``, ``check``, ``show``, ``list``, ``new``.
+
+:mod:`stc.cli.app` declares the commands and their options, :mod:`stc.cli.jobs` carries them out,
+:mod:`stc.cli.console` shows results to people, :mod:`stc.cli.record` to programs.  What goes wrong is turned into
+a message and an exit status here, in one place: 0 optimal (or validated), 1 not, 2 a mistake in the input.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from stc.errors import StcError
+
+__all__ = ["main", "run"]
+
+#: Exit statuses.
+GOOD, BAD, MISTAKE = 0, 1, 2
+
+
+def main() -> NoReturn:
+    """The console script: run the command line of this process and exit."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Carry out one command line and return its exit status; nothing is raised.
+
+    Args:
+        arguments: the words after ``stc``.
+    """
+    as_json = "--json" in arguments
+    try:
+        from stc.cli.app import app
+
+        status = app(args=list(arguments), prog_name="stc", standalone_mode=False)
+        sys.stdout.flush()
+        return status if isinstance(status, int) else GOOD
+    except BrokenPipeError:
+        # The reader has left (`stc list | head -1`).  Python would complain once more when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BAD
+    except KeyboardInterrupt:
+        return _report(as_json, "interrupted", "interrupted", BAD)
+    except SystemExit as exit_:
+        return exit_.code if isinstance(exit_.code, int) else BAD
+    except StcError as error:
+        return _report(as_json, "error", str(error), MISTAKE, error)
+    except OSError as error:
+        if error.errno is None:
+            return _unexpected(as_json, error)
+        where = f"{error.filename}: " if error.filename is not None else ""
+        return _report(as_json, "error", f"{where}{error.strerror or error}", MISTAKE)
+    except Exception as error:
+        # Wrong usage of a command; typer and its parser give it several classes, which all know how to say so.
+        if hasattr(error, "format_message"):
+            return _report(as_json, "error", _usage(error), MISTAKE)
+        return _unexpected(as_json, error)
+
+
+def _usage(error: Exception) -> str:
+    """A parser's complaint with a pointer to the help of the command that it is about."""
+    context = getattr(error, "ctx", None)
+    message = error.format_message()  # type: ignore[attr-defined]
+    command = context.command_path if context is not None else "stc"
+    return f"{message}\n  `{command} --help` tells what it takes"
+
+
+def _unexpected(as_json: bool, error: Exception) -> int:
+    """A defect of the program itself: one clear line, the traceback only on request."""
+    if os.environ.get("STC_DEBUG"):
+        import traceback
+
+        traceback.print_exc()
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    return _report(
+        as_json,
+        "failed",
+        f"stc itself failed ({what}). Please report this with the spec and the command; STC_DEBUG=1 shows where.",
+        BAD,
+    )
+
+
+def _report(as_json: bool, status: str, message: str, code: int, error: StcError | None = None) -> int:
+    """Print what went wrong on standard error and, if asked, the JSON object on standard output."""
+    text = message if message.startswith("stc") or getattr(error, "diagnostics", ()) else f"stc: {message}"
+    print(text, file=sys.stderr)
+    if as_json:
+        from stc.cli import record
+
+        record.write(record.of_failure(status, message, error))
+    return code

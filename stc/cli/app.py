@@ -1,0 +1,130 @@
+"""The commands and their options; what they do is in :mod:`stc.cli.jobs`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from stc import __version__
+from stc.cli import jobs
+from stc.cli.options import (
+    Force,
+    Json,
+    MaxIterations,
+    Method,
+    Output,
+    Set,
+    Spec,
+    SpecOrSolution,
+    TimeLimit,
+    Tolerance,
+    WarmStart,
+    solve_options,
+)
+
+app = typer.Typer(
+    help="State a motion as constraints and an objective, solve it, and have MuJoCo judge it.",
+    epilog="Exit status: 0 optimal (or validated), 1 not, 2 a mistake in the input.",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.callback(invoke_without_command=True)
+def top(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    if version:
+        print(f"stc {__version__}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+@app.command()
+def solve(
+    spec: Spec,
+    settings: Set = None,
+    method: Method = None,
+    max_iterations: MaxIterations = None,
+    time_limit: TimeLimit = None,
+    tolerance: Tolerance = None,
+    warm_start: WarmStart = None,
+    output: Output = None,
+    json: Json = False,
+) -> int:
+    """Solve a spec and save the motion."""
+    options = solve_options(settings, method, max_iterations, time_limit, tolerance, warm_start, output)
+    return jobs.solve(spec, options, as_json=json)
+
+
+@app.command()
+def run(
+    spec: Spec,
+    settings: Set = None,
+    method: Method = None,
+    max_iterations: MaxIterations = None,
+    time_limit: TimeLimit = None,
+    tolerance: Tolerance = None,
+    warm_start: WarmStart = None,
+    output: Output = None,
+    force: Force = False,
+    json: Json = False,
+) -> int:
+    """Solve a spec, save the motion and validate it in MuJoCo."""
+    options = solve_options(settings, method, max_iterations, time_limit, tolerance, warm_start, output)
+    return jobs.run(spec, options, force=force, as_json=json)
+
+
+@app.command()
+def validate(
+    target: SpecOrSolution,
+    settings: Set = None,
+    method: Method = None,
+    max_iterations: MaxIterations = None,
+    time_limit: TimeLimit = None,
+    tolerance: Tolerance = None,
+    warm_start: WarmStart = None,
+    output: Output = None,
+    force: Force = False,
+    json: Json = False,
+) -> int:
+    """Validate a saved motion in MuJoCo, or solve a spec and validate that."""
+    options = solve_options(settings, method, max_iterations, time_limit, tolerance, warm_start, output)
+    return jobs.validate(target, options, force=force, as_json=json)
+
+
+@app.command()
+def check(spec: Spec, settings: Set = None, method: Method = None, json: Json = False) -> int:
+    """Read a spec without solving it: mistakes, warnings, sizes."""
+    options = solve_options(settings, method, None, None, None, None, None)
+    return jobs.check(spec, options, as_json=json)
+
+
+@app.command()
+def show(
+    spec: Spec,
+    stage: Annotated[str, typer.Option("--stage", metavar="STAGE", help="What to print; `list` names them.")],
+    settings: Set = None,
+    method: Method = None,
+) -> int:
+    """Print what one stage makes of a spec: tokens, syntax, problem, operations, machine code, ..."""
+    options = solve_options(settings, method, None, None, None, None, None)
+    return jobs.show(spec, stage, options)
+
+
+@app.command("list")
+def list_(json: Json = False) -> int:
+    """List the bundled specs."""
+    return jobs.list_specs(as_json=json)
+
+
+@app.command()
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the spec; NAME.stc is written.")],
+) -> int:
+    """Write a commented starter spec that solves and validates."""
+    return jobs.new(name)

@@ -1,0 +1,86 @@
+"""Results as people read them: tables on standard output, warnings and notes on standard error."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from stc.errors import Diagnostic
+    from stc.solution import Solution
+
+#: More parameters than this are counted instead of listed.
+MOST_PARAMETERS = 12
+
+
+def show_solution(solution: Solution, file: Path | None) -> None:
+    """The outcome of a solve; ``file`` is where it is saved, None when it is not."""
+    good = solution.status == "optimal"
+    status = f"[green]{solution.status}[/green]" if good else f"[bold red]{solution.status}[/bold red]"
+    rows = [
+        ("status", status),
+        ("objective", f"{solution.objective:.10g}"),
+        ("violation", f"{solution.violation:.2e}"),
+        ("optimality", f"{solution.optimality:.2e}"),
+        ("iterations", f"{solution.iterations} ({solution.factorizations} factorizations)"),
+        ("size", f"{len(solution.x)} variables, {len(solution.row_multipliers)} rows"),
+    ]
+    for name, value in list(solution.parameters.items())[:MOST_PARAMETERS]:
+        rows.append((name, f"{value:.10g}"))
+    if len(solution.parameters) > MOST_PARAMETERS:
+        rows.append(("", f"and {len(solution.parameters) - MOST_PARAMETERS} more parameters"))
+    rows.append(("time", times(solution)))
+    if file is not None:
+        rows.append(("saved", escape(str(file))))
+    print_table(f"{solution.name}, {solution.method}, n = {solution.n}", rows)
+    if not good and solution.message:
+        print(solution.message)
+
+
+def times(solution: Solution) -> str:
+    """The seconds of a solve, in all and by stage."""
+    seconds = dict(solution.seconds)
+    total = seconds.pop("total", sum(seconds.values()))
+    stages = ", ".join(f"{stage} {value:.3f}" for stage, value in seconds.items())
+    return f"{total:.3f} s ({stages})" if stages else f"{total:.3f} s"
+
+
+def print_table(title: str, rows: Sequence[Sequence[str]], header: Sequence[str] = ()) -> None:
+    """A title and an unframed table on standard output; cells may carry rich's markup."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(
+        box=None, show_header=bool(header), pad_edge=False, padding=(0, 3, 0, 0), header_style="bold"
+    )
+    columns = header or [""] * max((len(row) for row in rows), default=0)
+    for at, name in enumerate(columns):
+        # The first column names things; where there is no header it stands back behind the values.
+        table.add_column(name, style="dim" if at == 0 and not header else "", no_wrap=at == 0)
+    for row in rows:
+        table.add_row(*row)
+    # Into a file or a pipe a table is as wide as it needs to be: nothing there should be cut or wrapped.
+    console = Console(highlight=False, soft_wrap=False, width=None if sys.stdout.isatty() else 10_000)
+    if title:
+        console.print(title, style="bold", markup=False)
+    console.print(table)
+
+
+def escape(text: str) -> str:
+    """Text that rich should show as it is."""
+    from rich.markup import escape as escape_markup
+
+    return escape_markup(text)
+
+
+def warn(diagnostics: Iterable[Diagnostic]) -> None:
+    """Warnings about a spec, on standard error."""
+    for one in diagnostics:
+        print(one.render(), file=sys.stderr)
+
+
+def note(text: str) -> None:
+    """A remark on standard error."""
+    print(f"note: {text}", file=sys.stderr)

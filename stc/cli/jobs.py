@@ -1,0 +1,142 @@
+"""What the commands do: each function carries out one and returns the exit status.
+
+Mistakes in the input are raised and turned into a message in :mod:`stc.cli`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stc.cli import BAD, GOOD, console, record
+from stc.cli.live import Watch
+from stc.cli.options import SolveOptions, existing_solution, is_solution, writable_solution
+
+if TYPE_CHECKING:
+    from stc.pipeline import Model
+    from stc.problem import Problem
+    from stc.solution import Solution
+
+
+def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
+    """Solve and save."""
+    model = load(spec, options)
+    solution, file = solve_and_save(model, options, as_json=as_json, save=True)
+    _show(solution, file, as_json)
+    return GOOD if solution.status == "optimal" else BAD
+
+
+def run(spec: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
+    """Solve, save, validate."""
+    model = load(spec, options)
+    solution, file = solve_and_save(model, options, as_json=as_json, save=True)
+    return _validated(solution, file, force, as_json)
+
+
+def validate(target: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
+    """Validate a saved solution, or what solving a spec gives; that is saved only if a file is named."""
+    if is_solution(target):
+        from stc.errors import UsageError
+        from stc.solution import read
+
+        if options != SolveOptions({}):
+            raise UsageError(f"`{target}` is solved already: the options of a solve do not apply to it")
+        path = existing_solution(target)
+        return _validated(read(path), path, force, as_json)
+    model = load(target, options)
+    solution, file = solve_and_save(model, options, as_json=as_json, save=options.output is not None)
+    return _validated(solution, file, force, as_json)
+
+
+def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
+    """Read a spec as far as its nonlinear program, and tell its sizes."""
+    model = load(spec, options)
+    problem, transcription = model.transcription(options.method)
+    console.warn(problem.warnings)
+    sizes = {
+        "variables": transcription.program.size,
+        "rows": transcription.program.row_count,
+        "jacobian": len(transcription.program.jac_rows),
+        "hessian": len(transcription.program.hess_rows),
+    }
+    if as_json:
+        facts = {"name": model.name, "method": problem.method, "n": problem.n, **sizes}
+        warnings = record.of_diagnostics(problem.warnings)
+        record.write(
+            {**record.blank("ok"), **facts, "constants": dict(problem.constants), "warnings": warnings}
+        )
+        return GOOD
+    rows = [
+        ("unknowns", f"{len(problem.variables)} variables a frame, {len(problem.parameters)} parameters"),
+        ("size", f"{sizes['variables']} variables, {sizes['rows']} rows"),
+        ("nonzeros", f"{sizes['jacobian']} in the Jacobian, {sizes['hessian']} in the Hessian's lower half"),
+        ("warnings", str(len(problem.warnings))),
+    ]
+    console.print_table(f"{model.name}, {problem.method}, n = {problem.n}: no mistakes", rows)
+    return GOOD
+
+
+def show(spec: str, stage: str, options: SolveOptions) -> int:
+    """Print one stage of the walk from text to solution."""
+    from stc.cli import stages
+
+    printer = stages.find(stage)
+    print(printer(load(spec, options), options.method))
+    return GOOD
+
+
+def list_specs(*, as_json: bool) -> int:
+    """Name the bundled specs."""
+    from stc import specs
+
+    found = [(name, specs.title(name)) for name in specs.names()]
+    if as_json:
+        record.write({"status": "ok", "specs": [{"name": name, "summary": text} for name, text in found]})
+    else:
+        console.print_table("", [(name, console.escape(text)) for name, text in found])
+    return GOOD
+
+
+def new(name: str) -> int:
+    """Write the starter spec under a name that is still free."""
+    from stc.cli.starter import write
+
+    path = write(name)
+    print(f"{path} written; next: stc run {path}")
+    return GOOD
+
+
+def load(spec: str, options: SolveOptions) -> Model:
+    """The model of a path or bundled name with the constants that the user gave."""
+    from stc.bundled import find_spec
+    from stc.pipeline import Model, read_source
+
+    return Model(read_source(find_spec(spec)), options.constants)
+
+
+def solve_and_save(
+    model: Model, options: SolveOptions, *, as_json: bool, save: bool
+) -> tuple[Solution, Path | None]:
+    """Solve, with the live line, and save whatever came out."""
+    file = options.output
+    if save and file is None:
+        file = writable_solution(f"{model.name}.npz")
+    with Watch(model.name, visible=not as_json) as watch:
+        solution = model.solve(
+            method=options.method,
+            tolerance=options.tolerance,
+            max_iterations=options.max_iterations,
+            time_limit=options.time_limit,
+            warm_start=options.warm_start,
+            callback=watch,
+        )
+        if file is not None:
+            solution.save(file)
+    return solution, file
+
+
+def _show(solution: Solution, file: Path | None, as_json: bool) -> None:
+    if as_json:
+        record.write(record.of_solution(solution, None if file is None else str(file)))
+    else:
+        console.show_solution(solution, file)

@@ -1,0 +1,209 @@
+"""The options that several commands share: their types for the parser, and the checks that the parser cannot do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stc.errors import UsageError
+
+if TYPE_CHECKING:
+    from stc.language.syntax import Name
+
+#: Kinds of file that a solution is saved as.
+SOLUTION_SUFFIXES = (".npz", ".csv")
+
+Spec = Annotated[str, typer.Argument(metavar="SPEC", help="A .stc file or the name of a bundled spec.")]
+SpecOrSolution = Annotated[
+    str,
+    typer.Argument(metavar="SPEC|SOLUTION", help="A saved solution (.npz, .csv), or a spec to solve first."),
+]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="NAME=VALUE", help="Give a constant another value, such as h=1/30. Repeatable."
+    ),
+]
+Method = Annotated[
+    str | None,
+    typer.Option(
+        "--method", metavar="METHOD", help="central, trapezoidal or hermite-simpson, whatever the spec says."
+    ),
+]
+MaxIterations = Annotated[
+    int | None, typer.Option("--max-iterations", metavar="COUNT", help="Stop after this many iterations.")
+]
+TimeLimit = Annotated[
+    float | None, typer.Option("--time-limit", metavar="SECONDS", help="Stop after this much time.")
+]
+Tolerance = Annotated[
+    float | None, typer.Option("--tolerance", metavar="ERROR", help="Largest error that counts as solved.")
+]
+WarmStart = Annotated[
+    str | None,
+    typer.Option(
+        "--warm-start", metavar="FILE", help="Start from a saved solution, resampled where n differs."
+    ),
+]
+Output = Annotated[
+    str | None,
+    typer.Option(
+        "-o", "--output", metavar="FILE", help="Where the solution goes: .npz or .csv; default NAME.npz."
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+Force = Annotated[bool, typer.Option("--force", help="Replay even what the solver did not call optimal.")]
+
+
+@dataclass(frozen=True, slots=True)
+class SolveOptions:
+    """What the user asked of one solve; None leaves the choice to the spec or the solver."""
+
+    constants: dict[str, float]
+    method: str | None = None
+    max_iterations: int | None = None
+    time_limit: float | None = None
+    tolerance: float | None = None
+    warm_start: Path | None = None
+    output: Path | None = None
+
+
+def solve_options(
+    settings: Sequence[str] | None,
+    method: str | None,
+    max_iterations: int | None,
+    time_limit: float | None,
+    tolerance: float | None,
+    warm_start: str | None,
+    output: str | None,
+) -> SolveOptions:
+    """Check the options of one solve before any work is done.
+
+    Raises:
+        UsageError: a value that cannot be meant, a file that is missing or cannot be written where it should.
+    """
+    if method is not None:
+        check_method(method)
+    if max_iterations is not None and max_iterations < 0:
+        raise UsageError(f"--max-iterations must be at least 0, not {max_iterations}")
+    if time_limit is not None and not time_limit > 0:
+        raise UsageError(f"--time-limit must be a positive number of seconds, not {time_limit:g}")
+    if tolerance is not None and not 0 < tolerance < 1:
+        raise UsageError(f"--tolerance must lie between 0 and 1, not {tolerance:g}")
+    return SolveOptions(
+        constants(settings),
+        method,
+        max_iterations,
+        time_limit,
+        tolerance,
+        None if warm_start is None else existing_solution(warm_start, "--warm-start"),
+        None if output is None else writable_solution(output),
+    )
+
+
+def check_method(method: str) -> None:
+    """Refuse a transcription that does not exist.
+
+    Raises:
+        UsageError: with the nearest name.
+    """
+    from stc.trajectory import METHODS
+
+    if method not in METHODS:
+        from difflib import get_close_matches
+
+        near = get_close_matches(method, METHODS, n=1)
+        hint = f"did you mean `{near[0]}`?" if near else ""
+        raise UsageError(f"--method must be one of {', '.join(METHODS)}, not `{method}`", hint)
+
+
+def constants(settings: Sequence[str] | None) -> dict[str, float]:
+    """The constants given with ``--set``; of two values for one name the later one wins.
+
+    Raises:
+        UsageError: no ``name=value``, or a value that is not a number.
+    """
+    found: dict[str, float] = {}
+    for setting in settings or ():
+        name, equals, value = setting.partition("=")
+        name = name.strip()
+        if not equals or not name.isidentifier() or not value.strip():
+            raise UsageError(
+                f"--set wants NAME=VALUE, not `{setting}`", "for example: --set g=1.62 --set h=1/30"
+            )
+        found[name] = number(value, f"--set {setting}")
+    return found
+
+
+def number(text: str, where: str) -> float:
+    """The value of an expression of numbers in the spec language: ``1/30``, ``2*pi``, ``-inf``.
+
+    Raises:
+        UsageError: it is no such expression, or has no value; ``where`` is named in the message.
+    """
+    from stc.errors import Source, SpecError
+    from stc.language.numbers import NotANumber, affine
+    from stc.language.parser import parse_expression
+
+    known = {"pi": math.pi, "inf": math.inf}
+
+    def resolve(name: Name) -> tuple[float, float]:
+        if name.name not in known:
+            raise NotANumber(
+                name, f"`{name.name}` is no number", "only numbers, `pi`, `inf` and functions go here"
+            )
+        return 0.0, known[name.name]
+
+    try:
+        return affine(parse_expression(Source(where, text)), resolve)[1]
+    except SpecError as error:
+        raise UsageError(f"{where}: {error.diagnostics[0].message}", error.diagnostics[0].hint) from None
+    except NotANumber as error:
+        raise UsageError(f"{where}: {error.message}", error.hint) from None
+
+
+def is_solution(name: str) -> bool:
+    """Whether a file's name says that it holds a solution (and not a spec)."""
+    return Path(name).suffix.lower() in SOLUTION_SUFFIXES
+
+
+def existing_solution(name: str, option: str = "") -> Path:
+    """The path of a solution file that is there to be read.
+
+    Raises:
+        UsageError: it is missing, or of another kind.
+    """
+    path = Path(name)
+    prefix = f"{option}: " if option else ""
+    if not is_solution(name):
+        raise UsageError(
+            f"{prefix}`{name}` is not a solution: those are {' or '.join(SOLUTION_SUFFIXES)} files"
+        )
+    if not path.is_file():
+        raise UsageError(f"{prefix}there is no file `{name}`")
+    return path
+
+
+def writable_solution(name: str) -> Path:
+    """The path that a solution is to be saved under; missing folders are made.
+
+    Raises:
+        UsageError: the suffix is unknown, or something is in the way.
+    """
+    path = Path(name)
+    if not is_solution(name):
+        raise UsageError(
+            f"-o {name}: a solution is saved as {' or '.join('*' + s for s in SOLUTION_SUFFIXES)}"
+        )
+    if path.is_dir():
+        raise UsageError(f"-o {name}: that is a folder")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"-o {name}: {error.strerror or error}") from None
+    return path

@@ -1,0 +1,79 @@
+"""The spec that ``stc new`` writes: small, commented, and one that solves and validates as it stands."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from stc.errors import UsageError
+
+_TEXT = """\
+# {name}: a particle is thrown onto a ledge with the least force.
+#
+#     stc run {file}                     solve it, then let MuJoCo replay the forces
+#     stc run {file} --set g=1.62        the same on the moon
+#     stc show {file} --stage problem    what it says, spelled out
+
+constants:
+  n = 40,                 # frames are 0, 1, ..., n
+  T = 1.5,                # seconds in all
+  h = T/n,                # seconds from one frame to the next
+  m = 1,                  # kg
+  g = 9.8,                # m/s^2
+  width = 1.5,            # the ledge: how far away,
+  height = 0.8,           # and how high, in m
+  strength = 25;          # largest force, N
+
+variables:
+  x, y,                   # position in m: one unknown per frame each
+  fx, fy;                 # force in N
+
+constraints:
+  [0, n]:                 # on every frame: Newton's law. An expression alone means "= 0".
+    m*x'' - fx;
+    m*y'' = fy - m*g;
+  [0]:                    # on the first frame: at the origin, at rest
+    x; y; x'; y';
+  [n/2]:                  # half way: above the ledge already
+    y >= height + 0.2;
+  [n]:                    # on the last frame: on the ledge, at rest
+    x = width; y = height; x'; y';
+  [0, n]:
+    fx^2 + fy^2 <= strength^2;
+
+objective:
+  [0, n]: integral(fx^2 + fy^2);
+
+method: hermite-simpson;  # or central, trapezoidal
+
+# How MuJoCo replays it: numbers go over, never the equations above, so that it is an independent judge.
+# A model is looked up beside this file, then among the bundled ones.
+replay:
+  model = "particle.xml";
+  joint x = x;            # where each joint starts; its path is compared with this
+  joint z = y;
+  actuator fx = fx;       # what drives each motor
+  actuator fz = fy;
+  set body.particle.mass = m;
+  set option.gravity.z = -g;
+"""
+
+
+def write(name: str) -> Path:
+    """Write the starter spec as ``NAME.stc``; a name may be a path.
+
+    Raises:
+        UsageError: the file exists, or the name is none for a spec.
+        OSError: it cannot be written.
+    """
+    path = Path(name)
+    if path.suffix != ".stc":
+        path = path.with_name(path.name + ".stc") if path.name else path
+    if path.stem in ("", ".stc") or name.endswith(("/", os.sep)):
+        raise UsageError(f"`{name}` is no name for a spec")
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(_TEXT.format(name=path.stem, file=path))
+    except FileExistsError:
+        raise UsageError(f"`{path}` exists already; nothing was written") from None
+    return path
