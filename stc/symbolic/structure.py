@@ -1,0 +1,94 @@
+"""What can be told from the shape of expressions: which symbols matter, and polynomial degree.
+
+Degrees are upper bounds: exact for polynomials as they are simplified, and never too low.  Cancellation that
+the simplifier does not see (``(x + y)*(x + y) - x*x - y*y`` has degree 2, ``(x + 1)*y - x*y`` is called 2 although
+it is 1) errs on the safe side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Sequence
+from typing import Final
+
+from stc.symbolic.node import Expr
+from stc.symbolic.traverse import reachable
+
+CONSTANT: Final = 0
+LINEAR: Final = 1
+QUADRATIC: Final = 2
+GENERAL: Final = 3
+
+
+def degrees(exprs: Sequence[Expr], keys: Iterable[Hashable]) -> list[int]:
+    """The degree of each expression as a polynomial in the symbols with the given keys, jointly.
+
+    0 constant, 1 linear, 2 quadratic, 3 anything else.
+    """
+    wanted = frozenset(keys)
+    found: dict[Expr, int] = {}
+    for node in reachable(exprs):
+        op = node.op
+        if op == "num":
+            found[node] = CONSTANT
+        elif op == "sym":
+            found[node] = LINEAR if node.payload in wanted else CONSTANT
+        else:
+            found[node] = _combined(node, [found[arg] for arg in node.args])
+    return [found[e] for e in exprs]
+
+
+def _combined(node: Expr, of_args: list[int]) -> int:
+    """The degree of a compound node from those of its operands."""
+    highest = max(of_args)
+    if highest == CONSTANT:
+        return CONSTANT
+    op = node.op
+    if op in ("add", "sub", "neg"):
+        return highest
+    if op == "mul":
+        return min(sum(of_args), GENERAL)
+    if op == "div" and of_args[1] == CONSTANT:
+        return of_args[0]
+    if op == "pow" and node.args[1].op == "num":
+        exponent = node.args[1].payload
+        if exponent >= 0.0 and exponent == int(min(exponent, GENERAL)):
+            return min(of_args[0] * int(exponent), GENERAL)
+    return GENERAL
+
+
+def degree(e: Expr, keys: Iterable[Hashable]) -> int:
+    """The degree of one expression; see :func:`degrees`."""
+    return degrees([e], keys)[0]
+
+
+def is_constant_in(e: Expr, keys: Iterable[Hashable]) -> bool:
+    """Whether no symbol with one of the keys occurs in ``e``."""
+    return degree(e, keys) == CONSTANT
+
+
+def is_linear(e: Expr, keys: Iterable[Hashable]) -> bool:
+    """Whether ``e`` is an affine function of the symbols with the given keys (their factors may be any others)."""
+    return degree(e, keys) <= LINEAR
+
+
+def is_quadratic(e: Expr, keys: Iterable[Hashable]) -> bool:
+    """Whether ``e`` is a polynomial of degree 2 at most in the symbols with the given keys, jointly."""
+    return degree(e, keys) <= QUADRATIC
+
+
+def dependencies(exprs: Sequence[Expr], keys: Sequence[Hashable]) -> list[list[int]]:
+    """Per expression, the positions in ``keys`` of the symbols that occur in it, ascending.
+
+    A superset of the nonzero columns of the Jacobian, found without differentiating.
+    """
+    bit = {key: 1 << position for position, key in enumerate(keys)}
+    mask: dict[Expr, int] = {}
+    for node in reachable(exprs):
+        if node.op == "sym":
+            mask[node] = bit.get(node.payload, 0)
+        else:
+            joined = 0
+            for arg in node.args:
+                joined |= mask[arg]
+            mask[node] = joined
+    return [[position for position in range(len(keys)) if mask[e] >> position & 1] for e in exprs]
