@@ -1,0 +1,135 @@
+"""How far the barrier parameter mu goes down at each iteration.
+
+While the iterates make progress, mu is chosen anew at each one from a model of the optimality error after the
+step (J. Nocedal, A. Waechter and R. A. Waltz, Adaptive barrier update strategies for nonlinear interior
+methods, SIAM J. Optim. 19, 2009: the quality function).  When they don't, it is held until the barrier problem
+is solved and then reduced superlinearly (Fiacco and McCormick), which is what the convergence theory covers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stc.solver.formulation import Formulation
+from stc.solver.globalization import Filter
+from stc.solver.iterate import Iterate, errors_of
+from stc.solver.newton_system import NewtonSystem
+from stc.solver.nlp import Floats
+
+__all__ = ["BarrierParameter"]
+
+SMALLEST_TAU = 0.99
+SOLVED = 10.0  # a barrier problem counts as solved when its error is below this multiple of mu
+LINEAR_DECREASE = 0.2
+SUPERLINEAR_DECREASE = 1.5
+MARGIN = 1e-5
+HELD_FRACTION = 0.8
+LARGEST_GROWTH = 1e3
+CENTRING = np.array(
+    [1e-6, 1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0]
+)
+
+
+class BarrierParameter:
+    """The parameter, the fraction to the boundary, and the step that goes with them.
+
+    Attributes:
+        mu: the barrier parameter in use.
+        tau: fraction of the way to the boundary that a step may go.
+        free: True while mu is chosen anew at every iterate.
+        changed: True when mu changed, which invalidates the filter.
+    """
+
+    def __init__(self, form: Formulation, mu: float, smallest: float, adaptive: bool = True) -> None:
+        self.form = form
+        self.mu = mu
+        self.smallest = smallest
+        self.adaptive = adaptive
+        self.free = adaptive and form.gaps > 0
+        self.tau = SMALLEST_TAU
+        self.changed = False
+        self._largest = np.inf
+        self._accepted = Filter(np.inf)
+        if form.gaps == 0:
+            self.mu = 0.0
+
+    def update(self, it: Iterate, stuck: bool) -> None:
+        """Decide the mode for this iterate and, in the held mode, the parameter.
+
+        Args:
+            stuck: the last step was below rounding error or was refused.
+        """
+        self.changed = False
+        if self.form.gaps == 0:
+            return
+        average = float(it.gap @ it.z) / self.form.gaps
+        if not np.isfinite(self._largest):
+            self._largest = LARGEST_GROWTH * max(average, self.smallest)
+        if self.free:
+            if not stuck and self._progress(it):
+                self._accepted.add(it.theta, it.f)
+                return
+            self.free = False
+            self._set(float(np.clip(HELD_FRACTION * average, self.smallest, self._largest)))
+            return
+        if self.adaptive and not stuck and self._progress(it):
+            self.free = True
+            self._accepted.add(it.theta, it.f)
+            return
+        while errors_of(self.form, it, self.mu).total <= SOLVED * self.mu or stuck:
+            lower = max(self.smallest, min(LINEAR_DECREASE * self.mu, self.mu**SUPERLINEAR_DECREASE))
+            if lower >= self.mu:
+                break
+            self._set(lower)
+            stuck = False
+
+    def _progress(self, it: Iterate) -> bool:
+        margin = MARGIN * min(1.0, errors_of(self.form, it, 0.0).total)
+        return self._accepted.accepts(it.theta + margin, it.f + margin)
+
+    def _set(self, mu: float) -> None:
+        self.changed = self.changed or mu != self.mu
+        self.mu = mu
+        self.tau = max(SMALLEST_TAU, 1.0 - mu)
+
+    def step(self, it: Iterate, system: NewtonSystem) -> tuple[Floats, Floats, Floats]:
+        """The step ``(dw, dy, dz)`` with the factorised system; chooses mu first in the free mode."""
+        if self.form.gaps == 0:
+            return system.step(it, it.z, it.c)
+        if not self.free:
+            return system.step(it, self.mu / it.gap, it.c)
+        affine = system.step(it, np.zeros(self.form.gaps), it.c)
+        average = float(it.gap @ it.z) / self.form.gaps
+        centring = system.centring(average / it.gap)
+        sigma = self._best_centring(it, affine, centring, average)
+        self._set(float(np.clip(sigma * average, self.smallest, self._largest)))
+        self.changed = True
+        sigma = self.mu / average
+        return (
+            affine[0] + sigma * centring[0],
+            affine[1] + sigma * centring[1],
+            affine[2] + sigma * centring[2],
+        )
+
+    def _best_centring(
+        self,
+        it: Iterate,
+        affine: tuple[Floats, Floats, Floats],
+        centring: tuple[Floats, Floats, Floats],
+        average: float,
+    ) -> float:
+        """Minimise the predicted error over a grid of centring parameters."""
+        form = self.form
+        sigma = CENTRING[:, None]
+        gap_step = form.sign * affine[0][form.index] + sigma * (form.sign * centring[0][form.index])
+        z_step = affine[2] + sigma * centring[2]
+        tau = np.maximum(SMALLEST_TAU, 1.0 - CENTRING * average)
+        primal = np.minimum(1.0, tau / np.maximum((-gap_step / it.gap).max(axis=1), 1e-300))
+        dual = np.minimum(1.0, tau / np.maximum((-z_step / it.z).max(axis=1), 1e-300))
+        products = (it.gap + primal[:, None] * gap_step) * (it.z + dual[:, None] * z_step)
+        error = np.einsum("ij,ij->i", products, products) / form.gaps
+        dual_residual = it.dual - form.scatter(it.z)
+        error += (1.0 - dual) ** 2 * float(dual_residual @ dual_residual) / max(1, int(form.moving.sum()))
+        if form.m:
+            error += (1.0 - primal) ** 2 * float(it.c @ it.c) / form.m
+        return float(CENTRING[int(np.argmin(error))])

@@ -1,0 +1,124 @@
+"""The form of a problem that the iteration works on.
+
+    minimise    f(x)
+    subject to  r(x) - s = 0,     w = (x, s),     sign * (w[index] - bound) >= 0
+
+Every row has an activity ``s``: a slack between the row's bounds, or the constant right-hand side of an
+equality.  Bounds of variables and of slacks are then one list of nonnegative *gaps* with one multiplier each,
+and the Lagrangian is ``f + y.(r - s) - z.gap``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.solver.nlp import Floats, Ints, Mask
+
+if TYPE_CHECKING:
+    from stc.solver.kkt.contract import KKTSystem
+
+__all__ = ["Formulation"]
+
+
+class Formulation:
+    """Sizes, bounds and sparsity, with the products that they imply.  Subclasses evaluate functions.
+
+    Attributes:
+        n, m: numbers of variables and rows; ``n + m`` entries in ``w``.
+        lower, upper: bounds of ``w``, (n + m,); infinite for held variables, equalities and ignored rows.
+        held: variables that the bounds fix, (n,).
+        held_value: their values, (n,); 0 elsewhere.
+        equality: rows whose bounds agree, (m,).
+        target: the right-hand side of equalities, (m,); 0 elsewhere.
+        ignored: rows without any bound, (m,).
+        index, sign, bound: the gaps, (gaps,) each.
+        extra_diagonal: constant added to the Hessian's diagonal, (n,), or None.
+        kkt: the linear algebra for this sparsity.
+    """
+
+    n: int
+    m: int
+    kkt: KKTSystem
+    extra_diagonal: Floats | None = None
+
+    def _set_bounds(self, x_lower: Floats, x_upper: Floats, row_lower: Floats, row_upper: Floats) -> None:
+        n, m = self.n, self.m
+        self.held = x_lower == x_upper
+        self.held_value = np.where(self.held, x_lower, 0.0)
+        self.equality = row_lower == row_upper
+        self.target = np.where(self.equality, row_lower, 0.0)
+        self.ignored = np.isneginf(row_lower) & np.isposinf(row_upper)
+        constant = np.concatenate([self.held, self.equality])
+        self.lower = np.where(constant, -np.inf, np.concatenate([x_lower, row_lower]))
+        self.upper = np.where(constant, np.inf, np.concatenate([x_upper, row_upper]))
+        below, above = np.flatnonzero(np.isfinite(self.lower)), np.flatnonzero(np.isfinite(self.upper))
+        self.index: Ints = np.concatenate([below, above])
+        self.sign = np.concatenate([np.ones(below.size), -np.ones(above.size)])
+        self.bound = np.concatenate([self.lower[below], self.upper[above]])
+        self.gaps = self.index.size
+        self.inequality: Mask = ~(self.equality | self.ignored)
+        self.free: Mask = ~self.held
+        self.any_held = bool(self.held.any())
+        self.any_ignored = bool(self.ignored.any())
+        self.moving = np.concatenate([self.free, self.inequality])  # entries of w that the iteration changes
+        self.all_moving = bool(self.moving.all())
+        self.size = n + m
+
+    def _set_pattern(self, jac_rows: Ints, jac_cols: Ints, hess_rows: Ints, hess_cols: Ints) -> None:
+        self.jac_rows = np.ascontiguousarray(jac_rows, dtype=np.intp)
+        self.jac_cols = np.ascontiguousarray(jac_cols, dtype=np.intp)
+        self.hess_rows = np.ascontiguousarray(hess_rows, dtype=np.intp)
+        self.hess_cols = np.ascontiguousarray(hess_cols, dtype=np.intp)
+        self.off_diagonal = np.flatnonzero(self.hess_rows != self.hess_cols)
+
+    # -- functions ---------------------------------------------------------------------------------------------
+
+    def values(self, x: Floats) -> tuple[float, Floats]:
+        """Objective and rows (m,) at ``x`` (n,)."""
+        raise TypeError(f"{type(self).__name__} does not evaluate functions")
+
+    def derivatives(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """Gradient (n,), Jacobian entries and the Lagrangian's Hessian entries, all owned by the caller."""
+        raise TypeError(f"{type(self).__name__} does not evaluate functions")
+
+    def user_view(self, x: Floats, f: float, r: Floats) -> tuple[Floats, float, float]:
+        """Variables, objective and violation in the user's terms."""
+        raise TypeError(f"{type(self).__name__} has no user's terms")
+
+    # -- products ----------------------------------------------------------------------------------------------
+
+    def jacobian_times(self, jac: Floats, v: Floats) -> Floats:
+        """``J v``, (m,)."""
+        return np.bincount(self.jac_rows, weights=jac * v[self.jac_cols], minlength=self.m)
+
+    def transpose_times(self, jac: Floats, y: Floats) -> Floats:
+        """``J^T y``, (n,)."""
+        return np.bincount(self.jac_cols, weights=jac * y[self.jac_rows], minlength=self.n)
+
+    def hessian_times(self, hess: Floats, v: Floats) -> Floats:
+        """``H v``, (n,), from the lower triangle."""
+        below = self.off_diagonal
+        product = np.bincount(self.hess_rows, weights=hess * v[self.hess_cols], minlength=self.n)
+        product += np.bincount(
+            self.hess_cols[below], weights=hess[below] * v[self.hess_rows[below]], minlength=self.n
+        )
+        if self.extra_diagonal is not None:
+            product += self.extra_diagonal * v
+        return product
+
+    def scatter(self, values: Floats) -> Floats:
+        """Sum of ``sign * values`` over the gaps of each entry of ``w``, (n + m,)."""
+        return np.bincount(self.index, weights=self.sign * values, minlength=self.size)
+
+    def gap(self, w: Floats) -> Floats:
+        """Distance of ``w`` to each bound, (gaps,); positive inside."""
+        return self.sign * (w[self.index] - self.bound)
+
+    def residual(self, r: Floats, w: Floats) -> Floats:
+        """``r - s``, (m,); zero for ignored rows."""
+        c = r - w[self.n :]
+        if self.any_ignored:
+            c[self.ignored] = 0.0
+        return c

@@ -1,0 +1,108 @@
+"""One primal-dual point and the quantities that follow from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stc.solver.formulation import Formulation
+from stc.solver.nlp import Floats
+
+__all__ = ["Errors", "Iterate", "errors_of", "evaluate", "push_inside", "refresh"]
+
+PUSH = 1e-2
+"""A start is moved inside its bounds by this much, relative to the bound's size and to the bounds' distance."""
+MEAN_MULTIPLIER = 100.0
+"""Errors are divided by the mean multiplier where that exceeds this value."""
+
+
+@dataclass(slots=True)
+class Iterate:
+    """A point of the barrier iteration.
+
+    Attributes:
+        w: variables and slacks, (n + m,).
+        y: row multipliers, (m,).
+        z: gap multipliers, (gaps,), positive.
+        f, r: objective and rows (m,).
+        gradient, jac, hess: derivatives at ``(x, y)``.
+        gap: distances to the bounds, (gaps,).
+        c: ``r - s``, (m,).
+        theta: 1-norm of ``c``.
+        dual: gradient of the Lagrangian without the gaps' multipliers: ``(grad f + J^T y, -y)``, (n + m,).
+    """
+
+    w: Floats
+    y: Floats
+    z: Floats
+    f: float
+    r: Floats
+    gap: Floats
+    c: Floats
+    theta: float
+    gradient: Floats
+    jac: Floats
+    hess: Floats
+    dual: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Parts of the KKT error: infinity norms, the dual and complementarity ones over the size of the multipliers."""
+
+    dual: float
+    primal: float
+    complementarity: float
+
+    @property
+    def total(self) -> float:
+        """The largest of the three."""
+        return max(self.dual, self.primal, self.complementarity)
+
+
+def evaluate(form: Formulation, w: Floats, y: Floats, z: Floats) -> Iterate:
+    """Every quantity at ``(w, y, z)``; check ``is_finite`` of the result where functions may be undefined."""
+    f, r = form.values(w[: form.n])
+    c = form.residual(r, w)
+    empty = np.zeros(0)
+    it = Iterate(w, y, z, f, r, form.gap(w), c, float(np.abs(c).sum()), empty, empty, empty, empty)
+    refresh(form, it)
+    return it
+
+
+def refresh(form: Formulation, it: Iterate) -> bool:
+    """Evaluate the derivatives at the iterate; False where one is undefined."""
+    it.gradient, it.jac, it.hess = form.derivatives(it.w[: form.n], it.y)
+    dual = np.empty(form.size)
+    np.add(it.gradient, form.transpose_times(it.jac, it.y), out=dual[: form.n])
+    np.negative(it.y, out=dual[form.n :])
+    if not form.all_moving:
+        dual[~form.moving] = 0.0
+    it.dual = dual
+    return bool(np.isfinite(dual.sum() + it.jac.sum() + it.hess.sum()))
+
+
+def errors_of(form: Formulation, it: Iterate, mu: float) -> Errors:
+    """KKT error of the barrier problem with parameter ``mu`` (Waechter and Biegler 2006, equation 5)."""
+    z_sum = float(it.z.sum())
+    mean = (float(np.abs(it.y).sum()) + z_sum) / max(1, form.m + form.gaps)
+    dual_scale = max(1.0, mean / MEAN_MULTIPLIER)
+    gap_scale = max(1.0, z_sum / max(1, form.gaps) / MEAN_MULTIPLIER)
+    dual = it.dual - form.scatter(it.z) if form.gaps else it.dual
+    return Errors(
+        float(np.abs(dual).max(initial=0.0)) / dual_scale,
+        float(np.abs(it.c).max(initial=0.0)),
+        float(np.abs(it.gap * it.z - mu).max(initial=0.0)) / gap_scale,
+    )
+
+
+def push_inside(form: Formulation, w: Floats, push: float = PUSH) -> Floats:
+    """``w`` (n + m,) moved strictly inside its bounds."""
+    lower, upper = form.lower, form.upper
+    span = upper - lower
+    below = lower + np.minimum(push * np.maximum(1.0, np.abs(lower)), push * span)
+    above = upper - np.minimum(push * np.maximum(1.0, np.abs(upper)), push * span)
+    below = np.where(np.isfinite(lower), below, -np.inf)
+    above = np.where(np.isfinite(upper), above, np.inf)
+    return np.clip(w, below, above)

@@ -1,0 +1,93 @@
+"""Counts, limits, the log, and the best point seen."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from stc.solver.nlp import Floats
+from stc.solver.options import Options
+from stc.solver.report import Callback, IterationRecord
+from stc.solver.status import Status
+
+__all__ = ["Monitor", "Stopped"]
+
+
+class Stopped(Exception):
+    """A limit was reached or the user asked to stop."""
+
+    def __init__(self, status: Status) -> None:
+        super().__init__(status.value)
+        self.status = status
+
+
+class Monitor:
+    """Follows one solve through all its phases.
+
+    Attributes:
+        iterations: steps taken so far.
+        history: one record per step, and one for the start.
+        best: the best point in the user's terms, ``(violation, objective, x, row multipliers)``, or None.
+    """
+
+    def __init__(self, options: Options, callback: Callback | None) -> None:
+        self.options = options
+        self.iterations = 0
+        self.history: list[IterationRecord] = []
+        self.best: tuple[float, float, Floats, Floats] | None = None
+        self._callback = callback
+        self._deadline = time.perf_counter() + options.time_limit
+
+    def count(self) -> None:
+        """One more step was taken."""
+        self.iterations += 1
+
+    def record(
+        self,
+        x: Floats,
+        multipliers: Floats | None,
+        objective: float,
+        violation: float,
+        optimality: float,
+        step: float,
+        step_length: float,
+        mu: float,
+        regularization: float,
+        phase: str,
+    ) -> None:
+        """Log a point in the user's terms.
+
+        Raises:
+            Stopped: at a limit, or when the callback returns True.
+        """
+        entry = IterationRecord(
+            self.iterations, objective, violation, optimality, step, step_length, mu, regularization, phase
+        )
+        self.history.append(entry)
+        if self._is_better(objective, violation):
+            y = np.zeros(0) if multipliers is None else multipliers
+            self.best = (violation, objective, x.copy(), y.copy())
+        if self._callback is not None and self._callback(entry):
+            raise Stopped(Status.INTERRUPTED)
+        self.check()
+
+    def check(self) -> None:
+        """Compare with the limits.
+
+        Raises:
+            Stopped: when one is reached.
+        """
+        if self.iterations >= self.options.max_iterations:
+            raise Stopped(Status.ITERATION_LIMIT)
+        if time.perf_counter() > self._deadline:
+            raise Stopped(Status.TIME_LIMIT)
+
+    def _is_better(self, objective: float, violation: float) -> bool:
+        if self.best is None:
+            return True
+        tolerance = self.options.feasibility_tolerance
+        old_violation, old_objective = self.best[0], self.best[1]
+        if max(violation, old_violation) <= tolerance:
+            return objective < old_objective
+        return violation < old_violation

@@ -1,0 +1,37 @@
+"""Settings of the solver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Options"]
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Settings of :func:`stc.solver.minimize`; the defaults suit well-posed problems of any size.
+
+    Attributes:
+        tolerance: largest KKT error of the scaled problem that counts as solved.
+        feasibility_tolerance: largest violation of a row or bound, in the user's own units and relative to
+            ``max(1, |bound|)``, that counts as satisfied.
+        unscaled_tolerance: largest relative KKT error of the problem as stated that counts as solved.
+        max_iterations: limit on the iterations of all phases together.
+        time_limit: limit in seconds of wall-clock time.
+        scaling: scale objective, rows and badly scaled variables automatically.
+        warm_start: trust the primal-dual start and its active set.
+        initial_barrier: barrier parameter of a cold start.
+        retries: how many other starting points are tried before a local failure is reported.
+        seed: seed of the random directions used to leave saddle points and stationary infeasible points.
+    """
+
+    tolerance: float = 1e-8
+    feasibility_tolerance: float = 1e-6
+    unscaled_tolerance: float = 1e-5
+    max_iterations: int = 3000
+    time_limit: float = float("inf")
+    scaling: bool = True
+    warm_start: bool = False
+    initial_barrier: float = 0.1
+    retries: int = 2
+    seed: int = 0

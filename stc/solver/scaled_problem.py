@@ -1,0 +1,147 @@
+"""A user's problem, scaled, in the form that the iteration works on.
+
+Scaling is by gradients at the starting point (A. Waechter and L. T. Biegler, On the implementation of a
+primal-dual interior point filter line search algorithm, Math. Program. 106, 2006, section 3.8): the objective
+and the rows are divided so that no gradient entry exceeds a limit.  Variables are scaled first, and only those
+whose own magnitude is far from one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from collections.abc import Callable
+
+import numpy as np
+
+from stc.solver.formulation import Formulation
+from stc.solver.nlp import NLP, Floats
+from stc.solver.options import Options
+
+if TYPE_CHECKING:
+    from stc.solver.kkt.contract import KKTSystem
+
+__all__ = ["ScaledProblem", "relative_violation"]
+
+LARGEST_GRADIENT = 100.0
+SMALLEST_FACTOR = 1e-8
+RELAXATION = 1e-8
+ORDINARY = (1e-2, 1e3)  # magnitudes of variables that are left alone
+
+
+def relative_violation(values: Floats, lower: Floats, upper: Floats) -> Floats:
+    """Violation of ``lower <= values <= upper``, each relative to ``max(1, |bound|)``; nan counts as inf."""
+    below = np.where(np.isfinite(lower), (lower - values) / np.maximum(1.0, np.abs(lower)), 0.0)
+    above = np.where(np.isfinite(upper), (values - upper) / np.maximum(1.0, np.abs(upper)), 0.0)
+    worst = np.maximum(np.maximum(below, above), 0.0)
+    return np.where(np.isnan(worst), np.inf, worst)
+
+
+class ScaledProblem(Formulation):
+    """``objective_scale * f(D x)`` with rows ``row_scale * r(D x)``; ``x_scale`` is the diagonal of D."""
+
+    def __init__(
+        self,
+        nlp: NLP,
+        x0: Floats,
+        options: Options,
+        new_kkt: Callable[..., KKTSystem],
+        objective_factor: float = 1.0,
+    ) -> None:
+        """Scale ``nlp`` at ``x0`` (n,), a point where it is defined."""
+        self.nlp = nlp
+        self.n, self.m = nlp.n, nlp.m
+        self.x_scale = np.ones(self.n)
+        self.row_scale = np.ones(self.m)
+        self.objective_scale = 1.0
+        self._set_pattern(nlp.jac_rows, nlp.jac_cols, nlp.hess_rows, nlp.hess_cols)
+        self._held_user = nlp.x_lower == nlp.x_upper
+        if options.scaling:
+            self._choose_scales(x0)
+        self._combine_scales()
+        lower, upper = nlp.x_lower / self.x_scale, nlp.x_upper / self.x_scale
+        row_lower, row_upper = nlp.row_lower * self.row_scale, nlp.row_upper * self.row_scale
+        self.true_x = (lower, upper)
+        self.true_rows = (row_lower, row_upper)
+        self._set_bounds(*_relaxed(lower, upper), *_relaxed(row_lower, row_upper))
+        self.linear = bool(np.all(nlp.row_linear))
+        self.quadratic_program = self.linear and nlp.objective_degree <= 2
+        self.kkt = new_kkt(
+            self.n,
+            self.m,
+            nlp.jac_rows,
+            nlp.jac_cols,
+            nlp.hess_rows,
+            nlp.hess_cols,
+            nlp.var_stage,
+            nlp.row_stage,
+        )
+
+    def _choose_scales(self, x0: Floats) -> None:
+        nlp = self.nlp
+        span = nlp.x_upper - nlp.x_lower
+        magnitude = np.abs(x0)
+        narrow = np.isfinite(span) & (span > 0) & (span < ORDINARY[0])
+        wide = magnitude > ORDINARY[1]
+        self.x_scale = np.where(narrow, span, np.where(wide, magnitude, 1.0))
+        self.x_scale = np.exp2(np.round(np.log2(self.x_scale)))
+        gradient, jac, _ = nlp.derivatives(x0, np.zeros(self.m), 0.0)
+        free = ~self._held_user
+        gradient = np.abs(gradient * self.x_scale)[free]
+        largest = float(gradient.max(initial=0.0))
+        if np.isfinite(largest) and largest > LARGEST_GRADIENT:
+            self.objective_scale = max(LARGEST_GRADIENT / largest, SMALLEST_FACTOR)
+        rows = np.zeros(self.m)
+        np.maximum.at(rows, self.jac_rows, np.abs(jac) * self.x_scale[self.jac_cols] * free[self.jac_cols])
+        big = np.isfinite(rows) & (rows > LARGEST_GRADIENT)
+        self.row_scale[big] = np.maximum(LARGEST_GRADIENT / rows[big], SMALLEST_FACTOR)
+
+    def _combine_scales(self) -> None:
+        nlp, x_scale = self.nlp, self.x_scale
+        live = (~self._held_user).astype(float)
+        bounded = np.isfinite(nlp.row_lower) | np.isfinite(nlp.row_upper)
+        self._gradient_scale = self.objective_scale * x_scale * live
+        self._jac_scale = (self.row_scale * bounded)[self.jac_rows] * (x_scale * live)[self.jac_cols]
+        self._hess_scale = (x_scale * live)[self.hess_rows] * (x_scale * live)[self.hess_cols]
+
+    # -- functions ---------------------------------------------------------------------------------------------
+
+    def values(self, x: Floats) -> tuple[float, Floats]:
+        f, r = self.nlp.values(x * self.x_scale)
+        return self.objective_scale * f, self.row_scale * r
+
+    def derivatives(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        return self.weighted_derivatives(x, y, 1.0)
+
+    def weighted_derivatives(self, x: Floats, y: Floats, weight: float) -> tuple[Floats, Floats, Floats]:
+        """As :meth:`derivatives`, of ``weight`` times the objective in the Hessian only."""
+        gradient, jac, hess = self.nlp.derivatives(
+            x * self.x_scale, y * self.row_scale, weight * self.objective_scale
+        )
+        return gradient * self._gradient_scale, jac * self._jac_scale, hess * self._hess_scale
+
+    def violation(self, x: Floats, r: Floats) -> float:
+        """Largest violation in the user's units of rows ``r`` (m,) and of the bounds of ``x`` (n,), scaled both."""
+        nlp = self.nlp
+        rows = relative_violation(r / self.row_scale, nlp.row_lower, nlp.row_upper)
+        bounds = relative_violation(x * self.x_scale, nlp.x_lower, nlp.x_upper)
+        return max(float(rows.max(initial=0.0)), float(bounds.max(initial=0.0)))
+
+    def user_view(self, x: Floats, f: float, r: Floats) -> tuple[Floats, float, float]:
+        return x * self.x_scale, f / self.objective_scale, self.violation(x, r)
+
+    def user_multipliers(self, y: Floats) -> Floats:
+        """Multipliers of the rows as stated, (m,)."""
+        return y * self.row_scale / self.objective_scale
+
+    def scaled_multipliers(self, y: Floats) -> Floats:
+        """Inverse of :meth:`user_multipliers`."""
+        return y / self.row_scale * self.objective_scale
+
+
+def _relaxed(lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
+    """Inequalities widened by a hair, so that a strict interior exists even where they imply equalities."""
+    open_ = lower < upper
+    below = np.where(open_, lower - RELAXATION * np.maximum(1.0, np.abs(lower)), lower)
+    above = np.where(open_, upper + RELAXATION * np.maximum(1.0, np.abs(upper)), upper)
+    return np.where(np.isfinite(lower), below, lower), np.where(np.isfinite(upper), above, upper)

@@ -1,0 +1,173 @@
+"""Minimise a nonlinear program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from stc.solver.active_set import newton_on_active_set
+from stc.solver.interior import End, Outcome, optimise
+from stc.solver.iterate import Iterate, evaluate, push_inside
+from stc.solver.monitor import Monitor, Stopped
+from stc.solver.multipliers import least_squares_multipliers
+from stc.solver.nlp import NLP, Floats
+from stc.solver.options import Options
+from stc.solver.report import Callback, Result, Start
+from stc.solver.residuals import assess
+from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.status import Status, advice, sentence
+
+__all__ = ["minimize"]
+
+
+def minimize(
+    nlp: NLP,
+    options: Options | None = None,
+    callback: Callback | None = None,
+    start: Start | None = None,
+    new_kkt: Callable[..., object] | None = None,
+) -> Result:
+    """Find a local minimum of ``nlp``.
+
+    Args:
+        nlp: the problem.
+        options: settings; the defaults when None.
+        callback: called after every iteration; returning True stops the solve.
+        start: where to start instead of ``nlp.x0``; with ``options.warm_start`` its multipliers and active set
+            are tried first.
+        new_kkt: builds the linear algebra; the structured factorisation when None.
+
+    Returns:
+        The result; a limit, an interruption (Ctrl-C too) or a failure is a status, not an exception.
+    """
+    options = options or Options()
+    with np.errstate(all="ignore"):
+        return _Solve(nlp, options, callback, start, new_kkt).run()
+
+
+class _Solve:
+    """One solve: the phases in their order, and the result."""
+
+    def __init__(
+        self,
+        nlp: NLP,
+        options: Options,
+        callback: Callback | None,
+        start: Start | None,
+        new_kkt: Callable[..., object] | None,
+    ) -> None:
+        self.nlp, self.options = nlp, options
+        self.start = start or Start(np.asarray(nlp.x0, dtype=float))
+        self.monitor = Monitor(options, callback)
+        if new_kkt is None:
+            from stc.solver.kkt import structured_kkt as new_kkt
+        self.new_kkt = new_kkt
+        self.form: ScaledProblem | None = None
+
+    def run(self) -> Result:
+        nlp = self.nlp
+        if np.any(nlp.x_lower > nlp.x_upper) or np.any(nlp.row_lower > nlp.row_upper):
+            return self._result(Status.INFEASIBLE, self.start.x, message="Two bounds contradict each other.")
+        x0 = np.clip(np.asarray(self.start.x, dtype=float), nlp.x_lower, nlp.x_upper)
+        f, r = nlp.values(x0)
+        if not (np.isfinite(f) and np.all(np.isfinite(r))):
+            return self._result(Status.FAILED, x0, message="A function is undefined at the starting point.")
+        if nlp.n == 0:
+            violation = assess(nlp, x0, np.zeros(nlp.m), np.zeros(0)).violation
+            feasible = violation <= self.options.feasibility_tolerance
+            return self._result(Status.OPTIMAL if feasible else Status.INFEASIBLE, x0)
+        try:
+            return self._solve(x0)
+        except Stopped as stopped:
+            return self._best(stopped.status)
+        except KeyboardInterrupt:
+            return self._best(Status.INTERRUPTED)
+
+    def _solve(self, x0: Floats) -> Result:
+        options, monitor = self.options, self.monitor
+        form = self.form = ScaledProblem(self.nlp, x0, options, self.new_kkt)
+        if options.warm_start and self.start.row_multipliers is not None:
+            y = form.scaled_multipliers(self.start.row_multipliers)
+            point, solved = newton_on_active_set(
+                form, x0 / form.x_scale, y, monitor, steps=12, tolerance=0.1 * options.tolerance, patience=3
+            )
+            if solved and point is not None:
+                return self._finished(point.x, point.y)
+        return self._conclude(self._barrier(form, x0, options.initial_barrier, adaptive=True))
+
+    def _barrier(self, form: ScaledProblem, x0: Floats, mu: float, adaptive: bool) -> Outcome:
+        it = first_iterate(form, x0)
+        return optimise(form, it, mu, self.options, self.monitor, adaptive=adaptive)
+
+    def _conclude(self, outcome: Outcome) -> Result:
+        form = self.form
+        assert form is not None
+        if outcome.solution is not None:
+            return self._finished(outcome.solution.x, outcome.solution.y)
+        x, y = outcome.iterate.w[: form.n], outcome.iterate.y
+        if outcome.end is End.CONVERGED:
+            return self._finished(x, y)
+        if outcome.end is End.UNBOUNDED:
+            return self._result(Status.UNBOUNDED, x * form.x_scale, form.user_multipliers(y))
+        if outcome.end is End.STATIONARY_VIOLATION:
+            return self._result(Status.INFEASIBLE, x * form.x_scale, y * form.row_scale)
+        return self._best(Status.FAILED)
+
+    def _finished(self, x: Floats, y: Floats) -> Result:
+        form = self.form
+        assert form is not None
+        x_user = np.clip(x * form.x_scale, self.nlp.x_lower, self.nlp.x_upper)
+        return self._result(Status.OPTIMAL, x_user, form.user_multipliers(y))
+
+    def _best(self, status: Status) -> Result:
+        best = self.monitor.best
+        if best is None:
+            return self._result(status, np.asarray(self.start.x, dtype=float))
+        _, _, x, y = best
+        return self._result(status, x, y if y.size == self.nlp.m else None)
+
+    def _result(self, status: Status, x: Floats, y: Floats | None = None, message: str = "") -> Result:
+        nlp = self.nlp
+        y = np.zeros(nlp.m) if y is None else y
+        report = assess(nlp, x, y)
+        if status is Status.OPTIMAL and nlp.n and report.violation > self.options.feasibility_tolerance:
+            status = Status.FAILED
+        last = self.monitor.history[-1].optimality if self.monitor.history else report.optimality
+        text = message or f"{sentence(status)} {advice(status)}".strip()
+        return Result(
+            status,
+            x,
+            y,
+            report.bound_multipliers,
+            report.objective,
+            report.violation,
+            report.optimality,
+            last,
+            self.monitor.iterations,
+            self.form.kkt.factorizations if self.form is not None else 0,
+            text,
+            self.monitor.history,
+        )
+
+
+def first_iterate(form: ScaledProblem, x0: Floats) -> Iterate:
+    """A strictly interior primal-dual point near ``x0`` (n,), in the user's units."""
+    n = form.n
+    push = 1e-2
+    x = np.where(form.held, form.held_value, x0 / form.x_scale)
+    while True:
+        w = np.concatenate([x, form.target])
+        w = push_inside(form, w, push)
+        _, r = form.values(w[:n])
+        if np.all(np.isfinite(r)) or push < 1e-12:
+            break
+        push *= 0.1
+    w[n:] = np.where(form.inequality, r, form.target)
+    w = push_inside(form, w, push)
+    if form.any_ignored:
+        w[n:][form.ignored] = 0.0
+    z = np.ones(form.gaps)
+    it = evaluate(form, w, np.zeros(form.m), z)
+    y = least_squares_multipliers(form, it)
+    return evaluate(form, w, y, z)

@@ -1,0 +1,50 @@
+"""How a solve can end, in words."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+__all__ = ["Status", "advice", "sentence"]
+
+
+class Status(StrEnum):
+    """Outcome of a solve.  The value is the word that users see."""
+
+    OPTIMAL = "optimal"
+    INFEASIBLE = "infeasible"
+    UNBOUNDED = "unbounded"
+    ITERATION_LIMIT = "iteration_limit"
+    TIME_LIMIT = "time_limit"
+    INTERRUPTED = "interrupted"
+    FAILED = "failed"
+
+
+_SENTENCES = {
+    Status.OPTIMAL: "A point that satisfies the optimality conditions within the tolerance was found.",
+    Status.INFEASIBLE: "The constraints cannot be met near the point returned: their violation is stationary there.",
+    Status.UNBOUNDED: "The objective decreases without limit along feasible points.",
+    Status.ITERATION_LIMIT: "The iteration limit was reached before the tolerance.",
+    Status.TIME_LIMIT: "The time limit was reached before the tolerance.",
+    Status.INTERRUPTED: "The solve was interrupted; the best iterate so far is returned.",
+    Status.FAILED: "No further progress was possible and the tolerance was not reached.",
+}
+
+_ADVICE = {
+    Status.OPTIMAL: "",
+    Status.INFEASIBLE: "Look at the rows with the largest violation; if they can be met, start nearer to such a point.",
+    Status.UNBOUNDED: "Bound the variables that grow, or check the sign of the objective.",
+    Status.ITERATION_LIMIT: "Raise the limit, or start from a better guess.",
+    Status.TIME_LIMIT: "Raise the limit, or start from a coarser solution.",
+    Status.INTERRUPTED: "Resume with the returned point as a warm start.",
+    Status.FAILED: "Check for undefined functions, dependent rows and bad scaling near the returned point.",
+}
+
+
+def sentence(status: Status) -> str:
+    """One sentence that says what a status means."""
+    return _SENTENCES[status]
+
+
+def advice(status: Status) -> str:
+    """What to try next; empty when there is nothing to do."""
+    return _ADVICE[status]
