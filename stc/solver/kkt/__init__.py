@@ -1,0 +1,10 @@
+"""Factorisations of the KKT system: the structured one, and a dense one to judge it by."""
+
+from __future__ import annotations
+
+from stc.solver.kkt.contract import Inertia, KKTSystem
+from stc.solver.kkt.dense import DenseKKT
+
+__all__ = ["DenseKKT", "Inertia", "KKTSystem", "structured_kkt"]
+
+structured_kkt = DenseKKT

@@ -1,0 +1,65 @@
+"""What every factorisation of the KKT system offers.
+
+    K = [ H + diag(p)    J^T     ]     n variables
+        [ J             -diag(d) ]     m rows
+
+The sparsity of H (lower triangle) and J is given once, the values again at every factorisation.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from stc.solver.nlp import Floats, Ints
+
+__all__ = ["Inertia", "KKTSystem"]
+
+
+class Inertia(NamedTuple):
+    """How many eigenvalues of a symmetric matrix are positive, negative and (numerically) zero."""
+
+    positive: int
+    negative: int
+    zero: int
+
+
+class KKTSystem(Protocol):
+    """A factorisation of K for one sparsity and many values.
+
+    Implementations are built with
+    ``(n, m, jac_rows, jac_cols, hess_rows, hess_cols, var_stage, row_stage)``: the sizes; the row and column of
+    each entry of J, (nnz_J,), and of the lower triangle of H, (nnz_H,), every entry once; and the elimination
+    group of each variable, (n,), and row, (m,), groups being eliminated in increasing order.
+    """
+
+    @property
+    def factorizations(self) -> int:
+        """How many matrices have been factorised so far."""
+
+    @property
+    def nnz_factor(self) -> int:
+        """Entries stored for the last factorisation."""
+
+    @property
+    def last_residual(self) -> float:
+        """``|K s - b| / (|K| |s| + |b|)`` of the last solve, in the maximum norm and row by row scaling of K."""
+
+    def factorize(
+        self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
+    ) -> Inertia:
+        """Factorise K for these values of H (nnz_H,), J (nnz_J,), p (n,) and d (m,).
+
+        Returns:
+            The inertia of K.  A singular or hardly regular K has zeros in it, and can still be solved with: the
+            solution is then finite, and exact only where the right-hand side lies in the range of K.
+
+        Raises:
+            ValueError: a value is not finite, or an array has the wrong size.
+        """
+
+    def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
+        """Solve ``K [dx; dy] = [rhs_x; rhs_y]`` with iterative refinement; new arrays (n,) and (m,).
+
+        Raises:
+            ValueError: nothing has been factorised, or an array has the wrong size.
+        """

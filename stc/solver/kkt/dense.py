@@ -1,0 +1,121 @@
+"""The KKT system as a dense matrix: slow, simple, and the judge of the structured one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stc.solver.kkt.contract import Inertia
+from stc.solver.kkt.entries import checked_values
+from stc.solver.nlp import Floats, Ints
+
+__all__ = ["DenseKKT", "dense_matrix"]
+
+#: Eigenvalues of the equilibrated matrix below this count as zero.
+SINGULAR = 1e-13
+
+
+def dense_matrix(
+    n: int,
+    m: int,
+    jac_rows: Ints,
+    jac_cols: Ints,
+    hess_rows: Ints,
+    hess_cols: Ints,
+    hess_values: Floats,
+    jac_values: Floats,
+    primal_diagonal: Floats,
+    dual_diagonal: Floats,
+) -> Floats:
+    """The symmetric matrix K, (n + m, n + m), written out."""
+    matrix = np.zeros((n + m, n + m))
+    matrix[hess_rows, hess_cols] = hess_values
+    matrix[hess_cols, hess_rows] = hess_values
+    matrix[n + jac_rows, jac_cols] = jac_values
+    matrix[jac_cols, n + jac_rows] = jac_values
+    diagonal = np.arange(n + m)
+    matrix[diagonal, diagonal] += np.concatenate([primal_diagonal, -np.asarray(dual_diagonal)])
+    return matrix
+
+
+def equilibrated(matrix: Floats, sweeps: int = 20) -> tuple[Floats, Floats]:
+    """``(S K S, s)`` with the largest entry of every row of S K S near 1 (Ruiz 2001); empty rows keep s = 1."""
+    scale = np.ones(matrix.shape[0])
+    scaled = matrix.copy()
+    for _ in range(sweeps):
+        largest = np.abs(scaled).max(axis=1, initial=0.0)
+        factor = 1.0 / np.sqrt(np.where(largest > 0.0, largest, 1.0))
+        scale *= factor
+        scaled = matrix * scale[:, None] * scale
+    return scaled, scale
+
+
+class DenseKKT:
+    """K through its eigenvalue decomposition after equilibration (see ``KKTSystem`` for the meaning of the members).
+
+    Eigenvalues decide the inertia; null directions are left out of solves.
+    """
+
+    def __init__(
+        self,
+        n: int,
+        m: int,
+        jac_rows: Ints,
+        jac_cols: Ints,
+        hess_rows: Ints,
+        hess_cols: Ints,
+        var_stage: Ints,
+        row_stage: Ints,
+    ) -> None:
+        self.n = n
+        self.m = m
+        self.factorizations = 0
+        self.nnz_factor = (n + m) ** 2
+        self.last_residual = 0.0
+        self._pattern = (
+            np.asarray(jac_rows),
+            np.asarray(jac_cols),
+            np.asarray(hess_rows),
+            np.asarray(hess_cols),
+        )
+        self._matrix: Floats | None = None
+
+    def factorize(
+        self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
+    ) -> Inertia:
+        """See ``KKTSystem.factorize``."""
+        values = checked_values(
+            (hess_values, self._pattern[2].size, "hess_values"),
+            (jac_values, self._pattern[0].size, "jac_values"),
+            (primal_diagonal, self.n, "primal_diagonal"),
+            (dual_diagonal, self.m, "dual_diagonal"),
+        )
+        if not all(np.isfinite(array).all() for array in values):
+            raise ValueError("the KKT matrix has entries that are not finite")
+        self.factorizations += 1
+        self._matrix = dense_matrix(self.n, self.m, *self._pattern, *values)
+        self._scaled, self._scale = equilibrated(self._matrix)
+        self._eigenvalues, self._vectors = np.linalg.eigh(self._scaled)
+        positive = int((self._eigenvalues > SINGULAR).sum())
+        negative = int((self._eigenvalues < -SINGULAR).sum())
+        return Inertia(positive, negative, self.n + self.m - positive - negative)
+
+    def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
+        """See ``KKTSystem.solve``."""
+        if self._matrix is None:
+            raise ValueError("factorize before solving")
+        rhs = np.concatenate(checked_values((rhs_x, self.n, "rhs_x"), (rhs_y, self.m, "rhs_y")))
+        if rhs.size == 0:
+            self.last_residual = 0.0
+            return np.zeros(0), np.zeros(0)
+        kept = np.abs(self._eigenvalues) > SINGULAR
+        vectors = self._vectors[:, kept]
+        scaled_rhs = rhs * self._scale
+        solution = np.zeros_like(rhs)
+        for _ in range(3):
+            residual = scaled_rhs - self._scaled @ solution
+            solution += vectors @ ((vectors.T @ residual) / self._eigenvalues[kept])
+        residual = scaled_rhs - self._scaled @ solution
+        norm = np.abs(self._scaled).sum(axis=1).max() * np.abs(solution).max() + np.abs(scaled_rhs).max()
+        self.last_residual = float(np.abs(residual).max() / norm) if norm > 0.0 else 0.0
+        solution *= self._scale
+        return solution[: self.n], solution[self.n :]
