@@ -1,4 +1,4 @@
-"""The meaning of a tape, in NumPy: the oracle for compiled kernels, and the fallback where there is no compiler."""
+"""The meaning of a tape, in NumPy: the oracle for compiled kernels, and the fallback without a compiler."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from stc.codegen.tape import Tape
 from stc.symbolic.traverse import NUMPY_MEANING
 
 _CHUNK: Final = 4096
-"""Instances per pass: enough to hide the cost of a NumPy call, few enough for the values alive to stay in cache."""
+"""Instances per pass: enough to hide the cost of NumPy calls, few enough to stay in cache."""
 
 
 def run(tape: Tape, uniform: ArrayLike, varying: ArrayLike) -> NDArray[np.float64]:
     """Run the tape on N instances at once.
 
-    ``uniform`` has shape (n_uniform,), ``varying`` (n_varying, N); the result has shape (n_outputs, N).  Invalid
-    operations give nan and overflows inf, silently, as IEEE 754 says.
+    ``uniform`` has shape (n_uniform,), ``varying`` (n_varying, N); the result has shape (n_outputs, N).
+    Invalid operations give nan and overflows inf, silently, as IEEE 754 says.
 
     Raises:
         ValueError: an input has the wrong shape.

@@ -4,17 +4,18 @@ A :class:`Tape` is in static single assignment form.  Values live in numbered *s
 
     uniform inputs | varying inputs | literals | results of the operations, one each, in order
 
-Uniform inputs have one value per call, varying inputs one per instance (frame).  Operations that depend on uniform
-inputs and literals alone come first and are flagged, so that a back end can run them once per call.
+Uniform inputs have one value per call, varying inputs one per instance (frame).  Operations that depend on
+uniform inputs and literals alone come first and are flagged, so that a back end can run them once per call.
 
 The operators are those of :data:`OPERATORS` and nothing else.  What is reduced in strength on the way here:
 
-- ``e^k`` with whole ``|k| <= 64`` becomes multiplications (repeated squaring, powers shared), ``e^(k/2)`` with odd
-  ``|k| <= 32`` multiplications and a square root; a negative exponent adds one division.  ``pow`` remains for the rest.
-- A varying value divided by a uniform one is multiplied by the uniform reciprocal, and where one divisor serves
-  several quotients its reciprocal is computed once.  Such a quotient has a relative error of up to 1.5 units in the last
-  place instead of 0.5; it differs from a division only where the reciprocal of the divisor overflows
-  (a divisor below 5.6e-309 in magnitude).
+- ``e^k`` with whole ``|k| <= 64`` becomes multiplications (repeated squaring, powers shared), ``e^(k/2)``
+  with odd ``|k| <= 32`` multiplications and a square root; a negative exponent adds one division.  ``pow``
+  remains for the rest.
+- A varying value divided by a uniform one is multiplied by the uniform reciprocal, and where one divisor
+  serves several quotients its reciprocal is computed once.  Such a quotient has a relative error of up to 1.5
+  units in the last place instead of 0.5; it differs from a division only where the reciprocal of the divisor
+  overflows (a divisor below 5.6e-309 in magnitude).
 """
 
 from __future__ import annotations
@@ -40,9 +41,9 @@ _MAX_HALF_POWER: Final = 32
 class Tape:
     """A straight-line program; see the module's text for the numbering of its slots.
 
-    ``ops`` holds ``(operator, slot, slot)``, the second slot -1 for unary operators.  ``outputs`` are slots of any kind,
-    ``uniform_ops`` tells per operation whether it depends on uniform inputs and literals alone: True for the first
-    ``n_uniform_ops`` operations, False for the others.
+    ``ops`` holds ``(operator, slot, slot)``, the second slot -1 for unary operators.  ``outputs`` are slots
+    of any kind, ``uniform_ops`` tells per operation whether it depends on uniform inputs and literals alone:
+    True for the first ``n_uniform_ops`` operations, False for the others.
     """
 
     n_uniform: int
@@ -73,7 +74,7 @@ class Tape:
 
     @cached_property
     def last_use(self) -> list[int]:
-        """Per slot, the number of the last operation that reads it; -1 if none does, ``len(ops)`` for outputs."""
+        """Per slot, the last operation that reads it; -1 if none does, ``len(ops)`` for outputs."""
         last = [-1] * self.n_slots
         for number, (_, a, b) in enumerate(self.ops):
             last[a] = number
@@ -84,7 +85,7 @@ class Tape:
         return last
 
     def count_ops(self, uniform: bool | None = None) -> dict[str, int]:
-        """How often each operator occurs; only uniform or only per-instance operations where ``uniform`` says so."""
+        """How often each operator occurs, in all operations or, by flag, the uniform or the others."""
         wanted = [
             op[0] for op, flag in zip(self.ops, self.uniform_ops, strict=True) if uniform in (None, flag)
         ]
@@ -109,16 +110,16 @@ class Tape:
         varying_names: Sequence[str] | None = None,
         output_names: Sequence[str] | None = None,
     ) -> str:
-        """A listing, one operation per line.  Inputs without names are ``u0, u1, ...`` and ``v0, v1, ...``."""
+        """A listing, one operation per line.  Inputs without names are ``u0, ...`` and ``v0, ...``."""
         names = list(uniform_names) if uniform_names is not None else [f"u{k}" for k in range(self.n_uniform)]
         names += varying_names if varying_names is not None else [f"v{k}" for k in range(self.n_varying)]
         names += [repr(value) for value in self.constants]
         names += [f"%{k}" for k in range(len(self.ops))]
         results = output_names if output_names is not None else [f"out{k}" for k in range(len(self.outputs))]
         lines = [
-            f"tape: {self.n_uniform} uniform inputs, {self.n_varying} varying inputs, {len(self.constants)} literals, "
-            f"{self.n_uniform_ops} operations once per call, {len(self.ops) - self.n_uniform_ops} per instance, "
-            f"{len(self.outputs)} outputs"
+            f"tape: {self.n_uniform} uniform inputs, {self.n_varying} varying inputs, "
+            f"{len(self.constants)} literals, {self.n_uniform_ops} operations once per call, "
+            f"{len(self.ops) - self.n_uniform_ops} per instance, {len(self.outputs)} outputs"
         ]
         for number, (op, a, b) in enumerate(self.ops):
             if number == 0 and self.n_uniform_ops:
@@ -174,7 +175,7 @@ class _Builder:
         return self.emit("div", self.constant(1.0), a)
 
     def whole_power(self, a: int, exponent: int) -> int:
-        """``a^exponent`` for exponent >= 1 by repeated squaring, so that the powers of one base share factors."""
+        """``a^exponent``, exponent >= 1, by repeated squaring: powers of one base share factors."""
         if exponent == 1:
             return a
         half = self.whole_power(a, exponent // 2)
@@ -227,10 +228,10 @@ def _lower(builder: _Builder, nodes: Sequence[Expr], slot_of: dict[Hashable, int
 
 
 def _schedule(builder: _Builder, roots: Sequence[int]) -> list[int]:
-    """The operations that the roots need, operands first, depth first, the operand that needs more registers first.
+    """The operations that the roots need, operands first, depth first, the larger operand first.
 
-    The order of Sethi & Ullman (J. ACM 17, 1970), optimal for trees: back ends emit the operations as they come, in one
-    basic block without a scheduler, so it decides how many values are alive at once.
+    The order of Sethi & Ullman (J. ACM 17, 1970), optimal for trees: back ends emit the operations as they
+    come, in one basic block without a scheduler, so it decides how many values are alive at once.
     """
     op, first, second = builder.op, builder.a, builder.b
     need = [1] * len(op)
@@ -271,8 +272,8 @@ def _schedule(builder: _Builder, roots: Sequence[int]) -> list[int]:
 def build_tape(outputs: Sequence[Expr], uniform: Sequence[Hashable], varying: Sequence[Hashable]) -> Tape:
     """Compile expressions to a tape whose inputs are the symbols with the given keys, in the given order.
 
-    Only what the outputs need is computed, and every distinct value once.  The result depends on the structure of the
-    expressions alone, so that equal problems give equal digests in every process.
+    Only what the outputs need is computed, and every distinct value once.  The result depends on the
+    structure of the expressions alone, so that equal problems give equal digests in every process.
 
     Raises:
         ValueError: an expression contains a symbol that is not an input, or an input is named twice.

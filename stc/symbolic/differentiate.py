@@ -1,8 +1,9 @@
 """Symbolic differentiation: the derivative table, reverse-mode gradients, sparse Jacobians and Hessians.
 
 Every derivative shares its subexpressions with the function and with the other derivatives, because nodes are
-interned.  Gradients are accumulated in reverse (Griewank & Walther, Evaluating Derivatives, 2nd ed., section 3.2): the
-cost of a whole gradient is a small multiple of that of the function, whatever the number of variables.
+interned.  Gradients are accumulated in reverse (Griewank & Walther, Evaluating Derivatives, 2nd ed., section
+3.2): the cost of a whole gradient is a small multiple of that of the function, whatever the number of
+variables.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ def _pow_by_base(s: Expr, f: Expr, a: Expr, b: Expr) -> Expr:
     return mul(s, mul(b, pow_(a, sub(b, ONE))))
 
 
-# Each entry takes the seed s (the derivative of the result by f), f itself and its operands, and gives s * df/d(operand).
+# Each entry takes the seed s (the derivative of the result by f), f itself and its operands, and gives s *
+# df/d(operand).
 BY_ARGUMENT: Final[dict[str, tuple[Callable[..., Expr], ...]]] = {
     "add": (lambda s, f, a, b: s, lambda s, f, a, b: s),
     "sub": (lambda s, f, a, b: s, lambda s, f, a, b: neg(s)),
@@ -55,7 +57,7 @@ BY_ARGUMENT: Final[dict[str, tuple[Callable[..., Expr], ...]]] = {
 
 
 def _adjoints(e: Expr, keys: frozenset[Key]) -> dict[Expr, Expr]:
-    """d e / d node for every symbol node whose key is in ``keys`` and that ``e`` depends on (reverse mode)."""
+    """d e / d symbol for every symbol of ``e`` whose key is in ``keys`` (reverse mode)."""
     nodes = reachable([e])
     active: set[Expr] = set()
     for node in nodes:
@@ -106,7 +108,7 @@ def derivative(e: Expr, key: Key) -> Expr:
 
 
 def jacobian(exprs: Sequence[Expr], keys: Sequence[Key]) -> dict[tuple[int, int], Expr]:
-    """The nonzero partial derivatives: ``(row, col)`` -> d exprs[row] / d keys[col], ordered by row, then column."""
+    """The nonzero partial derivatives ``(row, col) -> d exprs[row] / d keys[col]``, by row, then column."""
     column = {key: col for col, key in enumerate(keys)}
     wanted = frozenset(column)
     entries: dict[tuple[int, int], Expr] = {}
@@ -120,7 +122,8 @@ def jacobian(exprs: Sequence[Expr], keys: Sequence[Key]) -> dict[tuple[int, int]
 
 
 def hessian(e: Expr, keys: Sequence[Key]) -> dict[tuple[int, int], Expr]:
-    """The nonzero second partial derivatives in the lower triangle: ``(i, j)``, i >= j, ordered by row, then column.
+    """The nonzero second partial derivatives in the lower triangle: ``(i, j)``, i >= j, ordered by row, then
+    column.
 
     The gradient by reverse mode, then the gradient of each of its entries.
     """
@@ -135,7 +138,7 @@ def hessian(e: Expr, keys: Sequence[Key]) -> dict[tuple[int, int], Expr]:
 
 
 def total_derivative(e: Expr, rate: Callable[[Any], Expr]) -> Expr:
-    """The derivative of ``e`` along a motion: the sum over its symbols of (d e / d symbol) * ``rate(key)``."""
+    """The derivative of ``e`` along a motion: the sum over its symbols of d e / d symbol * ``rate(key)``."""
     keys = symbols(e)
     rates = {key: rate(key) for key in keys}
     moving = [key for key in keys if rates[key] is not ZERO]

@@ -1,19 +1,20 @@
 """Interned expression nodes: the representation, and the constructors that simplify.
 
-Every distinct expression exists once (hash-consing), so structural equality is identity, memo tables are keyed
-by the node itself, and common subexpressions are shared by construction.
+Every distinct expression exists once (hash-consing), so structural equality is identity, memo tables are
+keyed by the node itself, and common subexpressions are shared by construction.
 
-*Order.*  Each node carries ``order``, an integer made from its structure alone: the height above its leaves in
-the high bits and a hash of its operator and operands in the low ones.  Sorting by it is a topological order
-(operands first), puts literals before symbols before compound expressions, and is the same in every process:
-no string hash, memory address or creation history enters.  Commutative operators keep their operands in this order.
+*Order.*  Each node carries ``order``, an integer made from its structure alone: the height above its leaves
+in the high bits and a hash of its operator and operands in the low ones.  Sorting by it is a topological
+order (operands first), puts literals before symbols before compound expressions, and is the same in every
+process: no string hash, memory address or creation history enters.  Commutative operators keep their operands
+in this order.
 
 *Interning.*  The table holds nodes weakly: an expression that nobody uses any more is freed together with its
 entry.  The table is not locked; expressions are to be built by one thread at a time.
 
-*Simplifying.*  ``add``, ``sub``, ``mul``, ``div``, ``neg``, ``pow_`` and ``call`` look up the rules registered for
-the operators of their operands (:mod:`stc.symbolic.rules`) and intern the node as it stands only when none applies.
-``raw`` interns without simplifying.
+*Simplifying.*  ``add``, ``sub``, ``mul``, ``div``, ``neg``, ``pow_`` and ``call`` look up the rules
+registered for the operators of their operands (:mod:`stc.symbolic.rules`) and intern the node as it stands
+only when none applies. ``raw`` interns without simplifying.
 """
 
 from __future__ import annotations
@@ -54,8 +55,9 @@ _OPCODE: Final[dict[str, int]] = {op: 7919 * (k + 2) for k, op in enumerate(ARIT
 class Expr:
     """One interned node; made by the constructors of this module only, never changed.
 
-    ``op`` is ``"num"``, ``"sym"`` or an operator of :data:`ARITY`; ``args`` its operands; ``payload`` the value of a
-    literal (float) or the key of a symbol (hashable).  ``order`` is explained above.  Equality is identity.
+    ``op`` is ``"num"``, ``"sym"`` or an operator of :data:`ARITY`; ``args`` its operands; ``payload`` the
+    value of a literal (float) or the key of a symbol (hashable).  ``order`` is explained above.  Equality is
+    identity.
     """
 
     __slots__ = ("__weakref__", "args", "op", "order", "payload")
@@ -184,7 +186,7 @@ def num(value: float) -> Expr:
 
 
 def sym(key: Hashable) -> Expr:
-    """The symbol with this key.  Keys are compared by equality and must have the same ``repr`` in every process."""
+    """The symbol with this key; equal keys are one symbol, and their ``repr`` must not vary by process."""
     entry = ("sym", key)
     ref = _table.get(entry)
     if ref is not None:
@@ -214,7 +216,7 @@ def _restore(op: str, args: tuple[Expr, ...], payload: Any) -> Expr:
 
 
 Rewrite = Callable[..., "Expr | None"]
-"""A rule's action: takes the operands, returns the simpler expression or None where the rule does not apply."""
+"""A rule's action: takes the operands, returns the simpler expression, or None to leave them alone."""
 
 binary_rules: dict[tuple[str, str, str], tuple[Rewrite, ...]] = {}
 """Actions by operator and the operators of its two operands, in the order in which they are tried."""
@@ -280,7 +282,7 @@ def div(a: Expr, b: Expr) -> Expr:
 
 
 def pow_(a: Expr, b: Expr) -> Expr:
-    """``a ^ b``, simplified; ``0^0`` is 1 and a negative base with a fractional exponent is not a number (IEEE)."""
+    """``a ^ b``, simplified; ``0^0`` is 1, a negative base with a fractional exponent is not a number."""
     return _binary("pow", a, b)
 
 
@@ -313,7 +315,7 @@ def rebuild(op: str, args: tuple[Expr, ...]) -> Expr:
 
 
 def sum_of(terms: Iterable[Expr]) -> Expr:
-    """The sum of the terms, added pairwise as a balanced tree (rounding error grows as the logarithm of their number)."""
+    """The sum of the terms, as a balanced tree: rounding grows as the logarithm of their number."""
     level = list(terms)
     if not level:
         return ZERO

@@ -28,8 +28,8 @@ def number_text(value: float) -> str:
 def render(e: Expr, name_of: Callable[[Any], str] = str) -> str:
     """Infix text of ``e``; ``name_of`` turns symbol keys into names.
 
-    ``-3 + x`` is printed as ``x - 3`` and ``x*x`` as ``x^2``.  Shared subexpressions are written out wherever they
-    occur, so the text of a large expression can be far longer than the expression.
+    ``-3 + x`` is printed as ``x - 3`` and ``x*x`` as ``x^2``.  Shared subexpressions are written out wherever
+    they occur, so the text of a large expression can be far longer than the expression.
     """
     done: dict[Expr, tuple[str, int]] = {}
 

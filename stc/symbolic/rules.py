@@ -1,17 +1,18 @@
 """The simplification rules, as a table.
 
-Each :class:`Rule` states an identity in the notation of the 2001 report (``e`` for expressions, ``l`` for literals) and
-carries the action that performs it.  The constructors of :mod:`stc.symbolic.node` try the actions registered for
-the operators of their operands in the order of this table, so that every expression is simplified as it is built and
-operands are always simplified already.
+Each :class:`Rule` states an identity in the notation of the 2001 report (``e`` for expressions, ``l`` for
+literals) and carries the action that performs it.  The constructors of :mod:`stc.symbolic.node` try the
+actions registered for the operators of their operands in the order of this table, so that every expression is
+simplified as it is built and operands are always simplified already.
 
 What holds for all rules:
 
-- Nothing is folded to a value that is not finite: ``1/0`` and ``log(-1)`` stay as they are and evaluate to inf or nan.
-- ``0*e``, ``0/e``, ``e - e`` and ``e^0`` become literals although ``e`` may be undefined somewhere; quotients are
-  never cancelled (``e/e`` stays), nor are ``sqrt(e)^2``, ``sqrt(e*e)`` and ``exp(log(e))``.
-- A negative coefficient or a minus sign moves outwards (and into ``-`` of a sum), so that ``a*b`` and ``(-a)*b`` share
-  their product.
+- Nothing is folded to a value that is not finite: ``1/0`` and ``log(-1)`` stay as they are and evaluate to
+  inf or nan.
+- ``0*e``, ``0/e``, ``e - e`` and ``e^0`` become literals although ``e`` may be undefined somewhere; quotients
+  are never cancelled (``e/e`` stays), nor are ``sqrt(e)^2``, ``sqrt(e*e)`` and ``exp(log(e))``.
+- A negative coefficient or a minus sign moves outwards (and into ``-`` of a sum), so that ``a*b`` and
+  ``(-a)*b`` share their product.
 
 The table is checked rule by rule on random values in ``tests/symbolic/test_rules.py``.
 """
@@ -50,10 +51,11 @@ SCALED: Final = ("num", "neg", "mul")
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One line of the table: ``pattern => result`` for ``op`` applied to operands with one of the given operators.
+    """One line of the table: ``pattern => result`` for ``op`` applied to operands with one of the given
+    operators.
 
-    For a commutative ``op`` the heads are listed for one order of the operands and registered for both: ``action``
-    receives the operands in canonical order, whichever it is.
+    For a commutative ``op`` the heads are listed for one order of the operands and registered for both:
+    ``action`` receives the operands in canonical order, whichever it is.
     """
 
     pattern: str
@@ -125,7 +127,7 @@ def collect(terms: Sequence[Expr]) -> Expr:
     return total
 
 
-# --- sums ---------------------------------------------------------------------------------------------------------
+# --- sums ---------------------------------------------------------------------------------------------------
 
 
 @rule("l1 + l2", "l", "add", "num", "num")
@@ -209,7 +211,7 @@ def _add_squares(a: Expr, b: Expr) -> Expr | None:
     return None
 
 
-# --- differences --------------------------------------------------------------------------------------------------
+# --- differences --------------------------------------------------------------------------------------------
 
 
 @rule("l1 - l2", "l", "sub", "num", "num")
@@ -298,7 +300,7 @@ def _sub_fractions(a: Expr, b: Expr) -> Expr | None:
     return div(sub(a.args[0], b.args[0]), a.args[1]) if a.args[1] is b.args[1] else None
 
 
-# --- signs --------------------------------------------------------------------------------------------------------
+# --- signs --------------------------------------------------------------------------------------------------
 
 
 @rule("-l", "(-l)", "neg", "num")
@@ -328,7 +330,7 @@ def _neg_sum(a: Expr) -> Expr | None:
     return sub(num(-first.payload), rest) if first.op == "num" else None
 
 
-# --- products -----------------------------------------------------------------------------------------------------
+# --- products -----------------------------------------------------------------------------------------------
 
 
 @rule("l1 * l2", "l", "mul", "num", "num")
@@ -368,7 +370,7 @@ def _mul_fraction(a: Expr, b: Expr) -> Expr | None:
     return div(mul(a.args[0], b), a.args[1])
 
 
-# --- quotients ----------------------------------------------------------------------------------------------------
+# --- quotients ----------------------------------------------------------------------------------------------
 
 
 @rule("l1 / l2", "l", "div", "num", "num")
@@ -378,7 +380,8 @@ def _div_literals(a: Expr, b: Expr) -> Expr | None:
 
 @rule("e / l", "(1/l) * e", "div", ANY, "num")
 def _div_by_literal(a: Expr, b: Expr) -> Expr | None:
-    # The reciprocal must be a normal number: 1/l costs half a unit in the last place, a subnormal one all digits.
+    # The reciprocal must be a normal number: 1/l costs half a unit in the last place, a subnormal one all
+    # digits.
     value = abs(b.payload)
     return mul(num(1.0 / b.payload), a) if 1e-300 < value < 1e300 and a.op != "num" else None
 
@@ -411,7 +414,7 @@ def _div_by_fraction(a: Expr, b: Expr) -> Expr | None:
     return div(mul(a, b.args[1]), b.args[0])
 
 
-# --- powers -------------------------------------------------------------------------------------------------------
+# --- powers -------------------------------------------------------------------------------------------------
 
 
 def _is_whole(value: float) -> bool:
@@ -461,7 +464,7 @@ def _pow_pow(a: Expr, b: Expr) -> Expr | None:
     return pow_(base, num(inner.payload * b.payload))
 
 
-# --- functions ----------------------------------------------------------------------------------------------------
+# --- functions ----------------------------------------------------------------------------------------------
 
 _FOLD: Final[dict[str, Callable[[float], float]]] = {
     name: getattr(math, name) for name in FUNCTIONS if name != "atan2"

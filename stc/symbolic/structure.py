@@ -1,8 +1,8 @@
 """What can be told from the shape of expressions: which symbols matter, and polynomial degree.
 
 Degrees are upper bounds: exact for polynomials as they are simplified, and never too low.  Cancellation that
-the simplifier does not see (``(x + y)*(x + y) - x*x - y*y`` has degree 2, ``(x + 1)*y - x*y`` is called 2 although
-it is 1) errs on the safe side.
+the simplifier does not see (``(x + y)*(x + y) - x*x - y*y`` has degree 2, ``(x + 1)*y - x*y`` is called 2
+although it is 1) errs on the safe side.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def is_constant_in(e: Expr, keys: Iterable[Hashable]) -> bool:
 
 
 def is_linear(e: Expr, keys: Iterable[Hashable]) -> bool:
-    """Whether ``e`` is an affine function of the symbols with the given keys (their factors may be any others)."""
+    """Whether ``e`` is affine in the symbols with the given keys; others may be their factors."""
     return degree(e, keys) <= LINEAR
 
 

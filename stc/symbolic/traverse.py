@@ -52,7 +52,7 @@ _symbols_of: WeakKeyDictionary[Expr, tuple[Any, ...]] = WeakKeyDictionary()
 
 
 def symbols(e: Expr) -> tuple[Any, ...]:
-    """The keys of the symbols in ``e``, each once, in an order that is the same in every process (memoised)."""
+    """The keys of the symbols in ``e``, each once, in the same order in every process (memoised)."""
     found = _symbols_of.get(e)
     if found is None:
         found = tuple(node.payload for node in reachable([e]) if node.op == "sym")
@@ -63,7 +63,8 @@ def symbols(e: Expr) -> tuple[Any, ...]:
 def substitute(e: Expr, replacement: Mapping[Any, Expr], memo: dict[Expr, Expr] | None = None) -> Expr:
     """``e`` with symbols replaced by expressions, all at once, simplified again.
 
-    ``memo`` may be passed to share the work between calls with the same ``replacement``; it maps nodes to results.
+    ``memo`` may be passed to share the work between calls with the same ``replacement``; it maps nodes to
+    results.
     """
     done: dict[Expr, Expr] = {} if memo is None else memo
     stack = [e]
@@ -136,8 +137,8 @@ def evaluate_all(roots: Sequence[Expr], values: Mapping[Hashable, Any]) -> list[
 def evaluate(e: Expr, values: Mapping[Hashable, Any]) -> Any:
     """The value of ``e`` where each symbol has the given value: a float, or an array of any common shape.
 
-    One NumPy call per node.  An invalid operation gives nan and an overflow or a division by zero inf, silently.
-    Complex values are accepted (for complex-step differentiation of analytic functions).
+    One NumPy call per node.  An invalid operation gives nan and an overflow or a division by zero inf,
+    silently. Complex values are accepted (for complex-step differentiation of analytic functions).
 
     Raises:
         KeyError: a symbol has no value.
