@@ -1,4 +1,4 @@
-"""What every test shares: property tests draw the same examples on every run, and no test waits for a clock."""
+"""What every test shares: property tests draw the same examples on every run, without a deadline."""
 
 from hypothesis import settings
 

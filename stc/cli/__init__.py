@@ -1,8 +1,9 @@
 """The command line: ``stc solve``, ``run``, ``validate``, ``check``, ``show``, ``list``, ``new``.
 
 :mod:`stc.cli.app` declares the commands and their options, :mod:`stc.cli.jobs` carries them out,
-:mod:`stc.cli.console` shows results to people, :mod:`stc.cli.record` to programs.  What goes wrong is turned into
-a message and an exit status here, in one place: 0 optimal (or validated), 1 not, 2 a mistake in the input.
+:mod:`stc.cli.console` shows results to people, :mod:`stc.cli.record` to programs.  What goes wrong is turned
+into a message and an exit status here, in one place: 0 optimal (or validated), 1 not, 2 a mistake in the
+input.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.flush()
         return status if isinstance(status, int) else GOOD
     except BrokenPipeError:
-        # The reader has left (`stc list | head -1`).  Python would complain once more when it flushes at exit.
+        # The reader has left (`stc list | head -1`).  Python would complain again when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BAD
     except KeyboardInterrupt:
@@ -54,7 +55,7 @@ def run(arguments: Sequence[str]) -> int:
         where = f"{error.filename}: " if error.filename is not None else ""
         return _report(as_json, "error", f"{where}{error.strerror or error}", MISTAKE)
     except Exception as error:
-        # Wrong usage of a command; typer and its parser give it several classes, which all know how to say so.
+        # Wrong usage of a command: the parser has several classes for it, which all know how to say so.
         if hasattr(error, "format_message"):
             return _report(as_json, "error", _usage(error), MISTAKE)
         return _unexpected(as_json, error)
@@ -78,7 +79,8 @@ def _unexpected(as_json: bool, error: Exception) -> int:
     return _report(
         as_json,
         "failed",
-        f"stc itself failed ({what}). Please report this with the spec and the command; STC_DEBUG=1 shows where.",
+        f"stc itself failed ({what}). Please report it with the spec and the command; "
+        "with STC_DEBUG=1 it shows where.",
         BAD,
     )
 

@@ -10,6 +10,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from stc.errors import Diagnostic
     from stc.solution import Solution
+    from stc.validate import Report
+
+#: Width of what goes into a file or a pipe, where nothing should be cut or wrapped.
+WIDE = 10_000
 
 #: More parameters than this are counted instead of listed.
 MOST_PARAMETERS = 12
@@ -47,6 +51,14 @@ def times(solution: Solution) -> str:
     return f"{total:.3f} s ({stages})" if stages else f"{total:.3f} s"
 
 
+def show_report(report: Report) -> None:
+    """What the validation found, below the solution."""
+    from rich.console import Console
+
+    print()
+    Console(highlight=False, width=None if sys.stdout.isatty() else WIDE).print(report)
+
+
 def print_table(title: str, rows: Sequence[Sequence[str]], header: Sequence[str] = ()) -> None:
     """A title and an unframed table on standard output; cells may carry rich's markup."""
     from rich.console import Console
@@ -61,8 +73,7 @@ def print_table(title: str, rows: Sequence[Sequence[str]], header: Sequence[str]
         table.add_column(name, style="dim" if at == 0 and not header else "", no_wrap=at == 0)
     for row in rows:
         table.add_row(*row)
-    # Into a file or a pipe a table is as wide as it needs to be: nothing there should be cut or wrapped.
-    console = Console(highlight=False, soft_wrap=False, width=None if sys.stdout.isatty() else 10_000)
+    console = Console(highlight=False, soft_wrap=False, width=None if sys.stdout.isatty() else WIDE)
     if title:
         console.print(title, style="bold", markup=False)
     console.print(table)

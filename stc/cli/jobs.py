@@ -14,7 +14,6 @@ from stc.cli.options import SolveOptions, existing_solution, is_solution, writab
 
 if TYPE_CHECKING:
     from stc.pipeline import Model
-    from stc.problem import Problem
     from stc.solution import Solution
 
 
@@ -30,7 +29,10 @@ def run(spec: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
     """Solve, save, validate."""
     model = load(spec, options)
     solution, file = solve_and_save(model, options, as_json=as_json, save=True)
-    return _validated(solution, file, force, as_json)
+    if solution.model is None:
+        reason = f"{solution.name} has no `replay:` section, so that MuJoCo cannot replay it"
+        return _not_validated(solution, file, reason, as_json)
+    return _judge(solution, solution, file, force, as_json)
 
 
 def validate(target: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
@@ -42,10 +44,10 @@ def validate(target: str, options: SolveOptions, *, force: bool, as_json: bool) 
         if options != SolveOptions({}):
             raise UsageError(f"`{target}` is solved already: the options of a solve do not apply to it")
         path = existing_solution(target)
-        return _validated(read(path), path, force, as_json)
+        return _judge(path, read(path), path, force, as_json)
     model = load(target, options)
     solution, file = solve_and_save(model, options, as_json=as_json, save=options.output is not None)
-    return _validated(solution, file, force, as_json)
+    return _judge(solution, solution, file, force, as_json)
 
 
 def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
@@ -56,8 +58,8 @@ def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     sizes = {
         "variables": transcription.program.size,
         "rows": transcription.program.row_count,
-        "jacobian": len(transcription.program.jac_rows),
-        "hessian": len(transcription.program.hess_rows),
+        "jacobian": len(transcription.program.jacobian),
+        "hessian": len(transcription.program.hessian),
     }
     if as_json:
         facts = {"name": model.name, "method": problem.method, "n": problem.n, **sizes}
@@ -80,6 +82,10 @@ def show(spec: str, stage: str, options: SolveOptions) -> int:
     """Print one stage of the walk from text to solution."""
     from stc.cli import stages
 
+    if stage == "list":
+        rows = [(name, (printer.__doc__ or "").split("\n")[0]) for name, printer in stages.STAGES.items()]
+        console.print_table("", rows)
+        return GOOD
     printer = stages.find(stage)
     print(printer(load(spec, options), options.method))
     return GOOD
@@ -135,8 +141,41 @@ def solve_and_save(
     return solution, file
 
 
-def _show(solution: Solution, file: Path | None, as_json: bool) -> None:
+def _judge(
+    replayed: Solution | Path, solution: Solution, file: Path | None, force: bool, as_json: bool
+) -> int:
+    """Replay a motion, given as a solution or (its model may lie beside it) as the file it is saved in."""
+    if solution.status != "optimal" and not force:
+        reason = f"the solve ended {solution.status}, not optimal; --force replays it all the same"
+        return _not_validated(solution, file, reason, as_json)
+    from stc.pipeline import replay
+
+    if not as_json:
+        console.show_solution(solution, file)
+    report = replay(replayed, force=force)
     if as_json:
-        record.write(record.of_solution(solution, None if file is None else str(file)))
+        record.write({**_record(solution, file), "validation": report.to_dict()})
+    else:
+        console.show_report(report)
+    return GOOD if report.passed and solution.status == "optimal" else BAD
+
+
+def _not_validated(solution: Solution, file: Path | None, reason: str, as_json: bool) -> int:
+    """Show a solution that is not replayed, and why."""
+    if as_json:
+        record.write({**_record(solution, file), "validation": None})
     else:
         console.show_solution(solution, file)
+    console.note(f"not validated: {reason}")
+    return BAD
+
+
+def _show(solution: Solution, file: Path | None, as_json: bool) -> None:
+    if as_json:
+        record.write(_record(solution, file))
+    else:
+        console.show_solution(solution, file)
+
+
+def _record(solution: Solution, file: Path | None) -> record.Record:
+    return record.of_solution(solution, None if file is None else str(file))

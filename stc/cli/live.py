@@ -1,7 +1,7 @@
 """The line that shows a solve as it goes, and Ctrl-C as a request to stop with what there is.
 
-The line appears on a terminal only, and only when a solve takes long enough to be looked at.  The first Ctrl-C
-lets the solver finish its iteration and hand over its best iterate; a second one ends the program at once.
+The line appears on a terminal only, and only when a solve takes long enough to be looked at.  The first
+Ctrl-C lets the solver finish its iteration and hand over its best iterate; a second one ends the program.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The options that several commands share: their types for the parser, and the checks that the parser cannot do."""
+"""The options that several commands share: their types for the parser, and what it cannot check."""
 
 from __future__ import annotations
 

@@ -1,0 +1,263 @@
+"""What ``stc show --stage`` can print: one function per stage of the walk from text to solution.
+
+To make another stage visible, write its function and add it to :data:`STAGES`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+from stc.errors import UsageError
+
+if TYPE_CHECKING:
+    from stc.pipeline import Model
+    from stc.problem import Problem
+    from stc.symbolic.expr import Expr
+    from stc.transcription import Transcription
+
+#: Prints one stage of a model under a method (None: the spec's own).
+Printer = Callable[["Model", str | None], str]
+
+_INDENT = "  "
+
+
+def tokens(model: Model, method: str | None) -> str:
+    """Every token with its place and kind."""
+    from stc.language.diagnostics import Diagnostics
+    from stc.language.lexer import tokenize
+
+    found = tokenize(model.source, Diagnostics(model.source))
+    lines = []
+    for index, (kind, start) in enumerate(zip(found.kinds, found.starts)):
+        line, column = model.source.position(start)
+        text = found.text(index)
+        lines.append(f"{f'{line}:{column}':>8}  {text if kind == text else f'{kind} {text}'.strip()}")
+    return "\n".join(lines)
+
+
+def syntax(model: Model, method: str | None) -> str:
+    """The syntax tree, a node per line."""
+    return "\n".join(_tree(model.tree.sections, 0))
+
+
+def _tree(node: Any, depth: int, label: str = "") -> Iterator[str]:
+    """A node of the syntax tree, or a list or tuple of them, indented."""
+    indent = _INDENT * depth
+    if isinstance(node, list | tuple) and any(_is_branch(item) for item in node):
+        if label:
+            yield f"{indent}{label}"
+            depth += 1
+        if isinstance(node, tuple):  # an operator and its operand
+            operator = " ".join(str(item) for item in node if not _is_branch(item))
+            for item in node:
+                if _is_branch(item):
+                    yield from _tree(item, depth, operator)
+            return
+        for item in node:
+            yield from _tree(item, depth)
+        return
+    prefix = f"{indent}{label} " if label else indent
+    if not hasattr(node, "__dataclass_fields__"):
+        yield f"{prefix}{node}"
+        return
+    leaves, branches = [], []
+    for field in fields(node):
+        if field.name not in ("start", "end"):
+            value = getattr(node, field.name)
+            (branches if _is_branch(value) else leaves).append((field.name, value))
+    yield prefix + " ".join([type(node).__name__, *(f"{name}={value!r}" for name, value in leaves)])
+    for name, value in branches:
+        yield from _tree(value, depth + 1, "" if isinstance(value, list) or len(branches) == 1 else name)
+
+
+def _is_branch(value: Any) -> bool:
+    if isinstance(value, list | tuple):
+        return any(_is_branch(item) for item in value)
+    return hasattr(value, "__dataclass_fields__")
+
+
+def problem(model: Model, method: str | None) -> str:
+    """What the spec states, with names looked up and definitions put in."""
+    return "\n".join(_statements(model.problem(method)))
+
+
+def _statements(found: Problem) -> Iterator[str]:
+    from stc.symbolic.render import render
+
+    def bound(e: Expr | None, sign: str) -> str:
+        return f"{sign}inf" if e is None else render(e)
+
+    yield f"# {found.name}: {found.method}, frames 0 to {found.n}, a step of {render(found.step)}"
+    yield "constants:"
+    for name, value in found.constants.items():
+        shapes = "    # shapes the program: another value derives it anew" if name in found.structural else ""
+        yield f"{_INDENT}{name} = {value:.17g}{shapes}"
+    for title, names in (("variables", found.variables), ("parameters", found.parameters)):
+        if names:
+            yield f"{title}:\n{_INDENT}{', '.join(names)}"
+    if found.definitions:
+        yield "definitions:"
+    for name, pieces in found.definitions.items():
+        for piece in pieces:
+            yield f"{_INDENT}{piece.range}: {name} = {render(piece.body)}"
+    yield "constraints:"
+    for relation in found.relations:
+        body = render(relation.body)
+        if relation.is_equality:
+            text = f"{body} = {bound(relation.lower, '')}"
+        else:
+            text = f"{bound(relation.lower, '-')} <= {body} <= {bound(relation.upper, '')}"
+        yield f"{_INDENT}{relation.range}: {text}"
+    yield "objective:"
+    for term in found.objective:
+        body = render(term.body)
+        yield f"{_INDENT}{term.range}: {f'integral({body})' if term.integral else body}"
+    if found.guesses:
+        yield "guess:"
+    for guess in found.guesses:
+        yield f"{_INDENT}{guess.range}: {guess.name} = {render(guess.body)}"
+    if found.jumps:
+        yield "jumps:"
+    for jump in found.jumps:
+        quote = "'" * jump.order
+        yield f"{_INDENT}[{jump.frame}]: {jump.name}{quote}"
+    if found.model is not None or found.replay:
+        yield "replay:"
+    if found.model is not None:
+        yield f'{_INDENT}model = "{found.model}"'
+    for line in found.replay:
+        yield f"{_INDENT}{line.kind} {'.'.join(line.path)} = {render(line.body)}"
+
+
+def nlp(model: Model, method: str | None) -> str:
+    """The nonlinear program: its sizes, and its statements by the nodes that they stand on."""
+    from stc.symbolic.render import render
+
+    found = model.transcription(method)[1]
+    program = found.program
+    degree = ("constant", "linear", "quadratic", "nonlinear")
+    linear = int(program.row_linear.sum())
+    lines = [
+        f"{program.size} decision variables, {program.row_count} rows ({linear} linear), "
+        f"{degree[program.objective_degree]} objective",
+        f"{len(program.jacobian)} nonzeros in the Jacobian, "
+        f"{len(program.hessian)} in the lower half of the Lagrangian's Hessian",
+        f"{len(found.statements.bounds)} statements that are bounds",
+    ]
+    for number, group in enumerate(program.groups):
+        at = group.nodes.position
+        where = f"from {at.min() / 2:g} to {at.max() / 2:g}" if len(at) else "nowhere"
+        nodes = "1 node" if group.size == 1 else f"{group.size} nodes"
+        lines.append(f"group {number}: {nodes}, frames {where}, {len(group.unknown)} unknowns a node")
+        for row, order in zip(group.rows, group.degrees):
+            low = "-inf" if row.lower is None else render(row.lower)
+            high = "inf" if row.upper is None else render(row.upper)
+            relation = (
+                f"{low} <= {render(row.body)} <= {high}" if low != high else f"{render(row.body)} = {low}"
+            )
+            lines.append(f"{_INDENT}{degree[order]:9}  {row.label + ': ' if row.label else ''}{relation}")
+        if group.objective is not None:
+            lines.append(f"{_INDENT}{degree[group.objective_degree]:9}  minimise {render(group.objective)}")
+    return "\n".join(lines)
+
+
+def operations(model: Model, method: str | None) -> str:
+    """Operations of the derivatives over the whole motion: naive trees, simplified, shared."""
+    from stc.transcription.operations import count_operations
+
+    found = model.transcription(method)[1]
+    lines = [f"{'operations over the whole motion':46}{'Jacobian':>16}{'Hessian':>20}"]
+    counts = count_operations(found)
+    first, second = counts["jacobian"], counts["hessian"]
+    for label, attribute in (
+        ("naive trees, by every unknown of the motion", "naive_all"),
+        ("naive trees, by each statement's own unknowns", "naive_own"),
+        ("simplified trees", "simplified"),
+        ("shared", "shared"),
+    ):
+        lines.append(f"{label:46}{getattr(first, attribute):16,}{getattr(second, attribute):20,}")
+    for label, attribute in (
+        ("vanished, of the first", "naive_all"),
+        ("vanished, of the second", "naive_own"),
+    ):
+        shares = [f"{100 * count.vanished(getattr(count, attribute)):.4f} %" for count in (first, second)]
+        lines.append(f"{label:46}{shares[0]:>16}{shares[1]:>20}")
+    return "\n".join(lines)
+
+
+def tape(model: Model, method: str | None) -> str:
+    """The straight-line programs that are compiled: one pair per group of nodes."""
+    found = model.transcription(method)[1]
+    uniform = [str(key) for key in found.program.uniform]
+    parts = []
+    for number, group in enumerate(found.program.groups):
+        varying = [str(key) for key in (*group.unknown, *group.data)]
+        assert group.values_tape is not None
+        assert group.derivatives_tape is not None
+        multipliers = [f"multiplier {r}" for r in range(len(group.rows))]
+        for what, names, program in (
+            ("values", varying, group.values_tape),
+            ("derivatives", varying + multipliers, group.derivatives_tape),
+        ):
+            parts.append(f"# group {number}, {group.size} nodes: {what}\n{program.text(uniform, names)}")
+    return "\n\n".join(parts)
+
+
+def llvm(model: Model, method: str | None) -> str:
+    """The kernels in LLVM's intermediate representation."""
+    found = _compiled(model, method)
+    assert found.kernels is not None
+    return found.kernels.llvm_ir()
+
+
+def _compiled(model: Model, method: str | None) -> Transcription:
+    found = model.transcription(method)[1]
+    if found.kernels is None:
+        found.compile()
+    return found
+
+
+def sparsity(model: Model, method: str | None) -> str:
+    """Where the Jacobian and the Lagrangian's Hessian have entries, as pictures."""
+    from stc.cli.picture import picture
+
+    found = model.transcription(method)[1]
+    program = found.program
+    shape = (program.row_count, program.size)
+    jacobian = picture(program.jacobian.rows, program.jacobian.cols, shape)
+    hessian = picture(program.hessian.rows, program.hessian.cols, (program.size, program.size))
+    return (
+        f"Jacobian, {shape[0]} rows x {shape[1]} decision variables, {len(program.jacobian)} nonzeros\n"
+        f"{jacobian}\n\n"
+        f"Hessian of the Lagrangian, lower half, {len(program.hessian)} nonzeros\n{hessian}"
+    )
+
+
+#: The stages in the order of the walk.
+STAGES: dict[str, Printer] = {
+    "tokens": tokens,
+    "syntax": syntax,
+    "problem": problem,
+    "nlp": nlp,
+    "sparsity": sparsity,
+    "ops": operations,
+    "tape": tape,
+    "llvm": llvm,
+}
+
+
+def find(stage: str) -> Printer:
+    """The printer of a stage.
+
+    Raises:
+        UsageError: there is no such stage; the hint offers the nearest one, or all.
+    """
+    if stage in STAGES:
+        return STAGES[stage]
+    from difflib import get_close_matches
+
+    near = get_close_matches(stage, STAGES, n=1)
+    hint = f"did you mean `{near[0]}`?" if near else f"the stages are {', '.join(STAGES)}"
+    raise UsageError(f"--stage: there is no stage `{stage}`", hint)
