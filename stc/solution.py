@@ -13,7 +13,7 @@ import hashlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -228,7 +228,7 @@ class Solution:
         """Everything that ``solution[name]`` answers: variables, their derivatives, parameters."""
         return [v + "'" * order for v, order in self.trajectories] + list(self.parameters)
 
-    def __getitem__(self, name: str) -> FloatArray | float:
+    def __getitem__(self, name: str) -> Any:
         """A parameter's value, or (n+1,) values of a variable or derivative (``"x''"``) at the frames.
 
         At a jump it is the value after it; see :attr:`before`.
@@ -276,7 +276,7 @@ class Solution:
         """Values at the frames, (n+1,) each, as the step to the right sees them."""
         return _SideView(self, "after")
 
-    def at(self, t: npt.ArrayLike, side: Side = "after") -> dict[str, FloatArray | float]:
+    def at(self, t: npt.ArrayLike, side: Side = "after") -> dict[str, Any]:
         """The motion at any time, by the transcription's own polynomials (see :mod:`stc.trajectory`).
 
         Args:
@@ -299,7 +299,7 @@ class Solution:
             raise UsageError(f"time {flat[outside][0]:g} s is outside of the motion, {first:g} to {last:g} s")
         return self._sample(np.clip(flat, first, last), instants.shape, side)
 
-    def at_frame(self, index: npt.ArrayLike, side: Side = "after") -> dict[str, FloatArray | float]:
+    def at_frame(self, index: npt.ArrayLike, side: Side = "after") -> dict[str, Any]:
         """As :meth:`at`, with the place given as a frame index, fractions allowed (2.5: halfway in step 2).
 
         This is how a motion is resampled to another number of frames: phases and jumps keep their share of
@@ -316,13 +316,11 @@ class Solution:
         instants = np.interp(np.clip(flat, 0, self.n), np.arange(self.n + 1), self.time)
         return self._sample(instants, indices.shape, side)
 
-    def _sample(
-        self, instants: FloatArray, shape: tuple[int, ...], side: Side
-    ) -> dict[str, FloatArray | float]:
+    def _sample(self, instants: FloatArray, shape: tuple[int, ...], side: Side) -> dict[str, Any]:
         if side not in ("before", "after"):
             raise UsageError(f"side must be 'before' or 'after', not {side!r}")
         where = places(self.time, instants, side)
-        found: dict[str, FloatArray | float] = {}
+        found: dict[str, Any] = {}
         for variable in self.variables:
             for order, values in sample(self.method, self._orders(variable), self.time, where, side).items():
                 found[variable + "'" * order] = values.reshape(shape) if shape else float(values[0])

@@ -78,7 +78,7 @@ def test_trapezoidal_is_exact_for_parabolas_and_passes_through_the_frames(
     anything = make("trapezoidal", time, of_polynomial(Polynomial(c), 2, time, mid=False))
     close = anything.at(time[1:] - 1e-8 * np.diff(time))
     for name in ("x", "x'", "x''"):
-        np.testing.assert_allclose(close[name], anything[name][1:], rtol=0, atol=1e-5)  # type: ignore[index]
+        np.testing.assert_allclose(close[name], anything[name][1:], rtol=0, atol=1e-5)
 
 
 def test_central_is_smooth_and_third_order_between_the_frames() -> None:
@@ -110,7 +110,7 @@ def test_jumps_have_two_sides() -> None:
     )
     a = Channel.smooth([g] * 4, [g] * 3)
     solution = make("hermite-simpson", time, {("x", 0): x, ("x", 1): v, ("x", 2): a})
-    assert solution["x'"][2] == 1.0  # type: ignore[index]
+    assert solution["x'"][2] == 1.0
     assert solution.before["x'"][2] == -2.0
     assert solution.after["x'"][2] == 1.0
     assert solution.at(1.0)["x'"] == 1.0
@@ -138,7 +138,7 @@ def test_shapes_of_at_follow_the_argument() -> None:
     assert scalar == {"x": pytest.approx(0.3), "T": 2.0}
     assert isinstance(scalar["x"], float)
     assert np.shape(solution.at([[0.1, 0.2], [0.3, 0.4]])["x"]) == (2, 2)
-    assert solution.at([])["x"].shape == (0,)  # type: ignore[union-attr]
+    assert solution.at([])["x"].shape == (0,)
 
 
 def test_a_single_frame_is_a_motion_too() -> None:

@@ -1,0 +1,161 @@
+"""The model fields that a spec may set: ``set body.particle.mass = m;`` and its like.
+
+=============================================  =============================================================
+path                                           field, in MuJoCo's units
+=============================================  =============================================================
+``option.gravity.x`` (``.y``, ``.z``)          gravity, m/s^2
+``option.wind.x`` (``.y``, ``.z``)             wind, m/s
+``option.density``, ``option.viscosity``       of the surrounding medium
+``option.impratio``                            friction against normal stiffness of contacts
+``body.NAME.mass``                             mass, kg
+``body.NAME.inertia.x`` (``.y``, ``.z``)       principal moments of inertia, kg m^2
+``body.NAME.com.x`` (``.y``, ``.z``)           centre of mass in the body's frame, m
+``body.NAME.pos.x`` (``.y``, ``.z``)           place in the parent's frame, m
+``body.NAME.gravcomp``                         share of gravity that is compensated
+``joint.NAME.damping``                         N s/m or N m s/rad
+``joint.NAME.armature``                        added inertia, kg or kg m^2
+``joint.NAME.frictionloss``                    dry friction, N or N m
+``joint.NAME.stiffness``                       spring, N/m or N m/rad
+``joint.NAME.springref``                       position where the spring is at rest, m or rad
+``joint.NAME.lower``, ``joint.NAME.upper``     range, m or rad
+``geom.NAME.friction.slide``                   friction coefficients of a geom
+(``.spin``, ``.roll``)
+``actuator.NAME.gear``                         force of the actuator per unit of its control
+=============================================  =============================================================
+
+A line sets this one field and nothing else.  In particular a mass does not scale the body's inertia: a spec
+whose mass changes sets the inertia too if the body turns.  What MuJoCo itself derives from the fields
+(subtree masses, reference inertias) is recomputed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from stc.solution import Solution
+from stc.validate.model import ModelError, find_object, lines_of, nearest, single_number
+
+if TYPE_CHECKING:
+    import mujoco
+
+_AXES = {"x": 0, "y": 1, "z": 2}
+_FRICTION = {"slide": 0, "spin": 1, "roll": 2}
+
+#: Per kind of object and field: which array holds it, which address the object has there, which components.
+#: Addresses are functions of the model and the object's index; None stands for a field of one number.
+Address = Callable[[Any, int], int]
+
+
+def _own(_: Any, index: int) -> int:
+    return index
+
+
+def _dof(model: Any, index: int) -> int:
+    return int(model.jnt_dofadr[index])
+
+
+def _qpos(model: Any, index: int) -> int:
+    return int(model.jnt_qposadr[index])
+
+
+_FIELDS: Mapping[str, Mapping[str, tuple[str, Address, Mapping[str, int] | int | None]]] = {
+    "body": {
+        "mass": ("body_mass", _own, None),
+        "inertia": ("body_inertia", _own, _AXES),
+        "com": ("body_ipos", _own, _AXES),
+        "pos": ("body_pos", _own, _AXES),
+        "gravcomp": ("body_gravcomp", _own, None),
+    },
+    "joint": {
+        "damping": ("dof_damping", _dof, None),
+        "armature": ("dof_armature", _dof, None),
+        "frictionloss": ("dof_frictionloss", _dof, None),
+        "stiffness": ("jnt_stiffness", _own, None),
+        "springref": ("qpos_spring", _qpos, None),
+        "lower": ("jnt_range", _own, 0),
+        "upper": ("jnt_range", _own, 1),
+    },
+    "geom": {"friction": ("geom_friction", _own, _FRICTION)},
+    "actuator": {"gear": ("actuator_gear", _own, 0)},
+}
+_OPTIONS: Mapping[str, Mapping[str, int] | None] = {
+    "gravity": _AXES,
+    "wind": _AXES,
+    "density": None,
+    "viscosity": None,
+    "impratio": None,
+}
+
+
+def apply_fields(model: mujoco.MjModel, solution: Solution) -> dict[str, float]:
+    """Set what the spec's ``set`` lines say, and let MuJoCo derive its constants anew.
+
+    Returns:
+        The values by path, for the report.
+
+    Raises:
+        ModelError: an unknown path, or a value that is no single number.
+    """
+    import mujoco
+
+    values = {}
+    for line in lines_of(solution, "set"):
+        value = single_number(line)
+        if line.path[0] == "option":
+            _set_option(model, line.path, value)
+        else:
+            _set_field(model, line.path, value)
+        values[line.name] = value
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return values
+
+
+def _set_option(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> None:
+    written = "set " + ".".join(path)
+    if len(path) < 2 or path[1] not in _OPTIONS:
+        raise ModelError(
+            f"{written}: no such option{nearest(path[1] if len(path) > 1 else '', list(_OPTIONS))}"
+        )
+    component = _component(written, path[2:], _OPTIONS[path[1]])
+    if component is None:
+        setattr(model.opt, path[1], value)
+    else:
+        getattr(model.opt, path[1])[component] = value
+
+
+def _set_field(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> None:
+    written = "set " + ".".join(path)
+    if path[0] not in _FIELDS:
+        raise ModelError(f"{written}: {path[0]} is nothing to set{nearest(path[0], ['option', *_FIELDS])}")
+    if len(path) < 3:
+        raise ModelError(f"{written}: write {path[0]}.NAME.FIELD, as in body.lamp.mass")
+    index = find_object(model, path[0], path[1], written)
+    fields = _FIELDS[path[0]]
+    if path[2] not in fields:
+        raise ModelError(f"{written}: a {path[0]} has no field {path[2]}{nearest(path[2], list(fields))}")
+    array_name, address, components = fields[path[2]]
+    array = getattr(model, array_name)
+    if isinstance(components, int):
+        if len(path) > 3:
+            raise ModelError(f"{written}: {path[2]} has no parts")
+        array[address(model, index), components] = value
+        return
+    component = _component(written, path[3:], components)
+    if component is None:
+        array[address(model, index)] = value
+    else:
+        array[address(model, index), component] = value
+
+
+def _component(written: str, rest: tuple[str, ...], components: Mapping[str, int] | None) -> int | None:
+    """The index of a component by its name, None for a field of one number."""
+    if components is None:
+        if rest:
+            raise ModelError(f"{written}: this field has no parts")
+        return None
+    if len(rest) != 1 or rest[0] not in components:
+        raise ModelError(
+            f"{written}: this field has several parts; end the path in .{', .'.join(components)}"
+        )
+    return components[rest[0]]

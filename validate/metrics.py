@@ -1,0 +1,68 @@
+"""What is measured: one number with its unit, its limit and what follows from them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """One measured number.
+
+    Attributes:
+        name: what was measured, such as ``open-loop drift, largest``.
+        subject: on what, such as ``joint x``.
+        value: the number; infinite or not a number where the simulation broke down.
+        unit: ``m``, ``rad``, ``s``, ``share`` (of one), or "" where it has none that is known.
+        limit: the largest value that passes, or None for a number that is reported only.
+    """
+
+    name: str
+    subject: str
+    value: float
+    unit: str
+    limit: float | None = None
+
+    @property
+    def verdict(self) -> str:
+        """``pass``, ``fail``, or ``info`` for a metric without a limit."""
+        if self.limit is None:
+            return "info"
+        return "pass" if self.value <= self.limit else "fail"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The metric as JSON takes it; a value that is not finite becomes None."""
+        return {
+            "name": self.name,
+            "subject": self.subject,
+            "value": self.value if math.isfinite(self.value) else None,
+            "unit": self.unit,
+            "limit": self.limit,
+            "verdict": self.verdict,
+        }
+
+
+def drift(simulated: FloatArray, before: FloatArray, after: FloatArray) -> tuple[float, float]:
+    """Largest and root-mean-square distance of a simulated signal from the solved one over the frames.
+
+    Where the solved signal has two values at a frame, the nearer one counts.
+
+    Args:
+        simulated: (n+1,) values at the frames, not finite once the simulation has broken down.
+        before: (n+1,) solved values as the step to the left sees them.
+        after: (n+1,) solved values as the step to the right sees them.
+
+    Returns:
+        The maximum and the RMS, infinite where the simulation broke down.
+    """
+    distance = np.minimum(np.abs(simulated - before), np.abs(simulated - after))
+    if not np.all(np.isfinite(distance)):
+        return math.inf, math.inf
+    return float(distance.max()), float(np.sqrt(np.mean(distance**2)))

@@ -1,0 +1,180 @@
+"""The MuJoCo model of a solution: finding the file, and finding in it what the spec speaks of."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc import models
+from stc.errors import StcError
+from stc.solution import ReplayChannel, Solution
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+class ModelError(StcError):
+    """The model file, or what a ``replay:`` line asks of it, does not fit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tie:
+    """A joint of the model tied to the spec.
+
+    Attributes:
+        name: the joint's name.
+        position: its index in ``qpos``.
+        velocity: its index in ``qvel``.
+        unit: ``m`` for a sliding joint, ``rad`` for a hinge.
+        line: the replay line.
+    """
+
+    name: str
+    position: int
+    velocity: int
+    unit: str
+    line: ReplayChannel
+
+
+def find_model(name: str, folders: Iterable[str | Path]) -> Path:
+    """The file of a model: an absolute path, a file in one of the folders, or a bundled model.
+
+    Raises:
+        ModelError: there is none.
+    """
+    tried = [Path(folder) for folder in folders if str(folder)]
+    for folder in tried:
+        if (folder / name).is_file():
+            return folder / name
+    bundled = models.locate(name)
+    if bundled is not None:
+        return bundled
+    places = "".join(f"in {folder}, " for folder in dict.fromkeys(tried))
+    known = nearest(name, models.names())
+    raise ModelError(f"there is no model {name}: looked {places}and among the bundled models{known}")
+
+
+def load_model(path: Path) -> mujoco.MjModel:
+    """Compile a model file.
+
+    Raises:
+        ModelError: MuJoCo does not accept it; the message carries MuJoCo's own.
+    """
+    import mujoco
+
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise ModelError(f"MuJoCo does not accept {path}: {error}") from None
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def nearest(name: str, known: Sequence[str]) -> str:
+    """What to append to a message about an unknown name: the nearest one, or all if there are few."""
+    close = difflib.get_close_matches(name, known, n=1)
+    if close:
+        return f"; did you mean {close[0]}?"
+    if known:
+        return f"; known: {', '.join(known[:12])}" + (", ..." if len(known) > 12 else "")
+    return ""
+
+
+def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
+    """The names of all joints, actuators, bodies, geoms, sites or sensors that have one."""
+    import mujoco
+
+    object_type = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
+    found = (mujoco.mj_id2name(model, object_type, index) for index in range(_count(model, kind)))
+    return [name for name in found if name]
+
+
+def _count(model: mujoco.MjModel, kind: str) -> int:
+    arrays = {
+        "actuator": model.actuator_trntype,
+        "body": model.body_parentid,
+        "geom": model.geom_type,
+        "joint": model.jnt_type,
+        "sensor": model.sensor_type,
+        "site": model.site_type,
+    }
+    return len(arrays[kind])
+
+
+def find_object(model: mujoco.MjModel, kind: str, name: str, line: str) -> int:
+    """The index of a named object; ``line`` is the replay line for the message.
+
+    Raises:
+        ModelError: the model has no such object; the message offers the nearest name.
+    """
+    import mujoco
+
+    index = mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name)
+    if index < 0:
+        raise ModelError(f"{line}: the model has no {kind} {name}{nearest(name, names_of(model, kind))}")
+    return int(index)
+
+
+def lines_of(solution: Solution, kind: str) -> list[ReplayChannel]:
+    """The replay lines of one kind.
+
+    Raises:
+        ModelError: two lines are about the same thing.
+    """
+    lines = [line for line in solution.replay if line.kind == kind]
+    seen: set[str] = set()
+    for line in lines:
+        if line.name in seen:
+            raise ModelError(f"{kind} {line.name} stands in the replay section twice")
+        seen.add(line.name)
+    return lines
+
+
+def tied_joints(model: mujoco.MjModel, solution: Solution) -> list[Tie]:
+    """The joints that the spec's ``joint`` lines speak of, with their velocities.
+
+    Raises:
+        ModelError: an unknown joint, one with several coordinates, or one whose velocity the solution lacks.
+    """
+    import mujoco
+
+    units = {int(mujoco.mjtJoint.mjJNT_SLIDE): "m", int(mujoco.mjtJoint.mjJNT_HINGE): "rad"}
+    ties = []
+    for line in lines_of(solution, "joint"):
+        index = find_object(model, "joint", line.name, f"joint {line.name}")
+        unit = units.get(int(model.jnt_type[index]))
+        if unit is None:
+            raise ModelError(
+                f"joint {line.name}: a ball or free joint has several coordinates and cannot take one "
+                "expression; build it from slide and hinge joints"
+            )
+        if line.rate is None:
+            raise ModelError(f"joint {line.name}: the solution does not know how fast it moves at the start")
+        ties.append(Tie(line.name, int(model.jnt_qposadr[index]), int(model.jnt_dofadr[index]), unit, line))
+    return ties
+
+
+def single_number(line: ReplayChannel) -> float:
+    """The value of a ``set`` line, which must be the same all along the motion.
+
+    Raises:
+        ModelError: it changes, or is not finite.
+    """
+    values = np.concatenate([line.value.before, line.value.after])
+    first = float(values[0])
+    if not np.all(np.isfinite(values)):
+        raise ModelError(f"set {line.name}: the value is not a finite number")
+    if np.max(np.abs(values - first)) > 1e-12 * max(1.0, abs(first)):
+        raise ModelError(
+            f"set {line.name}: the value changes along the motion, but a model field is one number"
+        )
+    return first

@@ -1,0 +1,115 @@
+"""The outputs of a model that a spec may have compared: ``compare site.tip.x = expression;`` and its like.
+
+=======================================  ====================================================================
+path                                     output
+=======================================  ====================================================================
+``joint.NAME``                           position of a joint, m or rad
+``joint.NAME.velocity``                  its velocity, m/s or rad/s
+``body.NAME.x`` (``.y``, ``.z``)         world position of a body's frame, m; likewise ``geom`` and ``site``
+``body.NAME.vx`` (``.vy``, ``.vz``)      its world velocity, m/s
+``com.NAME.x`` (``.y``, ``.z``)          world centre of mass of a body and all that hangs on it, m
+``sensor.NAME``                          a sensor with one value, in the sensor's unit
+=======================================  ====================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.solution import ReplayChannel, Solution
+from stc.validate.model import ModelError, find_object, lines_of, nearest
+
+if TYPE_CHECKING:
+    import mujoco
+
+_AXES = {"x": 0, "y": 1, "z": 2}
+_VELOCITIES = {"vx": 0, "vy": 1, "vz": 2}
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """One compared output.
+
+    Attributes:
+        line: the replay line with the solved values.
+        unit: of the output, "" for a sensor.
+        read: finds its value in a simulation whose derived quantities are up to date.
+    """
+
+    line: ReplayChannel
+    unit: str
+    read: Callable[[mujoco.MjModel, mujoco.MjData], float]
+
+
+def compared_outputs(model: mujoco.MjModel, solution: Solution) -> list[Output]:
+    """The outputs that the spec's ``compare`` lines speak of.
+
+    Raises:
+        ModelError: an unknown path.
+    """
+    return [_output(model, line) for line in lines_of(solution, "compare")]
+
+
+def _output(model: mujoco.MjModel, line: ReplayChannel) -> Output:
+    written = f"compare {line.name}"
+    kind, *rest = line.path
+    if kind not in ("joint", "sensor", "com", "body", "geom", "site"):
+        known = ["joint", "body", "geom", "site", "com", "sensor"]
+        raise ModelError(f"{written}: {kind} is nothing to compare{nearest(kind, known)}")
+    if not rest:
+        raise ModelError(f"{written}: the name of the {kind} is missing")
+    index = find_object(model, "body" if kind == "com" else kind, rest[0], written)
+    if kind == "joint":
+        return _joint(model, line, index, rest[1:])
+    if kind == "sensor":
+        return _sensor(model, line, index, rest[1:])
+    return _point(line, kind, index, rest[1:])
+
+
+def _joint(model: mujoco.MjModel, line: ReplayChannel, index: int, rest: list[str]) -> Output:
+    import mujoco
+
+    units = {int(mujoco.mjtJoint.mjJNT_SLIDE): "m", int(mujoco.mjtJoint.mjJNT_HINGE): "rad"}
+    unit = units.get(int(model.jnt_type[index]))
+    if unit is None:
+        raise ModelError(f"compare {line.name}: a ball or free joint has several coordinates")
+    position, velocity = int(model.jnt_qposadr[index]), int(model.jnt_dofadr[index])
+    if not rest:
+        return Output(line, unit, lambda _, data: float(data.qpos[position]))
+    if rest == ["velocity"]:
+        return Output(line, f"{unit}/s", lambda _, data: float(data.qvel[velocity]))
+    raise ModelError(f"compare {line.name}: a joint has its position and .velocity, no .{'.'.join(rest)}")
+
+
+def _sensor(model: mujoco.MjModel, line: ReplayChannel, index: int, rest: list[str]) -> Output:
+    if rest or model.sensor_dim[index] != 1:
+        raise ModelError(f"compare {line.name}: only a sensor with one value can be compared")
+    address = int(model.sensor_adr[index])
+    return Output(line, "", lambda _, data: float(data.sensordata[address]))
+
+
+def _point(line: ReplayChannel, kind: str, index: int, rest: list[str]) -> Output:
+    """A world coordinate of a body, geom, site or centre of mass, or its velocity."""
+    if len(rest) == 1 and rest[0] in _AXES:
+        array = {"body": "xpos", "geom": "geom_xpos", "site": "site_xpos", "com": "subtree_com"}[kind]
+        axis = _AXES[rest[0]]
+        return Output(line, "m", lambda _, data: float(getattr(data, array)[index, axis]))
+    if len(rest) == 1 and rest[0] in _VELOCITIES and kind != "com":
+        axis = _VELOCITIES[rest[0]]
+        return Output(line, "m/s", lambda model, data: _velocity(model, data, kind, index, axis))
+    parts = ".x, .y, .z" if kind == "com" else ".x, .y, .z, .vx, .vy, .vz"
+    raise ModelError(f"compare {line.name}: end the path in one of {parts}")
+
+
+def _velocity(model: mujoco.MjModel, data: mujoco.MjData, kind: str, index: int, axis: int) -> float:
+    import mujoco
+
+    # mjOBJ_BODY would be the centre of mass; XBODY is the body's frame, as xpos is.
+    types = {"body": "mjOBJ_XBODY", "geom": "mjOBJ_GEOM", "site": "mjOBJ_SITE"}
+    both = np.zeros(6)  # angular, then linear
+    mujoco.mj_objectVelocity(model, data, int(getattr(mujoco.mjtObj, types[kind])), index, both, 0)
+    return float(both[3 + axis])

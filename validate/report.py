@@ -1,0 +1,117 @@
+"""The outcome of a validation: numbers with verdicts, what produced them, and how to show them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from stc.validate.metrics import Metric
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderResult
+
+
+@dataclass(slots=True, kw_only=True)
+class Report:
+    """A validated motion.
+
+    Attributes:
+        spec: name of the spec.
+        spec_sha256: hash of its text.
+        status: how its solve ended.
+        method: transcription.
+        n: number of steps.
+        duration: of the motion, in seconds.
+        model: file name of the model.
+        model_sha256: hash of the model file.
+        fields: model fields that the spec set, by path.
+        simulator: name and version of the simulator.
+        integrator: how the replay stepped.
+        model_integrator: the integrator that the model file asks for.
+        time_step: longest time step of the replay, in seconds.
+        steps: number of time steps of the replay.
+        metrics: everything that was measured.
+        notes: what a reader should know besides.
+        seconds: wall time of the validation.
+    """
+
+    spec: str
+    spec_sha256: str
+    status: str
+    method: str
+    n: int
+    duration: float
+    model: str
+    model_sha256: str
+    fields: dict[str, float]
+    simulator: str
+    integrator: str
+    model_integrator: str
+    time_step: float
+    steps: int
+    metrics: Sequence[Metric]
+    notes: Sequence[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+    @property
+    def passed(self) -> bool:
+        """Whether there is a metric with a limit and every one of them keeps it."""
+        verdicts = [metric.verdict for metric in self.metrics]
+        return "pass" in verdicts and "fail" not in verdicts
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as JSON takes it; values that are not finite are None."""
+        return {
+            "passed": self.passed,
+            "spec": self.spec,
+            "spec_sha256": self.spec_sha256,
+            "status": self.status,
+            "method": self.method,
+            "n": self.n,
+            "duration": self.duration,
+            "model": self.model,
+            "model_sha256": self.model_sha256,
+            "fields": dict(self.fields),
+            "simulator": self.simulator,
+            "integrator": self.integrator,
+            "model_integrator": self.model_integrator,
+            "time_step": self.time_step,
+            "steps": self.steps,
+            "metrics": [metric.to_dict() for metric in self.metrics],
+            "notes": list(self.notes),
+            "seconds": self.seconds,
+        }
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Rich shows a report as a table with the verdict below it."""
+        from rich.table import Table
+        from rich.text import Text
+
+        colours = {"pass": "green", "fail": "bold red", "info": "dim"}
+        title = (
+            f"{self.spec}, {self.method}, n = {self.n}, {self.duration:.4g} s: replayed in {self.simulator}"
+        )
+        table = Table(title=title, title_justify="left", title_style="bold")
+        for heading in ("metric", "of"):
+            table.add_column(heading)
+        for heading in ("value", "limit"):
+            table.add_column(heading, justify="right")
+        table.add_column("verdict")
+        for metric in self.metrics:
+            limit = "" if metric.limit is None else f"{metric.limit:.3g} {metric.unit}".strip()
+            table.add_row(
+                metric.name,
+                metric.subject,
+                f"{metric.value:.3g} {metric.unit}".strip(),
+                limit,
+                Text(metric.verdict, style=colours[metric.verdict]),
+            )
+        yield table
+        yield Text(
+            f"{self.model}, {self.integrator}, {self.steps} time steps of at most {self.time_step:.3g} s",
+            style="dim",
+        )
+        for note in self.notes:
+            yield Text(f"note: {note}", style="yellow")
+        yield Text("passed" if self.passed else "failed", style="bold green" if self.passed else "bold red")
