@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Any
 
 from stc.symbolic.node import Expr
 from stc.symbolic.traverse import postorder
 
-_SUM, _PRODUCT, _SIGN, _POWER, _ATOM = 1, 2, 3, 4, 5
-_INFIX: Final[dict[str, tuple[str, int, int, int]]] = {
-    # text, own binding strength, strength needed on the left, on the right
-    "add": (" + ", _SUM, _SUM, _SUM),
-    "sub": (" - ", _SUM, _SUM, _PRODUCT),
-    "mul": ("*", _PRODUCT, _PRODUCT, _PRODUCT),
-    "div": ("/", _PRODUCT, _PRODUCT, _SIGN),
-    "pow": ("^", _POWER, _ATOM, _SIGN),
-}
+_SUM, _SIGNED, _PRODUCT, _POWER, _ATOM = 1, 2, 3, 4, 5
+_NUMBER, _NAME, _OTHER = 0, 1, 2
+
+
+@dataclass(frozen=True, slots=True)
+class _Text:
+    """A rendered node: how tightly it binds, and its summands or factors with the kind that sorts them."""
+
+    text: str
+    strength: int
+    kind: int = _OTHER
+    terms: tuple[_Text, ...] = ()
+    factors: tuple[_Text, ...] = ()
+
+    def within(self, needed: int) -> str:
+        return self.text if self.strength >= needed else f"({self.text})"
 
 
 def number_text(value: float) -> str:
@@ -25,35 +33,61 @@ def number_text(value: float) -> str:
     return text[:-2] if text.endswith(".0") else text
 
 
+def _sum(parts: tuple[_Text, ...]) -> _Text:
+    # Operands come in the structural order of their nodes; for the reader, positive ones first, numbers last.
+    ordered = sorted(parts, key=lambda p: (p.text[0] == "-", p.kind == _NUMBER, p.text * (p.kind == _NAME)))
+    text = ordered[0].text
+    for part in ordered[1:]:
+        text += f" - {part.text[1:]}" if part.text[0] == "-" else f" + {part.text}"
+    return _Text(text, _SUM, terms=parts)
+
+
+def _product(parts: tuple[_Text, ...]) -> _Text:
+    ordered = sorted(parts, key=lambda p: (p.kind, p.text * (p.kind == _NAME)))
+    return _Text("*".join(p.within(_PRODUCT) for p in ordered), _PRODUCT, factors=parts)
+
+
+def _number(value: float) -> _Text:
+    text = number_text(value)
+    return _Text(text, _SIGNED if text.startswith("-") else _ATOM, _NUMBER)
+
+
+def _compound(op: str, args: list[_Text]) -> _Text:
+    a, b = args[0], args[-1]
+    if op == "neg":
+        return _Text("-" + a.within(_PRODUCT), _SIGNED)
+    if op == "add":
+        return _sum((*(a.terms or (a,)), *(b.terms or (b,))))
+    if op == "sub":
+        return _Text(f"{a.text} - {b.within(_PRODUCT)}", _SUM)
+    if op == "mul":
+        if a is b:
+            return _Text(a.within(_ATOM) + "^2", _POWER)
+        if a.kind == _NUMBER and a.text.startswith("-"):
+            # -3*x: the sign is part of the number and needs no parentheses in front.
+            return _Text(f"{a.text}*{b.within(_PRODUCT)}", _SIGNED)
+        return _product((*(a.factors or (a,)), *(b.factors or (b,))))
+    if op == "div":
+        return _Text(f"{a.within(_SIGNED)}/{b.within(_POWER)}", _PRODUCT)
+    if op == "pow":
+        exponent = b.text if b.kind == _NUMBER else b.within(_POWER)
+        return _Text(f"{a.within(_ATOM)}^{exponent}", _POWER)
+    return _Text(f"{op}({', '.join(arg.text for arg in args)})", _ATOM)
+
+
 def render(e: Expr, name_of: Callable[[Any], str] = str) -> str:
     """Infix text of ``e``; ``name_of`` turns symbol keys into names.
 
-    ``-3 + x`` is printed as ``x - 3`` and ``x*x`` as ``x^2``.  Shared subexpressions are written out wherever
-    they occur, so the text of a large expression can be far longer than the expression.
+    ``x*x`` is printed as ``x^2``; names in sums and products are sorted, numbers stand last in sums and first
+    in products.  Shared subexpressions are written out wherever they occur, so the text of a large
+    expression can be far longer than the expression.
     """
-    done: dict[Expr, tuple[str, int]] = {}
-
-    def part(node: Expr, needed: int) -> str:
-        text, strength = done[node]
-        return text if strength >= needed else f"({text})"
-
+    done: dict[Expr, _Text] = {}
     for node in postorder([e]):
-        op, args = node.op, node.args
-        if op == "num":
-            text = number_text(node.payload)
-            done[node] = (text, _SIGN if text.startswith("-") else _ATOM)
-        elif op == "sym":
-            done[node] = (name_of(node.payload), _ATOM)
-        elif op == "neg":
-            done[node] = ("-" + part(args[0], _SIGN), _SIGN)
-        elif op == "mul" and args[0] is args[1]:
-            done[node] = (part(args[0], _ATOM) + "^2", _POWER)
-        elif op == "add" and args[0].op == "num":
-            sign, size = (" - ", -args[0].payload) if args[0].payload < 0 else (" + ", args[0].payload)
-            done[node] = (part(args[1], _SUM) + sign + number_text(size), _SUM)
-        elif op in _INFIX:
-            text, strength, left, right = _INFIX[op]
-            done[node] = (part(args[0], left) + text + part(args[1], right), strength)
+        if node.op == "num":
+            done[node] = _number(node.payload)
+        elif node.op == "sym":
+            done[node] = _Text(name_of(node.payload), _ATOM, _NAME)
         else:
-            done[node] = (f"{op}({', '.join(done[a][0] for a in args)})", _ATOM)
-    return done[e][0]
+            done[node] = _compound(node.op, [done[arg] for arg in node.args])
+    return done[e].text
