@@ -84,7 +84,7 @@ def problem(model: Model, method: str | None) -> str:
 
 
 def _statements(found: Problem) -> Iterator[str]:
-    from stc.symbolic.render import render
+    from stc.symbolic.render import number_text, render
 
     def bound(e: Expr | None, sign: str) -> str:
         return f"{sign}inf" if e is None else render(e)
@@ -93,7 +93,7 @@ def _statements(found: Problem) -> Iterator[str]:
     yield "constants:"
     for name, value in found.constants.items():
         shapes = "    # shapes the program: another value derives it anew" if name in found.structural else ""
-        yield f"{_INDENT}{name} = {value:.17g}{shapes}"
+        yield f"{_INDENT}{name} = {number_text(value)}{shapes}"
     for title, names in (("variables", found.variables), ("parameters", found.parameters)):
         if names:
             yield f"{title}:\n{_INDENT}{', '.join(names)}"

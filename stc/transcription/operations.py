@@ -3,9 +3,9 @@
 Three ways to hold the same numbers are compared, over all frames:
 
 *naive trees*
-    the chain rule applied to every statement at every frame for every unknown, nothing simplified and nothing
-    shared: what the 2001 program started from.  ``all`` differentiates by every unknown of the motion, as that
-    program did (most of these derivatives are zero); ``own`` only by the unknowns that the statement holds.
+    the chain rule applied to every statement at every frame for every unknown, nothing simplified, nothing
+    shared.  ``all`` differentiates by every unknown of the motion (most of these derivatives are zero), ``own``
+    only by the unknowns that the statement holds.
 *simplified*
     the same derivatives as trees after simplification, zeros left out.
 *shared*
