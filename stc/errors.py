@@ -100,7 +100,10 @@ class Span:
                 after = after[: room - 3] + "..."
         gutter = f"{number:5d} | "
         blank = " " * 6 + "| "
-        return f"{gutter}{before}{marked}{after}".rstrip() + f"\n{blank}{' ' * len(before)}{'^' * max(1, len(marked))}"
+        return (
+            f"{gutter}{before}{marked}{after}".rstrip()
+            + f"\n{blank}{' ' * len(before)}{'^' * max(1, len(marked))}"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,8 +149,8 @@ class SpecError(StcError):
 class EvaluationError(StcError):
     """A function of the spec has no value (0/0, the root of a negative number...) where it is needed.
 
-    ``expression`` is the statement's own text, ``frame`` where it was evaluated (a half at a midpoint), ``values``
-    the numbers that its names had there, in the units of the spec.
+    ``expression`` is the statement's own text, ``frame`` where it was evaluated (a half at a midpoint),
+    ``values`` the numbers that its names had there, in the units of the spec.
     """
 
     def __init__(

@@ -122,9 +122,9 @@ class FrameRange:
 class Relation:
     """``lower <= body <= upper`` on every frame of a range.
 
-    ``lower`` and ``upper`` are expressions of constants, ``i`` and ``t`` alone, or None where absent (infinite);
-    an equality has the very same expression on both sides.  ``a <= b`` with neither side constant is
-    ``a - b <= 0``.
+    ``lower`` and ``upper`` are expressions of constants, ``i`` and ``t`` alone, or None where absent
+    (infinite); an equality has the very same expression on both sides.  ``a <= b`` with neither side constant
+    is ``a - b <= 0``.
     """
 
     body: Expr
@@ -181,7 +181,7 @@ class Jump:
 
 @dataclass(frozen=True, slots=True)
 class ReplayChannel:
-    """One line of the ``replay:`` section: ``kind path = body;`` with kind joint, actuator, compare or set."""
+    """One line of ``replay:``: ``kind path = body;`` with kind joint, actuator, compare or set."""
 
     kind: str
     path: tuple[str, ...]

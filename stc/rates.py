@@ -12,8 +12,8 @@ from stc.symbolic.expr import ONE, ZERO, Expr, substitute, sym, symbols
 def rate(key: object) -> Expr:
     """The time derivative of a symbol, as the language defines primes.
 
-    A variable, at whatever frame, gives its next derivative there; ``t`` gives 1, constants and parameters 0.  The
-    index of the frame has none; elaboration refuses its prime, so it counts as 0 here.
+    A variable, at whatever frame, gives its next derivative there; ``t`` gives 1, constants and parameters 0.
+    The index of the frame has none; elaboration refuses its prime, so it counts as 0 here.
     """
     if isinstance(key, VariableRef | DefinitionRef):
         return sym(replace(key, order=key.order + 1))
@@ -28,6 +28,6 @@ def time_derivative(e: Expr, order: int) -> Expr:
 
 
 def one_sided(e: Expr, side: str) -> Expr:
-    """``before(e)`` or ``after(e)``: every variable and ranged definition in it read on that side of a jump."""
+    """``before(e)`` or ``after(e)``: every variable and ranged definition in it read on that side."""
     keys = [k for k in symbols(e) if isinstance(k, VariableRef | DefinitionRef) and k.side != side]
     return substitute(e, {k: sym(replace(k, side=side)) for k in keys}) if keys else e

@@ -1,7 +1,8 @@
 """Characters to tokens.
 
-A token's kind is ``number``, ``name``, ``string``, ``prime`` (one or more ``'``), ``end``, or for every operator
-and delimiter its own text.  Tokens are held as parallel lists, which is what makes lexing cheap in Python.
+A token's kind is ``number``, ``name``, ``string``, ``prime`` (one or more ``'``), ``end``, or for every
+operator and delimiter its own text.  Tokens are held as parallel lists, which is what makes lexing cheap in
+Python.
 """
 
 from __future__ import annotations
@@ -104,7 +105,7 @@ def _bad_character(text: str, position: int, diagnostics: Diagnostics) -> int:
     if text[position] == '"':
         end = text.find("\n", position)
         end = len(text) if end < 0 else end
-        hint = 'text in quotes ends with `"` on the same line; a second derivative is written with two `\'`'
+        hint = "text in quotes ends with `\"` on the same line; a second derivative is written with two `'`"
         diagnostics.error("a quote is not closed", position, position + 1, hint)
         return position + 1
     end = position + 1

@@ -1,8 +1,8 @@
 """Tokens to a syntax tree, by recursive descent.
 
-A mistake is noted and reading goes on after the next ``;``, or at the next section head or range header, so that
-one run reports all of them.  Expressions bind, from loosest to tightest: ``+ -``, ``* /``, unary ``-``, ``^``
-(right associative), ``'`` and ``[ ]``.
+A mistake is noted and reading goes on after the next ``;``, or at the next section head or range header, so
+that one run reports all of them.  Expressions bind, from loosest to tightest: ``+ -``, ``* /``, unary ``-``,
+``^`` (right associative), ``'`` and ``[ ]``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _RELATIONS = frozenset(("=", "<=", ">="))
 _OPERAND_STARTS = frozenset(("name", "number", "(", "string"))
 
 
-def parse(source: Source) -> syntax.Spec:
+def parse(source: Source) -> syntax.SpecTree:
     """The syntax tree of a spec.
 
     Raises:
@@ -35,7 +35,7 @@ def parse(source: Source) -> syntax.Spec:
     return tree
 
 
-def parse_with_recovery(source: Source, diagnostics: Diagnostics) -> syntax.Spec:
+def parse_with_recovery(source: Source, diagnostics: Diagnostics) -> syntax.SpecTree:
     """The tree of all statements that could be read; the mistakes are added to ``diagnostics``."""
     return _Parser(tokenize(source, diagnostics), diagnostics).spec()
 
@@ -97,7 +97,9 @@ class _Parser:
         index = self.at
         if self.kind == "end" and index > 0:
             index -= 1
-        self.diagnostics.error(message, self.starts[index], max(self.ends[index], self.starts[index] + 1), hint)
+        self.diagnostics.error(
+            message, self.starts[index], max(self.ends[index], self.starts[index] + 1), hint
+        )
         return _Misread()
 
     def expect(self, kind: str, what: str) -> None:
@@ -110,7 +112,11 @@ class _Parser:
         return "\n" in self.text[self.ends[self.at - 1] : self.starts[self.at]] if self.at else True
 
     def section_head_at(self, index: int) -> bool:
-        return self.kinds[index] == "name" and self.kinds[index + 1] == ":" and self.token_text(index) in SECTIONS
+        return (
+            self.kinds[index] == "name"
+            and self.kinds[index + 1] == ":"
+            and self.token_text(index) in SECTIONS
+        )
 
     def range_header_end(self, index: int) -> int:
         """If a range header starts at this token, the index of its ``:``; else -1."""
@@ -144,7 +150,7 @@ class _Parser:
         if not starts_something:
             self.fail_after_operand("`;`")
         last = self.at - 1
-        self.diagnostics.error(f"expected `;` after {what}", self.ends[last] - 1, self.ends[last])
+        self.diagnostics.error(f"expected `;` after {what}", self.ends[last], self.ends[last] + 1)
 
     def fail_after_operand(self, what: str) -> None:
         """Raise for a token that cannot follow an expression."""
@@ -188,7 +194,7 @@ class _Parser:
 
     # ---------------------------------------------------------------- sections
 
-    def spec(self) -> syntax.Spec:
+    def spec(self) -> syntax.SpecTree:
         sections: list[syntax.Section] = []
         while self.kind != "end":
             if self.kind == "name" and self.kinds[self.at + 1] == ":":
@@ -197,9 +203,12 @@ class _Parser:
                     sections.append(section)
             else:
                 known = ", ".join(f"`{name}:`" for name, kind in SECTIONS.items() if kind.supported)
-                self.fail(f"expected a section such as `constants:`, found {self.described()}", f"sections are {known}")
+                self.fail(
+                    f"expected a section such as `constants:`, found {self.described()}",
+                    f"sections are {known}",
+                )
                 self.skip_to_head()
-        return syntax.Spec(self.source, sections, frozenset(self.damaged))
+        return syntax.SpecTree(self.source, sections, frozenset(self.damaged))
 
     def skip_to_head(self) -> None:
         """Go to the next thing that looks like a section head."""
@@ -218,7 +227,10 @@ class _Parser:
         name_end = self.ends[self.at]
         kind = SECTIONS.get(name)
         if kind is None:
-            meant = nearest_name(name, SECTIONS)
+            ranged = self.range_header_end(self.at + 2) >= 0
+            meant = nearest_name(
+                name, [word for word, section in SECTIONS.items() if section.ranged or not ranged]
+            )
             known = ", ".join(f"`{word}`" for word, section in SECTIONS.items() if section.supported)
             hint = f"did you mean `{meant}`?" if meant else f"sections are {known}"
             self.diagnostics.error(f"there is no section `{name}`", start, name_end, hint)
@@ -251,6 +263,7 @@ class _Parser:
                 else:
                     statement(blocks[-1].statements)
             except _Misread:
+                self.depth = 0
                 self.skip_statement(first, kind.declares)
         return syntax.Section(start, end, name, blocks)
 
@@ -266,9 +279,12 @@ class _Parser:
                 last = self.expression()
             if self.kind != "]":
                 found = self.described()
-                raise self.fail(f"expected `,` or `]` in a range header, found {found}", "a range is `[a, b]:` or `[k]:`")
+                raise self.fail(
+                    f"expected `,` or `]` in a range header, found {found}", "a range is `[a, b]:` or `[k]:`"
+                )
         except _Misread:
             # the header is lost, the statements under it are not: nothing is assumed about their frames
+            self.depth = 0
             first = syntax.Name(start, self.ends[colon], "?")
             last = None
         self.move_to(colon + 1)
@@ -300,7 +316,9 @@ class _Parser:
                     )
                 self.advance()
                 value = self.expression()
-            into.append(syntax.Declaration(name.start, self.ends[self.at - 1], name, value if valued else None))
+            into.append(
+                syntax.Declaration(name.start, self.ends[self.at - 1], name, value if valued else None)
+            )
             if self.kind == ",":
                 self.advance()
                 continue
@@ -310,10 +328,14 @@ class _Parser:
             last = self.at - 1
             head_follows = self.kind == "end" or self.section_head_at(self.at)
             if head_follows:
-                self.diagnostics.error(f"expected `;` after the last {what}", self.ends[last] - 1, self.ends[last])
+                self.diagnostics.error(
+                    f"expected `;` after the last {what}", self.ends[last], self.ends[last] + 1
+                )
                 return
             if self.kind == "name" and (self.on_new_line() or value is None):
-                self.diagnostics.error(f"expected `,` or `;` after `{name.name}`", self.ends[last] - 1, self.ends[last])
+                self.diagnostics.error(
+                    f"expected `,` or `;` after `{name.name}`", self.ends[last], self.ends[last] + 1
+                )
                 continue
             if value is not None and self.kind in _OPERAND_STARTS:
                 self.fail_after_operand("`,` or `;`")
@@ -341,7 +363,7 @@ class _Parser:
         self.assignment(into, "definition", "a definition is a plain name")
 
     def guess_statement(self, into: list[syntax.Statement]) -> None:
-        hint = "derivatives start from differences of the guessed values; ranges go into a header before the guess"
+        hint = "derivatives start from differences of the guessed values; frames go into a header before it"
         self.assignment(into, "guess", hint)
 
     def relation(self) -> syntax.Relation:
@@ -398,7 +420,9 @@ class _Parser:
             return
         if word.name not in REPLAY_KINDS:
             known = ("model", *REPLAY_KINDS)
-            hint = did_you_mean(word.name, known) or "lines start with " + ", ".join(f"`{name}`" for name in known)
+            hint = did_you_mean(word.name, known) or "lines start with " + ", ".join(
+                f"`{name}`" for name in known
+            )
             self.diagnostics.error(f"`{word.name}` is no kind of replay line", word.start, word.end, hint)
             raise _Misread
         path_parts = [self.path_part(word.name)]
@@ -465,7 +489,9 @@ class _Parser:
         elif kind == "number":
             value = float(self.token_text(at))
             if math.isinf(value):
-                raise self.fail("this number is too large", "the largest is 1.797e308; infinite bounds are `inf`")
+                raise self.fail(
+                    "this number is too large", "the largest is 1.797e308; infinite bounds are `inf`"
+                )
             node = syntax.Number(starts[at], ends[at], value)
             self.advance()
         elif kind == "(":
@@ -478,12 +504,11 @@ class _Parser:
             raise self.fail_operand()
         while self.kind == "prime" or self.kind == "[":
             if self.kind == "prime":
-                order = ends[self.at] - starts[self.at]
-                if self.token_text(self.at) == "″":
-                    order = 2
+                count = 2 if self.token_text(self.at) == "″" else ends[self.at] - starts[self.at]
                 if isinstance(node, syntax.Prime):
-                    node, order = node.operand, node.order + order
-                node = syntax.Prime(starts[at], ends[self.at], node, order)
+                    node = syntax.Prime(starts[at], ends[self.at], node.operand, node.order + count)
+                else:
+                    node = syntax.Prime(starts[at], ends[self.at], node, count)
                 self.advance()
             elif self.range_header_end(self.at) >= 0:
                 break

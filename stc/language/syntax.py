@@ -1,8 +1,8 @@
 """The syntax tree: what the text says, before any name is looked up.
 
-Every node knows its characters (``start``, ``end``); two nodes are equal when they say the same, wherever they
-stand.  Sums and products are held flat, as written between one pair of parentheses, so that a sum of a thousand
-terms is no deeper than one of two.
+Every node knows its characters (``start``, ``end``); two nodes are equal when they say the same, wherever
+they stand.  Sums and products are held flat, as written between one pair of parentheses, so that a sum of a
+thousand terms is no deeper than one of two.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Sum(Node):
 
 @dataclass(slots=True)
 class Product(Node):
-    """Two or more factors, each with its ``*`` or ``/``; the first one's is ``*``.  Read from left to right."""
+    """Two or more factors, each with its ``*`` or ``/`` (the first: ``*``), read from left to right."""
 
     factors: list[tuple[str, Expression]]
 
@@ -93,6 +93,35 @@ class Index(Node):
 
 
 Expression: TypeAlias = Number | Name | Negate | Sum | Product | Power | Call | Prime | Index
+
+
+def parts(node: Expression) -> list[Expression]:
+    """The expressions that an expression is made of directly, from left to right."""
+    if isinstance(node, Sum):
+        return [term for _, term in node.terms]
+    if isinstance(node, Product):
+        return [factor for _, factor in node.factors]
+    if isinstance(node, Negate | Prime):
+        return [node.operand]
+    if isinstance(node, Power):
+        return [node.base, node.exponent]
+    if isinstance(node, Index):
+        return [node.operand, node.index]
+    return node.arguments if isinstance(node, Call) else []
+
+
+def walk(node: Expression) -> Iterator[Expression]:
+    """The expression and everything in it, in the order of the text (a node before its parts)."""
+    stack = [node]
+    while stack:
+        found = stack.pop()
+        yield found
+        stack.extend(reversed(parts(found)))
+
+
+def names(node: Expression) -> list[str]:
+    """Every plain name in an expression once, in the order of the text; not the functions'."""
+    return list(dict.fromkeys(found.name for found in walk(node) if isinstance(found, Name)))
 
 
 # ----------------------------------------------------------------- statements
@@ -180,7 +209,7 @@ class Section(Node):
 
 
 @dataclass(slots=True)
-class Spec:
+class SpecTree:
     """A whole file.
 
     ``damaged`` holds the names in declarations that could not be read, so that their uses are not called

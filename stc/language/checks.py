@@ -1,0 +1,93 @@
+"""Warnings about a problem that is sound but perhaps not meant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stc.language.diagnostics import Diagnostics
+from stc.language.names import NameTable
+from stc.problem import ConstantRef, DefinitionRef, ParameterRef, Problem, VariableRef
+from stc.rates import time_derivative
+from stc.symbolic.expr import Expr, symbols
+
+Place = tuple[int, int]
+
+
+def warn(
+    problem: Problem, table: NameTable, first_use: Mapping[tuple[str, int], Place], diagnostics: Diagnostics
+) -> None:
+    """Note every warning; ``first_use`` tells where the text has a derivative of a variable first."""
+    orders = derivative_orders(problem)
+    _unused(table, diagnostics)
+    _parameter_sums(problem, diagnostics)
+    if problem.method == "central":
+        _uncoupled(orders, first_use, diagnostics)
+    _idle_jumps(problem, orders, diagnostics)
+
+
+def derivative_orders(problem: Problem) -> dict[str, dict[int, Place]]:
+    """Per variable, the orders of its derivatives in statements, each with its first statement's place."""
+    found: dict[str, dict[int, Place]] = {}
+    seen: set[DefinitionRef] = set()
+
+    def note(e: Expr, place: Place) -> None:
+        waiting = [e]
+        while waiting:
+            for key in symbols(waiting.pop()):
+                if isinstance(key, VariableRef):
+                    found.setdefault(key.name, {}).setdefault(key.order, place)
+                elif isinstance(key, DefinitionRef) and key not in seen:
+                    seen.add(key)
+                    waiting += [time_derivative(p.body, key.order) for p in problem.definitions[key.name]]
+
+    for relation in problem.relations:
+        note(relation.body, (relation.span.start, relation.span.end))
+    for term in problem.objective:
+        note(term.body, (term.span.start, term.span.end))
+    return found
+
+
+def _unused(table: NameTable, diagnostics: Diagnostics) -> None:
+    for name, entry in table.entries.items():
+        if not entry.used and name not in ("n", "h"):
+            hint = "no constraint, objective or definition mentions it"
+            diagnostics.warning(f"the {entry.kind} `{name}` is not used", entry.start, entry.end, hint)
+
+
+def _parameter_sums(problem: Problem, diagnostics: Diagnostics) -> None:
+    for term in problem.objective:
+        keys = symbols(term.body)
+        frames = term.range.last - term.range.first + 1
+        if (
+            not term.integral
+            and frames > 1
+            and any(isinstance(key, ParameterRef) for key in keys)
+            and all(isinstance(key, ParameterRef | ConstantRef) for key in keys)
+        ):
+            message = f"this term is the same on every frame and counts {frames} times"
+            hint = "put it under the range `[0]:` to count it once"
+            diagnostics.warning(message, term.span.start, term.span.end, hint)
+
+
+def _uncoupled(
+    orders: Mapping[str, Mapping[int, Place]],
+    first_use: Mapping[tuple[str, int], Place],
+    diagnostics: Diagnostics,
+) -> None:
+    for name, places in orders.items():
+        if 1 in places and 2 not in places:
+            start, end = first_use.get((name, 1), places[1])
+            message = f"`{name}'` appears but `{name}''` never does: central differences leave the odd and even frames of `{name}` uncoupled"
+            hint = "`method: trapezoidal;` is meant for first-order systems"
+            diagnostics.warning(message, start, end, hint)
+
+
+def _idle_jumps(
+    problem: Problem, orders: Mapping[str, Mapping[int, Place]], diagnostics: Diagnostics
+) -> None:
+    for jump in problem.jumps:
+        used = orders.get(jump.name, {})
+        if jump.order > max(used, default=0):
+            shown = jump.name + "'" * jump.order
+            message = f"`{shown}` is used nowhere, so its jump changes nothing"
+            diagnostics.warning(message, jump.span.start, jump.span.end)

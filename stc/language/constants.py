@@ -1,0 +1,166 @@
+"""The values of constants: from the file, from outside, and from each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from stc.errors import UsageError
+from stc.language import syntax
+from stc.language.diagnostics import Diagnostics, did_you_mean
+from stc.language.names import NameTable, dependency_order
+from stc.language.numbers import NOISE, NotANumber, Unknown, affine
+from stc.language.words import FUNCTION_ADVICE, RESERVED
+
+
+class Constants:
+    """Every constant's value (None where a mistake left it without one), and what it was made from."""
+
+    def __init__(
+        self,
+        table: NameTable,
+        overrides: Mapping[str, float],
+        diagnostics: Diagnostics,
+        damaged: frozenset[str],
+    ) -> None:
+        self.table = table
+        self.diagnostics = diagnostics
+        self.damaged = damaged
+        self.values: dict[str, float | None] = {}
+        self.needs: dict[str, list[str]] = {}
+        self._check_overrides(overrides)
+        self._evaluate(overrides)
+        self.n = self._last_frame()
+
+    def _check_overrides(self, overrides: Mapping[str, float]) -> None:
+        # `n` and `h` mean something in every file, so they can be given even where the file is silent
+        for name, value in overrides.items():
+            kind = self.table.kind(name)
+            if kind is None and name not in ("n", "h") and name not in self.damaged:
+                known = self.table.of_kind("constant")
+                hint = did_you_mean(name, known) or (
+                    "its constants are " + ", ".join(f"`{k}`" for k in known) if known else "it declares none"
+                )
+                raise UsageError(f"the spec has no constant `{name}`", hint)
+            if kind not in (None, "constant"):
+                raise UsageError(f"`{name}` is a {kind} of the spec; only constants can be set from outside")
+            try:
+                number = float(value)
+            except (TypeError, ValueError):
+                raise UsageError(f"the constant `{name}` needs a number, not {value!r}") from None
+            if math.isnan(number):
+                raise UsageError(f"the constant `{name}` needs a number, not nan")
+
+    def _evaluate(self, overrides: Mapping[str, float]) -> None:
+        for name in ("n", "h"):
+            if name in overrides and self.table.kind(name) is None:
+                self.values[name] = float(overrides[name])
+        constants = self.table.of_kind("constant")
+        for name in constants:
+            value = self.table.entries[name].value
+            inside = [] if value is None or name in overrides else syntax.names(value)
+            self.needs[name] = [k for k in inside if self.table.kind(k) == "constant"]
+            for k in inside:
+                if k in self.table.entries:
+                    self.table.entries[k].used = True
+        order, cycles = dependency_order(constants, self.needs.__getitem__)
+        circular: set[str] = set()
+        for cycle in cycles:
+            circular.update(cycle)
+            entry = self.table.entries[cycle[0]]
+            message = f"the constant `{cycle[0]}` is defined by itself"
+            hint = " needs ".join(f"`{name}`" for name in cycle)
+            self.diagnostics.error(message, entry.start, entry.end, hint)
+        for name in order:
+            self.values[name] = self._value(name, overrides, circular)
+
+    def _value(self, name: str, overrides: Mapping[str, float], circular: set[str]) -> float | None:
+        entry = self.table.entries[name]
+        if name in overrides:
+            return float(overrides[name])
+        if name in circular:
+            return None
+        if entry.value is None:
+            hint = f"give it one here (`{name} = ...`) or from outside with `--set {name}=value`"
+            self.diagnostics.error(f"the constant `{name}` has no value", entry.start, entry.end, hint)
+            return None
+        try:
+            return affine(entry.value, self._resolve)[1]
+        except NotANumber as problem:
+            self.diagnostics.error(problem.message, problem.node.start, problem.node.end, problem.hint)
+        except Unknown:
+            pass
+        return None
+
+    def _resolve(self, node: syntax.Name) -> tuple[float, float]:
+        """A name within the value of a constant."""
+        name = node.name
+        kind = self.table.kind(name)
+        if kind == "constant":
+            value = self.values.get(name)
+            if value is None:
+                raise Unknown
+            return 0.0, value
+        if name == "pi":
+            return 0.0, math.pi
+        if name == "inf":
+            return 0.0, math.inf
+        if name in ("n", "h") and kind is None and name in self.values:
+            return 0.0, self.values[name] or 0.0
+        if name == "h" and kind is None:
+            return 0.0, 1.0
+        if kind is not None:
+            hint = (
+                "define the name under `definitions:` instead"
+                if kind != "definition"
+                else "make it a constant too"
+            )
+            raise NotANumber(node, f"a constant cannot use the {kind} `{name}`", hint)
+        if name in ("t", "i"):
+            hint = "define the name under `definitions:` instead"
+            raise NotANumber(node, f"a constant cannot use `{name}`, {RESERVED[name]}", hint)
+        raise self.undeclared(node)
+
+    def undeclared(self, node: syntax.Name, candidates: Iterable[str] | None = None) -> NotANumber | Unknown:
+        """The exception for a name that nothing declares."""
+        name = node.name
+        if name in self.damaged or name == "?":
+            return Unknown()
+        if name == "n":
+            message = "`n`, the number of the last frame, has no value"
+            return NotANumber(
+                node, message, "declare it under `constants:` or set it from outside with `--set n=value`"
+            )
+        found = self.table.of_kind("constant") if candidates is None else candidates
+        hint = did_you_mean(name, found) or FUNCTION_ADVICE.get(name, "") or "declare it under `constants:`"
+        return NotANumber(node, f"`{name}` is not declared", hint)
+
+    def _last_frame(self) -> int | None:
+        """The value of ``n``, or None after noting why there is none."""
+        entry = self.table.entries.get("n")
+        start, end = (entry.start, entry.end) if entry is not None else (0, 0)
+        value = self.values.get("n")
+        if value is None:
+            if entry is None and "n" not in self.damaged:
+                hint = (
+                    "declare it under `constants:`, as in `n = 60`, or set it from outside with `--set n=60`"
+                )
+                self.diagnostics.error("`n`, the number of the last frame, is not declared", start, end, hint)
+            return None
+        if math.isinf(value) or abs(value - round(value)) > NOISE or round(value) < 0:
+            message = f"`n`, the number of the last frame, is {value:.12g}"
+            self.diagnostics.error(message, start, end, "it has to be a whole number, 0 or more")
+            return None
+        self.values["n"] = float(round(value))
+        return round(value)
+
+    def made_from(self, name: str) -> set[str]:
+        """The constant and every other one that shaped its value."""
+        found: set[str] = set()
+        waiting = [name]
+        while waiting:
+            at = waiting.pop()
+            if at not in found:
+                found.add(at)
+                waiting.extend(self.needs.get(at, ()))
+        return found

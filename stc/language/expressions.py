@@ -1,0 +1,343 @@
+"""Syntax to expressions: names, definitions, primes, indices and sides of jumps are worked out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+from stc.language import syntax
+from stc.language.constants import Constants
+from stc.language.definitions import runs
+from stc.language.diagnostics import Diagnostics, did_you_mean
+from stc.language.names import NameTable
+from stc.language.numbers import arity_message
+from stc.language.positions import Positions
+from stc.language.words import FUNCTION_ADVICE, OPERATORS, RESERVED
+from stc.problem import (
+    ConstantRef,
+    DefinitionPiece,
+    DefinitionRef,
+    IndexRef,
+    ParameterRef,
+    TimeRef,
+    VariableRef,
+)
+from stc.rates import one_sided, rate
+from stc.symbolic.differentiate import total_derivative
+from stc.symbolic.expr import (
+    FUNCTIONS,
+    ONE,
+    Expr,
+    add,
+    call,
+    div,
+    evaluate,
+    mul,
+    neg,
+    num,
+    pow_,
+    sub,
+    substitute,
+    sum_of,
+    sym,
+    symbols,
+)
+
+#: Sums of more terms than this are added as a balanced tree.
+LONG_SUM = 8
+
+UNKNOWN = sym(ConstantRef("?"))
+"""Stands in for what could not be understood; the builder is then ``poisoned``."""
+
+INDEX = sym(IndexRef())
+TIME = sym(TimeRef())
+PI = num(math.pi)
+
+
+class ExpressionBuilder:
+    """Makes expressions of syntax; notes every mistake and goes on with a stand-in.
+
+    ``macros`` are the definitions known by one value, ``pieces`` those under range headers, ``step`` is
+    ``h``; whoever works through the definitions fills them in.  ``poisoned`` is set when a mistake, new or
+    old, left a stand-in in an expression: further checks of that expression would only repeat it.
+    """
+
+    def __init__(
+        self, table: NameTable, constants: Constants, positions: Positions, diagnostics: Diagnostics
+    ) -> None:
+        self.table = table
+        self.constants = constants
+        self.positions = positions
+        self.diagnostics = diagnostics
+        self.macros: dict[str, Expr] = {}
+        self.pieces: dict[str, list[DefinitionPiece]] = {}
+        self.step: Expr = ONE
+        self.poisoned = False
+        self.first_use: dict[tuple[str, int], tuple[int, int]] = {}
+        self.integral_definitions: set[str] = set()
+        self._leaves: dict[str, Expr] = {"pi": PI, "t": TIME, "i": INDEX}
+        self._derivatives: dict[Expr, Expr] = {}
+        self._reported: set[str] = set()
+        self._build: dict[type, Callable[[Any], Expr]] = {
+            syntax.Number: self._number,
+            syntax.Name: self._name,
+            syntax.Negate: self._negate,
+            syntax.Sum: self._sum,
+            syntax.Product: self._product,
+            syntax.Power: self._power,
+            syntax.Call: self._call,
+            syntax.Prime: self._prime,
+            syntax.Index: self._index,
+        }
+
+    def build(self, node: syntax.Expression) -> Expr:
+        """The expression; where a part makes no sense, that is noted and ``poisoned`` set."""
+        return self._build[type(node)](node)
+
+    def fail(self, node: syntax.Node, message: str, hint: str = "") -> Expr:
+        """Note a mistake and give the stand-in."""
+        self.diagnostics.error(message, node.start, node.end, hint)
+        self.poisoned = True
+        return UNKNOWN
+
+    # ----------------------------------------------------------------- leaves
+
+    def _number(self, node: syntax.Number) -> Expr:
+        return num(node.value)
+
+    def _name(self, node: syntax.Name) -> Expr:
+        name = node.name
+        leaf = self._leaves.get(name)
+        if leaf is not None:
+            return leaf
+        entry = self.table.entries.get(name)
+        if entry is None:
+            if name == "h":
+                return self.step
+            if name == "n" and "n" in self.constants.values:
+                return sym(ConstantRef("n"))
+            return self._undeclared(node)
+        entry.used = True
+        if entry.kind == "constant":
+            leaf = sym(ConstantRef(name))
+        elif entry.kind == "variable":
+            leaf = sym(VariableRef(name))
+        elif entry.kind == "parameter":
+            leaf = sym(ParameterRef(name))
+        elif name in self.macros:
+            leaf = self.macros[name]
+        elif name in self.pieces:
+            leaf = sym(DefinitionRef(name))
+        elif name in self.integral_definitions:
+            message = (
+                f"the definition `{name}` holds an integral; it may only stand as a term of the objective"
+            )
+            return self.fail(node, message)
+        else:  # a definition that could not be understood; that has been noted
+            self.poisoned = True
+            return UNKNOWN
+        self._leaves[name] = leaf
+        return leaf
+
+    def _undeclared(self, node: syntax.Name) -> Expr:
+        name = node.name
+        self.poisoned = True
+        if name in self._reported or name in self.constants.damaged or name == "n":
+            return UNKNOWN
+        self._reported.add(name)
+        if name == "inf":
+            message, hint = "`inf` may only stand alone, as a bound", "leave a bound out where there is none"
+        elif name in FUNCTIONS or name in OPERATORS:
+            message, hint = f"the function `{name}` has no arguments", f"write `{name}(...)`"
+        else:
+            message = f"`{name}` is not declared"
+            known = [*self.table.entries, *RESERVED, "n", "h"]
+            hint = did_you_mean(name, known) or "declare it under `constants:`, `variables:` or `parameters:`"
+        return self.fail(node, message, hint)
+
+    # ------------------------------------------------------------- arithmetic
+
+    def _negate(self, node: syntax.Negate) -> Expr:
+        return neg(self.build(node.operand))
+
+    def _sum(self, node: syntax.Sum) -> Expr:
+        build = self._build
+        if len(node.terms) > LONG_SUM:
+            terms = [(sign, build[type(term)](term)) for sign, term in node.terms]
+            return sum_of([e if sign == "+" else neg(e) for sign, e in terms])
+        first = node.terms[0][1]
+        result = build[type(first)](first)
+        for sign, term in node.terms[1:]:
+            e = build[type(term)](term)
+            result = add(result, e) if sign == "+" else sub(result, e)
+        return result
+
+    def _product(self, node: syntax.Product) -> Expr:
+        build = self._build
+        first = node.factors[0][1]
+        result = build[type(first)](first)
+        for operator, factor in node.factors[1:]:
+            e = build[type(factor)](factor)
+            result = mul(result, e) if operator == "*" else div(result, e)
+        return result
+
+    def _power(self, node: syntax.Power) -> Expr:
+        base, exponent = self.build(node.base), self.build(node.exponent)
+        if exponent.op == "num" or self.poisoned:
+            return pow_(base, exponent)
+        keys = symbols(exponent)
+        if all(isinstance(k, ConstantRef) for k in keys) and not all(
+            isinstance(k, ConstantRef) for k in symbols(base)
+        ):
+            # x^k with a constant k: its derivatives take their form from the number
+            numbers = {k: self.positions.structural_value(k.name) for k in keys}
+            if None in numbers.values():
+                self.poisoned = True
+                return UNKNOWN
+            value = evaluate(exponent, numbers)
+            if not math.isfinite(value):
+                return self.fail(node.exponent, f"the exponent is {value:g}")
+            whole = round(value)
+            return pow_(base, num(whole if abs(value - whole) < 1e-12 else value))
+        return pow_(base, exponent)
+
+    def _call(self, node: syntax.Call) -> Expr:
+        function = node.function
+        if function in ("before", "after"):
+            return self._one_sided(node)
+        arguments = [self.build(argument) for argument in node.arguments]
+        if function in FUNCTIONS:
+            if len(arguments) != FUNCTIONS[function]:
+                return self.fail(node, arity_message(function, len(arguments)))
+            return call(function, *arguments)
+        if function == "integral":
+            hint = (
+                "there it may have a factor of constants and parameters; "
+                "for an integral within a constraint make a variable of it: `w' = e;`"
+            )
+            return self.fail(node, "`integral` may only stand as a term of the objective", hint)
+        kind = self.table.kind(function)
+        if kind is not None or function in ("t", "i", "pi", "n", "h"):
+            hint = f"write `{function}*(...)` to multiply"
+            if kind in ("variable", "definition"):
+                hint += f", `{function}[k]` for the value at frame k"
+            what = f"`{function}` is a {kind}, not a function" if kind else f"`{function}` is not a function"
+            return self.fail(node, what, hint)
+        hint = FUNCTION_ADVICE.get(function) or did_you_mean(function, [*FUNCTIONS, *OPERATORS])
+        return self.fail(
+            node, f"there is no function `{function}`", hint or f"functions are {', '.join(FUNCTIONS)}"
+        )
+
+    # ------------------------------------------------- sides, primes, indices
+
+    def _one_sided(self, node: syntax.Call) -> Expr:
+        side = node.function
+        if len(node.arguments) != 1:
+            for argument in node.arguments:
+                self.build(argument)
+            return self.fail(node, f"`{side}` takes 1 argument, not {len(node.arguments)}")
+        e = self.build(node.arguments[0])
+        if any(getattr(key, "side", "") for key in symbols(e)):
+            hint = "an expression is read on one side of a jump"
+            return self.fail(node, "`before` and `after` cannot stand within each other", hint)
+        return one_sided(e, side)
+
+    def derivative(self, e: Expr, order: int) -> Expr:
+        """The total time derivative, remembered."""
+        for _ in range(order):
+            found = self._derivatives.get(e)
+            if found is None:
+                found = self._derivatives[e] = total_derivative(e, rate)
+            e = found
+        return e
+
+    def _prime(self, node: syntax.Prime) -> Expr:
+        operand, order = node.operand, node.order
+        if isinstance(operand, syntax.Name) and self.table.kind(operand.name) == "variable":
+            name = operand.name
+            self.table.entries[name].used = True
+            self.first_use.setdefault((name, order), (node.start, node.end))
+            return sym(VariableRef(name, order))
+        e = self.build(operand)
+        if self.poisoned:
+            return UNKNOWN
+        if self._holds_index(e):
+            shown = "the definition uses the index `i`, which" if isinstance(operand, syntax.Name) else "`i`"
+            if isinstance(operand, syntax.Name) and operand.name == "i":
+                shown = "the index `i`"
+            hint = "write it in terms of the time `t`"
+            return self.fail(node, f"{shown} has no time derivative", hint)
+        fixed = [k for k in symbols(e) if isinstance(k, VariableRef) and k.scale == 0]
+        if fixed and e.op != "sym":
+            frame = fixed[0].shift
+            message = f"`{fixed[0]}` within a primed expression gives its derivative at frame {frame}, not 0"
+            hint = "a prime and an index commute; where the value is meant as a number, prime the rest alone"
+            self.diagnostics.warning(message, node.start, node.end, hint)
+        return self.derivative(e, order)
+
+    def _holds_index(self, e: Expr) -> bool:
+        """Whether ``i`` occurs in an expression or in a piece of a definition that it uses."""
+        seen: set[str] = set()
+        waiting = [e]
+        while waiting:
+            for key in symbols(waiting.pop()):
+                if isinstance(key, IndexRef):
+                    return True
+                if isinstance(key, DefinitionRef) and key.name not in seen:
+                    seen.add(key.name)
+                    waiting.extend(piece.body for piece in self.pieces.get(key.name, ()))
+        return False
+
+    def _index(self, node: syntax.Index) -> Expr:
+        e = self.build(node.operand)
+        position = self.positions.index(node.index)
+        if position is None:
+            self.poisoned = True
+        if self.poisoned or position is None:
+            return UNKNOWN
+        return self._moved(node, e, *position)
+
+    def _moved(self, node: syntax.Node, e: Expr, scale: Fraction | int, shift: Fraction | int) -> Expr:
+        """The value of ``e`` at frame ``scale*i + shift``."""
+        mapping: dict[object, Expr] = {}
+        for key in symbols(e):
+            if isinstance(key, VariableRef):
+                at = _tidy(scale * key.scale), _tidy(shift * key.scale + key.shift)
+                if at[0] == 0 and not (at[1].denominator == 1 and 0 <= at[1] <= (self.constants.n or 0)):
+                    hint = f"its frames are 0 to {self.constants.n}"
+                    return self.fail(node, f"`{key.name}` is read at frame {at[1]}, outside the motion", hint)
+                mapping[key] = sym(replace(key, scale=at[0], shift=at[1]))
+            elif isinstance(key, IndexRef):
+                mapping[key] = add(mul(num(float(scale)), INDEX), num(float(shift)))
+            elif isinstance(key, TimeRef):
+                if any(not isinstance(k, ConstantRef | ParameterRef) for k in symbols(self.step)):
+                    hint = "make a variable of it: `clock' = 1;`"
+                    return self.fail(
+                        node, "the time at another frame is known only where all steps are equal", hint
+                    )
+                mapping[key] = mul(self.step, add(mul(num(float(scale)), INDEX), num(float(shift))))
+            elif isinstance(key, DefinitionRef):
+                if (scale, shift) == (1, 0):
+                    continue
+                if scale != 0:
+                    hint = "index the variables in its formulas, or make a variable that equals it"
+                    message = f"`{key.name}` stands under range headers; a relative index cannot read it"
+                    return self.fail(node, message, hint)
+                run = runs(self.pieces[key.name], int(shift), int(shift))[0]
+                if run.piece is None:
+                    return self.fail(node, f"`{key.name}` has no definition on frame {shift}")
+                value = self.derivative(run.piece.body, key.order)
+                value = one_sided(value, key.side) if key.side else value
+                mapping[key] = self._moved(node, value, scale, shift)
+        return substitute(e, mapping) if mapping else e
+
+
+def _tidy(value: Fraction | int) -> Fraction | int:
+    """Whole fractions as int."""
+    return value.numerator if value.denominator == 1 else value
+
+
+__all__ = ["INDEX", "PI", "TIME", "UNKNOWN", "ExpressionBuilder"]

@@ -1,0 +1,126 @@
+"""Every declared name of a spec, and the order in which names that use each other are worked out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from stc.language import syntax
+from stc.language.diagnostics import Diagnostics
+from stc.language.words import RESERVED
+from stc.symbolic.expr import FUNCTIONS
+
+KINDS = {
+    "constants": "constant",
+    "variables": "variable",
+    "parameters": "parameter",
+    "definitions": "definition",
+}
+
+
+@dataclass(slots=True)
+class Entry:
+    """A declared name: its kind, where it was declared first, and whether anything uses it."""
+
+    name: str
+    kind: str
+    start: int
+    end: int
+    value: syntax.Expression | None = None
+    used: bool = False
+
+
+@dataclass(slots=True)
+class NameTable:
+    """Every declared name, in the order of the text."""
+
+    entries: dict[str, Entry] = field(default_factory=dict)
+
+    def kind(self, name: str) -> str | None:
+        """``constant``, ``variable``, ``parameter`` or ``definition``; None when nothing declares it."""
+        entry = self.entries.get(name)
+        return None if entry is None else entry.kind
+
+    def of_kind(self, kind: str) -> list[str]:
+        """All names of a kind, in the order of the text."""
+        return [name for name, entry in self.entries.items() if entry.kind == kind]
+
+
+def collect_names(spec: syntax.SpecTree, diagnostics: Diagnostics) -> NameTable:
+    """The table of all names that the sections of a spec declare; clashes are noted."""
+    table = NameTable()
+    for section in spec.sections:
+        kind = KINDS.get(section.kind)
+        if kind is None:
+            continue
+        for block in section.blocks:
+            for statement in block.statements:
+                if isinstance(statement, syntax.Declaration):
+                    _declare(table, diagnostics, statement.name, kind, statement.value)
+                elif isinstance(statement, syntax.Assignment):
+                    _declare(table, diagnostics, statement.name, kind, None)
+    return table
+
+
+def _declare(
+    table: NameTable, diagnostics: Diagnostics, name: syntax.Name, kind: str, value: syntax.Expression | None
+) -> None:
+    word = name.name
+    if word in RESERVED:
+        diagnostics.error(
+            f"`{word}` is reserved: {RESERVED[word]}", name.start, name.end, "choose another name"
+        )
+        return
+    if word in FUNCTIONS:
+        diagnostics.error(f"`{word}` is a function", name.start, name.end, "choose another name")
+        return
+    if word == "n" and kind != "constant":
+        hint = "declare it under `constants:`"
+        diagnostics.error("`n` is the number of the last frame, a constant", name.start, name.end, hint)
+        return
+    if word == "h" and kind in ("variable", "parameter"):
+        hint = "declare a parameter of another name, such as `T`, and define `h = T/n` under `definitions:`"
+        message = f"`h` is the time from one frame to the next; it cannot be a {kind}"
+        diagnostics.error(message, name.start, name.end, hint)
+        return
+    first = table.entries.get(word)
+    if first is None:
+        table.entries[word] = Entry(word, kind, name.start, name.end, value)
+    elif not (kind == first.kind == "definition"):
+        line = diagnostics.source.position(first.start)[0]
+        message = f"`{word}` is declared already, as a {first.kind} on line {line}"
+        diagnostics.error(message, name.start, name.end, "every name stands for one thing")
+
+
+def dependency_order(
+    names: Iterable[str], needs: Callable[[str], Iterable[str]]
+) -> tuple[list[str], list[list[str]]]:
+    """The names, each after all that it needs, and the cycles that were found on the way.
+
+    A cycle is listed as ``[a, b, ..., a]``; its names still appear in the order.  Depth-first search, without
+    recursion, so that a chain of any length is fine.
+    """
+    order: list[str] = []
+    cycles: list[list[str]] = []
+    state: dict[str, int] = {}
+    for root in names:
+        if root in state:
+            continue
+        path = [root]
+        pending = [iter(needs(root))]
+        state[root] = 1
+        while path:
+            for name in pending[-1]:
+                if name not in state:
+                    state[name] = 1
+                    path.append(name)
+                    pending.append(iter(needs(name)))
+                    break
+                if state[name] == 1:
+                    cycles.append([*path[path.index(name) :], name])
+            else:
+                pending.pop()
+                done = path.pop()
+                state[done] = 2
+                order.append(done)
+    return order, cycles

@@ -1,0 +1,127 @@
+"""Numbers from syntax: expressions of constants, and positions that are affine in the index ``i``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+
+from stc.language import syntax
+from stc.symbolic.expr import FUNCTIONS
+
+#: Distance from a whole number that counts as rounding noise.
+NOISE = 1e-9
+
+_MATH: dict[str, Callable[..., float]] = {name: getattr(math, name) for name in FUNCTIONS}
+
+
+class NotANumber(Exception):
+    """An expression has no value: where, why, and what to do about it."""
+
+    def __init__(self, node: syntax.Node, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.node, self.message, self.hint = node, message, hint
+
+
+class Unknown(Exception):
+    """An expression has no value because of a mistake that has been noted elsewhere."""
+
+
+Resolve = Callable[[syntax.Name], tuple[float, float]]
+"""Gives a name as ``(a, b)``, meaning ``a*i + b``; raises :class:`NotANumber` or :class:`Unknown`."""
+
+
+def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
+    """``(a, b)`` such that the expression is ``a*i + b``.
+
+    Raises:
+        NotANumber: it is not affine in ``i``, is no real number, or holds something that has no fixed value.
+        Unknown: a name in it has no value, for a reason that was noted already.
+    """
+    if isinstance(node, syntax.Number):
+        return 0.0, node.value
+    if isinstance(node, syntax.Name):
+        return resolve(node)
+    if isinstance(node, syntax.Negate):
+        a, b = affine(node.operand, resolve)
+        return -a, -b
+    if isinstance(node, syntax.Sum):
+        a = b = 0.0
+        for sign, term in node.terms:
+            c, d = affine(term, resolve)
+            a, b = (a + c, b + d) if sign == "+" else (a - c, b - d)
+        return _checked(node, a, b)
+    if isinstance(node, syntax.Product):
+        a, b = affine(node.factors[0][1], resolve)
+        for operator, factor in node.factors[1:]:
+            c, d = affine(factor, resolve)
+            if operator == "/":
+                if c:
+                    raise NotANumber(factor, "an index cannot be divided by `i`")
+                if d == 0.0:
+                    raise NotANumber(factor, "division by zero")
+                a, b = a / d, b / d
+            elif a and c:
+                raise NotANumber(node, "an index has to be of the form `a*i + b`")
+            else:
+                a, b = a * d + b * c, b * d
+        return _checked(node, a, b)
+    if isinstance(node, syntax.Power):
+        base, exponent = _plain(node.base, resolve), _plain(node.exponent, resolve)
+        return 0.0, _applied(node, "^", math.pow, base, exponent)
+    if isinstance(node, syntax.Call) and node.function in _MATH:
+        arguments = [_plain(argument, resolve) for argument in node.arguments]
+        if len(arguments) != FUNCTIONS[node.function]:
+            raise NotANumber(node, arity_message(node.function, len(arguments)))
+        return 0.0, _applied(node, node.function, _MATH[node.function], *arguments)
+    if isinstance(node, syntax.Prime):
+        raise NotANumber(node, "a time derivative has no fixed value")
+    if isinstance(node, syntax.Index):
+        raise NotANumber(node, "the value at a frame is not known before solving")
+    raise NotANumber(node, f"`{node.function}` cannot stand here")
+
+
+def _plain(node: syntax.Expression, resolve: Resolve) -> float:
+    a, b = affine(node, resolve)
+    if a:
+        raise NotANumber(node, "an index has to be of the form `a*i + b`")
+    return b
+
+
+def _checked(node: syntax.Expression, a: float, b: float) -> tuple[float, float]:
+    if math.isnan(a) or math.isnan(b):
+        raise NotANumber(node, "this has no value (infinity less infinity, or zero times infinity)")
+    return a, b
+
+
+def _applied(node: syntax.Expression, name: str, function: Callable[..., float], *arguments: float) -> float:
+    try:
+        value = function(*arguments)
+    except (ValueError, ZeroDivisionError):
+        shown = ", ".join(f"{argument:g}" for argument in arguments)
+        if name == "^":
+            shown = f"{arguments[0]:g}^{arguments[1]:g}"
+            raise NotANumber(node, f"{shown} is not a real number") from None
+        raise NotANumber(node, f"{name}({shown}) is not a real number") from None
+    except OverflowError:
+        raise NotANumber(node, "this number is too large", "the largest is 1.797e308") from None
+    if math.isnan(value):
+        raise NotANumber(node, "this is not a number")
+    return value
+
+
+def arity_message(function: str, given: int) -> str:
+    """What to say when a function is called with the wrong number of arguments."""
+    wanted = FUNCTIONS[function]
+    return f"`{function}` takes {wanted} argument{'s' if wanted != 1 else ''}, not {given}"
+
+
+def exact(value: float) -> Fraction | int | None:
+    """The fraction that a number means, rounding noise forgiven; None when there is no simple one."""
+    if not math.isfinite(value):
+        return None
+    nearest = round(value)
+    if abs(value - nearest) <= NOISE:
+        return nearest
+    fraction = Fraction(value).limit_denominator(1_000_000)
+    return fraction if abs(value - fraction) <= NOISE else None

@@ -1,0 +1,152 @@
+"""Frames from syntax: what a range header covers, and which frame an index means."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+
+from stc.errors import Span
+from stc.language import syntax
+from stc.language.constants import Constants
+from stc.language.diagnostics import Diagnostics
+from stc.language.names import NameTable
+from stc.language.numbers import NOISE, NotANumber, Unknown, affine, exact
+from stc.problem import FrameRange
+
+Position = tuple[Fraction | int, Fraction | int]
+
+
+class Positions:
+    """Works out headers and indices, and remembers which constants they needed (``structural``).
+
+    ``formulas`` are the definitions without a range header: those of constants alone may stand in a range
+    too.
+    """
+
+    def __init__(
+        self,
+        table: NameTable,
+        constants: Constants,
+        formulas: Mapping[str, syntax.Expression],
+        diagnostics: Diagnostics,
+    ) -> None:
+        self.table = table
+        self.constants = constants
+        self.formulas = formulas
+        self.diagnostics = diagnostics
+        self.structural: set[str] = set()
+        self._open: list[str] = []
+        self._headers: dict[int, FrameRange | None] = {}
+
+    def structural_value(self, name: str) -> float | None:
+        """The value of a constant that shapes the problem."""
+        self.structural |= self.constants.made_from(name)
+        return self.constants.values.get(name)
+
+    def _resolver(self, what: str, indexed: bool) -> Callable[[syntax.Name], tuple[float, float]]:
+        def resolve(node: syntax.Name) -> tuple[float, float]:
+            name = node.name
+            kind = self.table.kind(name)
+            if kind is not None:
+                self.table.entries[name].used = True
+            if kind == "constant" or (name in ("n", "h") and name in self.constants.values):
+                value = self.structural_value(name)
+                if value is None:
+                    raise Unknown
+                return 0.0, value
+            if name == "pi":
+                return 0.0, math.pi
+            if name == "h" and kind is None:
+                return 0.0, 1.0
+            if name == "i" and indexed:
+                return 1.0, 0.0
+            if kind == "definition" and name in self.formulas and name not in self._open:
+                self._open.append(name)
+                try:
+                    return affine(self.formulas[name], resolve)
+                except NotANumber as problem:
+                    hint = f"{what} is made of constants{' and `i`' if indexed else ''}"
+                    raise NotANumber(
+                        node, f"`{name}` is no number before solving: {problem.message}", hint
+                    ) from None
+                finally:
+                    self._open.pop()
+            if kind is not None or name in ("i", "t", "inf"):
+                shown = f"the {kind} `{name}`" if kind else f"`{name}`"
+                raise NotANumber(
+                    node, f"{what} cannot use {shown}", "it is made of constants" + indexed * " and `i`"
+                )
+            if name == "n" and self.constants.n is None:
+                raise Unknown  # noted once for the whole file
+            raise self.constants.undeclared(node)
+
+        return resolve
+
+    def frames(self, header: syntax.RangeHeader) -> FrameRange | None:
+        """The frames of a header, or None after noting why there are none."""
+        if id(header) not in self._headers:
+            self._headers[id(header)] = self._frames(header)
+        return self._headers[id(header)]
+
+    def _frames(self, header: syntax.RangeHeader) -> FrameRange | None:
+        resolve = self._resolver("a range", False)
+        ends: list[float] = []
+        for node in (header.first, header.last):
+            if node is None:
+                continue
+            try:
+                ends.append(affine(node, resolve)[1])
+            except NotANumber as problem:
+                self.diagnostics.error(problem.message, problem.node.start, problem.node.end, problem.hint)
+            except Unknown:
+                pass
+        n = self.constants.n
+        if n is None or len(ends) < 1 + (header.last is not None):
+            return None
+        low, high = ends[0], ends[-1]
+        if math.isinf(low) or math.isinf(high):
+            self.diagnostics.error("a range has to be finite", header.start, header.end)
+            return None
+        first, last = math.ceil(low - NOISE), math.floor(high + NOISE)
+        shown = f"{low:.12g}" if header.last is None else f"[{low:.12g}, {high:.12g}]"
+        if first > last:
+            if header.last is None:
+                message, hint = f"frame {shown} is not a whole number", "a range `[k]:` stands for one frame"
+            else:
+                message, hint = f"the range {shown} holds no whole number", "a range is `[first, last]:`"
+                if low > high:
+                    hint = "its ends seem to be swapped"
+            self.diagnostics.error(message, header.start, header.end, hint)
+            return None
+        if first < 0 or last > n:
+            what = f"frame {shown} is" if header.last is None else f"the range {shown} reaches"
+            self.diagnostics.error(
+                f"{what} outside the motion", header.start, header.end, f"its frames are 0 to {n}"
+            )
+            return None
+        return FrameRange(first, last, Span(self.diagnostics.source, header.start, header.end))
+
+    def index(self, node: syntax.Expression) -> Position | None:
+        """``(scale, shift)`` of an index ``scale*i + shift``, or None after noting what is wrong with it."""
+        try:
+            a, b = affine(node, self._resolver("an index", True))
+        except NotANumber as problem:
+            self.diagnostics.error(problem.message, problem.node.start, problem.node.end, problem.hint)
+            return None
+        except Unknown:
+            return None
+        scale, shift = exact(a), exact(b)
+        if scale is None or shift is None or (scale.denominator == 1 and shift.denominator != 1):
+            shown = f"{b:.12g}" if a == 0 else f"{a:.12g}*i + {b:.12g}"
+            hint = "an index has to be the number of a frame"
+            self.diagnostics.error(f"the index {shown} is never a whole number", node.start, node.end, hint)
+            return None
+        n = self.constants.n
+        if n is None:
+            return None
+        if scale == 0 and not 0 <= shift <= n:
+            hint = f"its frames are 0 to {n}"
+            self.diagnostics.error(f"frame {shift} is outside the motion", node.start, node.end, hint)
+            return None
+        return scale, shift
