@@ -77,7 +77,10 @@ def _uncoupled(
     for name, places in orders.items():
         if 1 in places and 2 not in places:
             start, end = first_use.get((name, 1), places[1])
-            message = f"`{name}'` appears but `{name}''` never does: central differences leave the odd and even frames of `{name}` uncoupled"
+            message = (
+                f"`{name}'` appears but `{name}''` never does: "
+                f"central differences leave the odd and even frames of `{name}` uncoupled"
+            )
             hint = "`method: trapezoidal;` is meant for first-order systems"
             diagnostics.warning(message, start, end, hint)
 

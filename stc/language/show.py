@@ -1,0 +1,171 @@
+"""The stages of reading a spec as text: tokens, syntax tree, problem.
+
+Syntax is printed in the language itself, one statement a line, with parentheses only where they are needed: what is
+printed reads back as the same tree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from stc.errors import Source
+from stc.language import syntax
+from stc.language.diagnostics import Diagnostics
+from stc.language.lexer import tokenize
+from stc.problem import Problem
+from stc.symbolic.expr import Expr, render
+from stc.symbolic.render import number_text
+
+_INDENT = "  "
+_SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(5)
+
+
+def show_tokens(source: Source) -> str:
+    """Every token on a line of its own: line:column, kind, characters."""
+    tokens = tokenize(source, Diagnostics(source))
+    lines = []
+    for index, kind in enumerate(tokens.kinds):
+        line, column = source.position(tokens.starts[index])
+        text = tokens.text(index)
+        lines.append(f"{line:4d}:{column:<4d} {kind if kind.isalpha() else 'symbol':8s} {text}".rstrip())
+    return "\n".join(lines)
+
+
+def show_expression(node: syntax.Expression) -> str:
+    """An expression in the language, with the parentheses that its tree needs and no others."""
+    return _text(node, _SUM)
+
+
+def _text(node: syntax.Expression, needed: int) -> str:
+    """The text of a node where its surroundings bind with strength ``needed``."""
+    text, strength = _bare(node)
+    return text if strength >= needed else f"({text})"
+
+
+def _bare(node: syntax.Expression) -> tuple[str, int]:
+    if isinstance(node, syntax.Number):
+        return number_text(node.value), _ATOM
+    if isinstance(node, syntax.Name):
+        return node.name, _ATOM
+    if isinstance(node, syntax.Negate):
+        return "-" + _text(node.operand, _SIGN), _SIGN
+    if isinstance(node, syntax.Sum):
+        first, *others = node.terms
+        parts = [_text(first[1], _PRODUCT)]
+        parts += [f" {sign} {_text(term, _PRODUCT)}" for sign, term in others]
+        return "".join(parts), _SUM
+    if isinstance(node, syntax.Product):
+        first, *others = node.factors
+        parts = [_text(first[1], _SIGN)]
+        parts += [f"{operator}{_text(factor, _SIGN)}" for operator, factor in others]
+        return "".join(parts), _PRODUCT
+    if isinstance(node, syntax.Power):
+        return f"{_text(node.base, _ATOM)}^{_text(node.exponent, _SIGN)}", _POWER
+    if isinstance(node, syntax.Call):
+        return f"{node.function}({', '.join(_text(a, _SUM) for a in node.arguments)})", _ATOM
+    if isinstance(node, syntax.Prime):
+        return _text(node.operand, _ATOM) + "'" * node.order, _ATOM
+    return f"{_text(node.operand, _ATOM)}[{_text(node.index, _SUM)}]", _ATOM
+
+
+def show_header(header: syntax.RangeHeader) -> str:
+    """``[a, b]:``."""
+    ends = [header.first] if header.last is None else [header.first, header.last]
+    return f"[{', '.join(show_expression(end) for end in ends)}]:"
+
+
+def show_statement(node: syntax.Statement) -> str:
+    """One statement with its ``;`` (a declaration without the separator of its list)."""
+    if isinstance(node, syntax.Declaration):
+        return node.name.name if node.value is None else f"{node.name.name} = {show_expression(node.value)}"
+    if isinstance(node, syntax.Assignment):
+        return f"{node.name.name} = {show_expression(node.value)};"
+    if isinstance(node, syntax.Relation):
+        parts = [show_expression(node.operands[0])]
+        for operator, operand in zip(node.operators, node.operands[1:]):
+            parts += [operator, show_expression(operand)]
+        return " ".join(parts) + ";"
+    if isinstance(node, syntax.JumpList):
+        return ", ".join(show_expression(quantity) for quantity in node.quantities) + ";"
+    if isinstance(node, syntax.MethodChoice):
+        return node.name + ";"
+    if isinstance(node, syntax.ModelFile):
+        return f'model = "{node.path}";'
+    path = ".".join(part if part.isidentifier() else f'"{part}"' for part in node.path)
+    return f"{node.kind} {path} = {show_expression(node.value)};"
+
+
+def show_syntax(tree: syntax.SpecTree) -> str:
+    """The syntax tree, as a spec in canonical form."""
+    lines: list[str] = []
+    for section in tree.sections:
+        lines.append(f"{section.kind}:")
+        for block in section.blocks:
+            indent = _INDENT
+            if block.header is not None:
+                lines.append(f"{indent}{show_header(block.header)}")
+                indent += _INDENT
+            texts = [show_statement(statement) for statement in block.statements]
+            if block.statements and isinstance(block.statements[0], syntax.Declaration):
+                last = len(texts) - 1
+                texts = [text + (";" if place == last else ",") for place, text in enumerate(texts)]
+            lines += [indent + text for text in texts]
+    return "\n".join(lines)
+
+
+def show_problem(problem: Problem) -> str:
+    """What a spec says once names are looked up: numbers, bounds and expressions, section by section."""
+    return "\n".join(_problem_lines(problem))
+
+
+def _problem_lines(problem: Problem) -> Iterator[str]:
+    yield f"{problem.name}: frames 0 to {problem.n}, step {render(problem.step)}, method {problem.method}"
+    if problem.constants:
+        yield "constants:"
+    for name, value in problem.constants.items():
+        shaping = "  # shapes the problem" if name in problem.structural else ""
+        yield f"{_INDENT}{name} = {number_text(value)}{shaping}"
+    for title, names in (("variables", problem.variables), ("parameters", problem.parameters)):
+        if names:
+            yield f"{title}:\n{_INDENT}{', '.join(names)}"
+    if problem.macros or problem.definitions:
+        yield "definitions:"
+    for name, body in problem.macros.items():
+        yield f"{_INDENT}{name} = {render(body)}"
+    for name, pieces in problem.definitions.items():
+        for piece in pieces:
+            yield f"{_INDENT}{piece.range}: {name} = {render(piece.body)}"
+    if problem.jumps:
+        yield "jumps:"
+    for jump in problem.jumps:
+        yield f"{_INDENT}[{jump.frame}]: {jump.name}" + "'" * jump.order
+    if problem.guesses:
+        yield "guess:"
+    for guess in problem.guesses:
+        yield f"{_INDENT}{guess.range}: {guess.name} = {render(guess.body)}"
+    if problem.relations:
+        yield "constraints:"
+    for relation in problem.relations:
+        yield f"{_INDENT}{relation.range}: {_bounded(relation.body, relation.lower, relation.upper)}"
+    if problem.objective:
+        yield "objective:"
+    for term in problem.objective:
+        body = render(term.body)
+        yield f"{_INDENT}{term.range}: " + (f"integral({body})" if term.integral else body)
+    if problem.model is not None or problem.replay:
+        yield "replay:"
+    if problem.model is not None:
+        yield f'{_INDENT}model = "{problem.model}"'
+    for channel in problem.replay:
+        yield f"{_INDENT}{channel.kind} {'.'.join(channel.path)} = {render(channel.body)}"
+
+
+def _bounded(body: Expr, lower: Expr | None, upper: Expr | None) -> str:
+    if lower is not None and lower is upper:
+        return f"{render(body)} = {render(lower)}"
+    text = render(body)
+    if lower is not None and upper is not None:
+        return f"{render(lower)} <= {text} <= {render(upper)}"
+    if lower is not None:
+        return f"{text} >= {render(lower)}"
+    return f"{text} <= {render(upper)}" if upper is not None else text
