@@ -49,15 +49,19 @@ def find_model(name: str, folders: Iterable[str | Path]) -> Path:
         ModelError: there is none.
     """
     tried = [Path(folder) for folder in folders if str(folder)]
+    if Path(name).is_absolute():
+        if Path(name).is_file():
+            return Path(name)
+        raise ModelError(f"there is no model {name}")
     for folder in tried:
         if (folder / name).is_file():
             return folder / name
     bundled = models.locate(name)
     if bundled is not None:
         return bundled
-    places = "".join(f"in {folder}, " for folder in dict.fromkeys(tried))
+    places = [f"in {folder}" for folder in dict.fromkeys(tried)] + ["among the bundled models"]
     known = nearest(name, models.names())
-    raise ModelError(f"there is no model {name}: looked {places}and among the bundled models{known}")
+    raise ModelError(f"there is no model {name}: looked {' and '.join(places)}{known}")
 
 
 def load_model(path: Path) -> mujoco.MjModel:
@@ -71,7 +75,8 @@ def load_model(path: Path) -> mujoco.MjModel:
     try:
         return mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
-        raise ModelError(f"MuJoCo does not accept {path}: {error}") from None
+        text = " ".join(str(error).split())
+        raise ModelError(f"MuJoCo does not accept {path}: {text}") from None
 
 
 def file_hash(path: Path) -> str:
@@ -128,7 +133,7 @@ def lines_of(solution: Solution, kind: str) -> list[ReplayChannel]:
     """The replay lines of one kind.
 
     Raises:
-        ModelError: two lines are about the same thing.
+        ModelError: two lines are about the same thing, or a value is not finite.
     """
     lines = [line for line in solution.replay if line.kind == kind]
     seen: set[str] = set()
@@ -136,7 +141,16 @@ def lines_of(solution: Solution, kind: str) -> list[ReplayChannel]:
         if line.name in seen:
             raise ModelError(f"{kind} {line.name} stands in the replay section twice")
         seen.add(line.name)
+        _require_finite(line)
     return lines
+
+
+def _require_finite(line: ReplayChannel) -> None:
+    for channel in (line.value, line.rate, line.acceleration):
+        for values in (channel.before, channel.after, channel.mid) if channel is not None else ():
+            if values is not None and not np.all(np.isfinite(values)):
+                frame = int(np.flatnonzero(~np.isfinite(values))[0])
+                raise ModelError(f"{line.kind} {line.name}: not a finite number at frame {frame}")
 
 
 def tied_joints(model: mujoco.MjModel, solution: Solution) -> list[Tie]:
@@ -167,12 +181,10 @@ def single_number(line: ReplayChannel) -> float:
     """The value of a ``set`` line, which must be the same all along the motion.
 
     Raises:
-        ModelError: it changes, or is not finite.
+        ModelError: it changes.
     """
     values = np.concatenate([line.value.before, line.value.after])
     first = float(values[0])
-    if not np.all(np.isfinite(values)):
-        raise ModelError(f"set {line.name}: the value is not a finite number")
     if np.max(np.abs(values - first)) > 1e-12 * max(1.0, abs(first)):
         raise ModelError(
             f"set {line.name}: the value changes along the motion, but a model field is one number"

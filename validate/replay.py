@@ -24,6 +24,9 @@ from stc.validate.outputs import Output
 if TYPE_CHECKING:
     import mujoco
 
+#: A state larger than this, in m, rad or per second, is no motion any more; MuJoCo draws the same line.
+_BROKEN = 1e10
+
 #: ``rk4`` steps as described above; the others are MuJoCo's own, the control being that of the step's middle.
 INTEGRATORS = ("rk4", "euler", "implicit", "implicitfast")
 
@@ -36,10 +39,10 @@ class Replay:
         integrator: one of :data:`INTEGRATORS`.
         time_step: longest time step taken, in seconds.
         steps: number of time steps.
-        positions: (n+1, nq) MuJoCo's ``qpos`` at the frames, not a number once it has broken down.
+        positions: (n+1, nq) MuJoCo's ``qpos`` at the frames, NaN once the simulation has broken down.
         velocities: (n+1, nv) MuJoCo's ``qvel`` at the frames.
         outputs: (n+1, k) the compared outputs at the frames.
-        broke_at: time at which the simulation left the finite numbers, or None.
+        broke_at: time of the frame by which the state had left all bounds, or None.
     """
 
     integrator: str
@@ -112,7 +115,8 @@ def replay(
         signal = controls.in_step(frame, shares)
         for part in range(parts):
             advance(model, data, controls.addresses, signal[2 * part : 2 * part + 3])
-        if not (np.all(np.isfinite(data.qpos)) and np.all(np.isfinite(data.qvel))):
+        state = np.concatenate([data.qpos, data.qvel])
+        if not np.all(np.abs(state) < _BROKEN):
             result.broke_at = float(solution.time[frame + 1])
             break
         _record(model, data, outputs, result, frame + 1)

@@ -18,6 +18,7 @@ from stc.validate.model import ModelError, Tie, file_hash, find_model, load_mode
 from stc.validate.outputs import Output, compared_outputs
 from stc.validate.replay import Replay, replay
 from stc.validate.report import Report
+from stc.validate.warnings import caught_warnings
 
 if TYPE_CHECKING:
     import mujoco
@@ -60,7 +61,15 @@ def validate(
             f"the solution of {solution.name} is not validated: its status is {solution.status}, not optimal"
         )
     path = _model_path(solution, model, beside)
+    with caught_warnings() as warnings:
+        report = _judge(solution, path, time_step, integrator)
+    report.notes = [*report.notes, *warnings]
+    report.seconds = time.perf_counter() - started
+    return report
 
+
+def _judge(solution: Solution, path: Path, time_step: float, integrator: str) -> Report:
+    """The report but for warnings and wall time."""
     import mujoco
 
     compiled = load_model(path)
@@ -74,7 +83,7 @@ def validate(
     notes = _notes(compiled, solution, ties, controls)
     motion = replay(compiled, solution, ties, controls, outputs, time_step, integrator)
     if motion.broke_at is not None:
-        notes.append(f"the simulation left the finite numbers by t = {motion.broke_at:g} s")
+        notes.append(f"the simulation left all bounds by t = {motion.broke_at:g} s")
     metrics = _drift_metrics(solution, ties, outputs, motion)
     metrics += _inverse_metrics(load_model(path), solution, ties)
     return Report(
@@ -94,7 +103,6 @@ def validate(
         steps=motion.steps,
         metrics=metrics,
         notes=notes,
-        seconds=time.perf_counter() - started,
     )
 
 

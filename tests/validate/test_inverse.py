@@ -1,0 +1,140 @@
+"""Inverse dynamics against a damped pendulum whose torque is known in closed form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from closed_form_motions import nodes, smooth_particle, solution_of, waypoint_spline
+
+from stc.solution import ReplayChannel, Solution
+from stc.trajectory import FloatArray
+from stc.validate import Report, validate
+
+MASS, LENGTH, DAMPING, GRAVITY = 1.3, 0.7, 0.2, 9.8
+
+PENDULUM = f"""
+<mujoco>
+  <option gravity="0 0 -{GRAVITY}"/>
+  <worldbody>
+    <geom type="plane" size="2 2 0.1" pos="0 0 -0.6"/>
+    <body name="rod">
+      <inertial pos="0 0 -{LENGTH}" mass="{MASS}" diaginertia="1e-9 1e-9 1e-9"/>
+      <joint name="pivot" type="hinge" axis="0 -1 0"/>
+      <geom type="sphere" size="0.1" pos="0 0 -{LENGTH}"/>
+    </body>
+    {{more}}
+  </worldbody>
+  <actuator><motor name="torque" joint="pivot"/></actuator>
+</mujoco>
+"""
+
+
+def angle(t: FloatArray) -> FloatArray:
+    """A swing from -0.5 rad, moving."""
+    return np.sin(2 * t) - 0.5
+
+
+def rate(t: FloatArray) -> FloatArray:
+    return 2 * np.cos(2 * t)
+
+
+def acceleration(t: FloatArray) -> FloatArray:
+    return -4 * np.sin(2 * t)
+
+
+def torque(t: FloatArray, mass: float = MASS, damping: float = DAMPING) -> FloatArray:
+    """Newton's law for a point mass on a rod."""
+    inertia = mass * LENGTH**2 + 1e-9
+    weight = mass * GRAVITY * LENGTH * np.sin(angle(t))
+    return inertia * acceleration(t) + damping * rate(t) + weight
+
+
+def swing(
+    folder: Path, n: int, method: str = "hermite-simpson", more: str = "", mass: float = MASS
+) -> Solution:
+    """The pendulum's solution; ``mass`` is what the torque was computed with."""
+    (folder / "pendulum.xml").write_text(PENDULUM.format(more=more))
+    time = np.linspace(0, 1.2, n + 1)
+    q = [nodes(method, time, c) for c in (angle, rate, acceleration)]
+    u = nodes(method, time, lambda t: torque(t, mass))
+    lines = [
+        ReplayChannel("joint", ("pivot",), *q),
+        ReplayChannel("actuator", ("torque",), u),
+        ReplayChannel("set", ("joint", "pivot", "damping"), nodes(method, time, lambda t: 0 * t + DAMPING)),
+        ReplayChannel("compare", ("body", "rod", "x"), nodes(method, time, lambda t: 0 * t)),
+    ]
+    trajectories = {("q", k): c for k, c in enumerate(q)}
+    return solution_of(method, time, trajectories, lines, "pendulum.xml", directory=str(folder))
+
+
+def values(report: Report, name: str) -> list[float]:
+    return [metric.value for metric in report.metrics if metric.name.startswith(name)]
+
+
+@pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])
+def test_true_torques_leave_no_residual(tmp_path: Path, method: str) -> None:
+    """The floor cuts through the swing: contacts take no part in the residual."""
+    report = validate(swing(tmp_path, 24, method))
+    assert values(report, "inverse-dynamics residual")[0] < 1e-14
+    units = {metric.unit for metric in report.metrics if metric.subject == "joint pivot"}
+    assert units == {"rad", "share"}
+
+
+def test_a_wrong_mass_is_seen_in_its_right_size(tmp_path: Path) -> None:
+    report = validate(swing(tmp_path, 24, mass=1.01 * MASS))
+    (residual,) = values(report, "inverse-dynamics residual")
+    t = np.linspace(0, 1.2, 49)
+    wrong, right = torque(t, 1.01 * MASS), torque(t)
+    weight = MASS * GRAVITY * LENGTH * np.sin(angle(t))
+    largest = max(np.abs(force).max() for force in (wrong, right, weight))
+    assert residual == pytest.approx(np.abs(wrong - right).max() / largest, rel=1e-9)
+    assert not report.passed
+
+
+def test_hermite_simpson_is_replayed_at_fourth_order(tmp_path: Path) -> None:
+    """Exact values at the nodes: what drifts is the parabola of the torque between them."""
+    model = PENDULUM.replace('<geom type="plane" size="2 2 0.1" pos="0 0 -0.6"/>', "")
+    drifts = []
+    for n in (6, 12, 24):
+        solution = swing(tmp_path, n)
+        (tmp_path / "pendulum.xml").write_text(model.format(more=""))
+        drifts.append(values(validate(solution), "open-loop drift, largest")[0])
+    assert np.all(-np.diff(np.log2(drifts)) > 3.8)
+    assert drifts[-1] < 1e-6
+
+
+def test_contacts_act_in_the_replay_but_not_in_the_residual(tmp_path: Path) -> None:
+    """The floor that the spec does not know of stops the swing."""
+    report = validate(swing(tmp_path, 24))
+    assert values(report, "open-loop drift, largest")[0] > 0.1
+    assert values(report, "inverse-dynamics residual")[0] < 1e-14
+
+
+def test_nothing_is_said_where_a_joint_is_not_tied(tmp_path: Path) -> None:
+    other = '<body><joint name="spare" type="slide"/><geom size="0.01"/></body>'
+    report = validate(swing(tmp_path, 12, more=other))
+    assert not values(report, "inverse-dynamics residual")
+    assert any("not tied to the spec" in note and "spare" in note for note in report.notes)
+
+
+def test_clipped_frames_of_central_are_left_out() -> None:
+    x, y = waypoint_spline()
+    solution = smooth_particle("central", np.linspace(0, 2, 41), x, y)
+    solution.replay[2].value.before[[0, -1]] = 77.0
+    residuals = values(validate(solution), "inverse-dynamics residual")
+    assert max(residuals) < 1e-14
+
+
+def test_both_sides_of_a_jump_are_looked_at() -> None:
+    """A force that is wrong on one side of one frame only, either side."""
+    x, y = waypoint_spline()
+    for side in ("before", "after"):
+        solution = smooth_particle("trapezoidal", np.linspace(0, 2, 41), x, y)
+        force = solution.replay[2].value
+        object.__setattr__(force, side, getattr(force, side).copy())
+        getattr(force, side)[20] += 0.5
+        residuals = values(validate(solution), "inverse-dynamics residual")
+        assert residuals[0] > 0.01
+        assert residuals[1] < 1e-14

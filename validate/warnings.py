@@ -1,0 +1,29 @@
+"""MuJoCo's warnings, caught instead of printed and appended to a log file in the working directory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def caught_warnings() -> Iterator[list[str]]:
+    """Collect what MuJoCo warns of, each kind once, as one-line texts in the list that is handed out."""
+    import mujoco
+
+    found: list[str] = []
+    kinds: set[str] = set()
+
+    def collect(message: str) -> None:
+        text = " ".join(str(message).split())
+        kind = text.split(" Time = ")[0]
+        if kind not in kinds:
+            kinds.add(kind)
+            found.append(f"MuJoCo: {text}")
+
+    previous = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(collect)
+    try:
+        yield found
+    finally:
+        mujoco.set_mju_user_warning(previous)
