@@ -13,9 +13,10 @@ The operators are those of :data:`OPERATORS` and nothing else.  What is reduced 
   with odd ``|k| <= 32`` multiplications and a square root; a negative exponent adds one division.  ``pow``
   remains for the rest.
 - A varying value divided by a uniform one is multiplied by the uniform reciprocal, and where one divisor
-  serves several quotients its reciprocal is computed once.  Such a quotient has a relative error of up to 1.5
-  units in the last place instead of 0.5; it differs from a division only where the reciprocal of the divisor
-  overflows (a divisor below 5.6e-309 in magnitude).
+  serves several quotients its reciprocal is computed once; the reciprocal of a product of such divisors is
+  the product of their reciprocals.  Such a quotient has a relative error of a few units in the last place
+  instead of a half; besides, it differs from a division only where the reciprocal of the divisor overflows
+  (a divisor below 5.6e-309 in magnitude).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections import Counter
-from collections.abc import Hashable, Sequence
+from collections.abc import Collection, Container, Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -171,9 +172,6 @@ class _Builder:
             number = self._known[key] = self._append(op, a, b, uniform)
         return number
 
-    def reciprocal(self, a: int) -> int:
-        return self.emit("div", self.constant(1.0), a)
-
     def whole_power(self, a: int, exponent: int) -> int:
         """``a^exponent``, exponent >= 1, by repeated squaring: powers of one base share factors."""
         if exponent == 1:
@@ -185,6 +183,8 @@ class _Builder:
     def power(self, a: int, exponent: float) -> int | None:
         """``a^exponent`` in cheaper operations, None where there are none."""
         size = abs(exponent)
+        if size == 0.0:
+            return self.constant(1.0)
         if 1.0 <= size <= _MAX_WHOLE_POWER and size == int(size):
             result = self.whole_power(a, int(size))
         elif 0.5 <= size <= _MAX_HALF_POWER / 2 and 2 * size == int(2 * size):
@@ -193,13 +193,61 @@ class _Builder:
                 result = self.emit("mul", self.whole_power(a, int(size)), result)
         else:
             return None
-        return result if exponent > 0 else self.reciprocal(result)
+        return result if exponent > 0 else self.emit("div", self.constant(1.0), result)
+
+
+def _inverted(nodes: Sequence[Expr], uniform: Collection[Hashable]) -> set[Expr]:
+    """The divisors whose reciprocal is to be computed once instead of dividing by them.
+
+    Those that serve several quotients, the uniform ones, products of such and uniform factors, and the
+    factors of those products (derivatives of ``a/b`` divide by ``b*b``).
+    """
+    quotients = Counter(node.args[1] for node in nodes if node.op == "div" and node.args[1].op != "num")
+    if not quotients:
+        return set()
+    varying: set[Expr] = set()
+    chosen: set[Expr] = set()
+    for node in nodes:
+        if node.op == "sym":
+            if node.payload not in uniform:
+                varying.add(node)
+        elif any(arg in varying for arg in node.args):
+            varying.add(node)
+        if node in quotients:
+            if quotients[node] > 1 or node not in varying:
+                chosen.add(node)
+            if _is_product(node, quotients, varying):
+                chosen.update(arg for arg in (node, *node.args) if arg in quotients)
+    return chosen
+
+
+def _is_product(node: Expr, divisors: Container[Expr], varying: Container[Expr]) -> bool:
+    """Whether both factors of a product are divisors themselves, or uniform."""
+    return node.op == "mul" and all(arg in divisors or arg not in varying for arg in node.args)
 
 
 def _lower(builder: _Builder, nodes: Sequence[Expr], slot_of: dict[Hashable, int]) -> dict[Expr, int]:
     """Turn nodes (operands first) into operations; returns the number of each node's value."""
-    quotients = Counter(node.args[1] for node in nodes if node.op == "div")
+    inverted = _inverted(nodes, {key for key, slot in slot_of.items() if builder.uniform[slot]})
     number: dict[Expr, int] = {}
+    inverse: dict[Expr, int] = {}
+
+    def reciprocal(divisor: Expr) -> int:
+        known = inverse.get(divisor)
+        if known is None:
+            factors = divisor.args
+            varying = not builder.uniform[number[divisor]]
+            if (
+                varying
+                and divisor.op == "mul"
+                and all(f in inverted or builder.uniform[number[f]] for f in factors)
+            ):
+                known = builder.emit("mul", reciprocal(factors[0]), reciprocal(factors[1]))
+            else:
+                known = builder.emit("div", builder.constant(1.0), number[divisor])
+            inverse[divisor] = known
+        return known
+
     for node in nodes:
         op = node.op
         if op == "num":
@@ -214,11 +262,12 @@ def _lower(builder: _Builder, nodes: Sequence[Expr], slot_of: dict[Hashable, int
         else:
             left, right = node.args
             a, b = number[left], number[right]
-            if op == "div" and right.op != "num" and not (builder.uniform[a] and builder.uniform[b]):
-                if builder.uniform[b] or quotients[right] > 1:
-                    number[node] = builder.emit("mul", a, builder.reciprocal(b))
-                    continue
-            elif op == "pow" and right.op == "num":
+            if op == "div" and right in inverted and not (builder.uniform[a] and builder.uniform[b]):
+                inverse_b = reciprocal(right)
+                is_one = builder.literal.get(a) == 1.0
+                number[node] = inverse_b if is_one else builder.emit("mul", a, inverse_b)
+                continue
+            if op == "pow" and right.op == "num":
                 power = builder.power(a, right.payload)
                 if power is not None:
                     number[node] = power

@@ -35,10 +35,12 @@ def number_text(value: float) -> str:
 
 def _sum(parts: tuple[_Text, ...]) -> _Text:
     # Operands come in the structural order of their nodes; for the reader, positive ones first, numbers last.
-    ordered = sorted(parts, key=lambda p: (p.text[0] == "-", p.kind == _NUMBER, p.text * (p.kind == _NAME)))
+    ordered = sorted(
+        parts, key=lambda p: (p.text.startswith("-"), p.kind == _NUMBER, p.text * (p.kind == _NAME))
+    )
     text = ordered[0].text
     for part in ordered[1:]:
-        text += f" - {part.text[1:]}" if part.text[0] == "-" else f" + {part.text}"
+        text += f" - {part.text[1:]}" if part.text.startswith("-") else f" + {part.text}"
     return _Text(text, _SUM, terms=parts)
 
 
@@ -75,12 +77,12 @@ def _compound(op: str, args: list[_Text]) -> _Text:
     return _Text(f"{op}({', '.join(arg.text for arg in args)})", _ATOM)
 
 
-def render(e: Expr, name_of: Callable[[Any], str] = str) -> str:
+def render(e: Expr, name_of: Callable[[Any], str] = str, limit: int = 20_000) -> str:
     """Infix text of ``e``; ``name_of`` turns symbol keys into names.
 
     ``x*x`` is printed as ``x^2``; names in sums and products are sorted, numbers stand last in sums and first
-    in products.  Shared subexpressions are written out wherever they occur, so the text of a large
-    expression can be far longer than the expression.
+    in products.  Shared subexpressions are written out wherever they occur, so the text can be far
+    longer than the expression: a part whose text exceeds ``limit`` characters is printed as ``...``.
     """
     done: dict[Expr, _Text] = {}
     for node in postorder([e]):
@@ -89,5 +91,6 @@ def render(e: Expr, name_of: Callable[[Any], str] = str) -> str:
         elif node.op == "sym":
             done[node] = _Text(name_of(node.payload), _ATOM, _NAME)
         else:
-            done[node] = _compound(node.op, [done[arg] for arg in node.args])
+            part = _compound(node.op, [done[arg] for arg in node.args])
+            done[node] = part if len(part.text) <= limit else _Text("...", _ATOM)
     return done[e].text

@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from symbolic.random_expressions import NAMES, expressions, simplified
+
+from stc.symbolic.differentiate import hessian, jacobian
+from stc.symbolic.expr import ZERO, Expr, call, num, raw, render, sym, symbols
+from stc.symbolic.structure import (
+    degree,
+    degrees,
+    dependencies,
+    is_constant_in,
+    is_linear,
+    is_quadratic,
+)
+
+X, Y, C = sym("x"), sym("y"), sym("c")
+KEYS = ["x", "y"]
+
+
+@pytest.mark.parametrize(
+    ("e", "expected"),
+    [
+        (num(3.0), 0),
+        (C * C, 0),
+        (call("sin", C), 0),
+        (X, 1),
+        (C * X + 3 - Y / C, 1),
+        (-(X - Y), 1),
+        (X * Y, 2),
+        (X * X + Y, 2),
+        ((C * X + Y) ** 2, 2),
+        (raw("pow", X, num(2.0)), 2),
+        (raw("pow", X, num(1.0)), 1),
+        (X**3, 3),
+        (X * Y * X, 3),
+        (X / Y, 3),
+        (1 / X, 3),
+        (call("sin", X), 3),
+        (X**0.5, 3),
+        (X**C, 3),
+        (C**X, 3),
+        (raw("pow", X, num(1e300)), 3),
+        (raw("pow", X, num(-1.0)), 3),
+    ],
+    ids=lambda value: render(value) if isinstance(value, Expr) else None,
+)
+def test_degree(e: Expr, expected: int) -> None:
+    assert degree(e, KEYS) == expected
+    assert is_constant_in(e, KEYS) == (expected == 0)
+    assert is_linear(e, KEYS) == (expected <= 1)
+    assert is_quadratic(e, KEYS) == (expected <= 2)
+
+
+def test_degree_is_in_the_named_symbols_only() -> None:
+    assert degrees([X * Y, Y, X], ["x"]) == [1, 0, 1]
+
+
+@settings(max_examples=200)
+@given(expressions())
+def test_degree_is_never_too_low(unsimplified: Expr) -> None:
+    e = simplified(unsimplified)
+    bound = degree(e, NAMES)
+    second = hessian(e, NAMES)
+    if bound <= 1:
+        assert second == {}
+    if bound <= 2:
+        assert not any(symbols(entry) for entry in second.values())
+    if bound == 0:
+        assert jacobian([e], NAMES) == {}
+
+
+@settings(max_examples=200)
+@given(expressions())
+def test_dependencies_contain_the_jacobian(unsimplified: Expr) -> None:
+    e = simplified(unsimplified)
+    (columns,) = dependencies([e], NAMES)
+    assert {col for _, col in jacobian([e], NAMES)} <= set(columns)
+    assert columns == sorted(NAMES.index(key) for key in symbols(e))
+
+
+def test_dependencies_of_several_rows() -> None:
+    assert dependencies([X * Y, Y, C, ZERO], KEYS) == [[0, 1], [1], [], []]
+    many = [sym(k) for k in range(200)]
+    total = sum(many[1:], many[0])
+    assert dependencies([total], range(200)) == [list(np.arange(200))]
