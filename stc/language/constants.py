@@ -12,6 +12,9 @@ from stc.language.names import NameTable, dependency_order
 from stc.language.numbers import NOISE, NotANumber, Unknown, affine
 from stc.language.words import FUNCTION_ADVICE, RESERVED
 
+#: The largest ``n`` that is not taken for a slip.
+MOST_FRAMES = 1e8
+
 
 class Constants:
     """Every constant's value (None where a mistake left it without one), and what it was made from."""
@@ -150,6 +153,10 @@ class Constants:
         if math.isinf(value) or abs(value - round(value)) > NOISE or round(value) < 0:
             message = f"`n`, the number of the last frame, is {value:.12g}"
             self.diagnostics.error(message, start, end, "it has to be a whole number, 0 or more")
+            return None
+        if value > MOST_FRAMES:
+            message = f"`n`, the number of the last frame, is {value:g}"
+            self.diagnostics.error(message, start, end, f"more than {MOST_FRAMES:g} frames fit in no memory")
             return None
         self.values["n"] = float(round(value))
         return round(value)

@@ -8,39 +8,27 @@ mistake is noted and work goes on; at the end all mistakes are raised together.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import PurePath
 
-import numpy as np
-
-from stc.errors import Span, SpecError, UsageError
+from stc.errors import SpecError, UsageError
 from stc.language import checks, syntax
-from stc.language.constants import Constants
-from stc.language.definitions import collect_definitions, runs
+from stc.language.context import Context
+from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
-from stc.language.expressions import ExpressionBuilder
-from stc.language.frames import Frames
-from stc.language.names import collect_names
-from stc.language.positions import Positions
 from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
     ConstantRef,
-    DefinitionPiece,
-    DefinitionRef,
     FrameRange,
     Guess,
-    IndexRef,
     Jump,
     ObjectiveTerm,
-    ParameterRef,
     Problem,
     Relation,
     ReplayChannel,
-    TimeRef,
     VariableRef,
 )
-from stc.symbolic.expr import ONE, ZERO, Expr, evaluate, substitute, sym, symbols
+from stc.symbolic.expr import Expr, symbols
 
 
 def elaborate(
@@ -76,7 +64,7 @@ def elaborate_with_recovery(
     return _Elaborator(tree, overrides, method, diagnostics).problem()
 
 
-class _Elaborator:
+class _Elaborator(Context):
     def __init__(
         self,
         tree: syntax.SpecTree,
@@ -84,29 +72,16 @@ class _Elaborator:
         method: str | None,
         diagnostics: Diagnostics,
     ) -> None:
-        self.tree = tree
-        self.source = tree.source
-        self.diagnostics = diagnostics
-        self.table = collect_names(tree, diagnostics)
-        self.constants = Constants(self.table, overrides, diagnostics, tree.damaged)
-        self.definitions = collect_definitions(tree, self.table, diagnostics)
-        formulas = self.definitions.unranged()
-        self.positions = Positions(self.table, self.constants, formulas, diagnostics)
-        self.builder = ExpressionBuilder(self.table, self.constants, self.positions, diagnostics)
-        self.n = self.constants.n if self.constants.n is not None else 0
-        self.everywhere = FrameRange(0, self.n)
+        super().__init__(tree, overrides, diagnostics)
         self.method = self._method(method)
         self.relations = Relations(self.builder, self.is_fixed)
-        self.objective = Objective(self.builder, formulas)
-        self.time_is_fixed = True
-        self.frames = Frames(self.n, self.method == "central", self.builder.pieces, ())
-        self._fixed: dict[Expr, bool] = {}
+        self.objective = Objective(self.builder, self.definitions.unranged())
 
     def problem(self) -> Problem | None:
         jumps = self._jumps()
-        self.frames = Frames(self.n, self.method == "central", self.builder.pieces, jumps)
-        self._definitions()
-        step = self._step()
+        self.set_motion(self.method, jumps)
+        define(self, self.objective.holds_integral)
+        step = work_out_step(self)
         relations = self._constraints()
         objective = self._objective()
         guesses = self._guesses()
@@ -114,7 +89,7 @@ class _Elaborator:
         if self.diagnostics.error_count:
             return None
         problem = Problem(
-            name=PurePath(self.source.name).stem or self.source.name,
+            name=PurePath(self.source.name).stem.strip("<>") or "spec",
             source=self.source,
             constants={name: value for name, value in self.constants.values.items() if value is not None},
             structural=frozenset(self.positions.structural | self.constants.made_from("n")),
@@ -135,49 +110,6 @@ class _Elaborator:
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
         return problem
-
-    # ----------------------------------------------------------------- helpers
-
-    def span(self, node: syntax.Node) -> Span:
-        return Span(self.source, node.start, node.end)
-
-    def error(self, node: syntax.Node, message: str, hint: str = "") -> None:
-        self.diagnostics.error(message, node.start, node.end, hint)
-
-    def range(self, block: syntax.Block) -> FrameRange | None:
-        """The frames of a block; None after a mistake in its header."""
-        return self.everywhere if block.header is None else self.positions.frames(block.header)
-
-    def is_fixed(self, e: Expr) -> bool:
-        """Whether an expression is made of constants, ``i`` and a ``t`` that no unknown changes."""
-        found = self._fixed.get(e)
-        if found is None:
-            known = (ConstantRef, IndexRef, TimeRef) if self.time_is_fixed else (ConstantRef, IndexRef)
-            found = self._fixed[e] = all(isinstance(key, known) for key in symbols(e))
-        return found
-
-    def settled(self, e: Expr, where: FrameRange, node: syntax.Node) -> Expr:
-        """``e`` without sides that mean nothing; definitions in it are checked to hold on its frames."""
-        gap = self.frames.gap(e, where.first, where.last)
-        if gap is not None:
-            at = next(
-                (
-                    part
-                    for operand in _expressions(node)
-                    for part in syntax.walk(operand)
-                    if isinstance(part, syntax.Name) and part.name == gap.name
-                ),
-                node,
-            )
-            pieces = self.builder.pieces[gap.name]
-            hint = f"it is defined on {', '.join(str(piece.range) for piece in pieces)}"
-            self.error(at, f"`{gap.name}` is used on {gap}, where no definition of it holds", hint)
-        plain = self.frames.without_idle_sides(e, where)
-        if plain is not e:
-            message = "`before` and `after` mean the plain value here: nothing jumps on these frames"
-            hint = "list what jumps under `jumps:`, with the frame in a range header"
-            self.diagnostics.warning(message, node.start, node.end, hint)
-        return plain
 
     # ---------------------------------------------------------- method and jumps
 
@@ -241,123 +173,6 @@ class _Elaborator:
         hint = "list variables and their derivatives, as in `x', tau`; the frame stands in the range header"
         self.error(node, "this cannot jump", hint)
         return None
-
-    # -------------------------------------------------------------- definitions
-
-    def _definitions(self) -> None:
-        builder = self.builder
-        for name in self.definitions.order:
-            formulas = self.definitions.formulas[name]
-            only = formulas[0]
-            if name in self.definitions.circular:
-                continue
-            if len(formulas) == 1 and only.header is None and self.objective.holds_integral(only.value):
-                builder.integral_definitions.add(name)
-                continue
-            pieces: list[DefinitionPiece] = []
-            sound = True
-            for formula in formulas:
-                builder.poisoned = False
-                body = builder.build(formula.value)
-                where = self.everywhere if formula.header is None else self.positions.frames(formula.header)
-                if builder.poisoned or where is None:
-                    sound = False
-                else:
-                    pieces.append(DefinitionPiece(body, where, self.span(formula.name)))
-            if not sound:
-                continue
-            if len(pieces) == 1 and (pieces[0].range.first, pieces[0].range.last) == (0, self.n):
-                builder.macros[name] = pieces[0].body
-            else:
-                builder.pieces[name] = pieces
-        builder.poisoned = False
-
-    def by_piece(self, e: Expr, where: FrameRange, node: syntax.Node) -> list[tuple[FrameRange, Expr]]:
-        """``e`` with ranged definitions written out, per part of the range on which it is one formula."""
-        key = next((k for k in symbols(e) if isinstance(k, DefinitionRef)), None)
-        if key is None:
-            return [(where, e)]
-        found: list[tuple[FrameRange, Expr]] = []
-        for run in runs(self.builder.pieces[key.name], where.first, where.last):
-            if run.piece is None:
-                self.settled(e, FrameRange(run.first, run.last), node)
-                continue
-            body = substitute(e, {key: self.builder.derivative(run.piece.body, key.order)})
-            found += self.by_piece(body, replace(where, first=run.first, last=run.last), node)
-        return found
-
-    def _step(self) -> Expr:
-        """``h``, checked: made of constants, parameters and ``i``, there for every step, positive."""
-        builder = self.builder
-        kind = self.table.kind("h")
-        pieces: list[DefinitionPiece] = []
-        if kind == "definition":
-            formulas = self.definitions.formulas["h"]
-            node: syntax.Node = formulas[0].name
-            if "h" in builder.macros:
-                pieces = [DefinitionPiece(builder.macros["h"], self.everywhere, self.span(node))]
-            elif "h" in builder.pieces:
-                pieces = builder.pieces["h"]
-                written_out: list[DefinitionPiece] = []
-                for piece in pieces:
-                    parts = self.by_piece(piece.body, piece.range, node)
-                    written_out += [DefinitionPiece(body, where, piece.span) for where, body in parts]
-                pieces = builder.pieces["h"] = written_out
-            step = builder.macros.get("h", sym(DefinitionRef("h")))
-        elif kind == "constant" or "h" in self.constants.values:
-            step = sym(ConstantRef("h"))
-            entry = self.table.entries.get("h")
-            start, end = (entry.start, entry.end) if entry is not None else (0, 0)
-            node = syntax.Node(start, end)
-            pieces = [DefinitionPiece(step, self.everywhere, Span(self.source, start, end))]
-        else:
-            return ONE
-        builder.step = step
-        self.time_is_fixed = not any(
-            isinstance(k, ParameterRef | DefinitionRef) for piece in pieces for k in symbols(piece.body)
-        )
-        if pieces and self.constants.n is not None:
-            self._check_steps(pieces, node)
-        return step
-
-    def _check_steps(self, pieces: list[DefinitionPiece], node: syntax.Node) -> None:
-        for piece in pieces:
-            for key in symbols(piece.body):
-                if isinstance(key, VariableRef | TimeRef | DefinitionRef):
-                    message = f"the step `h` cannot depend on `{key}`"
-                    at = syntax.Node(piece.span.start, piece.span.end)
-                    self.error(at, message, "it is made of constants, parameters and `i`")
-                    return
-        for run in runs(pieces, 0, self.n - 1) if self.n > 0 else []:
-            if run.piece is None:
-                last = (
-                    f"after frames {run.first} to {run.last}"
-                    if run.first != run.last
-                    else f"after frame {run.first}"
-                )
-                hint = "`h` at frame i is the step from i to i + 1, needed for i = 0 to n - 1"
-                self.error(node, f"`h` is not defined for the step {last}", hint)
-                continue
-            body = run.piece.body
-            if not all(isinstance(key, ConstantRef | IndexRef) for key in symbols(body)):
-                continue
-            values: dict[object, object] = {}
-            for key in symbols(body):
-                value = self.constants.values.get(key.name) if isinstance(key, ConstantRef) else None
-                if isinstance(key, ConstantRef) and value is None:
-                    return
-                values[key] = np.arange(run.first, run.last + 1.0) if value is None else value
-            steps = np.broadcast_to(evaluate(body, values), (run.last - run.first + 1,))
-            wrong = np.flatnonzero(~((steps > 0) & np.isfinite(steps)))
-            if len(wrong):
-                at = syntax.Node(run.piece.span.start, run.piece.span.end)
-                frame = run.first + int(wrong[0])
-                where = (
-                    ""
-                    if symbols(body) and all(isinstance(k, ConstantRef) for k in symbols(body))
-                    else f" at frame {frame}"
-                )
-                self.error(at, f"the step `h` is {float(steps[wrong[0]]):g}{where}", "it has to be positive")
 
     # ----------------------------------------------- constraints and objective
 
@@ -505,15 +320,3 @@ class _Elaborator:
         where = FrameRange(0, 0) if statement.kind == "joint" else self.everywhere
         body = self.settled(body, where, statement) if statement.kind != "set" else body
         return ReplayChannel(statement.kind, statement.path, body, self.span(statement))
-
-
-def _expressions(node: syntax.Node) -> list[syntax.Expression]:
-    """The expressions of a statement."""
-    if isinstance(node, syntax.Relation):
-        return node.operands
-    if isinstance(node, syntax.Assignment | syntax.Channel):
-        return [node.value]
-    return []
-
-
-__all__ = ["ZERO", "elaborate", "elaborate_with_recovery"]

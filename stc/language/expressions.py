@@ -46,6 +46,9 @@ from stc.symbolic.expr import (
     symbols,
 )
 
+#: Time derivatives of a higher order are taken for a slip.
+MAX_ORDER = 20
+
 #: Sums of more terms than this are added as a balanced tree.
 LONG_SUM = 8
 
@@ -145,18 +148,17 @@ class ExpressionBuilder:
     def _undeclared(self, node: syntax.Name) -> Expr:
         name = node.name
         self.poisoned = True
-        if name in self._reported or name in self.constants.damaged or name == "n":
-            return UNKNOWN
-        self._reported.add(name)
         if name == "inf":
-            message, hint = "`inf` may only stand alone, as a bound", "leave a bound out where there is none"
-        elif name in FUNCTIONS or name in OPERATORS:
-            message, hint = f"the function `{name}` has no arguments", f"write `{name}(...)`"
-        else:
-            message = f"`{name}` is not declared"
+            hint = "leave a bound out where there is none"
+            return self.fail(node, "`inf` may only stand alone, as a bound", hint)
+        if name in FUNCTIONS or name in OPERATORS:
+            return self.fail(node, f"the function `{name}` has no arguments", f"write `{name}(...)`")
+        if name not in self._reported and name not in self.constants.damaged and name != "n":
+            self._reported.add(name)
             known = [*self.table.entries, *RESERVED, "n", "h"]
             hint = did_you_mean(name, known) or "declare it under `constants:`, `variables:` or `parameters:`"
-        return self.fail(node, message, hint)
+            return self.fail(node, f"`{name}` is not declared", hint)
+        return UNKNOWN
 
     # ------------------------------------------------------------- arithmetic
 
@@ -259,11 +261,16 @@ class ExpressionBuilder:
         if isinstance(operand, syntax.Name) and self.table.kind(operand.name) == "variable":
             name = operand.name
             self.table.entries[name].used = True
+            if order > MAX_ORDER:
+                return self.fail(node, f"time derivatives go up to order {MAX_ORDER}")
             self.first_use.setdefault((name, order), (node.start, node.end))
             return sym(VariableRef(name, order))
         e = self.build(operand)
         if self.poisoned:
             return UNKNOWN
+        highest = max((k.order for k in symbols(e) if isinstance(k, VariableRef | DefinitionRef)), default=0)
+        if highest + order > MAX_ORDER:
+            return self.fail(node, f"time derivatives go up to order {MAX_ORDER}")
         if self._holds_index(e):
             shown = "the definition uses the index `i`, which" if isinstance(operand, syntax.Name) else "`i`"
             if isinstance(operand, syntax.Name) and operand.name == "i":
@@ -298,6 +305,9 @@ class ExpressionBuilder:
             self.poisoned = True
         if self.poisoned or position is None:
             return UNKNOWN
+        if all(isinstance(key, ConstantRef | ParameterRef) for key in symbols(e)):
+            hint = "only variables and what is made of them have a value at every frame"
+            return self.fail(node, "this is the same at every frame; it takes no index", hint)
         return self._moved(node, e, *position)
 
     def _moved(self, node: syntax.Node, e: Expr, scale: Fraction | int, shift: Fraction | int) -> Expr:

@@ -1,7 +1,7 @@
 """The stages of reading a spec as text: tokens, syntax tree, problem.
 
-Syntax is printed in the language itself, one statement a line, with parentheses only where they are needed: what is
-printed reads back as the same tree.
+Syntax is printed in the language itself, one statement a line, with parentheses only where they are needed:
+what is printed reads back as the same tree.
 """
 
 from __future__ import annotations
@@ -13,8 +13,11 @@ from stc.language import syntax
 from stc.language.diagnostics import Diagnostics
 from stc.language.lexer import tokenize
 from stc.problem import Problem
-from stc.symbolic.expr import Expr, render
+from stc.symbolic.expr import Expr, reachable, render
 from stc.symbolic.render import number_text
+
+#: Expressions with more operations than this (counting shared ones each time) are not written out.
+LONGEST_TEXT = 20_000
 
 _INDENT = "  "
 _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(5)
@@ -107,8 +110,10 @@ def show_syntax(tree: syntax.SpecTree) -> str:
                 indent += _INDENT
             texts = [show_statement(statement) for statement in block.statements]
             if block.statements and isinstance(block.statements[0], syntax.Declaration):
-                last = len(texts) - 1
-                texts = [text + (";" if place == last else ",") for place, text in enumerate(texts)]
+                valued = any(" = " in text for text in texts)
+                texts = (",\n" + indent if valued else ", ").join(texts).splitlines()
+                texts = [text.strip() for text in texts]
+                texts[-1] += ";"
             lines += [indent + text for text in texts]
     return "\n".join(lines)
 
@@ -131,10 +136,10 @@ def _problem_lines(problem: Problem) -> Iterator[str]:
     if problem.macros or problem.definitions:
         yield "definitions:"
     for name, body in problem.macros.items():
-        yield f"{_INDENT}{name} = {render(body)}"
+        yield f"{_INDENT}{name} = {_text_of(body)}"
     for name, pieces in problem.definitions.items():
         for piece in pieces:
-            yield f"{_INDENT}{piece.range}: {name} = {render(piece.body)}"
+            yield f"{_INDENT}{piece.range}: {name} = {_text_of(piece.body)}"
     if problem.jumps:
         yield "jumps:"
     for jump in problem.jumps:
@@ -150,8 +155,8 @@ def _problem_lines(problem: Problem) -> Iterator[str]:
     if problem.objective:
         yield "objective:"
     for term in problem.objective:
-        body = render(term.body)
-        yield f"{_INDENT}{term.range}: " + (f"integral({body})" if term.integral else body)
+        text = _text_of(term.body)
+        yield f"{_INDENT}{term.range}: " + (f"integral({text})" if term.integral else text)
     if problem.model is not None or problem.replay:
         yield "replay:"
     if problem.model is not None:
@@ -160,10 +165,18 @@ def _problem_lines(problem: Problem) -> Iterator[str]:
         yield f"{_INDENT}{channel.kind} {'.'.join(channel.path)} = {render(channel.body)}"
 
 
+def _text_of(e: Expr) -> str:
+    """The text of an expression; of a very large one (sharing is lost in text) its size."""
+    sizes: dict[Expr, int] = {}
+    for node in reachable([e]):
+        sizes[node] = 1 + sum(sizes[arg] for arg in node.args)
+    return render(e) if sizes[e] <= LONGEST_TEXT else f"(an expression of {len(sizes)} distinct parts)"
+
+
 def _bounded(body: Expr, lower: Expr | None, upper: Expr | None) -> str:
+    text = _text_of(body)
     if lower is not None and lower is upper:
-        return f"{render(body)} = {render(lower)}"
-    text = render(body)
+        return f"{text} = {render(lower)}"
     if lower is not None and upper is not None:
         return f"{render(lower)} <= {text} <= {render(upper)}"
     if lower is not None:

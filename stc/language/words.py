@@ -36,6 +36,27 @@ SECTIONS: dict[str, SectionKind] = {
     "contact": SectionKind("points that touch a surface", ranged=True, supported=False),
 }
 
+#: What other tools call the sections.
+SECTION_SYNONYMS = {
+    "minimize": "objective",
+    "minimise": "objective",
+    "cost": "objective",
+    "objectives": "objective",
+    "bounds": "constraints",
+    "equations": "constraints",
+    "dynamics": "constraints",
+    "states": "variables",
+    "controls": "variables",
+    "unknowns": "variables",
+    "params": "parameters",
+    "initial": "guess",
+    "start": "guess",
+    "guesses": "guess",
+    "methods": "method",
+    "transcription": "method",
+    "macros": "definitions",
+}
+
 METHODS = ("central", "trapezoidal", "hermite-simpson")
 
 #: Kinds of line in `replay:` besides `model = "file.xml";`.

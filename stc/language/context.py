@@ -1,0 +1,111 @@
+"""What the steps of elaboration share: tables, frames, and how mistakes are noted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from stc.errors import Span
+from stc.language import syntax
+from stc.language.constants import Constants
+from stc.language.definitions import Definitions, collect_definitions, runs
+from stc.language.diagnostics import Diagnostics
+from stc.language.expressions import ExpressionBuilder
+from stc.language.frames import Frames
+from stc.language.names import collect_names
+from stc.language.positions import Positions
+from stc.problem import ConstantRef, DefinitionRef, FrameRange, IndexRef, Jump, TimeRef
+from stc.symbolic.expr import Expr, substitute, symbols
+
+
+class Context:
+    """One spec on its way to a problem.
+
+    ``n`` is 0 where a mistake left the number of frames unknown.  ``time_is_fixed`` tells whether ``t`` is
+    known before solving: false once a step depends on a parameter.
+    """
+
+    def __init__(
+        self, tree: syntax.SpecTree, overrides: Mapping[str, float], diagnostics: Diagnostics
+    ) -> None:
+        self.tree = tree
+        self.source = tree.source
+        self.diagnostics = diagnostics
+        self.table = collect_names(tree, diagnostics)
+        self.constants = Constants(self.table, overrides, diagnostics, tree.damaged)
+        self.definitions: Definitions = collect_definitions(tree, self.table, diagnostics)
+        self.positions = Positions(self.table, self.constants, self.definitions.unranged(), diagnostics)
+        self.builder = ExpressionBuilder(self.table, self.constants, self.positions, diagnostics)
+        self.n = self.constants.n if self.constants.n is not None else 0
+        self.everywhere = FrameRange(0, self.n)
+        self.time_is_fixed = True
+        self.frames = Frames(self.n, False, self.builder.pieces, ())
+        self._fixed: dict[Expr, bool] = {}
+
+    def set_motion(self, method: str, jumps: Sequence[Jump]) -> None:
+        """Tell the method and the jumps, which decide on which frames a statement can hold."""
+        self.frames = Frames(self.n, method == "central", self.builder.pieces, jumps)
+
+    def span(self, node: syntax.Node) -> Span:
+        return Span(self.source, node.start, node.end)
+
+    def error(self, node: syntax.Node, message: str, hint: str = "") -> None:
+        self.diagnostics.error(message, node.start, node.end, hint)
+
+    def range(self, block: syntax.Block) -> FrameRange | None:
+        """The frames of a block; None after a mistake in its header."""
+        return self.everywhere if block.header is None else self.positions.frames(block.header)
+
+    def is_fixed(self, e: Expr) -> bool:
+        """Whether an expression is made of constants, ``i`` and a ``t`` that no unknown changes."""
+        found = self._fixed.get(e)
+        if found is None:
+            known = (ConstantRef, IndexRef, TimeRef) if self.time_is_fixed else (ConstantRef, IndexRef)
+            found = self._fixed[e] = all(isinstance(key, known) for key in symbols(e))
+        return found
+
+    def settled(self, e: Expr, where: FrameRange, node: syntax.Node) -> Expr:
+        """``e`` without sides that mean nothing; definitions in it are checked to hold on its frames."""
+        gap = self.frames.gap(e, where.first, where.last)
+        if gap is not None:
+            at = next(
+                (
+                    part
+                    for operand in _expressions(node)
+                    for part in syntax.walk(operand)
+                    if isinstance(part, syntax.Name) and part.name == gap.name
+                ),
+                node,
+            )
+            pieces = self.builder.pieces[gap.name]
+            hint = f"it is defined on {', '.join(str(piece.range) for piece in pieces)}"
+            self.error(at, f"`{gap.name}` is used on {gap}, where no definition of it holds", hint)
+        plain = self.frames.without_idle_sides(e, where)
+        if plain is not e:
+            message = "`before` and `after` mean the plain value here: nothing jumps on these frames"
+            hint = "list what jumps under `jumps:`, with the frame in a range header"
+            self.diagnostics.warning(message, node.start, node.end, hint)
+        return plain
+
+    def by_piece(self, e: Expr, where: FrameRange, node: syntax.Node) -> list[tuple[FrameRange, Expr]]:
+        """``e`` with ranged definitions written out, per part of the range on which it is one formula."""
+        key = next((k for k in symbols(e) if isinstance(k, DefinitionRef)), None)
+        if key is None:
+            return [(where, e)]
+        found: list[tuple[FrameRange, Expr]] = []
+        for run in runs(self.builder.pieces[key.name], where.first, where.last):
+            if run.piece is None:
+                self.settled(e, FrameRange(run.first, run.last), node)
+                continue
+            body = substitute(e, {key: self.builder.derivative(run.piece.body, key.order)})
+            found += self.by_piece(body, replace(where, first=run.first, last=run.last), node)
+        return found
+
+
+def _expressions(node: syntax.Node) -> list[syntax.Expression]:
+    """The expressions of a statement."""
+    if isinstance(node, syntax.Relation):
+        return node.operands
+    if isinstance(node, syntax.Assignment | syntax.Channel):
+        return [node.value]
+    return []

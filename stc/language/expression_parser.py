@@ -1,0 +1,259 @@
+"""Tokens to expressions, by recursive descent.
+
+Expressions bind, from loosest to tightest: ``+ -``, ``* /``, unary ``-``, ``^`` (right associative), ``'``
+and ``[ ]``.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stc.language import syntax
+from stc.language.diagnostics import Diagnostics, did_you_mean
+from stc.language.lexer import Tokens
+from stc.language.words import SECTIONS
+
+#: Parentheses, calls, indices and exponents within each other: more is refused (and never needed).
+MAX_NESTING = 100
+
+RELATIONS = frozenset(("=", "<=", ">="))
+OPERAND_STARTS = frozenset(("name", "number", "(", "string"))
+
+
+class Misread(Exception):
+    """Raised after a mistake has been noted, to give up the statement."""
+
+
+class ExpressionParser:
+    """Reads expressions from tokens; a parser of statements builds on it."""
+
+    def __init__(self, tokens: Tokens, diagnostics: Diagnostics) -> None:
+        self.source = tokens.source
+        self.text = tokens.source.text
+        self.kinds, self.starts, self.ends = tokens.kinds, tokens.starts, tokens.ends
+        self.diagnostics = diagnostics
+        self.at = 0
+        self.kind = self.kinds[0]
+        self.depth = 0
+
+    # ------------------------------------------------------------- token level
+
+    def advance(self) -> None:
+        self.at += 1
+        self.kind = self.kinds[self.at]
+
+    def move_to(self, index: int) -> None:
+        self.at = index
+        self.kind = self.kinds[index]
+
+    def token_text(self, index: int) -> str:
+        return self.text[self.starts[index] : self.ends[index]]
+
+    def described(self) -> str:
+        """The current token as a message names it."""
+        return "the end of the file" if self.kind == "end" else f"`{self.token_text(self.at)}`"
+
+    def fail(self, message: str, hint: str = "") -> Misread:
+        """Note a mistake at the current token (at the end of the file: at what was read last)."""
+        index = self.at
+        if self.kind == "end" and index > 0:
+            index -= 1
+        self.diagnostics.error(
+            message, self.starts[index], max(self.ends[index], self.starts[index] + 1), hint
+        )
+        return Misread()
+
+    def expect(self, kind: str, what: str) -> None:
+        if self.kind != kind:
+            raise self.fail(f"expected {what}, found {self.described()}")
+        self.advance()
+
+    def on_new_line(self) -> bool:
+        """Whether a line ends between the token before and the current one."""
+        return "\n" in self.text[self.ends[self.at - 1] : self.starts[self.at]] if self.at else True
+
+    def section_head_at(self, index: int) -> bool:
+        return (
+            self.kinds[index] == "name"
+            and self.kinds[index + 1] == ":"
+            and self.token_text(index) in SECTIONS
+        )
+
+    def range_header_end(self, index: int) -> int:
+        """If a range header starts at this token, the index of its ``:``; else -1."""
+        if self.kinds[index] != "[":
+            return -1
+        level = 0
+        while True:
+            kind = self.kinds[index]
+            if kind == "[":
+                level += 1
+            elif kind == "]":
+                level -= 1
+                if level == 0:
+                    return index + 1 if self.kinds[index + 1] == ":" else -1
+            elif kind in ("end", ";", ":"):
+                return -1
+            index += 1
+
+    def fail_after_operand(self, what: str) -> None:
+        """Raise for a token that cannot follow an expression."""
+        previous = self.kinds[self.at - 1] if self.at else ""
+        touching = self.at > 0 and self.starts[self.at] == self.ends[self.at - 1]
+        hint = ""
+        if self.kind == "string":
+            hint = "a second derivative is written with two `'`"
+        elif self.kind in ("name", "(") and previous in ("number", ")", "]", "prime"):
+            hint = "write `*` to multiply"
+        elif self.kind == "number" and previous in (")", "]", "prime"):
+            hint = "write `*` to multiply, `^` for a power"
+        elif self.kind == "number" and touching:
+            hint = "a name cannot hold a `.`" if self.token_text(self.at).startswith(".") else ""
+        elif self.kind in ("name", "number"):
+            hint = "is an operator missing between the two?"
+        elif self.kind == ")":
+            hint = "this `)` closes nothing"
+        elif self.kind == "]":
+            hint = "this `]` closes nothing"
+        elif self.kind in RELATIONS:
+            hint = "relations are statements of `constraints:`"
+        elif self.kind == ":":
+            hint = did_you_mean(self.token_text(self.at - 1), SECTIONS) if previous == "name" else ""
+        raise self.fail(f"expected an operator or {what}, found {self.described()}", hint)
+
+    # ------------------------------------------------------------- expressions
+
+    def expression(self) -> syntax.Expression:
+        """A sum of products, as far as it goes."""
+        if self.depth >= MAX_NESTING:
+            hint = "name inner parts under `definitions:`"
+            raise self.fail(f"parentheses or powers are nested more than {MAX_NESTING} deep", hint)
+        self.depth += 1
+        kinds, starts, ends = self.kinds, self.starts, self.ends
+        start = starts[self.at]
+        terms: list[tuple[str, syntax.Expression]] = []
+        sign = "+"
+        while True:
+            factor_start = starts[self.at]
+            term = self.factor()
+            kind = self.kind
+            if kind == "*" or kind == "/":
+                factors = [("*", term)]
+                while kind == "*" or kind == "/":
+                    self.advance()
+                    factors.append((kind, self.factor()))
+                    kind = self.kind
+                term = syntax.Product(factor_start, ends[self.at - 1], factors)
+            terms.append((sign, term))
+            if kind != "+" and kind != "-":
+                break
+            sign = kind
+            self.at += 1
+            self.kind = kinds[self.at]
+        self.depth -= 1
+        return terms[0][1] if len(terms) == 1 else syntax.Sum(start, ends[self.at - 1], terms)
+
+    def factor(self) -> syntax.Expression:
+        """Unary signs, an operand with its primes and indices, and its exponent."""
+        start = self.at
+        while self.kind == "-" or self.kind == "+":
+            self.advance()
+        if self.at - start > MAX_NESTING:
+            raise self.fail(f"more than {MAX_NESTING} signs in a row")
+        kinds, starts, ends = self.kinds, self.starts, self.ends
+        at, kind = self.at, self.kind
+        node: syntax.Expression
+        if kind == "name":
+            self.advance()
+            name = self.token_text(at)
+            if self.kind == "(":
+                node = self.call(at, name)
+            else:
+                node = syntax.Name(starts[at], ends[at], name)
+        elif kind == "number":
+            value = float(self.token_text(at))
+            if math.isinf(value):
+                raise self.fail(
+                    "this number is too large", "the largest is 1.797e308; infinite bounds are `inf`"
+                )
+            node = syntax.Number(starts[at], ends[at], value)
+            self.advance()
+        elif kind == "(":
+            self.advance()
+            node = self.expression()
+            if self.kind != ")":
+                self.fail_unclosed(at, ")")
+            self.advance()
+        else:
+            raise self.fail_operand()
+        after = self.at
+        while self.kind == "prime" or self.kind == "[":
+            if self.at - after > MAX_NESTING:
+                raise self.fail("too many primes and indices on one expression")
+            if self.kind == "prime":
+                count = 2 if self.token_text(self.at) == "″" else ends[self.at] - starts[self.at]
+                if isinstance(node, syntax.Prime):
+                    node = syntax.Prime(starts[at], ends[self.at], node.operand, node.order + count)
+                else:
+                    node = syntax.Prime(starts[at], ends[self.at], node, count)
+                self.advance()
+            elif self.range_header_end(self.at) >= 0:
+                break
+            else:
+                opening = self.at
+                self.advance()
+                index = self.expression()
+                if self.kind != "]":
+                    self.fail_unclosed(opening, "]")
+                node = syntax.Index(starts[at], ends[self.at], node, index)
+                self.advance()
+        if self.kind == "^":
+            if self.depth >= MAX_NESTING:
+                raise self.fail(f"parentheses or powers are nested more than {MAX_NESTING} deep")
+            self.advance()
+            self.depth += 1
+            exponent = self.factor()
+            self.depth -= 1
+            node = syntax.Power(starts[at], ends[self.at - 1], node, exponent)
+        for sign in range(at - 1, start - 1, -1):
+            if kinds[sign] == "-":
+                node = syntax.Negate(starts[sign], ends[self.at - 1], node)
+        return node
+
+    def call(self, at: int, name: str) -> syntax.Expression:
+        opening = self.at
+        self.advance()
+        arguments: list[syntax.Expression] = []
+        if self.kind != ")":
+            arguments.append(self.expression())
+            while self.kind == ",":
+                self.advance()
+                arguments.append(self.expression())
+        if self.kind != ")":
+            self.fail_unclosed(opening, ")")
+        self.advance()
+        return syntax.Call(self.starts[at], self.ends[self.at - 1], name, arguments)
+
+    def fail_operand(self) -> Misread:
+        previous = self.token_text(self.at - 1) if self.at else ""
+        after = f" after `{previous}`" if previous not in ("", ";", ":") else ""
+        hint = ""
+        if self.kind in ("*", "/") and previous == self.kind:
+            hint = "powers are written `^`" if previous == "*" else "comments start with `#`"
+        elif self.kind == "prime":
+            hint = "a `'` follows what it differentiates"
+        elif self.kind == "string":
+            hint = "only `replay:` takes text in quotes"
+        elif self.kind == "[":
+            hint = "a range header is `[a, b]:`, with a `:` at its end"
+        return self.fail(f"expected an expression{after}, found {self.described()}", hint)
+
+    def fail_unclosed(self, opening: int, closing: str) -> None:
+        line = self.source.position(self.starts[opening])[0]
+        here = self.source.position(self.starts[self.at])[0]
+        where = "" if line == here else f" on line {line}"
+        opened = self.token_text(opening)
+        if self.kind in OPERAND_STARTS:
+            self.fail_after_operand(f"`{closing}`")
+        hint = f"to close the `{opened}`{where}"
+        raise self.fail(f"expected an operator or `{closing}`, found {self.described()}", hint)
