@@ -26,6 +26,7 @@ __all__ = ["Projection", "newton_on_active_set", "project"]
 
 CONTRACTION = 0.3
 DUAL_SHIFT = 1e-9
+PRIMAL_SHIFT = 1e-8
 MEAN_MULTIPLIER = 100.0
 
 
@@ -166,9 +167,10 @@ def _newton_step(form: ScaledProblem, point: Projection) -> tuple[Floats, Floats
     rhs_x[fixed] = 0.0
     hess = point.hess * (free[form.hess_rows] & free[form.hess_cols])
     jac = point.jac * (active[form.jac_rows] & free[form.jac_cols])
-    primal = fixed.astype(float)
-    for shift in (0.0, DUAL_SHIFT):
-        inertia = form.kkt.factorize(hess, jac, primal, np.where(active, shift, 1.0))
+    flat = PRIMAL_SHIFT * max(1.0, _largest(hess))
+    for shift_x, shift_y in ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT)):
+        primal = np.where(fixed, 1.0, shift_x)
+        inertia = form.kkt.factorize(hess, jac, primal, np.where(active, shift_y, 1.0))
         if inertia.zero == 0 and inertia.negative == form.m:
             break
     else:

@@ -8,12 +8,17 @@ from stc.solver.formulation import Formulation
 from stc.solver.globalization import largest_step
 from stc.solver.iterate import Iterate, refresh
 from stc.solver.newton_system import NewtonSystem, SingularSystem
+from stc.solver.nlp import Floats
 
 __all__ = ["leave_saddle"]
 
-POWER_STEPS = 4
+POWER_STEPS = 8
 NEGLIGIBLE = 1e-7
 FRACTION = 0.9
+FIRST_TRIAL = 0.1
+TRIALS = 16
+RETURNS = 3
+SIGNIFICANT = 1e-11
 
 
 def leave_saddle(form: Formulation, it: Iterate, system: NewtonSystem, seed: int) -> bool:
@@ -31,6 +36,7 @@ def leave_saddle(form: Formulation, it: Iterate, system: NewtonSystem, seed: int
         system.factorize(it, max(mu, 1e-9))
     except SingularSystem:
         return False
+    system.tighten(it)
     if system.shift <= NEGLIGIBLE:
         return False
     v = np.random.default_rng(seed).standard_normal(form.n) * form.free
@@ -50,24 +56,31 @@ def leave_saddle(form: Formulation, it: Iterate, system: NewtonSystem, seed: int
         return False
     if float(it.dual[: form.n] @ v) > 0.0:
         dw = -dw
-    return _descend(form, it, dw)
+    return _descend(form, it, system, dw)
 
 
-def _descend(form: Formulation, it: Iterate, dw: np.ndarray) -> bool:
+def _descend(form: Formulation, it: Iterate, system: NewtonSystem, dw: Floats) -> bool:
+    """Walk along ``dw`` or its opposite, back onto the rows after each trial, as far as the objective falls."""
     n = form.n
-    scale = 0.1 * max(1.0, float(np.abs(it.w[:n]).max(initial=0.0)))
+    scale = FIRST_TRIAL * max(1.0, float(np.abs(it.w[:n]).max(initial=0.0)))
+    price = 1.0 + 2.0 * float(np.abs(it.y).max(initial=0.0))
+    merit = it.f + price * it.theta
     for direction in (dw, -dw):
-        limit = largest_step(it.gap, scale * (form.sign * direction[form.index]), FRACTION)
-        alpha = limit * scale
-        for _ in range(20):
+        alpha = scale * largest_step(it.gap, scale * (form.sign * direction[form.index]), FRACTION)
+        for _ in range(TRIALS):
             w = it.w + alpha * direction
-            f, r = form.values(w[:n])
-            w[n:] = np.where(form.inequality, w[n:], it.w[n:])
-            c = form.residual(r, w)
-            theta = float(np.abs(c).sum())
-            price = 1.0 + 2.0 * float(np.abs(it.y).max(initial=0.0))
-            if np.isfinite(f + theta) and f + price * theta < it.f + price * it.theta - 1e-12 * abs(it.f):
-                it.w, it.f, it.r, it.c, it.theta, it.gap = w, f, r, c, theta, form.gap(w)
-                return refresh(form, it)
+            for _ in range(RETURNS):
+                f, r = form.values(w[:n])
+                c = form.residual(r, w)
+                theta = float(np.abs(c).sum())
+                if not np.isfinite(f + theta):
+                    break
+                if f + price * theta < merit - SIGNIFICANT * (1.0 + abs(it.f)):
+                    it.w, it.f, it.r, it.c, it.theta, it.gap = w, f, r, c, theta, form.gap(w)
+                    return refresh(form, it)
+                if theta <= it.theta:
+                    break
+                back, _ = system.solve(np.zeros(form.size), c)
+                w = w + largest_step(form.gap(w), form.sign * back[form.index], FRACTION) * back
             alpha *= 0.5
     return False

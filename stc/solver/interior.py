@@ -30,6 +30,7 @@ __all__ = ["End", "Outcome", "optimise"]
 
 FINISH_BELOW = 1e-2
 STALLED_STEPS = 3
+ESCAPES = 5
 
 
 class End(Enum):
@@ -92,8 +93,11 @@ def optimise(
         if done is not None:
             return Outcome(End.CONVERGED, it, done)
         if error <= options.tolerance:
-            if escapes < 3 and leave_saddle(form, it, system, options.seed + escapes):
+            if escapes < ESCAPES and leave_saddle(form, it, system, options.seed + escapes):
                 escapes += 1
+                tiny_steps = 0
+                stuck = False
+                monitor.count()
                 search = LineSearch(form, it.theta)
                 barrier = BarrierParameter(form, barrier.mu, options.tolerance / 11.0, adaptive)
                 continue
@@ -117,7 +121,7 @@ def optimise(
         step = float(np.abs(it.w - before).max(initial=0.0))
         if length > 0.0:
             stuck = search.tiny
-            tiny_steps = tiny_steps + 1 if search.tiny else 0
+            tiny_steps = tiny_steps + 1 if search.tiny and not barrier.changed else 0
             continue
         stuck = True
         if not isinstance(form, ScaledProblem):

@@ -84,8 +84,20 @@ class NewtonSystem:
                 if self.shift == 0.0:
                     continue
             self.shift = self._larger_shift()
+        self._primal = primal
         if self.shift > 0.0:
             self._last_shift = self.shift
+
+    def tighten(self, it: Iterate) -> None:
+        """Halve the shift as often as the inertia stays right, and factorise with the last one."""
+        if self.shift == 0.0:
+            return
+        while self.shift > SMALLEST_SHIFT:
+            self.shift *= 0.5
+            if self._try(it, self._primal) != "good":
+                self.shift *= 2.0
+                break
+        self._try(it, self._primal)
 
     def _larger_shift(self) -> float:
         if self.shift == 0.0:

@@ -20,7 +20,9 @@ from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["Acceptance", "PRICE", "back_from", "elastic_start"]
 
-PRICE = 1000.0
+PRICE = 1.0
+BARRIER_FRACTION = 1e-3
+PROXIMITY = 1e-3
 PROGRESS = 0.9
 LARGEST_MULTIPLIER = 1e3
 
@@ -54,9 +56,9 @@ class Acceptance:
 def elastic_start(base: ScaledProblem, it: Iterate, mu: float) -> tuple[ElasticProblem, Iterate, float]:
     """The restoration problem at an iterate, its own first iterate and its barrier parameter."""
     elastic = ElasticProblem(
-        base, price=PRICE, weight=0.0, reference=it.w[: base.n].copy(), proximity=np.sqrt(max(mu, 1e-8))
+        base, price=PRICE, weight=0.0, reference=it.w[: base.n].copy(), proximity=PROXIMITY * np.sqrt(max(mu, 1e-8))
     )
-    barrier = max(mu, float(np.abs(it.c).max(initial=0.0)))
+    barrier = BARRIER_FRACTION * max(mu, float(np.abs(it.c).max(initial=0.0)))
     return elastic, elastic.start(it.w, np.zeros(base.m), it.z, barrier), barrier
 
 
