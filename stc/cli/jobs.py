@@ -30,15 +30,15 @@ def run(spec: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
     model = load(spec, options)
     solution, file = solve_and_save(model, options, as_json=as_json, save=True)
     if solution.model is None:
-        reason = f"{solution.name} has no `replay:` section, so that MuJoCo cannot replay it"
-        return _not_validated(solution, file, reason, as_json)
+        return _not_validated(solution, file, _no_replay(solution.name), as_json)
     return _judge(solution, solution, file, force, as_json)
 
 
 def validate(target: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
     """Validate a saved solution, or what solving a spec gives; that is saved only if a file is named."""
+    from stc.errors import UsageError
+
     if is_solution(target):
-        from stc.errors import UsageError
         from stc.solution import read
 
         if options != SolveOptions({}):
@@ -46,6 +46,8 @@ def validate(target: str, options: SolveOptions, *, force: bool, as_json: bool) 
         path = existing_solution(target)
         return _judge(path, read(path), path, force, as_json)
     model = load(target, options)
+    if model.problem(options.method).model is None:
+        raise UsageError(_no_replay(model.name), "`stc solve` solves it without validation")
     solution, file = solve_and_save(model, options, as_json=as_json, save=options.output is not None)
     return _judge(solution, solution, file, force, as_json)
 
@@ -158,6 +160,10 @@ def _judge(
     else:
         console.show_report(report)
     return GOOD if report.passed and solution.status == "optimal" else BAD
+
+
+def _no_replay(name: str) -> str:
+    return f"{name} has no `replay:` section that names a model, so that MuJoCo cannot replay it"
 
 
 def _not_validated(solution: Solution, file: Path | None, reason: str, as_json: bool) -> int:

@@ -5,16 +5,14 @@ To make another stage visible, write its function and add it to :data:`STAGES`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from stc.errors import UsageError
+from stc.problem import index_text
 
 if TYPE_CHECKING:
     from stc.pipeline import Model
-    from stc.problem import Problem
-    from stc.symbolic.expr import Expr
     from stc.transcription import Transcription
 
 #: Prints one stage of a model under a method (None: the spec's own).
@@ -25,110 +23,34 @@ _INDENT = "  "
 
 def tokens(model: Model, method: str | None) -> str:
     """Every token with its place and kind."""
-    from stc.language.diagnostics import Diagnostics
-    from stc.language.lexer import tokenize
+    from stc.language.show import show_tokens
 
-    found = tokenize(model.source, Diagnostics(model.source))
-    lines = []
-    for index, (kind, start) in enumerate(zip(found.kinds, found.starts)):
-        line, column = model.source.position(start)
-        text = found.text(index)
-        lines.append(f"{f'{line}:{column}':>8}  {text if kind == text else f'{kind} {text}'.strip()}")
-    return "\n".join(lines)
+    return show_tokens(model.source)
 
 
 def syntax(model: Model, method: str | None) -> str:
-    """The syntax tree, a node per line."""
-    return "\n".join(_tree(model.tree.sections, 0))
+    """The syntax tree, as a spec in canonical form."""
+    from stc.language.show import show_syntax
 
-
-def _tree(node: Any, depth: int, label: str = "") -> Iterator[str]:
-    """A node of the syntax tree, or a list or tuple of them, indented."""
-    indent = _INDENT * depth
-    if isinstance(node, list | tuple) and any(_is_branch(item) for item in node):
-        if label:
-            yield f"{indent}{label}"
-            depth += 1
-        if isinstance(node, tuple):  # an operator and its operand
-            operator = " ".join(str(item) for item in node if not _is_branch(item))
-            for item in node:
-                if _is_branch(item):
-                    yield from _tree(item, depth, operator)
-            return
-        for item in node:
-            yield from _tree(item, depth)
-        return
-    prefix = f"{indent}{label} " if label else indent
-    if not hasattr(node, "__dataclass_fields__"):
-        yield f"{prefix}{node}"
-        return
-    leaves, branches = [], []
-    for field in fields(node):
-        if field.name not in ("start", "end"):
-            value = getattr(node, field.name)
-            (branches if _is_branch(value) else leaves).append((field.name, value))
-    yield prefix + " ".join([type(node).__name__, *(f"{name}={value!r}" for name, value in leaves)])
-    for name, value in branches:
-        yield from _tree(value, depth + 1, "" if isinstance(value, list) or len(branches) == 1 else name)
-
-
-def _is_branch(value: Any) -> bool:
-    if isinstance(value, list | tuple):
-        return any(_is_branch(item) for item in value)
-    return hasattr(value, "__dataclass_fields__")
+    return show_syntax(model.tree)
 
 
 def problem(model: Model, method: str | None) -> str:
     """What the spec states, with names looked up and definitions put in."""
-    return "\n".join(_statements(model.problem(method)))
+    from stc.language.show import show_problem
+
+    return show_problem(model.problem(method))
 
 
-def _statements(found: Problem) -> Iterator[str]:
-    from stc.symbolic.render import number_text, render
+def _name(key: object) -> str:
+    """A symbol of the transcribed problem as it should be read."""
+    from stc.transcription.lower import DataRef
 
-    def bound(e: Expr | None, sign: str) -> str:
-        return f"{sign}inf" if e is None else render(e)
-
-    yield f"# {found.name}: {found.method}, frames 0 to {found.n}, a step of {render(found.step)}"
-    yield "constants:"
-    for name, value in found.constants.items():
-        shapes = "    # shapes the program: another value derives it anew" if name in found.structural else ""
-        yield f"{_INDENT}{name} = {number_text(value)}{shapes}"
-    for title, names in (("variables", found.variables), ("parameters", found.parameters)):
-        if names:
-            yield f"{title}:\n{_INDENT}{', '.join(names)}"
-    if found.definitions:
-        yield "definitions:"
-    for name, pieces in found.definitions.items():
-        for piece in pieces:
-            yield f"{_INDENT}{piece.range}: {name} = {render(piece.body)}"
-    yield "constraints:"
-    for relation in found.relations:
-        body = render(relation.body)
-        if relation.is_equality:
-            text = f"{body} = {bound(relation.lower, '')}"
-        else:
-            text = f"{bound(relation.lower, '-')} <= {body} <= {bound(relation.upper, '')}"
-        yield f"{_INDENT}{relation.range}: {text}"
-    yield "objective:"
-    for term in found.objective:
-        body = render(term.body)
-        yield f"{_INDENT}{term.range}: {f'integral({body})' if term.integral else body}"
-    if found.guesses:
-        yield "guess:"
-    for guess in found.guesses:
-        yield f"{_INDENT}{guess.range}: {guess.name} = {render(guess.body)}"
-    if found.jumps:
-        yield "jumps:"
-    for jump in found.jumps:
-        quote = "'" * jump.order
-        yield f"{_INDENT}[{jump.frame}]: {jump.name}{quote}"
-    if found.model is not None or found.replay:
-        yield "replay:"
-    if found.model is not None:
-        yield f'{_INDENT}model = "{found.model}"'
-    for line in found.replay:
-        yield f"{_INDENT}{line.kind} {'.'.join(line.path)} = {render(line.body)}"
+    if not isinstance(key, DataRef):
+        return str(key)
+    name = {"index": "i", "weight": "weight"}.get(key.kind, key.kind)
+    name += str(key.item) if key.kind != "index" and key.item else ""
+    return name if (key.scale, key.shift) == (1, 0) else f"{name}[{index_text(key.scale, key.shift)}]"
 
 
 def nlp(model: Model, method: str | None) -> str:
@@ -152,14 +74,18 @@ def nlp(model: Model, method: str | None) -> str:
         nodes = "1 node" if group.size == 1 else f"{group.size} nodes"
         lines.append(f"group {number}: {nodes}, frames {where}, {len(group.unknown)} unknowns a node")
         for row, order in zip(group.rows, group.degrees):
-            low = "-inf" if row.lower is None else render(row.lower)
-            high = "inf" if row.upper is None else render(row.upper)
+            low = "-inf" if row.lower is None else render(row.lower, _name)
+            high = "inf" if row.upper is None else render(row.upper, _name)
             relation = (
-                f"{low} <= {render(row.body)} <= {high}" if low != high else f"{render(row.body)} = {low}"
+                f"{low} <= {render(row.body, _name)} <= {high}"
+                if low != high
+                else f"{render(row.body, _name)} = {low}"
             )
             lines.append(f"{_INDENT}{degree[order]:9}  {row.label + ': ' if row.label else ''}{relation}")
         if group.objective is not None:
-            lines.append(f"{_INDENT}{degree[group.objective_degree]:9}  minimise {render(group.objective)}")
+            lines.append(
+                f"{_INDENT}{degree[group.objective_degree]:9}  minimise {render(group.objective, _name)}"
+            )
     return "\n".join(lines)
 
 
@@ -190,10 +116,10 @@ def operations(model: Model, method: str | None) -> str:
 def tape(model: Model, method: str | None) -> str:
     """The straight-line programs that are compiled: one pair per group of nodes."""
     found = model.transcription(method)[1]
-    uniform = [str(key) for key in found.program.uniform]
+    uniform = [_name(key) for key in found.program.uniform]
     parts = []
     for number, group in enumerate(found.program.groups):
-        varying = [str(key) for key in (*group.unknown, *group.data)]
+        varying = [_name(key) for key in (*group.unknown, *group.data)]
         assert group.values_tape is not None
         assert group.derivatives_tape is not None
         multipliers = [f"multiplier {r}" for r in range(len(group.rows))]

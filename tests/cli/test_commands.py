@@ -1,0 +1,360 @@
+"""The commands from the outside: exit statuses, files, and what goes to which stream."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import stc
+from stc.cli import run
+from stc.cli.record import STAGES
+
+# Minimise x^2 + y^2 on the line x + 2y = 5: the foot of the perpendicular from the origin is (1, 2).
+NEAREST_POINT = "constants: n = 0, c = 5; variables: x, y; constraints: x + 2*y = c; objective: x^2 + y^2;"
+
+# Least squared acceleration from 0 to 1, at rest at both ends, in unit time: x = 3t^2 - 2t^3, integral 12.
+REST_TO_REST = """\
+constants: n = 10, h = 1/n, xf = 1;
+variables: x;
+constraints:
+  [0]: x; x';
+  [n]: x = xf; x';
+objective: integral(x''^2);
+method: hermite-simpson;
+"""
+
+INFEASIBLE = "constants: n = 0; variables: x, y; constraints: x^2 + y^2 <= 1; x + y >= 3;"
+
+Stc = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def stc_(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stc:
+    """Runs a command line in an empty folder; gives exit status, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+    Path("point.stc").write_text(NEAREST_POINT)
+    Path("rest.stc").write_text(REST_TO_REST)
+    Path("infeasible.stc").write_text(INFEASIBLE)
+
+    def call(*words: str) -> tuple[int, str, str]:
+        capsys.readouterr()
+        status = run(words)
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return call
+
+
+def last_line(out: str) -> dict[str, Any]:
+    record = json.loads(out.splitlines()[-1])
+    assert isinstance(record, dict)
+    return record
+
+
+# ------------------------------------------------------------------ solving
+
+
+def test_solve_prints_a_table_and_saves_a_solution(stc_: Stc) -> None:
+    status, out, err = stc_("solve", "point.stc")
+    assert (status, err) == (0, "")
+    facts = dict(line.split(None, 1) for line in out.splitlines()[1:])
+    assert facts["status"].strip() == "optimal"
+    assert float(facts["objective"]) == pytest.approx(5.0)
+    assert facts["saved"].strip() == "point.npz"
+    solution = stc.read("point.npz")
+    assert solution["x"] == pytest.approx([1.0])
+    assert solution["y"] == pytest.approx([2.0])
+
+
+def test_the_ending_of_a_spec_may_be_left_out(stc_: Stc) -> None:
+    assert stc_("solve", "point")[0] == 0
+
+
+def test_json_has_every_promised_key(stc_: Stc) -> None:
+    status, out, _ = stc_("solve", "rest", "--json")
+    assert status == 0
+    assert len(out.splitlines()) == 1
+    record = last_line(out)
+    shape = {key: type(value).__name__ for key, value in record.items()}
+    assert shape == {
+        "status": "str",
+        "message": "str",
+        "objective": "float",
+        "violation": "float",
+        "optimality": "float",
+        "iterations": "int",
+        "factorizations": "int",
+        "variables": "int",
+        "rows": "int",
+        "parameters": "dict",
+        "seconds": "dict",
+        "name": "str",
+        "method": "str",
+        "n": "int",
+        "file": "str",
+        "warnings": "list",
+    }
+    assert set(STAGES) <= set(record["seconds"])
+    assert all(isinstance(value, float) for value in record["seconds"].values())
+    assert record["objective"] == pytest.approx(12.0, rel=1e-6)
+    assert record["factorizations"] >= record["iterations"] > 0
+
+
+def test_constants_from_outside_may_be_expressions(stc_: Stc) -> None:
+    status, out, _ = stc_("solve", "point", "--json", "--set", "c=20/2^2 + sqrt(25)")
+    assert status == 0
+    assert last_line(out)["objective"] == pytest.approx(20.0)
+
+
+def test_the_later_of_two_values_wins(stc_: Stc) -> None:
+    _, out, _ = stc_("solve", "point", "--json", "--set", "c=1", "--set", "c=10")
+    assert last_line(out)["objective"] == pytest.approx(20.0)
+
+
+def test_method_and_n_can_be_chosen(stc_: Stc) -> None:
+    _, out, _ = stc_("solve", "rest", "--json", "--method", "trapezoidal", "--set", "n=20")
+    record = last_line(out)
+    assert (record["method"], record["n"]) == ("trapezoidal", 20)
+
+
+def test_output_goes_where_it_should(stc_: Stc) -> None:
+    _, out, _ = stc_("solve", "rest", "-o", "deep/er/motion.csv", "--json")
+    assert last_line(out)["file"] == str(Path("deep/er/motion.csv"))
+    assert stc.read("deep/er/motion.csv")["x"] == pytest.approx(
+        3 * (t := np.linspace(0, 1, 11)) ** 2 - 2 * t**3
+    )
+    assert not Path("rest.npz").exists()
+    assert [path.name for path in Path("deep/er").iterdir()] == [
+        "motion.csv"
+    ]  # nothing half-written beside it
+
+
+def test_warm_start_takes_fewer_iterations_even_with_another_n(stc_: Stc) -> None:
+    cold = last_line(stc_("solve", "rest", "--json", "-o", "cold.npz")[1])
+    warm = last_line(stc_("solve", "rest", "--json", "--warm-start", "cold.npz")[1])
+    finer = last_line(stc_("solve", "rest", "--json", "--warm-start", "cold.npz", "--set", "n=20")[1])
+    assert warm["status"] == finer["status"] == "optimal"
+    assert warm["iterations"] <= cold["iterations"]
+    assert finer["n"] == 20
+
+
+def test_what_did_not_converge_says_so_and_is_saved(stc_: Stc) -> None:
+    status, out, _ = stc_("solve", "rest", "--max-iterations", "0", "--json")
+    record = last_line(out)
+    assert (status, record["status"]) == (1, "iteration_limit")
+    assert stc.read("rest.npz").status == "iteration_limit"
+    status, out, _ = stc_("solve", "rest", "--max-iterations", "0")
+    assert status == 1
+    assert "iteration_limit" in out
+
+
+def test_infeasible_is_an_outcome_and_no_mistake(stc_: Stc) -> None:
+    status, out, _ = stc_("solve", "infeasible", "--json")
+    record = last_line(out)
+    assert (status, record["status"]) == (1, "infeasible")
+    assert record["violation"] > 0.1
+    assert record["message"]
+
+
+def test_contradictory_bounds_are_infeasible(stc_: Stc) -> None:
+    Path("contradiction.stc").write_text("constants: n = 0; variables: x; constraints: x >= 2; x <= 1;")
+    status, out, _ = stc_("solve", "contradiction", "--json")
+    record = last_line(out)
+    assert (status, record["status"]) == (1, "infeasible")
+    assert record["optimality"] is None
+
+
+# --------------------------------------------------------------- validation
+
+
+def test_run_solves_saves_and_validates(stc_: Stc) -> None:
+    status, out, _ = stc_("run", "particle_waypoints", "--json")
+    record = last_line(out)
+    assert (status, record["status"]) == (0, "optimal")
+    assert record["validation"]["passed"] is True
+    assert all(
+        set(metric) >= {"name", "value", "unit", "limit", "verdict"}
+        for metric in record["validation"]["metrics"]
+    )
+    assert Path("particle_waypoints.npz").exists()
+
+    status, out, _ = stc_("validate", "particle_waypoints.npz")
+    assert status == 0
+    assert "open-loop drift" in out
+    assert "passed" in out
+
+
+def test_validate_solves_a_spec_first_and_saves_only_on_request(stc_: Stc) -> None:
+    status, out, _ = stc_("validate", "particle_waypoints", "--json", "--set", "n=20")
+    assert status == 0
+    assert last_line(out)["file"] is None
+    assert not Path("particle_waypoints.npz").exists()
+
+
+def test_what_did_not_converge_is_replayed_only_by_force(stc_: Stc) -> None:
+    words = ("run", "particle_waypoints", "--json", "--set", "n=8", "--max-iterations", "0")
+    status, out, err = stc_(*words)
+    record = last_line(out)
+    assert (status, record["status"], record["validation"]) == (1, "iteration_limit", None)
+    assert "--force" in err
+    status, out, _ = stc_(*words, "--force")
+    assert status == 1
+    assert last_line(out)["validation"]["metrics"]
+
+
+def test_a_spec_without_a_replay_section_is_solved_but_not_validated(stc_: Stc) -> None:
+    status, out, err = stc_("run", "rest", "--json")
+    record = last_line(out)
+    assert (status, record["status"], record["validation"]) == (1, "optimal", None)
+    assert "replay" in err
+    assert Path("rest.npz").exists()
+
+
+# ----------------------------------------------------------- mistakes
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["solve"], "SPEC"),
+        (["slove", "point"], "solve"),
+        (["solve", "point", "--nosuch"], "--nosuch"),
+        (["solve", "poimt"], "did you mean `point.stc`?"),
+        (["solve", "particle_waypoint"], "did you mean `particle_waypoints`?"),
+        (["solve", "nowhere/at_all.stc"], "no such file"),
+        (["solve", "."], "folder"),
+        (["solve", "point", "--set", "c"], "NAME=VALUE"),
+        (["solve", "point", "--set", "c="], "NAME=VALUE"),
+        (["solve", "point", "--set", "c=1/0"], "division by zero"),
+        (["solve", "point", "--set", "c=y"], "`y` is no number"),
+        (["solve", "point", "--set", "c=(1"], "`)`"),
+        (["solve", "point", "--set", "d=1"], "d"),
+        (["solve", "point", "--method", "trapezoid"], "did you mean `trapezoidal`?"),
+        (["solve", "point", "--max-iterations", "few"], "--max-iterations"),
+        (["solve", "point", "--max-iterations", "-1"], "--max-iterations"),
+        (["solve", "point", "--time-limit", "0"], "--time-limit"),
+        (["solve", "point", "--tolerance", "nan"], "--tolerance"),
+        (["solve", "point", "--warm-start", "gone.npz"], "gone.npz"),
+        (["solve", "point", "--warm-start", "point.stc"], "point.stc"),
+        (["solve", "point", "-o", "point.txt"], ".npz"),
+        (["solve", "point", "-o", "point.stc/inside.npz"], "point.stc"),
+        (["validate", "gone.npz"], "gone.npz"),
+        (["validate", "rest"], "replay"),
+        (["show", "point", "--stage", "tokns"], "did you mean `tokens`?"),
+        (["new", "point"], "exists already"),
+        (["new", "no/such/folder/spec"], "no/such/folder/spec.stc"),
+    ],
+)
+def test_mistakes_get_a_message_and_exit_2(stc_: Stc, words: list[str], expected: str) -> None:
+    status, out, err = stc_(*words)
+    assert status == 2
+    assert expected in err
+    assert out == ""
+    assert "Traceback" not in err
+    status, out, _ = stc_(*words, "--json")
+    assert status == 2
+    record = last_line(out)
+    assert record["status"] == "error"
+    assert record["message"]
+    assert record["objective"] is None
+    assert record["diagnostics"] == []
+    assert set(record["seconds"]) == set(STAGES)
+
+
+def test_mistakes_in_a_spec_have_their_places(stc_: Stc) -> None:
+    Path("wrong.stc").write_text("constants: n = 0;\nvariables: x;\nconstraints:\n  x = yy;\n  x + = 2;\n")
+    status, out, err = stc_("solve", "wrong.stc", "--json")
+    assert status == 2
+    assert re.search(r"wrong\.stc:\d+:\d+: error", err)
+    assert "^" in err
+    record = last_line(out)
+    first = record["diagnostics"][0]
+    assert set(first) == {"file", "line", "column", "severity", "message", "hint"}
+    assert (Path(first["file"]).name, first["severity"]) == ("wrong.stc", "error")
+    assert isinstance(first["line"], int)
+    assert isinstance(first["column"], int)
+
+
+def test_an_undefined_start_is_a_mistake_in_the_input(stc_: Stc) -> None:
+    Path("log.stc").write_text("constants: n = 0;\nvariables: x;\nconstraints:\n  log(x) + x^2 = 1;\n")
+    status, out, _ = stc_("solve", "log", "--json")
+    record = last_line(out)
+    assert (status, record["status"]) == (2, "error")
+    assert [d["line"] for d in record["diagnostics"]] == [4]
+
+
+def test_a_damaged_solution_is_a_mistake(stc_: Stc) -> None:
+    Path("bad.npz").write_bytes(b"PK\x03\x04 nothing of use")
+    for words in (["validate", "bad.npz"], ["solve", "point", "--warm-start", "bad.npz"]):
+        status, _, err = stc_(*words)
+        assert status == 2
+        assert "bad.npz" in err
+
+
+def test_a_defect_of_the_program_is_one_clear_line(stc_: Stc, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise RuntimeError("inner\nworkings")
+
+    monkeypatch.setattr("stc.pipeline.Model.solve", broken)
+    status, out, err = stc_("solve", "point", "--json")
+    assert status == 1
+    assert len(err.splitlines()) == 1
+    assert "report" in err
+    assert last_line(out)["status"] == "failed"
+    monkeypatch.setenv("STC_DEBUG", "1")
+    assert "Traceback" in stc_("solve", "point")[2]
+
+
+# -------------------------------------------------------- looking at specs
+
+
+def test_check_tells_sizes_without_solving(stc_: Stc, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stc.pipeline.Model.solve", lambda *_, **__: pytest.fail("check must not solve"))
+    status, out, _ = stc_("check", "rest", "--json", "--set", "n=4")
+    record = last_line(out)
+    assert (status, record["status"], record["n"]) == (0, "ok", 4)
+    # Position, velocity and acceleration on 5 frames and 4 midpoints; two links for each of two orders.
+    assert (record["variables"], record["rows"]) == (27, 16)
+    assert stc_("check", "rest")[0] == 0
+
+
+def test_check_prints_warnings(stc_: Stc) -> None:
+    Path("unused.stc").write_text("constants: n = 0, spare = 1;\nvariables: x;\nconstraints: x = 1;\n")
+    status, out, err = stc_("check", "unused", "--json")
+    assert status == 0
+    assert "spare" in err
+    (warning,) = last_line(out)["warnings"]
+    assert (warning["line"], warning["severity"]) == (1, "warning")
+
+
+def test_list_names_every_bundled_spec(stc_: Stc) -> None:
+    status, out, _ = stc_("list")
+    assert status == 0
+    names = [line.split()[0] for line in out.splitlines()]
+    assert "particle_waypoints" in names
+    listed = last_line(stc_("list", "--json")[1])["specs"]
+    assert [entry["name"] for entry in listed] == names
+    assert all(entry["summary"] for entry in listed)
+
+
+def test_new_writes_a_spec_that_solves_and_validates(stc_: Stc) -> None:
+    assert stc_("new", "hop")[0] == 0
+    assert "hop" in Path("hop.stc").read_text().splitlines()[0]
+    status, out, err = stc_("run", "hop.stc", "--json")
+    record = last_line(out)
+    assert (status, record["warnings"], err) == (0, [], "")
+    assert record["validation"]["passed"] is True
+
+
+def test_version_and_help(stc_: Stc) -> None:
+    assert stc_("--version")[:2] == (0, f"stc {stc.__version__}\n")
+    for words in ([], ["--help"], ["solve", "-h"]):
+        status, out, _ = stc_(*words)
+        assert status == 0
+        assert "Usage" in out

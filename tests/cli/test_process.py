@@ -1,0 +1,133 @@
+"""What only a process of its own shows: imports, interruption, closed pipes, ``python -m stc``."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import stc
+
+# A solve that never ends by itself, whatever the solver does with it: every iteration is slow on purpose.
+SLOW = """
+import sys, time
+from stc.cli import run
+from stc.pipeline import Model
+
+solve = Model.solve
+
+def slow(self, *, callback, **options):
+    def wait(iterate):
+        time.sleep(0.3)
+        print(iterate.iteration, file=sys.stderr, flush=True)
+        return callback(iterate)
+    return solve(self, callback=wait, **options)
+
+Model.solve = slow
+sys.exit(run(sys.argv[1:]))
+"""
+
+SPEC = """\
+constants: n = 0;
+variables: x, y;
+guess: x = -1.2; y = 1;
+objective: 100*(y - x^2)^2 + (1 - x)^2;
+"""
+
+
+def process(*words: str, **options: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, *words], capture_output=True, text=True, timeout=60, **options)  # type: ignore[call-overload]
+
+
+def test_python_m_stc_is_the_command() -> None:
+    done = process("-m", "stc", "--version")
+    assert (done.returncode, done.stdout) == (0, f"stc {stc.__version__}\n")
+
+
+def test_the_command_works_from_any_folder(tmp_path: Path) -> None:
+    done = process("-m", "stc", "list", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "particle_waypoints" in done.stdout
+
+
+def test_import_is_light() -> None:
+    done = process("-c", "import stc, sys; print(*sorted(m for m in sys.modules if m.startswith('stc')))")
+    assert done.stdout.split() == ["stc"]
+
+
+def test_solving_imports_nothing_heavy(tmp_path: Path) -> None:
+    (tmp_path / "point.stc").write_text("constants: n = 0; variables: x; objective: (x - 1)^2;")
+    code = (
+        "import sys; from stc.cli import run; assert run(['solve', 'point.stc', '--json']) == 0;"
+        "print(*(m for m in ('mujoco', 'scipy', 'nlopt', 'trimesh', 'rich') if m in sys.modules))"
+    )
+    done = process("-c", code, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[1:] == [""]
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(
+        [sys.executable, "-m", "stc", "list"], stdout=write, stderr=subprocess.PIPE, text=True, timeout=60
+    )
+    os.close(write)
+    assert done.stderr == ""
+
+
+class TestInterruption:
+    def start(self, folder: Path, *words: str, stderr: int = subprocess.PIPE) -> subprocess.Popen[str]:
+        (folder / "banana.stc").write_text(SPEC)
+        return subprocess.Popen(
+            [sys.executable, "-c", SLOW, "solve", "banana.stc", *words],
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            text=True,
+        )
+
+    def test_ctrl_c_saves_the_best_iterate(self, tmp_path: Path) -> None:
+        running = self.start(tmp_path, "--json")
+        assert running.stderr is not None
+        running.stderr.readline()  # the first iteration is over
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=60)
+        record = json.loads(out.splitlines()[-1])
+        assert (running.returncode, record["status"]) == (1, "interrupted")
+        assert "Traceback" not in err
+        assert stc.read(tmp_path / "banana.npz").status == "interrupted"
+
+    def test_a_second_ctrl_c_ends_at_once(self, tmp_path: Path) -> None:
+        running = self.start(tmp_path, "--json")
+        assert running.stderr is not None
+        running.stderr.readline()
+        running.send_signal(signal.SIGINT)
+        time.sleep(0.1)
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=60)
+        assert running.returncode == 1
+        assert "Traceback" not in err
+        assert json.loads(out.splitlines()[-1])["status"] == "interrupted"
+
+    def test_the_live_line_shows_on_a_terminal_only(self, tmp_path: Path) -> None:
+        ours, theirs = pty.openpty()
+        running = self.start(tmp_path, stderr=theirs)
+        os.close(theirs)
+        seen = b""
+        while b"violation" not in seen:
+            seen += os.read(ours, 4096)
+        running.send_signal(signal.SIGINT)
+        running.communicate(timeout=60)
+        os.close(ours)
+        assert b"objective" in seen
+        assert b"step" in seen
+
+        quiet = self.start(tmp_path, "--max-iterations", "3")
+        _, err = quiet.communicate(timeout=60)
+        assert "violation" not in err

@@ -1,0 +1,76 @@
+"""What an installation holds."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stc
+
+ROOT = Path(__file__).parent.parent
+FOLDERS = {"stc": "stc", "stc/validate": "validate", "stc/models": "models", "stc/specs": "specs"}
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    """A wheel built from a copy of the repository, with the setuptools at hand."""
+    folder = tmp_path_factory.mktemp("wheel")
+    copy = folder / "copy"
+    copy.mkdir()
+    for name in ("pyproject.toml", "setup.py", "README.md", *FOLDERS.values()):
+        (copy / name).symlink_to(ROOT / name)
+    build = "import sys, setuptools.build_meta as b; print(b.build_wheel(sys.argv[1]))"
+    subprocess.run([sys.executable, "-c", build, str(folder)], cwd=copy, check=True, capture_output=True)
+    (file,) = folder.glob("*.whl")
+    return zipfile.ZipFile(file)
+
+
+def test_one_top_level_name(wheel: zipfile.ZipFile) -> None:
+    top = {name.split("/")[0] for name in wheel.namelist()}
+    assert {name for name in top if not name.endswith(".dist-info")} == {"stc"}
+
+
+@pytest.mark.parametrize("inside", FOLDERS)
+def test_everything_ships(wheel: zipfile.ZipFile, inside: str) -> None:
+    folder = ROOT / FOLDERS[inside]
+    wanted = {
+        f"{inside}/{path.relative_to(folder).as_posix()}"
+        for path in folder.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+    assert wanted <= set(wheel.namelist())
+
+
+def test_one_version() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["version"] == stc.__version__
+
+
+def test_public_names_exist() -> None:
+    for name in stc.__all__:
+        assert getattr(stc, name) is not None
+    with pytest.raises(AttributeError, match="nosuch"):
+        stc.nosuch  # noqa: B018
+
+
+def test_subpackages_are_found_beside_the_package_in_a_checkout() -> None:
+    """Even where Python picks up ``stc`` from the checkout and not from the installation."""
+    code = "import stc.validate, stc.models, stc.specs; print(stc.specs.names())"
+    libraries = str(Path(np.__file__).parent.parent)
+    # -S: without the hooks by which an editable installation finds its folders.
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", code],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": libraries},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "particle_waypoints" in done.stdout, done.stderr
