@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from stc.solver.kkt.contract import Inertia, KKTSystem
 from stc.solver.kkt.dense import DenseKKT
+from stc.solver.kkt.frontal import FrontalKKT
 
-__all__ = ["DenseKKT", "Inertia", "KKTSystem", "structured_kkt"]
+__all__ = ["DenseKKT", "FrontalKKT", "Inertia", "KKTSystem", "structured_kkt"]
 
-structured_kkt = DenseKKT
+structured_kkt = FrontalKKT

@@ -1,0 +1,119 @@
+"""The matrix in elimination order: where each unknown and each given entry goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.codegen.native import i32s, i64, native
+
+__all__ = ["Arrangement", "Couplings", "arrange", "sort_by_key"]
+
+Int32s = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Couplings:
+    """The pattern of K: variables are the unknowns 0 to n - 1, rows n to n + m - 1.
+
+    Attributes:
+        n, m: numbers of variables and rows.
+        first, second: the two unknowns of every entry off the diagonal: first those of H, then those of J.
+        hess_off: which entries of H are off the diagonal, in order.
+        hess_diagonal: which are on it, and of which variable (hess_variable).
+        hess_count, jac_count: how many entries H and J have.
+    """
+
+    n: int
+    m: int
+    first: Int32s
+    second: Int32s
+    hess_off: NDArray[np.intp]
+    hess_diagonal: NDArray[np.intp]
+    hess_variable: Int32s
+    hess_count: int
+    jac_count: int
+
+    @property
+    def size(self) -> int:
+        """N = n + m."""
+        return self.n + self.m
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """Elimination order, and the upper triangle by rows in that order (see stc.solver.kkt.values).
+
+    Attributes:
+        order: unknown at each position, (N,); position: its inverse.
+        stage_pointers: first position of each stage, (stages + 1,).
+        pointers, columns: positions coupled with a later position, (N + 1,) and (E,).
+        entry: which coupling each of them is, (E,).
+        hess_target, jac_target: where the given entries of H and J go among the values.
+    """
+
+    order: Int32s
+    position: Int32s
+    stage_pointers: Int32s
+    pointers: Int32s
+    columns: Int32s
+    entry: Int32s
+    hess_target: Int32s
+    jac_target: Int32s
+
+
+def arrange(couplings: Couplings, stage: Int32s, stages: int, rank: Int32s) -> Arrangement:
+    """Order the unknowns by stage and, within a stage, by ``rank`` (N,)."""
+    size = couplings.size
+    ranks = int(rank.max(initial=0)) + 1
+    by_rank, _ = sort_by_key(rank, ranks)
+    in_stage, stage_pointers = sort_by_key(stage[by_rank], stages)
+    order = by_rank[in_stage]
+    position = np.empty(size, dtype=np.int32)
+    position[order] = np.arange(size, dtype=np.int32)
+    first, second = position[couplings.first], position[couplings.second]
+    entry, pointers = sort_by_key(np.minimum(first, second), size)
+    target = np.empty(first.size, dtype=np.int32)
+    target[entry] = np.arange(size, size + first.size, dtype=np.int32)
+    hess_target = np.empty(couplings.hess_count, dtype=np.int32)
+    hess_target[couplings.hess_off] = target[: couplings.hess_off.size]
+    hess_target[couplings.hess_diagonal] = position[couplings.hess_variable]
+    return Arrangement(
+        order,
+        position,
+        stage_pointers,
+        pointers,
+        np.maximum(first, second)[entry],
+        entry,
+        hess_target,
+        target[couplings.hess_off.size :].copy(),
+    )
+
+
+def sort_by_key(keys: Int32s, count: int) -> tuple[Int32s, Int32s]:
+    """Stable order of ``keys`` (whole numbers below ``count``), and where each key's run starts, (count + 1,)."""
+    pointers = np.zeros(count + 1, dtype=np.int32)
+    order = np.empty(keys.size, dtype=np.int32)
+    _counting_sort(keys.size, np.ascontiguousarray(keys, dtype=np.int32), count, pointers, order)
+    return order, pointers
+
+
+@native
+def _counting_sort(size: i64, keys: i32s, count: i64, pointers: i32s, order: i32s) -> None:
+    for k in range(size):
+        pointers[keys[k]] += 1
+    total = 0
+    for k in range(count):
+        run = pointers[k]
+        pointers[k] = total
+        total += run
+    for k in range(size):
+        key = keys[k]
+        order[pointers[key]] = k
+        pointers[key] += 1
+    for back in range(count):
+        k = count - back
+        pointers[k] = pointers[k - 1]
+    pointers[0] = 0

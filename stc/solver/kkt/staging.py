@@ -1,0 +1,208 @@
+"""When each unknown enters the window of the elimination, when it leaves, and where it stands meanwhile.
+
+    stage          0      1      2      3   ...
+    x(0), y(0)   enters
+                 leaves
+    x(1)         enters leaves                  coupled with frame 0 through a row of stage 0
+    parameter    enters   .      .      .   ... leaves last: a border
+
+An unknown enters at the first stage at which any of its neighbours is eliminated and leaves at its own.  What is
+in the window at one time decides the cost, so unknowns whose neighbours are spread over many later stages are
+moved to the last of these, and stages themselves are renumbered when some other order has a smaller window.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.codegen.native import i32s, i64, native
+from stc.solver.nlp import Ints
+
+__all__ = ["Staging", "assign_stages"]
+
+Int32s = NDArray[np.int32]
+
+#: An unknown becomes part of the border when it would hold others in the window for this many times longer
+#: than it would itself stay there, over at least this many stages.
+BORDER_RATIO = 4
+BORDER_SPAN = 8
+#: When stages are renumbered, what couples with more of them than this is border.
+BORDER_STAGES = 16
+
+
+@dataclass(frozen=True)
+class Staging:
+    """Life of the unknowns (N of them) in the window.
+
+    Attributes:
+        stages: how many stages there are.
+        stage: stage at which an unknown is eliminated, (N,).
+        slot: place in the window, (N,).
+        top: slots in use at a stage, (stages,): all are below this number.
+        window: slots in use at most.
+    """
+
+    stages: int
+    stage: Int32s
+    slot: Int32s
+    top: Int32s
+    window: int
+
+
+def assign_stages(stage: Ints, first: Ints, second: Ints) -> Staging:
+    """Plan the window for a symmetric sparsity pattern.
+
+    Args:
+        stage: suggested stage of each unknown, (N,), any whole numbers.
+        first, second: the two unknowns of every coupling, (E,), each unordered pair once.
+    """
+    groups, stage = np.unique(stage, return_inverse=True)
+    if stage.size == 0:
+        nothing = np.zeros(0, dtype=np.int32)
+        return Staging(0, nothing, nothing, nothing, 0)
+    stage = _border(stage.astype(np.int64), first, second)
+    entry = _entries(stage, first, second)
+    load = _load(entry, stage, groups.size)
+    if load.max() > 3 * np.bincount(stage, minlength=groups.size).max() + 64:
+        other = _level_order(stage, first, second, groups.size)
+        other_entry = _entries(other, first, second)
+        if (_load(other_entry, other, groups.size) ** 2).sum() < 0.7 * (load**2).sum():
+            stage, entry = other, other_entry
+    kept, stage = np.unique(stage, return_inverse=True)
+    entry = np.searchsorted(kept, entry)
+    count = kept.size
+
+    # Those that stay longest come first and get the lowest slots: regular chains then repeat after two stages.
+    entering = np.argsort(entry * count + (count - 1 - stage), kind="stable").astype(np.int32)
+    leaving = np.argsort(stage, kind="stable").astype(np.int32)
+    slot = np.zeros(stage.size, dtype=np.int32)
+    top = np.zeros(count, dtype=np.int32)
+    used = np.zeros(int(_load(entry, stage, count).max()) + 1, dtype=np.int32)
+    _assign_slots(count, _pointers(entry, count), entering, _pointers(stage, count), leaving, slot, top, used)
+    return Staging(count, stage.astype(np.int32), slot, top, int(top.max()))
+
+
+def _pointers(keys: NDArray[np.int64], count: int) -> Int32s:
+    """Where each key's run starts in the sorted order, (count + 1,)."""
+    return np.concatenate([[0], np.cumsum(np.bincount(keys, minlength=count))]).astype(np.int32)
+
+
+def _entries(stage: NDArray[np.int64], first: Ints, second: Ints) -> NDArray[np.int64]:
+    """First stage at which an unknown or one of its neighbours is eliminated, (N,)."""
+    entry = stage.copy()
+    np.minimum.at(entry, first, stage[second])
+    np.minimum.at(entry, second, stage[first])
+    return entry
+
+
+def _load(entry: NDArray[np.int64], stage: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+    """How many unknowns are in the window at each stage, (count,)."""
+    change = (
+        np.bincount(entry, minlength=count + 1) - np.bincount(stage + 1, minlength=count + 1)[: count + 1]
+    )
+    return np.cumsum(change)[:count].astype(np.float64)
+
+
+def _border(stage: NDArray[np.int64], first: Ints, second: Ints) -> NDArray[np.int64]:
+    """Postpone unknowns that couple with many, much later ones."""
+    for _ in range(2):
+        last = stage.copy()
+        np.maximum.at(last, first, stage[second])
+        np.maximum.at(last, second, stage[first])
+        span = last - stage
+        if span.max(initial=0) < BORDER_SPAN:
+            break
+        apart = np.abs(stage[first] - stage[second]) - 1
+        earlier = np.where(stage[first] < stage[second], first, second)
+        held = np.bincount(earlier, weights=np.maximum(apart, 0), minlength=stage.size)
+        moved = (span >= BORDER_SPAN) & (held > BORDER_RATIO * span)
+        if not moved.any():
+            break
+        stage = np.where(moved, last, stage)
+    return stage
+
+
+def _level_order(stage: NDArray[np.int64], first: Ints, second: Ints, count: int) -> NDArray[np.int64]:
+    """Renumber stages by their distance from an end of their graph (Cuthill and McKee 1969).
+
+    Unknowns that couple with many stages, the border, are left out of the graph and placed last.
+    """
+    links = np.concatenate([first * count + stage[second], second * count + stage[first]])
+    unknown = np.unique(links) // count
+    border = np.bincount(unknown, minlength=stage.size) > BORDER_STAGES
+    inner = ~(border[first] | border[second])
+    ends = np.stack([stage[first[inner]], stage[second[inner]]])
+    pairs = np.unique(np.concatenate([ends[0] * count + ends[1], ends[1] * count + ends[0]]))
+    source, target = pairs // count, (pairs % count).astype(np.int32)
+    pointers = _pointers(source, count)
+    level = np.zeros(count, dtype=np.int32)
+    _levels(count, pointers, target, level, np.zeros(count, dtype=np.int32))
+    renumbered = level[stage].astype(np.int64)
+    renumbered[border] = count - 1
+    return renumbered
+
+
+@native
+def _levels(count: i64, pointers: i32s, target: i32s, level: i32s, queue: i32s) -> None:
+    """Breadth-first levels; each component starts from a node at the far end of a first search, after the last."""
+    for k in range(count):
+        level[k] = -1
+    base = 0
+    done = 0
+    for start in range(count):
+        if level[start] >= 0:
+            continue
+        root = start
+        for attempt in range(2):
+            head = done
+            tail = done
+            queue[tail] = root
+            tail += 1
+            level[root] = base
+            while head < tail:
+                k = queue[head]
+                head += 1
+                for e in range(pointers[k], pointers[k + 1]):
+                    other = target[e]
+                    if level[other] < 0:
+                        level[other] = level[k] + 1
+                        queue[tail] = other
+                        tail += 1
+            if attempt == 0:
+                root = queue[tail - 1]
+                for k in range(done, tail):
+                    level[queue[k]] = -1
+            else:
+                base = level[queue[tail - 1]] + 1
+                done = tail
+
+
+@native
+def _assign_slots(
+    stages: i64,
+    enter_pointers: i32s,
+    entering: i32s,
+    leave_pointers: i32s,
+    leaving: i32s,
+    slot: i32s,
+    top: i32s,
+    used: i32s,
+) -> None:
+    """Give each unknown the lowest free slot when it enters, and free it after its stage."""
+    highest = 0
+    for s in range(stages):
+        free = 0
+        for k in range(enter_pointers[s], enter_pointers[s + 1]):
+            while used[free] != 0:
+                free += 1
+            used[free] = 1
+            slot[entering[k]] = free
+            highest = max(highest, free + 1)
+        while highest > 0 and used[max(highest - 1, 0)] == 0:
+            highest -= 1
+        top[s] = highest
+        for k in range(leave_pointers[s], leave_pointers[s + 1]):
+            used[slot[leaving[k]]] = 0

@@ -1,0 +1,120 @@
+"""Entries of K in elimination order: loading, equilibration, products.
+
+``values`` (N + E,) holds the N diagonal entries, then those above the diagonal row by row: row i has the columns
+``columns[pointers[i]:pointers[i + 1]]``, all larger than i, at ``values[N + e]``.
+"""
+
+from __future__ import annotations
+
+from stc.codegen.native import f64, f64s, fabs, i32s, i64, native, sqrt
+
+__all__ = ["equilibrate", "load", "residual"]
+
+
+@native(fast=True)
+def load(
+    n: i64,
+    m: i64,
+    hess_count: i64,
+    jac_count: i64,
+    hess: f64s,
+    jac: f64s,
+    primal: f64s,
+    dual: f64s,
+    position: i32s,
+    hess_target: i32s,
+    jac_target: i32s,
+    values: f64s,
+) -> f64:
+    """Put the values of H, J, p and d at their places; returns 0, or nan when a value is not finite."""
+    check = 0.0
+    for k in range(n):
+        value = primal[k]
+        check += value * 0.0
+        values[position[k]] = value
+    for k in range(m):
+        value = dual[k]
+        check += value * 0.0
+        values[position[n + k]] = -value
+    for k in range(hess_count):
+        value = hess[k]
+        check += value * 0.0
+        target = hess_target[k]
+        if target < n + m:
+            values[target] += value
+        else:
+            values[target] = value
+    for k in range(jac_count):
+        value = jac[k]
+        check += value * 0.0
+        values[jac_target[k]] = value
+    return check
+
+
+@native(fast=True)
+def _refresh(size: i64, most: f64s, scale: f64s) -> f64:
+    """Divide each scale by the root of its row's largest entry; returns how far these were from 1."""
+    spread = 0.0
+    for k in range(size):
+        value = most[k]
+        value = value if value > 0.0 else 1.0
+        spread = max(spread, max(value, 1.0 / value))
+        scale[k] = scale[k] / sqrt(value)
+    return spread
+
+
+@native
+def equilibrate(
+    size: i64, sweeps: i64, enough: f64, pointers: i32s, columns: i32s, values: f64s, scale: f64s, most: f64s
+) -> None:
+    """Scale rows and columns alike until the largest entries of all rows are near 1 (Ruiz 2001).
+
+    ``values`` becomes S K S and ``scale`` the diagonal of S. Rows without entries keep scale 1. Stops when the
+    largest entries were within the factor ``enough`` of 1.
+    """
+    for k in range(size):
+        scale[k] = 1.0
+    upper = values[size:]
+    for _sweep in range(sweeps):
+        for k in range(size):
+            most[k] = fabs(values[k]) * scale[k] * scale[k]
+        for k in range(size):
+            own = scale[k]
+            highest = most[k]
+            for e in range(pointers[k], pointers[k + 1]):
+                other = columns[e]
+                value = fabs(upper[e]) * own * scale[other]
+                highest = max(highest, value)
+                most[other] = max(most[other], value)
+            most[k] = highest
+        if _refresh(size, most, scale) < enough:
+            break
+    for k in range(size):
+        own = scale[k]
+        values[k] = values[k] * own * own
+        for e in range(pointers[k], pointers[k + 1]):
+            upper[e] = upper[e] * own * scale[columns[e]]
+
+
+@native(fast=True)
+def residual(
+    size: i64, pointers: i32s, columns: i32s, values: f64s, rhs: f64s, solution: f64s, remainder: f64s
+) -> f64:
+    """``remainder = rhs - K solution``; returns its largest magnitude, nan when not finite."""
+    upper = values[size:]
+    for k in range(size):
+        remainder[k] = rhs[k] - values[k] * solution[k]
+    most = 0.0
+    check = 0.0
+    for k in range(size):
+        own = solution[k]
+        total = remainder[k]
+        for e in range(pointers[k], pointers[k + 1]):
+            other = columns[e]
+            value = upper[e]
+            total -= value * solution[other]
+            remainder[other] -= value * own
+        remainder[k] = total
+        check += total * 0.0
+        most = max(most, fabs(total))
+    return most + check
