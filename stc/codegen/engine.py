@@ -9,10 +9,12 @@ from __future__ import annotations
 import itertools
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
+
+from stc.codegen import cache
 
 #: Part of every cache key: raise it when the meaning or layout of generated code changes.
 CODEGEN_VERSION = 1
@@ -115,6 +117,13 @@ def host() -> Host:
 
 
 @lru_cache(maxsize=1)
+def has_fma() -> bool:
+    """Whether this machine has fused multiply-add instructions."""
+    machine = host()
+    return "+fma" in machine.features.split(",") or machine.triple.startswith(("aarch64", "arm64"))
+
+
+@lru_cache(maxsize=1)
 def _target() -> Any:
     import llvmlite.binding as llvm
 
@@ -185,3 +194,29 @@ def load_object(code: bytes, symbols: Sequence[str]) -> LoadedObject:
         for symbol in symbols:
             library.export_symbol(symbol)
         return LoadedObject(library.link(_linker(), f"stc{next(_counter)}"))
+
+
+def cached_object(
+    key: str, symbols: Sequence[str], make: Callable[[], bytes], *, use_cache: bool = True
+) -> tuple[LoadedObject, bool]:
+    """Load object code from the cache, or make, keep and load it.
+
+    Args:
+        key: from :func:`stc.codegen.cache.key_of`; must depend on everything that ``make`` does.
+        symbols: what to resolve.
+        make: compiles.
+        use_cache: False neither looks nor keeps.
+
+    Returns:
+        The loaded code, and whether it came from the cache.
+    """
+    code = cache.load(key) if use_cache else None
+    if code is not None:
+        try:
+            return load_object(code, symbols), True
+        except RuntimeError:
+            pass  # whole by its checksum, and yet not linkable: replace it
+    code = make()
+    if use_cache:
+        cache.store(key, code)
+    return load_object(code, symbols), False

@@ -9,12 +9,12 @@ from __future__ import annotations
 import ast
 import builtins
 import math
-import struct
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from stc.codegen import native_math
 from stc.codegen.native_types import NativeError, Signature, Type
+from stc.codegen.vector import hexadecimal
 
 
 class Value(NamedTuple):
@@ -64,11 +64,6 @@ declare i64 @llvm.abs.i64(i64, i1)
 declare double @exp(double) nounwind willreturn memory(none)
 declare double @log(double) nounwind willreturn memory(none)
 """
-
-
-def float_literal(value: float) -> str:
-    """LLVM's exact spelling of a double."""
-    return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
 
 
 class ExpressionEmitter:
@@ -160,7 +155,7 @@ class ExpressionEmitter:
             return self.compute(Type.F64, f"uitofp i1 {value.text} to double")
         if value.type is Type.I64 and type_ is Type.F64:
             if value.text.lstrip("-").isdigit():
-                return Value(Type.F64, float_literal(float(value.text)))
+                return Value(Type.F64, hexadecimal(float(value.text)))
             return self.compute(Type.F64, f"sitofp i64 {value.text} to double")
         raise self.error(node, f"{what} is {value.type.value} where {type_.value} is needed")
 
@@ -210,7 +205,7 @@ class ExpressionEmitter:
                 raise self.error(node, f"integer {value} does not fit 64 bits")
             return Value(Type.I64, str(value))
         if isinstance(value, float):
-            return Value(Type.F64, float_literal(value))
+            return Value(Type.F64, hexadecimal(value))
         raise self.error(node, f"{value!r} is not a number")
 
     def _constant(self, node: ast.Constant) -> Value:
@@ -341,7 +336,7 @@ class ExpressionEmitter:
         if result is None:
             return self.convert(Value(Type.I64, "1"), base.type, node)
         if n < 0:
-            return self.binary(ast.Div(), Value(Type.F64, float_literal(1.0)), result, node)
+            return self.binary(ast.Div(), Value(Type.F64, hexadecimal(1.0)), result, node)
         return result
 
     def _compare(self, node: ast.Compare) -> Value:
@@ -473,7 +468,7 @@ class ExpressionEmitter:
         if target in (native_math.isfinite, math.isfinite):
             (value,) = self._arguments(node, 1, name, Type.F64)
             size = self.compute(Type.F64, f"call double @llvm.fabs.f64(double {value.text})")
-            return self.compute(Type.BOOL, f"fcmp olt double {size.text}, {float_literal(math.inf)}")
+            return self.compute(Type.BOOL, f"fcmp olt double {size.text}, {hexadecimal(math.inf)}")
         if target in (native_math.copysign, math.copysign):
             x, y = self._arguments(node, 2, name, Type.F64)
             return self.compute(Type.F64, f"call double @llvm.copysign.f64(double {x.text}, double {y.text})")

@@ -1,0 +1,191 @@
+"""Compiled tapes: numbers in a workspace vector in, blocks of outputs out.
+
+Layout, for a tape with ``n_varying`` varying inputs and ``n_out`` outputs, instances in blocks of ``LANES``
+(the last block filled up with any valid instances):
+
+    workspace  float64 (n_workspace,)              everything that varies; kernels gather from it themselves
+    uniform    float64 (n_uniform or more,)
+    index      int32   (n_blocks, n_varying, LANES)   positions in the workspace
+    out        float64 (n_blocks, n_out, LANES)
+
+The same tapes run in NumPy when LLVM is missing or not wanted.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.codegen import cache as object_cache
+from stc.codegen import engine, reference
+from stc.codegen.calls import Bound
+from stc.codegen.llvm import LANES, module_ir
+from stc.codegen.tape import Tape
+
+__all__ = ["LANES", "Kernel", "KernelSet", "aligned_zeros", "compile_tapes"]
+
+Backend = Literal["auto", "llvm", "numpy"]
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int32]
+
+
+def aligned_zeros(shape: int | tuple[int, ...]) -> FloatArray:
+    """Zeros that start on a cache line: vector stores to them never straddle two."""
+    count = int(np.prod(shape))
+    raw = np.zeros(count + 8)
+    skip = (-raw.ctypes.data % 64) // 8
+    return raw[skip : skip + count].reshape(shape)
+
+
+class Kernel:
+    """One compiled tape."""
+
+    def __init__(self, tape: Tape, position: int) -> None:
+        self.tape = tape
+        self.position = position
+        self._entry: Callable[..., Any] | None = None
+        self._packed: Callable[..., Any] | None = None
+        self._object: engine.LoadedObject | None = None
+
+    def install(self, loaded: engine.LoadedObject) -> None:
+        """Adopt machine code."""
+        pointers = [ctypes.c_void_p] * 4
+        symbol = f"kernel{self.position}"
+        self._entry = ctypes.CFUNCTYPE(None, *pointers, ctypes.c_int64)(loaded.address(symbol))
+        self._packed = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(loaded.address(symbol + ".packed"))
+        self._object = loaded
+
+    def __call__(
+        self, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray
+    ) -> None:
+        """Evaluate all blocks.
+
+        Raises:
+            ValueError: an array of wrong type, shape or layout, or an index outside the workspace.
+        """
+        self._check(workspace, uniform, index, out)
+        if self._entry is None:
+            self._run_numpy(workspace, uniform, index, out)
+        else:
+            arrays = (workspace, uniform, index, out)
+            self._entry(*[array.ctypes.data for array in arrays], index.shape[0])
+
+    def bind(self, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray) -> Bound:
+        """Check and convert once; the result evaluates when called, at 0.1 microseconds of overhead.
+
+        Raises:
+            ValueError: as on a call.
+        """
+        self._check(workspace, uniform, index, out)
+        arrays = (workspace, uniform, index, out)
+        if self._packed is None:
+            return Bound.of_python(self._run_numpy, arrays)
+        cells = [array.ctypes.data for array in arrays]
+        return Bound.of_native(self._packed, [*cells, index.shape[0]], (arrays, self._object))
+
+    def _check(self, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray) -> None:
+        tape = self.tape
+        for name, array, dtype in (
+            ("workspace", workspace, np.float64),
+            ("uniform", uniform, np.float64),
+            ("index", index, np.int32),
+            ("out", out, np.float64),
+        ):
+            if not isinstance(array, np.ndarray) or array.dtype != dtype or not array.flags.c_contiguous:
+                raise ValueError(f"{name} must be a C-contiguous array of {np.dtype(dtype)}")
+        if workspace.ndim != 1 or uniform.ndim != 1 or uniform.size < tape.n_uniform:
+            raise ValueError(
+                f"workspace and uniform must be vectors, uniform of {tape.n_uniform} or more values"
+            )
+        blocks = index.shape[0] if index.ndim == 3 else -1
+        if index.shape != (blocks, tape.n_varying, LANES):
+            raise ValueError(f"index has shape {index.shape}, not (blocks, {tape.n_varying}, {LANES})")
+        if out.shape != (blocks, len(tape.outputs), LANES):
+            raise ValueError(f"out has shape {out.shape}, not ({blocks}, {len(tape.outputs)}, {LANES})")
+        if not out.flags.writeable:
+            raise ValueError("out is read-only")
+        if index.size and (index.min() < 0 or index.max() >= workspace.size):
+            raise ValueError(f"index points outside the workspace of {workspace.size} values")
+
+    def _run_numpy(
+        self, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray
+    ) -> None:
+        tape = self.tape
+        blocks = index.shape[0]
+        varying = workspace[index].transpose(1, 0, 2).reshape(tape.n_varying, blocks * LANES)
+        values = reference.run(tape, uniform[: tape.n_uniform], varying)
+        out[...] = values.reshape(len(tape.outputs), blocks, LANES).transpose(1, 0, 2)
+
+
+class KernelSet(Sequence[Kernel]):
+    """The kernels of one list of tapes: ``kernels[k](workspace, uniform, index, out)``.
+
+    Attributes:
+        backend: ``"llvm"`` or ``"numpy"``.
+        seconds: wall time spent on compiling, or on loading from the cache.
+        cached: the machine code came from the cache.
+    """
+
+    def __init__(self, tapes: Sequence[Tape], backend: Literal["llvm", "numpy"]) -> None:
+        self.tapes = list(tapes)
+        self.backend = backend
+        self.seconds = 0.0
+        self.cached = False
+        self._kernels = [Kernel(tape, position) for position, tape in enumerate(self.tapes)]
+
+    def __len__(self) -> int:
+        return len(self._kernels)
+
+    def __getitem__(self, k: Any) -> Any:
+        return self._kernels[k]
+
+    def bind(
+        self, k: int, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray
+    ) -> Bound:
+        """A zero-argument callable that runs kernel ``k`` on these arrays; see :meth:`Kernel.bind`."""
+        return self._kernels[k].bind(workspace, uniform, index, out)
+
+    def llvm_ir(self) -> str:
+        """The LLVM module of these kernels, as text."""
+        fused = engine.has_fma() if self.backend == "llvm" else True
+        return module_ir(self.tapes, fused=fused)
+
+
+def compile_tapes(tapes: Sequence[Tape], backend: Backend = "auto", cache: bool = True) -> KernelSet:
+    """Compile tapes into one object, or find it in the object cache.
+
+    Args:
+        tapes: the programs; kernel ``k`` runs ``tapes[k]``.
+        backend: ``auto`` takes LLVM where it is available and ``STC_BACKEND`` does not forbid it.
+        cache: look for, and keep, the machine code on disk.
+
+    Raises:
+        ImportError: LLVM is asked for by name and cannot be imported.
+    """
+    started = time.perf_counter()
+    if backend == "auto":
+        backend = "llvm" if engine.llvm_wanted() else "numpy"
+    kernels = KernelSet(tapes, backend)
+    if backend == "llvm" and tapes:
+        _load_or_compile(kernels, cache)
+    kernels.seconds = time.perf_counter() - started
+    return kernels
+
+
+def _load_or_compile(kernels: KernelSet, cache: bool) -> None:
+    symbols = [f"kernel{k}{suffix}" for k in range(len(kernels)) for suffix in ("", ".packed")]
+    digests = [tape.digest() for tape in kernels.tapes]
+    key = object_cache.key_of("kernels", engine.host().fingerprint(), f"lanes {LANES}", *digests)
+    loaded, kernels.cached = engine.cached_object(
+        key,
+        symbols,
+        lambda: engine.compile_ir(module_ir(kernels.tapes, fused=engine.has_fma()), level=1, optimise=False),
+        use_cache=cache,
+    )
+    for kernel in kernels:
+        kernel.install(loaded)
