@@ -25,7 +25,7 @@ check: $(VENV)/.ready-dev tree
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy -p stc
-	PYTHONPATH=build/tree $(BIN)/lint-imports
+	cd build/tree && $(abspath $(BIN))/lint-imports --config ../../pyproject.toml --no-logo
 	$(BIN)/python -m pytest -q -x -m "not nightly and not slow"
 
 format: $(VENV)/.ready-dev

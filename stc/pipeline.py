@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.bundled import find_spec
-from stc.errors import Source, UsageError
+from stc.errors import Diagnostic, Source, UsageError
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.problem import Problem, VariableRef
@@ -226,6 +226,7 @@ class Model:
     Attributes:
         source: the text and where it came from.
         name: the spec's name.
+        warnings: what the last elaboration found allowed but odd; empty before the first one.
     """
 
     def __init__(self, source: Source, overrides: Mapping[str, float] | None = None) -> None:
@@ -235,6 +236,7 @@ class Model:
         self.overrides = dict(overrides or {})
         self.tree: SpecTree = parse(source)
         self._parse_seconds = time.perf_counter() - begin
+        self.warnings: tuple[Diagnostic, ...] = ()
         self._transcriptions: dict[object, Transcription] = {}
 
     @property
@@ -256,6 +258,7 @@ class Model:
     def transcription(self, method: str | None = None, **constants: float) -> tuple[Problem, Transcription]:
         """The problem and its transcription, an earlier one where only numbers have changed."""
         problem = self.problem(method, **constants)
+        self.warnings = tuple(problem.warnings)
         key = (problem.method, tuple((name, problem.constants[name]) for name in sorted(problem.structural)))
         if key not in self._transcriptions:
             self._transcriptions[key] = transcribe(problem)

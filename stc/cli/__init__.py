@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from stc.errors import StcError
+from stc.errors import EvaluationError, SpecError, StcError
 
 __all__ = ["main", "run"]
 
@@ -87,7 +87,8 @@ def _unexpected(as_json: bool, error: Exception) -> int:
 
 def _report(as_json: bool, status: str, message: str, code: int, error: StcError | None = None) -> int:
     """Print what went wrong on standard error and, if asked, the JSON object on standard output."""
-    text = message if message.startswith("stc") or getattr(error, "diagnostics", ()) else f"stc: {message}"
+    has_place = isinstance(error, SpecError | EvaluationError)
+    text = message if has_place or message.startswith("stc ") else f"stc: {message}"
     print(text, file=sys.stderr)
     if as_json:
         from stc.cli import record

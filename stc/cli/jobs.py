@@ -5,51 +5,67 @@ Mistakes in the input are raised and turned into a message in :mod:`stc.cli`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.cli import BAD, GOOD, console, record
 from stc.cli.live import Watch
 from stc.cli.options import SolveOptions, existing_solution, is_solution, writable_solution
+from stc.errors import Diagnostic, UsageError
 
 if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.solution import Solution
 
 
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A solution with where it is saved (None: nowhere) and the warnings about its spec."""
+
+    solution: Solution
+    file: Path | None
+    warnings: Sequence[Diagnostic] = ()
+
+    def record(self) -> record.Record:
+        """What ``--json`` prints of it."""
+        return record.of_solution(self.solution, None if self.file is None else str(self.file), self.warnings)
+
+
 def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     """Solve and save."""
-    model = load(spec, options)
-    solution, file = solve_and_save(model, options, as_json=as_json, save=True)
-    _show(solution, file, as_json)
-    return GOOD if solution.status == "optimal" else BAD
+    outcome = _solved(load(spec, options), options, as_json, save=True)
+    if as_json:
+        record.write(outcome.record())
+    else:
+        console.show_solution(outcome.solution, outcome.file)
+    return GOOD if outcome.solution.status == "optimal" else BAD
 
 
 def run(spec: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
     """Solve, save, validate."""
-    model = load(spec, options)
-    solution, file = solve_and_save(model, options, as_json=as_json, save=True)
-    if solution.model is None:
-        return _not_validated(solution, file, _no_replay(solution.name), as_json)
-    return _judge(solution, solution, file, force, as_json)
+    outcome = _solved(load(spec, options), options, as_json, save=True)
+    if outcome.solution.model is None:
+        return _not_validated(outcome, _no_replay(outcome.solution.name), as_json)
+    return _judged(outcome, outcome.solution, force, as_json)
 
 
 def validate(target: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
     """Validate a saved solution, or what solving a spec gives; that is saved only if a file is named."""
-    from stc.errors import UsageError
-
     if is_solution(target):
-        from stc.solution import read
-
         if options != SolveOptions({}):
             raise UsageError(f"`{target}` is solved already: the options of a solve do not apply to it")
+        from stc.solution import read
+
         path = existing_solution(target)
-        return _judge(path, read(path), path, force, as_json)
+        # The file and not the solution is handed on: the model may lie beside it.
+        return _judged(Outcome(read(path), path), path, force, as_json)
     model = load(target, options)
     if model.problem(options.method).model is None:
         raise UsageError(_no_replay(model.name), "`stc solve` solves it without validation")
-    solution, file = solve_and_save(model, options, as_json=as_json, save=options.output is not None)
-    return _judge(solution, solution, file, force, as_json)
+    outcome = _solved(model, options, as_json, save=options.output is not None)
+    return _judged(outcome, outcome.solution, force, as_json)
 
 
 def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
@@ -122,14 +138,12 @@ def load(spec: str, options: SolveOptions) -> Model:
     return Model(read_source(find_spec(spec)), options.constants)
 
 
-def solve_and_save(
-    model: Model, options: SolveOptions, *, as_json: bool, save: bool
-) -> tuple[Solution, Path | None]:
-    """Solve, with the live line, and save whatever came out."""
+def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> Outcome:
+    """Solve with the live line, and save whatever comes out."""
     file = options.output
     if save and file is None:
         file = writable_solution(f"{model.name}.npz")
-    with Watch(model.name, visible=not as_json) as watch:
+    with Watch(model.name) as watch:
         solution = model.solve(
             method=options.method,
             tolerance=options.tolerance,
@@ -140,48 +154,37 @@ def solve_and_save(
         )
         if file is not None:
             solution.save(file)
-    return solution, file
+    console.warn(model.warnings)
+    return Outcome(solution, file, model.warnings)
 
 
-def _judge(
-    replayed: Solution | Path, solution: Solution, file: Path | None, force: bool, as_json: bool
-) -> int:
-    """Replay a motion, given as a solution or (its model may lie beside it) as the file it is saved in."""
-    if solution.status != "optimal" and not force:
-        reason = f"the solve ended {solution.status}, not optimal; --force replays it all the same"
-        return _not_validated(solution, file, reason, as_json)
+def _judged(outcome: Outcome, motion: Solution | Path, force: bool, as_json: bool) -> int:
+    """Replay a motion and show what came of it."""
+    status = outcome.solution.status
+    if status != "optimal" and not force:
+        reason = f"the solve ended {status}, not optimal; --force replays it all the same"
+        return _not_validated(outcome, reason, as_json)
     from stc.pipeline import replay
 
     if not as_json:
-        console.show_solution(solution, file)
-    report = replay(replayed, force=force)
+        console.show_solution(outcome.solution, outcome.file)
+    report = replay(motion, force=force)
     if as_json:
-        record.write({**_record(solution, file), "validation": report.to_dict()})
+        record.write({**outcome.record(), "validation": report.to_dict()})
     else:
         console.show_report(report)
-    return GOOD if report.passed and solution.status == "optimal" else BAD
+    return GOOD if report.passed and status == "optimal" else BAD
 
 
-def _no_replay(name: str) -> str:
-    return f"{name} has no `replay:` section that names a model, so that MuJoCo cannot replay it"
-
-
-def _not_validated(solution: Solution, file: Path | None, reason: str, as_json: bool) -> int:
+def _not_validated(outcome: Outcome, reason: str, as_json: bool) -> int:
     """Show a solution that is not replayed, and why."""
     if as_json:
-        record.write({**_record(solution, file), "validation": None})
+        record.write({**outcome.record(), "validation": None})
     else:
-        console.show_solution(solution, file)
+        console.show_solution(outcome.solution, outcome.file)
     console.note(f"not validated: {reason}")
     return BAD
 
 
-def _show(solution: Solution, file: Path | None, as_json: bool) -> None:
-    if as_json:
-        record.write(_record(solution, file))
-    else:
-        console.show_solution(solution, file)
-
-
-def _record(solution: Solution, file: Path | None) -> record.Record:
-    return record.of_solution(solution, None if file is None else str(file))
+def _no_replay(name: str) -> str:
+    return f"{name} has no `replay:` section that names a model, so that MuJoCo cannot replay it"

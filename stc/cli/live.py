@@ -25,12 +25,11 @@ class Watch:
 
     Args:
         title: what is being solved, shown at the start of the line.
-        visible: False where nothing may be shown at all.
     """
 
-    def __init__(self, title: str, visible: bool = True) -> None:
+    def __init__(self, title: str) -> None:
         self._title = title
-        self._visible = visible and sys.stderr.isatty()
+        self._visible = sys.stderr.isatty()
         self._next_update = time.monotonic() + DELAY
         self._live: Any = None
         self._stop = False
@@ -60,7 +59,7 @@ class Watch:
     def _on_interrupt(self, number: int, frame: FrameType | None) -> None:
         self._stop = True
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        if sys.stderr.isatty():
+        if self._visible:
             sys.stderr.write("\nstopping after this iteration; Ctrl-C again to stop at once\n")
 
     def _show(self, iterate: IterationRecord) -> None:

@@ -50,7 +50,8 @@ def _name(key: object) -> str:
         return str(key)
     name = {"index": "i", "weight": "weight"}.get(key.kind, key.kind)
     name += str(key.item) if key.kind != "index" and key.item else ""
-    return name if (key.scale, key.shift) == (1, 0) else f"{name}[{index_text(key.scale, key.shift)}]"
+    here = key.scale == 1 and key.shift == 0
+    return name if here else f"{name}[{index_text(key.scale, key.shift)}]"
 
 
 def nlp(model: Model, method: str | None) -> str:
