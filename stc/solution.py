@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stc.errors import StcError, UsageError
-from stc.trajectory import METHODS, Channel, FloatArray, IntArray, places, sample
+from stc.trajectory import METHODS, Channel, FloatArray, IntArray, Places, places, places_by_index, sample
 
 Side = Literal["before", "after"]
 Path = str | os.PathLike[str]
@@ -93,7 +93,7 @@ def _no_numbers() -> FloatArray:
     return np.zeros(0)
 
 
-@dataclass(slots=True, eq=False, kw_only=True)
+@dataclass(slots=True, eq=False, kw_only=True, repr=False)
 class Solution:
     """A motion: node values of a solved spec, with what led to them.
 
@@ -166,8 +166,6 @@ class Solution:
         self.time = np.array(self.time, dtype=np.float64)
         if self.time.ndim != 1 or not len(self.time):
             raise SolutionError("the times of the frames must be a list of at least one number")
-        if not np.all(np.diff(self.time) > 0.0):
-            raise SolutionError("the times of the frames must increase")
         if self.method not in METHODS:
             raise SolutionError(f"unknown method {self.method!r}; known are {', '.join(METHODS)}")
         if self.status not in STATUSES:
@@ -192,6 +190,12 @@ class Solution:
             self.stc_version = _version()
         if self.force_frames is None:
             self.force_frames = self._frames_with_forces()
+
+    def __repr__(self) -> str:
+        return (
+            f"<Solution of {self.name}: {self.status}, {self.method}, n = {self.n}, {self.duration:.6g} s, "
+            f"objective {self.objective:.9g}>"
+        )
 
     def _check_channel(self, label: str, channel: Channel) -> None:
         frames = (self.n + 1,)
@@ -289,7 +293,9 @@ class Solution:
 
         Raises:
             UsageError: a time outside of the motion.
+            SolutionError: the times do not increase (a solve that failed with a free duration).
         """
+        self.require_increasing_times()
         instants = np.asarray(t, dtype=np.float64)
         flat = instants.reshape(-1)
         first, last = float(self.time[0]), float(self.time[-1])
@@ -297,7 +303,8 @@ class Solution:
         outside = ~((flat >= first - slack) & (flat <= last + slack))
         if np.any(outside):
             raise UsageError(f"time {flat[outside][0]:g} s is outside of the motion, {first:g} to {last:g} s")
-        return self._sample(np.clip(flat, first, last), instants.shape, side)
+        where = places(self.time, np.clip(flat, first, last), _checked(side))
+        return self._sample(where, instants.shape, side)
 
     def at_frame(self, index: npt.ArrayLike, side: Side = "after") -> dict[str, Any]:
         """As :meth:`at`, with the place given as a frame index, fractions allowed (2.5: halfway in step 2).
@@ -313,13 +320,20 @@ class Solution:
         outside = ~((flat >= -1e-9) & (flat <= self.n + 1e-9))
         if np.any(outside):
             raise UsageError(f"frame {flat[outside][0]:g} is outside of the motion, 0 to {self.n}")
-        instants = np.interp(np.clip(flat, 0, self.n), np.arange(self.n + 1), self.time)
-        return self._sample(instants, indices.shape, side)
+        where = places_by_index(self.n, np.clip(flat, 0, self.n), _checked(side))
+        return self._sample(where, indices.shape, side)
 
-    def _sample(self, instants: FloatArray, shape: tuple[int, ...], side: Side) -> dict[str, Any]:
-        if side not in ("before", "after"):
-            raise UsageError(f"side must be 'before' or 'after', not {side!r}")
-        where = places(self.time, instants, side)
+    def require_increasing_times(self) -> None:
+        """Raise a :class:`SolutionError` unless every step takes a positive time."""
+        steps = np.diff(self.time)
+        if not np.all(steps > 0.0):
+            first = int(np.flatnonzero(~(steps > 0.0))[0])
+            raise SolutionError(
+                f"the time does not increase along the solution of {self.name} (status {self.status}): "
+                f"step {first} takes {steps[first]:g} s"
+            )
+
+    def _sample(self, where: Places, shape: tuple[int, ...], side: Side) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for variable in self.variables:
             for order, values in sample(self.method, self._orders(variable), self.time, where, side).items():
@@ -379,6 +393,12 @@ class _SideView(Mapping[str, FloatArray]):
 
     def __len__(self) -> int:
         return len(self._solution.trajectories)
+
+
+def _checked(side: Side) -> Side:
+    if side not in ("before", "after"):
+        raise UsageError(f"side must be 'before' or 'after', not {side!r}")
+    return side
 
 
 def _key(name: object) -> tuple[str, int]:

@@ -98,21 +98,29 @@ FRAME_TOLERANCE = 1e-9
 
 
 def places(time: FloatArray, instants: FloatArray, side: str) -> Places:
-    """Locate ``instants`` (m,) among the frame times ``time`` (n+1,); the caller checks that they fit.
+    """Locate ``instants`` (m,) among increasing frame times ``time`` (n+1,); the caller checks the range.
 
     An instant on a frame belongs to the step on the given ``side`` of it, where there is one.
     """
-    none = np.zeros(len(instants))
+    if len(time) == 1:
+        return places_by_index(0, np.zeros(len(instants)), side)
     last = len(time) - 1
-    if last == 0:
-        return Places(none.astype(np.intp), none, none.astype(np.intp), none)
     step = np.clip(np.searchsorted(time, instants, side="right") - 1, 0, last - 1)
-    share = (instants - time[step]) / (time[step + 1] - time[step])
+    return _sided(step, (instants - time[step]) / (time[step + 1] - time[step]), last, side)
+
+
+def places_by_index(last: int, index: FloatArray, side: str) -> Places:
+    """As :func:`places`, the instants being given as frame indices (m,) in 0..``last``, fractions allowed."""
+    step = np.clip(np.floor(index).astype(np.intp), 0, max(last - 1, 0))
+    return _sided(step, index - step, last, side)
+
+
+def _sided(step: IntArray, share: FloatArray, last: int, side: str) -> Places:
+    """Move instants that lie on a frame to the step on the given side of it."""
     frame = np.where(share <= FRAME_TOLERANCE, step, np.where(share >= 1.0 - FRAME_TOLERANCE, step + 1, -1))
-    own = np.clip(frame if side == "after" else frame - 1, 0, last - 1)
-    step = np.where(frame >= 0, own, step)
-    share = (instants - time[step]) / (time[step + 1] - time[step])
-    return Places(step, share, frame, np.where(frame > step, 1.0, 0.0))
+    beside = np.clip(frame if side == "after" else frame - 1, 0, max(last - 1, 0))
+    own = np.where(frame >= 0, beside, step)
+    return Places(own, share + (step - own), frame, np.where(frame > own, 1.0, 0.0))
 
 
 def parabola(left: FloatArray, mid: FloatArray, right: FloatArray) -> list[FloatArray]:

@@ -178,8 +178,8 @@ def test_unknown_names_offer_the_nearest() -> None:
 def test_contradictions_are_found_when_a_solution_is_made() -> None:
     time = np.linspace(0, 1, 5)
     good = {("x", 0): Channel.smooth(time)}
-    with pytest.raises(SolutionError, match="must increase"):
-        make("central", np.array([0.0, 0.0]), {})
+    with pytest.raises(SolutionError, match="at least one number"):
+        make("central", np.zeros((2, 2)), {})
     with pytest.raises(SolutionError, match="unknown method 'euler'"):
         make("euler", time, good)
     with pytest.raises(SolutionError, match="midpoint values belong to hermite-simpson"):
@@ -188,6 +188,18 @@ def test_contradictions_are_found_when_a_solution_is_made() -> None:
         make("central", time, {("x", 0): Channel.smooth(np.zeros(4))})
     with pytest.raises(SolutionError, match="without the derivative below"):
         make("central", time, {("x", 1): Channel.smooth(time)})
+
+
+def test_a_failed_solve_may_leave_steps_without_length(tmp_path: Path) -> None:
+    """It can be kept, read and resampled by frames; only asking for a time makes no sense."""
+    time = np.array([0.0, 0.0, -1.0])
+    solution = make("trapezoidal", time, {("x", 0): Channel.smooth([1.0, 2.0, 4.0])})
+    solution.save(tmp_path / "a.npz")
+    again = read(tmp_path / "a.npz")
+    np.testing.assert_allclose(again.at_frame([0.0, 0.5, 1.75])["x"], [1.0, 1.5, 3.5])
+    with pytest.raises(SolutionError, match=r"time does not increase .* step 0 takes 0 s"):
+        again.at(0.0)
+    assert make("central", np.array([0.0, np.nan]), {}).n == 1
 
 
 def test_where_forces_are_determined() -> None:
@@ -199,6 +211,11 @@ def test_where_forces_are_determined() -> None:
     assert make("trapezoidal", time, of_polynomial(quartic, 2, time, mid=False)).force_frames == (0, 8)
     held = Channel.smooth(time).held_outside(1, 7)
     np.testing.assert_array_equal(held.after, [time[1], *time[1:8], time[7]])
+
+
+def test_it_prints_on_one_line() -> None:
+    solution = make("central", np.linspace(0, 1, 5), {("x", 0): Channel.smooth(np.zeros(5))}, objective=1 / 3)
+    assert repr(solution) == "<Solution of test: optimal, central, n = 4, 1 s, objective 0.333333333>"
 
 
 def rich_solution(method: str) -> Solution:

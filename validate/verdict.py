@@ -49,7 +49,7 @@ def validate(
         NotOptimalError: the solution's status is not ``optimal`` and ``force`` is not given.
         ModelError: there is no model, or a replay line does not fit it.
         UsageError: a solution file, time step or integrator that cannot be used.
-        SolutionError: the solution file is damaged.
+        SolutionError: the solution file is damaged, or time does not increase along the solution.
     """
     started = time.perf_counter()
     beside: list[str | Path] = []
@@ -60,6 +60,7 @@ def validate(
         raise NotOptimalError(
             f"the solution of {solution.name} is not validated: its status is {solution.status}, not optimal"
         )
+    solution.require_increasing_times()
     path = _model_path(solution, model, beside)
     with caught_warnings() as warnings:
         report = _judge(solution, path, time_step, integrator)
