@@ -170,7 +170,11 @@ class BoundProgram:
         self.bounds = bounds
         self.n, self.m = program.size, program.row_count
         self.x0 = x0
-        self.x_lower, self.x_upper = bounds.lower, bounds.upper
+        idle = np.ones(self.n, bool)
+        for group in program.groups:
+            idle[group.positions] = False
+        # What nothing determines keeps its guess: the solver sees it as fixed.
+        self.x_lower, self.x_upper = np.where(idle, x0, bounds.lower), np.where(idle, x0, bounds.upper)
         self.row_lower, self.row_upper = _row_bounds(program, numbers)
         self.jac_rows, self.jac_cols = program.jacobian.rows, program.jacobian.cols
         self.hess_rows, self.hess_cols = program.hessian.rows, program.hessian.cols
