@@ -124,6 +124,16 @@ def has_fma() -> bool:
 
 
 @lru_cache(maxsize=1)
+def vector_width() -> int:
+    """How many doubles kernels compute at once: eight where registers hold them, else four.
+
+    (Four are two instructions on machines with two per register, which is no loss.)
+    """
+    features = host().features.split(",")
+    return 8 if {"+avx512f", "+avx512dq", "+avx512vl"} <= set(features) else 4
+
+
+@lru_cache(maxsize=1)
 def _target() -> Any:
     import llvmlite.binding as llvm
 

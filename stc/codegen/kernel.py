@@ -152,8 +152,9 @@ class KernelSet(Sequence[Kernel]):
 
     def llvm_ir(self) -> str:
         """The LLVM module of these kernels, as text."""
-        fused = engine.has_fma() if self.backend == "llvm" else True
-        return module_ir(self.tapes, fused=fused)
+        if self.backend == "numpy":
+            return module_ir(self.tapes)
+        return module_ir(self.tapes, fused=engine.has_fma(), width=engine.vector_width())
 
 
 def compile_tapes(tapes: Sequence[Tape], backend: Backend = "auto", cache: bool = True) -> KernelSet:
@@ -180,11 +181,13 @@ def compile_tapes(tapes: Sequence[Tape], backend: Backend = "auto", cache: bool 
 def _load_or_compile(kernels: KernelSet, cache: bool) -> None:
     symbols = [f"kernel{k}{suffix}" for k in range(len(kernels)) for suffix in ("", ".packed")]
     digests = [tape.digest() for tape in kernels.tapes]
-    key = object_cache.key_of("kernels", engine.host().fingerprint(), f"lanes {LANES}", *digests)
+    key = object_cache.key_of(
+        "kernels", engine.host().fingerprint(), f"width {engine.vector_width()}", *digests
+    )
     loaded, kernels.cached = engine.cached_object(
         key,
         symbols,
-        lambda: engine.compile_ir(module_ir(kernels.tapes, fused=engine.has_fma()), level=1, optimise=False),
+        lambda: engine.compile_ir(kernels.llvm_ir(), level=1, optimise=False),
         use_cache=cache,
     )
     for kernel in kernels:

@@ -1,6 +1,7 @@
 """From tapes to LLVM: one kernel per tape, several instances per vector instruction.
 
-A kernel runs over blocks of :data:`LANES` instances:
+A kernel runs over blocks of :data:`LANES` instances, or over pairs of blocks where vectors are twice as wide
+(the last block is then its own partner when the number is odd, and written twice):
 
     once:       load uniform inputs, do the uniform operations as scalars, spread them over the lanes (stack)
     per block:  gather varying inputs from the workspace by the index table, do the operations, store results
@@ -22,7 +23,7 @@ from stc.codegen.tape import Tape
 from stc.codegen.vector import Vector, hexadecimal
 from stc.codegen.vector_math import BINARY, UNARY, sine_cosine
 
-#: Instances per vector.  Four doubles fill an AVX2 register; eight compile slower.
+#: Instances per block: the unit of the memory layout on every machine.
 LANES: Final = 4
 
 _ARITHMETIC: Final = {
@@ -68,11 +69,12 @@ class _Operations:
         return BINARY[op](vector, a, b)
 
 
-def _kernel(tape: Tape, symbol: str, lanes: int, fused: bool) -> str:
+def _kernel(tape: Tape, symbol: str, width: int, fused: bool) -> str:
     head: list[str] = []
     body: list[str] = []
     scalar = Vector(head, 1, fused, "u")
-    vector = Vector(body, lanes, fused, "v")
+    vector = Vector(body, width, fused, "v")
+    groups = range(width // LANES)
     values: list[str] = [""] * tape.n_slots
     first_varying, first_literal, first_op = tape.n_uniform, tape.first_literal, tape.first_op
     n_uniform_ops = tape.n_uniform_ops
@@ -103,13 +105,13 @@ def _kernel(tape: Tape, symbol: str, lanes: int, fused: bool) -> str:
     for slot, place in places.items():
         first = scalar.let(f"insertelement {vector.f} poison, double {shared_scalar(slot)}, i64 0")
         spread = scalar.let(
-            f"shufflevector {vector.f} {first}, {vector.f} poison, <{lanes} x i32> zeroinitializer"
+            f"shufflevector {vector.f} {first}, {vector.f} poison, <{width} x i32> zeroinitializer"
         )
         pointer = scalar.let(f"getelementptr inbounds {vector.f}, ptr %shared, i64 {place}")
-        head.append(f"  store {vector.f} {spread}, ptr {pointer}, align {8 * lanes}")
+        head.append(f"  store {vector.f} {spread}, ptr {pointer}, align {8 * width}")
 
     # ---- per block
-    size = 8 * lanes
+    size = 8 * width
 
     def operand(slot: int) -> str:
         value = values[slot]
@@ -127,8 +129,10 @@ def _kernel(tape: Tape, symbol: str, lanes: int, fused: bool) -> str:
 
     def gather(position: int) -> str:
         value = "poison"
-        for lane in range(lanes):
-            place = vector.let(f"getelementptr inbounds i8, ptr %where, i64 {4 * (position * lanes + lane)}")
+        for lane in range(width):
+            group, within = divmod(lane, LANES)
+            offset = 4 * (position * LANES + within)
+            place = vector.let(f"getelementptr inbounds i8, ptr %where{group}, i64 {offset}")
             narrow = vector.let(f"load i32, ptr {place}, align 4")
             wide = vector.let(f"zext i32 {narrow} to i64")
             source = vector.let(f"getelementptr inbounds double, ptr %workspace, i64 {wide}")
@@ -141,9 +145,17 @@ def _kernel(tape: Tape, symbol: str, lanes: int, fused: bool) -> str:
         rows.setdefault(slot, []).append(row)
 
     def store(slot: int, value: str) -> None:
-        for row in rows.get(slot, ()):
-            pointer = vector.let(f"getelementptr inbounds i8, ptr %target, i64 {row * size}")
-            body.append(f"  store {vector.f} {value}, ptr {pointer}, align 8")
+        for group in groups if slot in rows else ():
+            part = value
+            if len(groups) > 1:
+                chosen = ", ".join(f"i32 {group * LANES + lane}" for lane in range(LANES))
+                part = vector.let(
+                    f"shufflevector {vector.f} {value}, {vector.f} poison, <{LANES} x i32> <{chosen}>"
+                )
+            for row in rows[slot]:
+                offset = 8 * LANES * row
+                pointer = vector.let(f"getelementptr inbounds i8, ptr %target{group}, i64 {offset}")
+                body.append(f"  store <{LANES} x double> {part}, ptr {pointer}, align 8")
 
     each = _Operations(tape, vector)
     for number in range(n_uniform_ops, len(tape.ops)):
@@ -168,12 +180,9 @@ def _kernel(tape: Tape, symbol: str, lanes: int, fused: bool) -> str:
             "  br label %block",
             "block:",
             "  %number = phi i64 [ 0, %once ], [ %following, %block ]",
-            f"  %skipped = mul i64 %number, {4 * lanes * tape.n_varying}",
-            "  %where = getelementptr inbounds i8, ptr %index, i64 %skipped",
-            f"  %filled = mul i64 %number, {size * len(tape.outputs)}",
-            "  %target = getelementptr inbounds i8, ptr %out, i64 %filled",
+            *[line for group in groups for line in _block_pointers(tape, group)],
             *body,
-            "  %following = add i64 %number, 1",
+            f"  %following = add i64 %number, {len(groups)}",
             "  %more = icmp slt i64 %following, %blocks",
             "  br i1 %more, label %block, label %done",
             "done:",
@@ -183,6 +192,19 @@ def _kernel(tape: Tape, symbol: str, lanes: int, fused: bool) -> str:
             "",
         ]
     )
+
+
+def _block_pointers(tape: Tape, group: int) -> list[str]:
+    """Where the indices and outputs of a block begin; of the last one for a partner that is missing."""
+    return [
+        f"  %wanted{group} = add i64 %number, {group}",
+        f"  %inside{group} = icmp slt i64 %wanted{group}, %blocks",
+        f"  %block{group} = select i1 %inside{group}, i64 %wanted{group}, i64 %number",
+        f"  %skipped{group} = mul i64 %block{group}, {4 * LANES * tape.n_varying}",
+        f"  %where{group} = getelementptr inbounds i8, ptr %index, i64 %skipped{group}",
+        f"  %filled{group} = mul i64 %block{group}, {8 * LANES * len(tape.outputs)}",
+        f"  %target{group} = getelementptr inbounds i8, ptr %out, i64 %filled{group}",
+    ]
 
 
 def _packed(symbol: str) -> list[str]:
@@ -196,15 +218,15 @@ def _packed(symbol: str) -> list[str]:
     return [*lines, f"  call void @{symbol}({arguments})", "  ret void", "}"]
 
 
-def module_ir(tapes: Sequence[Tape], *, fused: bool, lanes: int = LANES) -> str:
+def module_ir(tapes: Sequence[Tape], *, fused: bool = True, width: int = LANES) -> str:
     """One LLVM module with kernels ``kernel0``, ``kernel1``, ... and their ``.packed`` entries.
 
     Args:
         tapes: the programs.
         fused: the machine has fused multiply-add instructions.
-        lanes: instances per vector.
+        width: doubles per vector, a multiple of :data:`LANES`.
     """
     unused: list[str] = []
-    declarations = "".join(Vector(unused, width, fused, "").declarations() for width in {1, lanes})
-    kernels = [_kernel(tape, f"kernel{k}", lanes, fused) for k, tape in enumerate(tapes)]
+    declarations = "".join(Vector(unused, size, fused, "").declarations() for size in (1, width))
+    kernels = [_kernel(tape, f"kernel{k}", width, fused) for k, tape in enumerate(tapes)]
     return declarations + "\n" + "\n".join(kernels)
