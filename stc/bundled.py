@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from difflib import get_close_matches
 from pathlib import Path
 
 from stc import specs
@@ -40,6 +39,8 @@ def find_spec(name: str | os.PathLike[str]) -> Path:
 
 def _nearest(path: Path, plain: bool) -> str | None:
     """The file beside ``path``, or for a plain name the bundled spec, that it most probably misspells."""
+    from difflib import get_close_matches
+
     beside = [file.stem for file in path.parent.glob("*" + SUFFIX)] if path.parent.is_dir() else []
     bundled = specs.names() if plain else []
     near = get_close_matches(path.name.removesuffix(SUFFIX), [*bundled, *beside], n=1, cutoff=0.5)
