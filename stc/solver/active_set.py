@@ -24,7 +24,10 @@ from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["Projection", "newton_on_active_set", "project"]
 
-CONTRACTION = 0.3
+CONTRACTION = 0.1
+FAST = 1e-2
+"""Contraction that makes one more step worth its while: it gains two digits or more."""
+ACCURATE = 0.1
 DUAL_SHIFT = 1e-9
 PRIMAL_SHIFT = 1e-8
 MEAN_MULTIPLIER = 100.0
@@ -120,8 +123,9 @@ def newton_on_active_set(
     if point is None:
         return None, False
     certified = False
+    contraction = 0.0
     for _ in range(steps):
-        if certified and point.error <= tolerance:
+        if certified and point.error <= (tolerance if contraction > FAST else ACCURATE * tolerance):
             return point, True
         step = _newton_step(form, point)
         if step is None:
@@ -130,10 +134,11 @@ def newton_on_active_set(
         new = project(form, np.clip(point.x + dx, x_lower, x_upper), point.y + dy)
         if new is None:
             return None, False
-        if new.error > max(CONTRACTION * point.error, 0.1 * tolerance):
+        if new.error > max(CONTRACTION * point.error, ACCURATE * tolerance):
             patience -= 1
             if patience < 0:
                 return None, False
+        contraction = new.error / max(point.error, 1e-300)
         certified = True
         monitor.count()
         x_user, f_user, violation = form.user_view(new.x, new.f, new.r)

@@ -24,7 +24,7 @@ S_THETA = 1.1
 S_PHI = 2.3
 ETA = 1e-8
 GAMMA_ALPHA = 0.05
-LARGEST_THETA = 1e4
+LARGEST_THETA = 1e2
 SMALL_THETA = 1e-4
 CORRECTIONS = 4
 CORRECTION_PROGRESS = 0.99
@@ -110,11 +110,19 @@ class LineSearch:
         return Trial(w, f, r, gap, c, theta, barrier_value(f, gap, mu))
 
     def search(
-        self, it: Iterate, system: NewtonSystem, mu: float, tau: float, dw: Floats, dy: Floats, dz: Floats
+        self,
+        it: Iterate,
+        system: NewtonSystem,
+        mu: float,
+        tau: float,
+        dw: Floats,
+        dy: Floats,
+        dz: Floats,
+        shortest: float = 0.0,
     ) -> float:
         """Move ``it`` along the step; returns the accepted fraction, 0 when there is none.
 
-        The derivatives of ``it`` are current on return when the fraction is positive.
+        Fractions below ``shortest`` of what the bounds allow are not tried.  The derivatives of ``it`` are current on return when the fraction is positive.
         """
         form = self.form
         phi = barrier_value(it.f, it.gap, mu)
@@ -126,7 +134,7 @@ class LineSearch:
         dual_limit = largest_step(it.z, dz, tau)
         size = float((np.abs(dw) / (1.0 + np.abs(it.w))).max(initial=0.0))
         self.tiny = size < 10.0 * EPSILON and theta < 1e-4
-        smallest = self._smallest(theta, slope)
+        smallest = max(self._smallest(theta, slope), shortest * limit)
         alpha = limit
         first = True
         while alpha >= smallest or first:

@@ -31,6 +31,7 @@ __all__ = ["End", "Outcome", "optimise"]
 FINISH_BELOW = 1e-2
 STALLED_STEPS = 3
 ESCAPES = 5
+SHORTEST = (0.02, 0.02, 0.0)
 
 
 class End(Enum):
@@ -110,13 +111,8 @@ def optimise(
             system.factorize(it, barrier.mu)
         except SingularSystem:
             return Outcome(End.STUCK, it)
-        dw, dy, dz = barrier.step(it, system)
-        if barrier.changed:
-            search.filter.reset()
         before = it.w
-        length = 0.0
-        if np.isfinite(dw.sum() + dy.sum()):
-            length = search.search(it, system, barrier.mu, barrier.tau, dw, dy, dz)
+        length = _advance(it, system, barrier, search)
         monitor.count()
         step = float(np.abs(it.w - before).max(initial=0.0))
         if length > 0.0:
@@ -130,6 +126,28 @@ def optimise(
         if restored is not None:
             return restored
         tiny_steps = 0
+
+
+def _advance(it: Iterate, system: NewtonSystem, barrier: BarrierParameter, search: LineSearch) -> float:
+    """Take one step; returns its length, 0 when none was acceptable.
+
+    A step that only a small fraction of is acceptable tells that the curvature along it is underestimated: it is
+    computed anew with a stiffer Hessian, which also turns it.
+    """
+    for shortest in SHORTEST:
+        dw, dy, dz = barrier.step(it, system)
+        if barrier.changed:
+            search.filter.reset()
+        if not np.isfinite(dw.sum() + dy.sum()):
+            return 0.0
+        length = search.search(it, system, barrier.mu, barrier.tau, dw, dy, dz, shortest)
+        if length > 0.0 or not shortest:
+            return length
+        try:
+            system.stiffen(it, dw)
+        except SingularSystem:
+            return 0.0
+    return 0.0
 
 
 def _record(
@@ -161,9 +179,8 @@ class _Finish:
         form = self.form
         if not isinstance(form, ScaledProblem) or error > self.threshold:
             return None
-        tolerance = 0.1 * self.options.tolerance
         point, solved = newton_on_active_set(
-            form, it.w[: form.n], it.y, self.monitor, steps=8, tolerance=tolerance
+            form, it.w[: form.n], it.y, self.monitor, steps=8, tolerance=self.options.tolerance
         )
         if solved:
             return point

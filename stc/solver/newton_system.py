@@ -28,6 +28,7 @@ GROWTH = 8.0
 DECAY = 1.0 / 3.0
 DUAL_SHIFT = 1e-8
 SMALLEST_SIGMA = 1e-16
+STIFFER = 10.0
 
 
 class SingularSystem(ArithmeticError):
@@ -85,8 +86,24 @@ class NewtonSystem:
                     continue
             self.shift = self._larger_shift()
         self._primal = primal
+        self._barrier = sigma[: form.n]
         if self.shift > 0.0:
             self._last_shift = self.shift
+
+    def stiffen(self, it: Iterate, dw: Floats) -> None:
+        """Factorise with a shift that makes a step like ``dw`` (n + m,) many times shorter.
+
+        Raises:
+            SingularSystem: the matrix cannot be factorised.
+        """
+        form = self.form
+        dx = dw[: form.n]
+        curved = form.hessian_times(it.hess, dx) + self._barrier * dx
+        curvature = float(dx @ curved) / max(float(dx @ dx), 1e-300) + self.shift
+        self.shift = max(GROWTH * self.shift, STIFFER * abs(curvature), FIRST_SHIFT)
+        self._last_shift = self.shift
+        while self._try(it, self._primal) != "good":
+            self.shift = self._larger_shift()
 
     def tighten(self, it: Iterate) -> None:
         """Halve the shift as often as the inertia stays right, and factorise with the last one."""

@@ -25,6 +25,8 @@ __all__ = ["ScaledProblem", "relative_violation"]
 
 LARGEST_GRADIENT = 100.0
 SMALLEST_FACTOR = 1e-8
+SMALLEST_GRADIENT = 1e-3
+LARGEST_FACTOR = 1e8
 RELAXATION = 1e-8
 ORDINARY = (1e-2, 1e3)  # magnitudes of variables that are left alone
 
@@ -85,16 +87,20 @@ class ScaledProblem(Formulation):
         wide = magnitude > ORDINARY[1]
         self.x_scale = np.where(narrow, span, np.where(wide, magnitude, 1.0))
         self.x_scale = np.exp2(np.round(np.log2(self.x_scale)))
-        gradient, jac, _ = nlp.derivatives(x0, np.zeros(self.m), 0.0)
+        gradient, rows = self._magnitudes(x0)
+        nearby = np.random.default_rng(0).uniform(-1.0, 1.0, self.n) * self.x_scale
+        gradient_nearby, rows_nearby = self._magnitudes(np.clip(x0 + 0.1 * nearby, nlp.x_lower, nlp.x_upper))
+        self.objective_scale = float(_factors(np.array([gradient]), np.array([gradient_nearby]))[0])
+        self.row_scale = _factors(rows, rows_nearby)
+
+    def _magnitudes(self, x: Floats) -> tuple[float, Floats]:
+        """Largest gradient entry of the objective and of each row (m,), for the scaled variables."""
+        gradient, jac, _ = self.nlp.derivatives(x, np.zeros(self.m), 0.0)
         free = ~self._held_user
-        gradient = np.abs(gradient * self.x_scale)[free]
-        largest = float(gradient.max(initial=0.0))
-        if np.isfinite(largest) and largest > LARGEST_GRADIENT:
-            self.objective_scale = max(LARGEST_GRADIENT / largest, SMALLEST_FACTOR)
         rows = np.zeros(self.m)
-        np.maximum.at(rows, self.jac_rows, np.abs(jac) * self.x_scale[self.jac_cols] * free[self.jac_cols])
-        big = np.isfinite(rows) & (rows > LARGEST_GRADIENT)
-        self.row_scale[big] = np.maximum(LARGEST_GRADIENT / rows[big], SMALLEST_FACTOR)
+        entries = np.abs(jac) * (self.x_scale * free)[self.jac_cols]
+        np.maximum.at(rows, self.jac_rows, entries)
+        return float((np.abs(gradient) * self.x_scale)[free].max(initial=0.0)), rows
 
     def _combine_scales(self) -> None:
         nlp, x_scale = self.nlp, self.x_scale
@@ -137,6 +143,20 @@ class ScaledProblem(Formulation):
     def scaled_multipliers(self, y: Floats) -> Floats:
         """Inverse of :meth:`user_multipliers`."""
         return y / self.row_scale * self.objective_scale
+
+
+def _factors(gradients: Floats, nearby: Floats) -> Floats:
+    """Divide large functions down to :data:`LARGEST_GRADIENT`, multiply small ones up to 1.
+
+    A gradient may happen to be small at one point: a function counts as small when it is so nearby as well.
+    """
+    factors = np.ones_like(gradients)
+    large = np.isfinite(gradients) & (gradients > LARGEST_GRADIENT)
+    factors[large] = np.maximum(LARGEST_GRADIENT / gradients[large], SMALLEST_FACTOR)
+    both = np.maximum(gradients, nearby)
+    small = (both > 0.0) & (both < SMALLEST_GRADIENT)  # False for nan
+    factors[small] = np.minimum(1.0 / both[small], LARGEST_FACTOR)
+    return factors
 
 
 def _relaxed(lower: Floats, upper: Floats) -> tuple[Floats, Floats]:

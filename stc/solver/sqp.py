@@ -90,7 +90,7 @@ class _Solve:
         if options.warm_start and self.start.row_multipliers is not None:
             y = form.scaled_multipliers(self.start.row_multipliers)
             point, solved = newton_on_active_set(
-                form, x0 / form.x_scale, y, monitor, steps=12, tolerance=0.1 * options.tolerance, patience=3
+                form, x0 / form.x_scale, y, monitor, steps=12, tolerance=options.tolerance, patience=3
             )
             if solved and point is not None:
                 return self._finished(point.x, point.y)
