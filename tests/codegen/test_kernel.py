@@ -135,7 +135,7 @@ def test_every_operator(name: str, uniform: bool) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 3, 4, 5, 8, 21])
-@pytest.mark.parametrize(("backend", "width"), [("llvm", 4), ("llvm", 8), ("llvm", 12), ("numpy", 4)])
+@pytest.mark.parametrize(("backend", "width"), [("llvm", 4), ("llvm", 8), ("llvm", 16), ("numpy", 4)])
 def test_blocks_and_their_filling(
     count: int, backend: Any, width: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
