@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen.native import i32s, i64, native
+from stc.solver.nlp import Ints
 
 __all__ = ["Arrangement", "Couplings", "arrange", "sort_by_key"]
 
@@ -35,6 +36,26 @@ class Couplings:
     hess_variable: Int32s
     hess_count: int
     jac_count: int
+
+    @staticmethod
+    def of(n: int, m: int, jac_rows: Ints, jac_cols: Ints, hess_rows: Ints, hess_cols: Ints) -> Couplings:
+        """From the patterns of J and of the lower triangle of H."""
+        jac_rows, jac_cols, hess_rows, hess_cols = (
+            np.asarray(given).astype(np.int32) for given in (jac_rows, jac_cols, hess_rows, hess_cols)
+        )
+        hess_off = np.flatnonzero(hess_rows != hess_cols)
+        hess_diagonal = np.flatnonzero(hess_rows == hess_cols)
+        return Couplings(
+            n,
+            m,
+            np.concatenate([hess_rows[hess_off], n + jac_rows]),
+            np.concatenate([hess_cols[hess_off], jac_cols]),
+            hess_off,
+            hess_diagonal,
+            hess_rows[hess_diagonal],
+            hess_rows.size,
+            jac_rows.size,
+        )
 
     @property
     def size(self) -> int:

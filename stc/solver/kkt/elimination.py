@@ -122,7 +122,7 @@ def _take_one(
     k = counts[PIVOTS]
     at = counts[INDICES]
     value_at = counts[FACTORS]
-    if at + count > capacity or value_at + count > 2 * capacity:
+    if at + count > capacity or value_at + count > capacity:
         return 0
     reciprocal = 1.0 / d
     own = indices[at:]
@@ -154,7 +154,7 @@ def _take_two(
     k = counts[PIVOTS]
     at = counts[INDICES]
     value_at = counts[FACTORS]
-    if at + count > capacity or value_at + 2 * count > 2 * capacity:
+    if at + count > capacity or value_at + 2 * count > capacity:
         return 0
     # Divided by b first: a c / b may be tiny or large, b^2 must not overflow nor vanish.
     ratio = 1.0 / (a * (c / b) - b) if b != 0.0 else 0.0
@@ -223,6 +223,19 @@ def _hold(
 
 
 @native
+def _only_expected(top: i64, count: i64, rows: i32s, others: i32s, stride: i64, window: f64s) -> i64:
+    """Whether all nonzeros among the slots below ``top`` are at the expected places."""
+    found = 0
+    for i in range(top):
+        row = window[i * stride :]
+        for j in range(i + 1):
+            found += row[j] != 0.0
+    for k in range(count):
+        found -= window[rows[k] * stride + others[k]] != 0.0
+    return found == 0
+
+
+@native
 def factorize(
     size: i64,
     stages: i64,
@@ -234,6 +247,7 @@ def factorize(
     capacity: i64,
     stride: i64,
     held_from: i64,
+    planned: i64,
     stage_pointers: i32s,
     pointers: i32s,
     columns: i32s,
@@ -245,6 +259,10 @@ def factorize(
     plan_start: i32s,
     plan_count: i32s,
     plan_slots: i32s,
+    state: i32s,
+    state_starts: i32s,
+    state_rows: i32s,
+    state_columns: i32s,
     window: f64s,
     spread_1: f64s,
     spread_2: f64s,
@@ -273,9 +291,10 @@ def factorize(
         tiny: columns no larger than this are zero pivots.
         replacement: magnitude of what replaces them: plus for variables, minus for rows.
         delay_limit: with more unknowns delayed than this, lower thresholds are accepted.
-        capacity: room in ``indices``, half of that in ``factors``.
+        capacity: room in ``indices`` and in ``factors``.
         stride: slots of the window.
         held_from: first slot for delayed unknowns.
+        planned: whether the plan's patterns hold for this matrix.
         stage_pointers: positions of each stage, (stages + 1,).
         pointers, columns, values: the matrix (see stc.solver.kkt.values).
         order: unknown at each position, (N,).
@@ -283,6 +302,7 @@ def factorize(
         top: slots in use at each stage.
         plan_kind: 1 or 2 where a planned pivot begins, 0 for the second of a pair, -1 without plan, (N,).
         plan_start, plan_count, plan_slots: the slots of a planned pivot's column.
+        state, state_starts, state_rows, state_columns: what the plan expects in the window before each stage.
         counts: results, (COUNTS,).
 
     Returns:
@@ -298,9 +318,20 @@ def factorize(
     starts[1] = 0
     held = 0
     high = held_from
-    exact = True
+    exact = planned != 0
     for stage in range(stages):
         begin = stage_pointers[stage]
+        if not exact and planned != 0 and held == 0:
+            # The column lists hold again as soon as nothing is in the window but what the plan expects.
+            expected = state_starts[state[stage]]
+            exact = 0 != _only_expected(
+                top[max(stage - 1, 0)],
+                state_starts[state[stage] + 1] - expected,
+                state_rows[expected:],
+                state_columns[expected:],
+                stride,
+                window,
+            )
         end = stage_pointers[stage + 1]
         _assemble(begin, end, size, pointers, columns, values, slot, owner, stride, window)
         waiting = held

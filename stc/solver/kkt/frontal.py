@@ -1,33 +1,50 @@
-"""The structured KKT system: elimination stage by stage in a small dense window, time and memory linear in the stages."""
+"""The structured KKT system: LDL^T stage by stage in a small window, time and memory linear in the stages."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stc.solver.kkt import elimination
-from stc.solver.kkt.arrangement import Couplings, arrange
+from stc.solver.kkt.arrangement import Arrangement, Couplings, arrange
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import checked_values
+from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.staging import assign_stages
 from stc.solver.kkt.substitution import REPORT, solve
-from stc.solver.kkt.values import equilibrate, load
+from stc.solver.kkt.values import any_nonzero, equilibrate, load
 from stc.solver.kkt.window import LANES
 from stc.solver.nlp import Floats, Ints
 
 __all__ = ["FrontalKKT"]
 
+#: Pivot threshold u: no factor exceeds its inverse.
+PIVOT_THRESHOLD = 0.01
 #: Columns of the equilibrated matrix no larger than this are zero.
 SINGULAR = 1e-13
 #: Magnitude of the pivot that takes the place of a zero one.
 REPLACEMENT = 1e-8
-PIVOT_THRESHOLD = 0.01
+#: Equilibration: sweeps at most, and how far from 1 the largest entries may stay.
 SWEEPS = 3
+EQUILIBRATED = 1.1
+#: Iterative refinement: steps at most, and relative residual to reach.
 REFINEMENTS = 10
-TOLERANCE = 1e-14
+RESIDUAL = 1e-14
+#: Matrices in a row that may contradict the plan before it is made anew.
+PATIENCE = 3
+#: Slots for delayed unknowns, to begin with.
+HELD_SLOTS = 32
 
 
 class FrontalKKT:
-    """Sparse LDL^T with threshold pivoting on a window that slides over the stages."""
+    """Sparse LDL^T with threshold pivoting on a window that slides over the stages.
+
+    The pattern is arranged at once; the order of elimination is planned from the values of the first
+    factorisation. See ``KKTSystem`` for the arguments and the other members.
+
+    Attributes:
+        pivot_threshold: u, between 0 and 0.5: larger is more accurate, smaller keeps closer to the plan.
+    """
 
     def __init__(
         self,
@@ -46,96 +63,30 @@ class FrontalKKT:
         self.nnz_factor = 0
         self.last_residual = 0.0
         self.pivot_threshold = PIVOT_THRESHOLD
-        hess_rows = np.asarray(hess_rows, dtype=np.int32)
-        hess_cols = np.asarray(hess_cols, dtype=np.int32)
-        off = hess_rows != hess_cols
-        hess_off, hess_diagonal = np.flatnonzero(off), np.flatnonzero(~off)
-        self._couplings = Couplings(
-            n,
-            m,
-            np.concatenate([hess_rows[hess_off], n + np.asarray(jac_rows, dtype=np.int32)]),
-            np.concatenate([hess_cols[hess_off], np.asarray(jac_cols, dtype=np.int32)]),
-            hess_off,
-            hess_diagonal,
-            hess_rows[hess_diagonal],
-            hess_rows.size,
-            len(jac_rows),
-        )
+        self._couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
+        size = n + m
         stage = np.concatenate([np.asarray(var_stage, dtype=np.int64), np.asarray(row_stage, dtype=np.int64)])
         self._staging = assign_stages(stage, self._couplings.first, self._couplings.second)
-        self._hess = np.zeros(hess_rows.size)
-        self._jac = np.zeros(len(jac_rows))
-        self._primal = np.zeros(n)
-        self._dual = np.zeros(m)
-        self._rhs = np.zeros(n + m)
-        self._result = np.zeros(n + m)
-        self._report = np.zeros(REPORT)
-        self._counts = np.zeros(elimination.COUNTS, dtype=np.int64)
-        self._extra = 32
-        self._prepare()
-
-    def _prepare(self) -> None:
-        size = self.n + self.m
-        staging = self._staging
-        a = self._arrangement = arrange(
-            self._couplings, staging.stage, staging.stages, np.zeros(size, dtype=np.int32)
-        )
-        entries = a.columns.size
-        self._values = np.zeros(size + entries)
-        self._scale = np.zeros(size)
-        self._most = np.zeros(size)
+        self._has_diagonal = np.zeros(size, dtype=bool)
+        self._has_diagonal[self._couplings.hess_variable] = True
+        self._contradictions = 0
+        self._hess, self._jac = np.zeros(self._couplings.hess_count), np.zeros(self._couplings.jac_count)
+        self._primal, self._dual = np.zeros(n), np.zeros(m)
+        self._rhs, self._result = np.zeros(size), np.zeros(size)
+        self._values = np.zeros(size + self._couplings.first.size)
+        self._scale, self._most, self._inverse = np.zeros(size), np.zeros(size), np.zeros(3 * size)
+        self._vectors = [np.zeros(size) for _ in range(3)]
         self._slot = np.zeros(size, dtype=np.int32)
-        self._planned_slot = staging.slot[a.order]
         self._pivots = np.zeros(2 * size, dtype=np.int32)
         self._starts = np.zeros(2 * size + 2, dtype=np.int64)
-        self._inverse = np.zeros(3 * size)
-        self._plan = (
-            np.full(size, -1, dtype=np.int32),
-            np.zeros(size, dtype=np.int32),
-            np.zeros(size, dtype=np.int32),
+        self._report = np.zeros(REPORT)
+        self._counts = np.zeros(elimination.COUNTS, dtype=np.int64)
+        self._plan: Plan | None = None
+        self._capacity = 0
+        self._held_slots = HELD_SLOTS
+        self._use(
+            arrange(self._couplings, self._staging.stage, self._staging.stages, np.zeros(size, np.int32))
         )
-        self._plan_slots = np.zeros(1, dtype=np.int32)
-        self._capacity = 4 * (size + entries) + 64
-        self._vectors = [np.zeros(size) for _ in range(3)]
-        self._allocate_window()
-        self._allocate_factors()
-        self._load = load.bind(
-            self.n, self.m, self._hess.size, self._jac.size, self._hess, self._jac, self._primal, self._dual,
-            a.position, a.hess_target, a.jac_target, self._values,
-        )  # fmt: skip
-        self._equilibrate = equilibrate.bind(
-            size, SWEEPS, 1.1, a.pointers, a.columns, self._values, self._scale, self._most
-        )
-        self._bind()
-
-    def _allocate_window(self) -> None:
-        self._held_from = -(-self._staging.window // LANES) * LANES
-        stride = self._held_from + self._extra
-        self._stride = stride
-        self._window = np.zeros(stride * stride)
-        self._floats = [np.zeros(stride) for _ in range(6)]
-        self._ints = [np.zeros(stride, dtype=np.int32) for _ in range(5)]
-
-    def _allocate_factors(self) -> None:
-        self._indices = np.zeros(self._capacity, dtype=np.int32)
-        self._factors = np.zeros(2 * self._capacity)
-
-    def _bind(self) -> None:
-        a, staging, size = self._arrangement, self._staging, self.n + self.m
-        spread_1, spread_2, values_1, values_2, first, second = self._floats
-        owner, queue, found_1, found_2, found_12 = self._ints
-        self._eliminate = elimination.factorize.bind(
-            size, staging.stages, self.n, self.pivot_threshold, SINGULAR, REPLACEMENT, 2 * self._staging.window + 32,
-            self._capacity, self._stride, self._held_from, a.stage_pointers, a.pointers, a.columns, self._values,
-            a.order, self._planned_slot, staging.top, *self._plan, self._plan_slots, self._window,
-            spread_1, spread_2, self._slot, owner, queue, found_1, found_2, found_12, values_1, values_2, first, second,
-            self._pivots, self._starts, self._indices, self._factors, self._inverse, self._counts,
-        )  # fmt: skip
-        self._solve = solve.bind(
-            size, REFINEMENTS, TOLERANCE, a.pointers, a.columns, self._values, self._scale, a.order,
-            self._counts, self._pivots, self._starts, self._indices, self._factors, self._inverse, self._rhs,
-            *self._vectors, self._result, self._report,
-        )  # fmt: skip
 
     def factorize(
         self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
@@ -154,15 +105,12 @@ class FrontalKKT:
         if self._load() != 0.0:
             raise ValueError("the KKT matrix has entries that are not finite")
         self.factorizations += 1
+        planned = self._follow_plan()
         self._equilibrate()
-        while code := self._eliminate():
-            if code == elimination.FACTORS_FULL:
-                self._capacity *= 2
-                self._allocate_factors()
-                self._window[:] = 0.0
-            else:
-                self._extra *= 2
-                self._allocate_window()
+        self._eliminate.set("threshold", self.pivot_threshold)
+        self._eliminate.set("planned", planned)
+        while shortage := self._eliminate():
+            self._enlarge(shortage)
             self._bind()
         counts = self._counts
         self.nnz_factor = int(counts[elimination.FACTORS])
@@ -177,8 +125,92 @@ class FrontalKKT:
         if self.factorizations == 0:
             raise ValueError("factorize before solving")
         n = self.n
+        rhs_x, rhs_y = checked_values((rhs_x, n, "rhs_x"), (rhs_y, self.m, "rhs_y"))
         self._rhs[:n] = rhs_x
         self._rhs[n:] = rhs_y
         self._solve()
         self.last_residual = float(self._report[0])
         return self._result[:n].copy(), self._result[n:].copy()
+
+    def _follow_plan(self) -> bool:
+        """Make a plan when there is none, or none that suits; whether the plan's patterns hold for the values."""
+        if self._plan is not None:
+            if not self._contradicted():
+                self._contradictions = 0
+                return True
+            self._contradictions += 1
+            if self._contradictions < PATIENCE:
+                return False
+        a = self._arrangement
+        self._has_diagonal[a.order] |= self._values[: self.n + self.m] != 0.0
+        self._contradictions = 0
+        self._equilibrate()
+        self._plan = plan_elimination(self._couplings, self._staging, a, self._values, self._has_diagonal)
+        self._capacity = max(self._capacity, self._plan.nnz + self._plan.nnz // 8 + 256)
+        self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, self._plan.rank))
+        self._load()
+        return True
+
+    def _use(self, arrangement: Arrangement) -> None:
+        """Adopt an arrangement of the entries."""
+        self._arrangement = a = arrangement
+        size = self.n + self.m
+        self._load = load.bind(
+            self.n, self.m, self._hess.size, self._jac.size, self._hess, self._jac, self._primal, self._dual,
+            a.position, a.hess_target, a.jac_target, self._values,
+        )  # fmt: skip
+        self._equilibrate = equilibrate.bind(
+            size, SWEEPS, EQUILIBRATED, a.pointers, a.columns, self._values, self._scale, self._most
+        )
+        plan = self._plan
+        if plan is None:
+            return
+        self._planned_slot = self._staging.slot[a.order]
+        self._plan_arrays = plan.kind[a.order], plan.start[a.order], plan.count[a.order]
+        places = np.flatnonzero(plan.no_diagonal[a.order]).astype(np.int32)
+        self._contradicted = any_nonzero.bind(places.size, places, self._values)
+        self._allocate_window()
+        self._allocate_factors()
+        self._bind()
+
+    def _enlarge(self, shortage: int) -> None:
+        """Make room for what did not fit."""
+        if shortage == elimination.FACTORS_FULL:
+            self._capacity *= 2
+            self._window[:] = 0.0
+            self._allocate_factors()
+        else:
+            self._held_slots *= 2
+            self._allocate_window()
+
+    def _allocate_factors(self) -> None:
+        self._indices = np.zeros(self._capacity, dtype=np.int32)
+        self._factors = np.zeros(self._capacity)
+
+    def _allocate_window(self) -> None:
+        self._held_from = -(-self._staging.window // LANES) * LANES
+        self._stride = stride = self._held_from + self._held_slots
+        self._window = np.zeros(stride * stride)
+        self._columns = [np.zeros(stride) for _ in range(6)]
+        self._lists = [np.zeros(stride, dtype=np.int32) for _ in range(5)]
+
+    def _bind(self) -> None:
+        """Prepare the calls of the compiled functions."""
+        a, staging, plan, size = self._arrangement, self._staging, self._plan, self.n + self.m
+        assert plan is not None
+        spread_1, spread_2, values_1, values_2, first, second = self._columns
+        owner, queue, found_1, found_2, found_12 = self._lists
+        delay_limit = 2 * staging.window + HELD_SLOTS
+        self._eliminate = elimination.factorize.bind(
+            size, staging.stages, self.n, self.pivot_threshold, SINGULAR, REPLACEMENT, delay_limit,
+            self._capacity, self._stride, self._held_from, True, a.stage_pointers, a.pointers, a.columns,
+            self._values, a.order, self._planned_slot, staging.top, *self._plan_arrays, plan.slots,
+            plan.state, plan.state_starts, plan.state_rows, plan.state_columns, self._window, spread_1, spread_2,
+            self._slot, owner, queue, found_1, found_2, found_12, values_1, values_2, first, second,
+            self._pivots, self._starts, self._indices, self._factors, self._inverse, self._counts,
+        )  # fmt: skip
+        self._solve = solve.bind(
+            size, REFINEMENTS, RESIDUAL, a.pointers, a.columns, self._values, self._scale, a.order,
+            self._counts, self._pivots, self._starts, self._indices, self._factors, self._inverse, self._rhs,
+            *self._vectors, self._result, self._report,
+        )  # fmt: skip

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, native, sqrt
 
-__all__ = ["equilibrate", "load", "residual"]
+__all__ = ["any_nonzero", "equilibrate", "load", "residual"]
 
 
 @native(fast=True)
@@ -49,6 +49,17 @@ def load(
         check += value * 0.0
         values[jac_target[k]] = value
     return check
+
+
+@native
+def any_nonzero(count: i64, places: i32s, values: f64s) -> i64:
+    """Whether one of some values differs from zero."""
+    found = 0
+    for k in range(count):
+        if values[places[k]] != 0.0:
+            found = 1
+            break
+    return found
 
 
 @native(fast=True)

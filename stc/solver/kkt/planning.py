@@ -1,0 +1,236 @@
+"""The elimination planned ahead: one order for all stages that look alike.
+
+Stages are alike when the same slots of the window couple and leave.  Their entries' strengths are judged together,
+from the values of the first factorisation; what the stage before leaves in the window is part of the pattern, so
+the plan of a stage depends on its kind and on the state before it, and long regular chains need few plans.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.solver.kkt.arrangement import Arrangement, Couplings
+from stc.solver.kkt.ordering import STRONG, WEAK, order_stage
+from stc.solver.kkt.staging import Staging
+from stc.solver.nlp import Floats
+
+__all__ = ["Plan", "plan_elimination"]
+
+Int32s = NDArray[np.int32]
+
+#: An entry of the equilibrated matrix is strong from here on ...
+STRONG_FROM = 0.1
+#: ... when it is in this share of the stages of a kind.
+STRONG_SHARE = 0.75
+#: Stages of one kind that are looked at.
+SAMPLE = 32
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Orders and column patterns of all stages.
+
+    Attributes:
+        rank: place of each unknown in the order of its stage, (N,).
+        kind: 1 or 2 where a pivot begins, 0 for the second of two, -1 for unknowns that are bound to be delayed;
+            by unknown, (N,).
+        start, count: the slots of the pivot's column, ``slots[start:start + count]``, (N,).
+        slots: all the lists.
+        state: what is in the window before each stage, (stages,): the entries of state k are at
+            ``state_rows[state_starts[k]:state_starts[k + 1]]``, the same of ``state_columns``.
+        no_diagonal: unknowns whose diagonal entries are taken for zero, (N,).
+        plans: how many different orders there are.
+        nnz: entries of the factor, if all goes to plan.
+    """
+
+    rank: Int32s
+    kind: Int32s
+    start: Int32s
+    count: Int32s
+    slots: Int32s
+    state: Int32s
+    state_starts: Int32s
+    state_rows: Int32s
+    state_columns: Int32s
+    no_diagonal: NDArray[np.bool_]
+    plans: int
+    nnz: int
+
+
+def plan_elimination(
+    couplings: Couplings,
+    staging: Staging,
+    arrangement: Arrangement,
+    values: Floats,
+    has_diagonal: NDArray[np.bool_],
+) -> Plan:
+    """Plan all stages from the values of one equilibrated matrix.
+
+    Args:
+        values: as arranged (see stc.solver.kkt.values).
+        has_diagonal: unknowns that may have a diagonal entry, (N,).
+    """
+    window = staging.window
+    size = couplings.size
+    order = arrangement.order
+    slot, stage = staging.slot[order].astype(np.int64), staging.stage[order]
+    row = np.repeat(np.arange(size, dtype=np.int32), np.diff(arrangement.pointers))
+    slot_1, slot_2 = slot[row], slot[arrangement.columns]
+    diagonal = np.flatnonzero(has_diagonal[order])
+    places = np.concatenate(
+        [np.maximum(slot_1, slot_2) * window + np.minimum(slot_1, slot_2), slot[diagonal] * (window + 1)]
+    )
+    place_stages = np.concatenate([stage[row], stage[diagonal]])
+    strong = np.concatenate([np.abs(values[size:]), np.abs(values[diagonal])]) >= STRONG_FROM
+
+    kind = _alike(staging.stages, (place_stages, places), (stage, slot))
+    chosen = _sample(kind)
+    inside = chosen[place_stages]
+    keys, members = np.unique(kind[place_stages[inside]] * window**2 + places[inside], return_inverse=True)
+    share = np.bincount(members, weights=strong[inside]) / np.bincount(members)
+    strength = np.where(share >= STRONG_SHARE, STRONG, WEAK).astype(np.int32)
+    inside = chosen[stage]
+    leaving = np.unique(kind[stage[inside]] * window + slot[inside])
+    walk = _Walk(window, keys, strength, leaving)
+    plan_of_stage, state_of_stage = walk.all_stages(kind, staging.top)
+    return walk.result(staging, plan_of_stage, state_of_stage, has_diagonal)
+
+
+def _alike(stages: int, *features: tuple[NDArray[np.integer], NDArray[np.int64]]) -> NDArray[np.int64]:
+    """Kind of each stage, (stages,): stages are alike when they have the same sets of numbers.
+
+    Args:
+        features: pairs of arrays, a stage and a number of it each.
+    """
+    total = np.zeros(stages, dtype=np.uint64)
+    for salt, (stage, numbers) in enumerate(features):
+        np.add.at(total, stage, _mix(numbers, salt))
+    return np.unique(total, return_inverse=True)[1]
+
+
+def _mix(numbers: NDArray[np.int64], salt: int) -> NDArray[np.uint64]:
+    """Scramble whole numbers (the finaliser of splitmix64), so that sums of them tell sets apart."""
+    bits = numbers.astype(np.uint64) * np.uint64(3) + np.uint64(salt + 1)
+    bits *= np.uint64(0x9E3779B97F4A7C15)
+    bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return bits ^ (bits >> np.uint64(31))
+
+
+def _sample(kind: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Some SAMPLE stages of each kind, evenly spread."""
+    order = np.argsort(kind, kind="stable")
+    many = np.bincount(kind)
+    number = np.empty(kind.size, dtype=np.int64)
+    number[order] = np.arange(kind.size) - np.repeat(np.cumsum(many) - many, many)
+    return number % (-(-many // SAMPLE))[kind] == 0
+
+
+@dataclass(frozen=True)
+class _StagePlan:
+    """Order of one stage: slots, kinds of pivots, where their columns begin in all lists, how long these are."""
+
+    slots: Int32s
+    kinds: Int32s
+    starts: Int32s
+    counts: Int32s
+
+    @property
+    def nnz(self) -> int:
+        return int((self.counts * np.maximum(self.kinds, 1)).sum())
+
+
+class _Walk:
+    """Goes through the stages, and orders each pair of kind and state that it meets for the first time."""
+
+    def __init__(
+        self, window: int, keys: NDArray[np.int64], strength: Int32s, leaving: NDArray[np.int64]
+    ) -> None:
+        self.window = window
+        self.key_kind, self.key_place = keys // window**2, keys % window**2
+        self.strength = strength
+        self.leaving_kind, self.leaving_slot = leaving // window, (leaving % window).astype(np.int32)
+        self.plans: list[_StagePlan] = []
+        self.lists: list[Int32s] = []
+        self.listed = 0
+        self.states: list[NDArray[np.int8]] = []
+        self.known_states: dict[bytes, int] = {}
+        self._work = [np.zeros(window, dtype=np.int32) for _ in range(3)]
+
+    def all_stages(self, kind: NDArray[np.int64], top: Int32s) -> tuple[Int32s, Int32s]:
+        """Plan and state of each stage."""
+        state = self._state_number(np.zeros((self.window, self.window), dtype=np.int32))
+        steps: dict[tuple[int, int], tuple[int, int]] = {}
+        plan_of_stage, state_of_stage = (
+            np.empty(kind.size, dtype=np.int32),
+            np.empty(kind.size, dtype=np.int32),
+        )
+        for stage, stage_kind in enumerate(kind.tolist()):
+            step = steps.get((stage_kind, state))
+            if step is None:
+                step = steps[stage_kind, state] = self._step(stage_kind, state, int(top[stage]))
+            plan_of_stage[stage], state_of_stage[stage] = step[0], state
+            state = step[1]
+        return plan_of_stage, state_of_stage
+
+    def _state_number(self, pattern: Int32s) -> int:
+        content = pattern.astype(np.int8).tobytes()
+        number = self.known_states.setdefault(content, len(self.states))
+        if number == len(self.states):
+            self.states.append(pattern.astype(np.int8))
+        return number
+
+    def _step(self, kind: int, state: int, top: int) -> tuple[int, int]:
+        """Order a stage of some kind after some state; the plan's and the following state's number."""
+        window = self.window
+        pattern = self.states[state].astype(np.int32)
+        begin, end = np.searchsorted(self.key_kind, [kind, kind + 1])
+        rows, columns = np.divmod(self.key_place[begin:end], window)
+        pattern[rows, columns] = np.maximum(pattern[rows, columns], self.strength[begin:end])
+        pattern[columns, rows] = pattern[rows, columns]
+        begin, end = np.searchsorted(self.leaving_kind, [kind, kind + 1])
+        waiting = self.leaving_slot[begin:end].copy()
+        count = waiting.size
+        order, kinds = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
+        starts = np.empty(count + 1, dtype=np.int32)
+        lists = np.empty((count + 1) * top, dtype=np.int32)
+        flat = pattern.reshape(-1)
+        used = order_stage(
+            window, top, count, waiting, flat, *self._work, order, kinds, starts, lists.size, lists
+        )
+        self.plans.append(_StagePlan(order, kinds, starts[:-1] + self.listed, np.diff(starts)))
+        self.lists.append(lists[:used].copy())
+        self.listed += used
+        return len(self.plans) - 1, self._state_number(pattern)
+
+    def result(
+        self, staging: Staging, plan_of_stage: Int32s, state_of_stage: Int32s, has_diagonal: NDArray[np.bool_]
+    ) -> Plan:
+        """Everything by unknown."""
+        window = self.window
+        rank, kind, start, count = (np.zeros((len(self.plans), window), dtype=np.int32) for _ in range(4))
+        for number, plan in enumerate(self.plans):
+            rank[number, plan.slots] = np.arange(plan.slots.size)
+            kind[number, plan.slots] = plan.kinds
+            start[number, plan.slots] = plan.starts
+            count[number, plan.slots] = plan.counts
+        where = plan_of_stage[staging.stage], staging.slot
+        entries = [np.nonzero(np.tril(pattern)) for pattern in self.states]
+        nnz = np.array([plan.nnz for plan in self.plans], dtype=np.int64)
+        return Plan(
+            rank[where],
+            kind[where],
+            start[where],
+            count[where],
+            np.concatenate([*self.lists, np.zeros(1, dtype=np.int32)]),
+            state_of_stage,
+            np.cumsum([0, *(rows.size for rows, _ in entries)]).astype(np.int32),
+            np.concatenate([rows for rows, _ in entries]).astype(np.int32),
+            np.concatenate([columns for _, columns in entries]).astype(np.int32),
+            ~has_diagonal,
+            len(self.plans),
+            int(nnz[plan_of_stage].sum()),
+        )
