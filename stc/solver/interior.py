@@ -16,11 +16,12 @@ from stc.solver.active_set import Projection, newton_on_active_set
 from stc.solver.barrier_parameter import BarrierParameter
 from stc.solver.curvature import leave_saddle
 from stc.solver.formulation import Formulation
-from stc.solver.globalization import LineSearch
+from stc.solver.globalization import LineSearch, barrier_value
 from stc.solver.iterate import Iterate, errors_of, evaluate
 from stc.solver.monitor import Monitor
 from stc.solver.multipliers import least_squares_multipliers
 from stc.solver.newton_system import NewtonSystem, SingularSystem
+from stc.solver.nlp import Floats
 from stc.solver.options import Options
 from stc.solver.restoration import Acceptance, back_from, elastic_start
 from stc.solver.scaled_problem import ScaledProblem
@@ -31,6 +32,10 @@ __all__ = ["End", "Outcome", "optimise"]
 FINISH_BELOW = 1e-2
 STALLED_STEPS = 3
 ESCAPES = 5
+ACCEPTABLE = 1e-6
+PATIENCE = 15
+FEASIBLE = 0.01
+NOTICEABLE = 0.9
 SHORTEST = (0.02, 0.02, 0.0)
 
 
@@ -46,11 +51,22 @@ class End(Enum):
 
 @dataclass(slots=True)
 class Outcome:
-    """Where and why the loop ended; ``solution`` is set when Newton's method on the active set finished it."""
+    """Where and why the loop ended.
+
+    Attributes:
+        end: why.
+        form: the formulation that was solved.
+        x, y: the point, (n,) and (m,), in the formulation's scale.
+        error: KKT error there.
+        iterate: the last iterate of the barrier.
+    """
 
     end: End
+    form: Formulation
+    x: Floats
+    y: Floats
+    error: float
     iterate: Iterate
-    solution: Projection | None = None
 
 
 def optimise(
@@ -79,38 +95,41 @@ def optimise(
     barrier = BarrierParameter(form, mu, options.tolerance / 11.0, adaptive)
     search = LineSearch(form, it.theta)
     finish = _Finish(form, options, monitor)
+    nearest = _Nearest(form)
     step = length = 0.0
     stuck = False
     tiny_steps = 0
     escapes = 0
     while True:
         error = errors_of(form, it, 0.0).total
+        nearest.note(it, error)
         _record(form, it, monitor, error, step, length, barrier.mu, system.shift)
         if stop is not None and monitor.history and stop(form, it):
-            return Outcome(End.STOPPED, it)
+            return _outcome(form, End.STOPPED, it, error)
         if is_unbounded(form, it):
-            return Outcome(End.UNBOUNDED, it)
+            return _outcome(form, End.UNBOUNDED, it, error)
         done = finish.attempt(it, error)
         if done is not None:
-            return Outcome(End.CONVERGED, it, done)
+            return Outcome(End.CONVERGED, form, done.x, done.y, done.error, it)
         if error <= options.tolerance:
             if escapes < ESCAPES and leave_saddle(form, it, system, options.seed + escapes):
                 escapes += 1
                 tiny_steps = 0
                 stuck = False
                 monitor.count()
+                nearest = _Nearest(form)
                 search = LineSearch(form, it.theta)
                 barrier = BarrierParameter(form, barrier.mu, options.tolerance / 11.0, adaptive)
                 continue
-            return Outcome(End.CONVERGED, it)
-        if tiny_steps >= STALLED_STEPS:
-            return Outcome(End.STUCK, it)
+            return _outcome(form, End.CONVERGED, it, error)
+        if tiny_steps >= STALLED_STEPS or nearest.waiting >= PATIENCE:
+            return nearest.outcome(it)
 
         barrier.update(it, stuck)
         try:
             system.factorize(it, barrier.mu)
         except SingularSystem:
-            return Outcome(End.STUCK, it)
+            return nearest.outcome(it)
         before = it.w
         length = _advance(it, system, barrier, search)
         monitor.count()
@@ -121,11 +140,38 @@ def optimise(
             continue
         stuck = True
         if not isinstance(form, ScaledProblem):
-            return Outcome(End.STUCK, it)
-        restored = _restore(form, it, search, barrier, options, monitor)
-        if restored is not None:
-            return restored
+            return nearest.outcome(it)
+        lost = _restore(form, it, search, barrier, options, monitor)
+        if lost is End.STUCK:
+            return nearest.outcome(it)
+        if lost is not None:
+            return _outcome(form, lost, it, error)
         tiny_steps = 0
+
+
+def _outcome(form: Formulation, end: End, it: Iterate, error: float) -> Outcome:
+    return Outcome(end, form, it.w[: form.n], it.y, error, it)
+
+
+class _Nearest:
+    """The point with the smallest error so far, and how long nothing better has been found once it is small."""
+
+    def __init__(self, form: Formulation) -> None:
+        self._form = form
+        self.error = np.inf
+        self.waiting = 0
+        self._x = self._y = np.zeros(0)
+
+    def note(self, it: Iterate, error: float) -> None:
+        if error < NOTICEABLE * self.error:
+            self.waiting = 0
+        elif self.error <= ACCEPTABLE:
+            self.waiting += 1
+        if error < self.error:
+            self.error, self._x, self._y = error, it.w[: self._form.n], it.y
+
+    def outcome(self, it: Iterate) -> Outcome:
+        return Outcome(End.STUCK, self._form, self._x, self._y, self.error, it)
 
 
 def _advance(it: Iterate, system: NewtonSystem, barrier: BarrierParameter, search: LineSearch) -> float:
@@ -195,31 +241,31 @@ def _restore(
     barrier: BarrierParameter,
     options: Options,
     monitor: Monitor,
-) -> Outcome | None:
+) -> End | None:
     """Run the restoration phase from a point where no step was acceptable.
 
-    Returns None when the iteration can go on (``it`` is then the restored point), else how the solve ended.
+    ``it`` becomes the restored point.  Returns None when the iteration can go on there, else how it ends.
     """
-    if it.theta <= 0.01 * options.tolerance:
-        return Outcome(End.STUCK, it)
-    phi = it.f - barrier.mu * float(np.log(it.gap).sum())
-    search.filter.add(it.theta, phi)
+    if it.theta <= FEASIBLE * options.tolerance:
+        return End.STUCK
+    search.filter.add(it.theta, barrier_value(it.f, it.gap, barrier.mu))
     elastic, start, mu = elastic_start(form, it, barrier.mu)
     acceptance = Acceptance(elastic, search.filter, it.theta, barrier.mu)
     outcome = optimise(elastic, start, mu, options, monitor, stop=acceptance)
     w, z = back_from(elastic, outcome.iterate)
     restored = evaluate(form, w, np.zeros(form.m), z)
     if not np.isfinite(restored.theta + restored.f + restored.dual.sum()):
-        return Outcome(End.STUCK, it)
+        return End.STUCK
+    end: End | None = None
     if outcome.end is not End.STOPPED:
-        violation = form.user_view(w[: form.n], restored.f, restored.r)[2]
-        if outcome.end is End.CONVERGED and violation > options.feasibility_tolerance:
-            restored.y = outcome.iterate.y / elastic.price
-            return Outcome(End.STATIONARY_VIOLATION, restored)
-        if restored.theta > 0.99 * it.theta:
-            return Outcome(End.STUCK, it)
-    restored.y = least_squares_multipliers(form, restored)
-    again = evaluate(form, w, restored.y, z)
+        violation = form.violation(w[: form.n], restored.r)
+        minimal = outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE
+        if minimal and violation > options.feasibility_tolerance:
+            end = End.STATIONARY_VIOLATION
+        elif restored.theta > 0.99 * it.theta:
+            end = End.STUCK
+    y = outcome.y / elastic.price if end else least_squares_multipliers(form, restored)
+    restored = evaluate(form, w, y, z)
     for name in it.__slots__:
-        setattr(it, name, getattr(again, name))
-    return None
+        setattr(it, name, getattr(restored, name))
+    return end

@@ -27,7 +27,7 @@ class Options:
 
     tolerance: float = 1e-8
     feasibility_tolerance: float = 1e-6
-    unscaled_tolerance: float = 1e-5
+    unscaled_tolerance: float = 1e-6
     max_iterations: int = 3000
     time_limit: float = float("inf")
     scaling: bool = True

@@ -11,6 +11,8 @@ from stc.solver.scaled_problem import relative_violation
 
 __all__ = ["Assessment", "assess"]
 
+MEAN_MULTIPLIER = 100.0
+
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
@@ -19,7 +21,8 @@ class Assessment:
     Attributes:
         objective: its objective.
         violation: largest violation of a row or bound, each relative to ``max(1, |bound|)``.
-        optimality: largest of stationarity and complementarity, relative to the largest term in them.
+        optimality: largest of stationarity and complementarity, relative to the largest term in them
+            and to the mean multiplier.
         bound_multipliers: what balances the Lagrangian's gradient at active bounds, (n,).
     """
 
@@ -43,7 +46,8 @@ def assess(nlp: NLP, x: Floats, y: Floats, z: Floats | None = None) -> Assessmen
         room = np.where(lagrangian > 0.0, x - nlp.x_lower, nlp.x_upper - x)
         held = nlp.x_lower == nlp.x_upper
         z = np.where(held | (np.maximum(room, 0.0) < np.abs(lagrangian)), -lagrangian, 0.0)
-    size = max(1.0, _largest(gradient), _largest(terms), _largest(z))
+    mean = (float(np.abs(y).sum()) + float(np.abs(z).sum())) / max(1, nlp.m + nlp.n)
+    size = max(1.0, _largest(gradient), _largest(terms), _largest(z), mean / MEAN_MULTIPLIER)
     stationarity = _largest(lagrangian + z)
     slack_x = np.where(z > 0.0, nlp.x_upper - x, x - nlp.x_lower)
     slack_r = np.where(y > 0.0, nlp.row_upper - r, r - nlp.row_lower)

@@ -136,6 +136,10 @@ class ScaledProblem(Formulation):
     def user_view(self, x: Floats, f: float, r: Floats) -> tuple[Floats, float, float]:
         return x * self.x_scale, f / self.objective_scale, self.violation(x, r)
 
+    def user_point(self, x: Floats) -> Floats:
+        """Variables as stated, moved onto the bounds that the relaxation let them pass, (n,)."""
+        return np.clip(x * self.x_scale, self.nlp.x_lower, self.nlp.x_upper)
+
     def user_multipliers(self, y: Floats) -> Floats:
         """Multipliers of the rows as stated, (m,)."""
         return y * self.row_scale / self.objective_scale

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from stc.solver.active_set import newton_on_active_set
-from stc.solver.interior import End, Outcome, optimise
+from stc.solver.interior import ACCEPTABLE, End, Outcome, optimise
 from stc.solver.iterate import Iterate, evaluate, push_inside
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.multipliers import least_squares_multipliers
@@ -19,6 +20,10 @@ from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.status import Status, advice, sentence
 
 __all__ = ["minimize"]
+
+PERTURBATION = 0.1
+RESCALINGS = 3
+UNCHANGED = 1e-9
 
 
 def minimize(
@@ -44,6 +49,14 @@ def minimize(
     options = options or Options()
     with np.errstate(all="ignore"):
         return _Solve(nlp, options, callback, start, new_kkt).run()
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """Variables (n,) and row multipliers (m,) of the problem as stated."""
+
+    x: Floats
+    y: Floats
 
 
 class _Solve:
@@ -85,40 +98,95 @@ class _Solve:
             return self._best(Status.INTERRUPTED)
 
     def _solve(self, x0: Floats) -> Result:
-        options, monitor = self.options, self.monitor
+        options = self.options
         form = self.form = ScaledProblem(self.nlp, x0, options, self.new_kkt)
         if options.warm_start and self.start.row_multipliers is not None:
             y = form.scaled_multipliers(self.start.row_multipliers)
             point, solved = newton_on_active_set(
-                form, x0 / form.x_scale, y, monitor, steps=12, tolerance=options.tolerance, patience=3
+                form, x0 / form.x_scale, y, self.monitor, steps=12, tolerance=options.tolerance, patience=3
             )
             if solved and point is not None:
-                return self._finished(point.x, point.y)
-        return self._conclude(self._barrier(form, x0, options.initial_barrier, adaptive=True))
+                return self._result(Status.OPTIMAL, form.user_point(point.x), form.user_multipliers(point.y))
+        outcome = self._settle(self._barrier(form, x0, adaptive=True))
+        for attempt in range(options.retries):
+            if outcome.end in (End.CONVERGED, End.UNBOUNDED):
+                break
+            if outcome.end is End.STATIONARY_VIOLATION and form.linear:
+                break
+            x_other = x0 if attempt == 0 else self._perturbed(form, x0, attempt)
+            other = self._settle(self._barrier(form, x_other, adaptive=attempt > 0))
+            outcome = self._better(outcome, other)
+        return self._conclude(outcome)
 
-    def _barrier(self, form: ScaledProblem, x0: Floats, mu: float, adaptive: bool) -> Outcome:
+    def _barrier(self, form: ScaledProblem, x0: Floats, adaptive: bool) -> Outcome:
         it = first_iterate(form, x0)
-        return optimise(form, it, mu, self.options, self.monitor, adaptive=adaptive)
+        return optimise(form, it, self.options.initial_barrier, self.options, self.monitor, adaptive=adaptive)
+
+    def _perturbed(self, form: ScaledProblem, x0: Floats, attempt: int) -> Floats:
+        """A start near ``x0``, moved at random by a tenth of each variable's size."""
+        noise = np.random.default_rng(self.options.seed + attempt).uniform(-1.0, 1.0, x0.size)
+        moved = x0 + PERTURBATION * noise * np.maximum(np.abs(x0), form.x_scale)
+        moved = np.clip(moved, self.nlp.x_lower, self.nlp.x_upper)
+        f, r = self.nlp.values(moved)
+        return moved if np.isfinite(f + r.sum()) else x0
+
+    def _settle(self, outcome: Outcome) -> Outcome:
+        """Hold a solution against the problem as stated; where it fails there, scale anew at it and go on.
+
+        A point where the iteration stalled counts as a solution when the problem as stated confirms it, or when
+        neither scaling could improve on it by more than rounding error.
+        """
+        before: float | None = None
+        for _ in range(RESCALINGS):
+            if outcome.end not in (End.CONVERGED, End.STUCK):
+                return outcome
+            point = self._stated(outcome)
+            if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
+                judged = assess(self.nlp, point.x, point.y)
+                feasible = judged.violation <= self.options.feasibility_tolerance
+                stationary = judged.optimality <= self.options.unscaled_tolerance
+                if feasible and stationary:
+                    outcome.end = End.CONVERGED
+                    return outcome
+            if outcome.end is End.STUCK:
+                f = self.nlp.values(point.x)[0]
+                if before is not None and abs(f - before) <= UNCHANGED * max(1.0, abs(f)):
+                    outcome.end = End.CONVERGED
+                return outcome
+            before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None
+            kkt = outcome.form.kkt
+            form = self.form = ScaledProblem(self.nlp, point.x, self.options, lambda *_, kkt=kkt: kkt)
+            outcome = self._barrier(form, point.x, adaptive=True)
+        if outcome.end is End.CONVERGED:
+            outcome.end = End.STUCK
+        return outcome
+
+    def _stated(self, outcome: Outcome) -> _Point:
+        """The outcome's point and row multipliers for the problem as stated."""
+        form = outcome.form
+        assert isinstance(form, ScaledProblem)
+        return _Point(form.user_point(outcome.x), form.user_multipliers(outcome.y))
+
+    def _better(self, one: Outcome, other: Outcome) -> Outcome:
+        """The outcome that says more; of two equal ones that with the smaller violation."""
+        if other.end in (End.CONVERGED, End.UNBOUNDED):
+            return other
+        if one.end is not other.end:
+            return one if one.end is End.STATIONARY_VIOLATION else other
+        points = [self._stated(o) for o in (one, other)]
+        violations = [assess(self.nlp, p.x, p.y).violation for p in points]
+        return one if violations[0] <= violations[1] else other
 
     def _conclude(self, outcome: Outcome) -> Result:
-        form = self.form
-        assert form is not None
-        if outcome.solution is not None:
-            return self._finished(outcome.solution.x, outcome.solution.y)
-        x, y = outcome.iterate.w[: form.n], outcome.iterate.y
+        point = self._stated(outcome)
         if outcome.end is End.CONVERGED:
-            return self._finished(x, y)
+            return self._result(Status.OPTIMAL, point.x, point.y)
         if outcome.end is End.UNBOUNDED:
-            return self._result(Status.UNBOUNDED, x * form.x_scale, form.user_multipliers(y))
+            return self._result(Status.UNBOUNDED, point.x, point.y)
         if outcome.end is End.STATIONARY_VIOLATION:
-            return self._result(Status.INFEASIBLE, x * form.x_scale, y * form.row_scale)
+            assert isinstance(outcome.form, ScaledProblem)
+            return self._result(Status.INFEASIBLE, point.x, outcome.y * outcome.form.row_scale)
         return self._best(Status.FAILED)
-
-    def _finished(self, x: Floats, y: Floats) -> Result:
-        form = self.form
-        assert form is not None
-        x_user = np.clip(x * form.x_scale, self.nlp.x_lower, self.nlp.x_upper)
-        return self._result(Status.OPTIMAL, x_user, form.user_multipliers(y))
 
     def _best(self, status: Status) -> Result:
         best = self.monitor.best
@@ -131,8 +199,6 @@ class _Solve:
         nlp = self.nlp
         y = np.zeros(nlp.m) if y is None else y
         report = assess(nlp, x, y)
-        if status is Status.OPTIMAL and nlp.n and report.violation > self.options.feasibility_tolerance:
-            status = Status.FAILED
         last = self.monitor.history[-1].optimality if self.monitor.history else report.optimality
         text = message or f"{sentence(status)} {advice(status)}".strip()
         return Result(

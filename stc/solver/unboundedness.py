@@ -6,22 +6,24 @@ import numpy as np
 
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
+from stc.solver.nlp import Floats
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["is_unbounded"]
 
 FAR = 1e7
-LOW = -1e25
+LOW = -1e20
+LOW_WHEN_FAR = -1e15
 RAY = (10.0, 100.0, 1000.0)
-ROUNDING = 1e-12
 FEASIBLE = 1e-6
+RELATIVE = 1e-8
 
 
 def is_unbounded(form: Formulation, it: Iterate) -> bool:
     """True when the objective is below any sensible value, or keeps falling along the ray through a far iterate.
 
-    Both the iterate and the points tried on the ray have to be feasible, up to the rounding errors of numbers of
-    their size.
+    Both the iterate and the points tried on the ray have to be feasible, relative to the size of the terms in
+    each row.
     """
     if not isinstance(form, ScaledProblem):
         return False
@@ -29,18 +31,27 @@ def is_unbounded(form: Formulation, it: Iterate) -> bool:
     size = float(np.abs(x).max(initial=0.0))
     if it.f > -1.0 or not (size > FAR or it.f < LOW):
         return False
-    if form.violation(x, it.r) > FEASIBLE + ROUNDING * size:
+    if not _feasible(form, x, it.r):
         return False
-    if it.f < LOW:
+    if it.f < (LOW_WHEN_FAR if size > FAR else LOW):
         return True
     last = it.f
     direction = np.where(np.abs(x) > 1e-4 * size, x, 0.0)
     for factor in RAY:
         beyond = x + (factor - 1.0) * direction
         f, r = form.values(beyond)
-        if not np.isfinite(f) or f > last - 0.5 * abs(last):
-            return False
-        if form.violation(beyond, r) > FEASIBLE + ROUNDING * factor * size:
+        if not np.isfinite(f) or f > last - 0.5 * abs(last) or not _feasible(form, beyond, r):
             return False
         last = f
     return True
+
+
+def _feasible(form: ScaledProblem, x: Floats, r: Floats) -> bool:
+    _, jac, _ = form.derivatives(x, np.zeros(form.m))
+    terms = np.abs(jac * x[form.jac_cols])
+    size = np.bincount(form.jac_rows, weights=terms, minlength=form.m)
+    lower, upper = form.true_rows
+    off = np.maximum(np.maximum(lower - r, r - upper), 0.0)
+    x_lower, x_upper = form.true_x
+    off_x = np.maximum(np.maximum(x_lower - x, x - x_upper), 0.0)
+    return bool(np.all(off <= FEASIBLE + RELATIVE * size) and np.all(off_x <= FEASIBLE + RELATIVE * np.abs(x)))
