@@ -72,7 +72,11 @@ def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     """Read a spec as far as its nonlinear program, and tell its sizes."""
     model = load(spec, options)
     problem, transcription = model.transcription(options.method)
+    # Evaluating everything once at the starting point finds what the text alone does not show.
+    contradictions = [one.message for one in transcription.bind(problem.constants).contradictions]
     console.warn(problem.warnings)
+    for message in contradictions:
+        console.note(f"infeasible: {message}")
     sizes = {
         "variables": transcription.program.size,
         "rows": transcription.program.row_count,
@@ -83,14 +87,20 @@ def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
         facts = {"name": model.name, "method": problem.method, "n": problem.n, **sizes}
         warnings = record.of_diagnostics(problem.warnings)
         record.write(
-            {**record.blank("ok"), **facts, "constants": dict(problem.constants), "warnings": warnings}
+            {
+                **record.blank("ok"),
+                **facts,
+                "constants": dict(problem.constants),
+                "warnings": warnings,
+                "contradictions": contradictions,
+            }
         )
         return GOOD
     rows = [
         ("unknowns", f"{len(problem.variables)} variables a frame, {len(problem.parameters)} parameters"),
         ("size", f"{sizes['variables']} variables, {sizes['rows']} rows"),
         ("nonzeros", f"{sizes['jacobian']} in the Jacobian, {sizes['hessian']} in the Hessian's lower half"),
-        ("warnings", str(len(problem.warnings))),
+        ("warnings", str(len(problem.warnings) + len(contradictions))),
     ]
     console.print_table(f"{model.name}, {problem.method}, n = {problem.n}: no mistakes", rows)
     return GOOD

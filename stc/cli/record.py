@@ -89,7 +89,7 @@ def of_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Record]:
 
 def write(record: Record) -> None:
     """Print a record as one line of standard output."""
-    sys.stdout.write(json.dumps(finite(record), allow_nan=False, ensure_ascii=False) + "\n")
+    sys.stdout.write(json.dumps(finite(record), allow_nan=False) + "\n")
     sys.stdout.flush()
 
 

@@ -1,0 +1,90 @@
+"""What the documentation shows is what happens."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from pathlib import Path
+
+import pytest
+
+import stc
+from stc.cli import run
+
+ROOT = Path(__file__).parent.parent
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def blocks(page: str, language: str = "") -> list[str]:
+    """The fenced blocks of a page in a language."""
+    found = re.findall(r"^```(\w*)\n(.*?)^```$", (ROOT / page).read_text(), re.MULTILINE | re.DOTALL)
+    return [text for name, text in found if name == language]
+
+
+def whole_specs() -> list[str]:
+    """The blocks that are whole specs."""
+    return [
+        block
+        for page in PAGES
+        for block in blocks(str(page))
+        if "constants:" in block and "variables:" in block
+    ]
+
+
+@pytest.mark.parametrize("spec", whole_specs(), ids=lambda spec: spec.strip().splitlines()[0])
+def test_whole_specs_solve(spec: str) -> None:
+    model = stc.load(spec)
+    assert model.solve().status == "optimal"
+    assert not model.warnings
+
+
+def test_commands_of_the_readme_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["new", "myspec"]) == 0
+    lines = re.findall(r"^    stc (.*?)(?:  +#.*)?$", (ROOT / "README.md").read_text(), re.MULTILINE)
+    assert len(lines) > 5
+    for line in lines:
+        assert run(line.split()) == 0, line
+
+
+def test_python_of_the_readme_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    (block,) = blocks("README.md", "python")
+    exec(block, names)
+    assert names["report"].passed  # type: ignore[attr-defined]
+    assert names["moon"].status == "optimal"  # type: ignore[attr-defined]
+
+
+def test_the_mistake_in_the_readme_is_reported_like_that(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    head = "constants: n = 10, m = 1;\nvariables: x, fx;\nobjective: integral(fx^2);\nconstraints:\n"
+    Path("hop.stc").write_text(head + "\n" * (13 - head.count("\n")) + "    m*x'' - fxx;\n")
+    with pytest.raises(stc.SpecError) as caught:
+        stc.load("hop.stc").solve()
+    shown = [block for block in blocks("README.md") if block.startswith("hop.stc:")]
+    assert shown == [f"{caught.value}\n"]
+
+
+def test_the_docstring_of_the_package_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert stc.__doc__ is not None
+    code = re.search(r"^    import stc\n.*?\n(?=\S)", stc.__doc__, re.MULTILINE | re.DOTALL)
+    assert code is not None
+    exec(textwrap.dedent(code.group()), {})
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)", page.read_text()):
+        if "://" not in target:
+            assert (page.parent / target).exists(), target
+
+
+def test_every_stage_is_named_in_the_readme() -> None:
+    from stc.cli.stages import STAGES
+
+    text = (ROOT / "README.md").read_text()
+    assert ", ".join(STAGES) in text
