@@ -29,6 +29,7 @@ class Constants:
         self.table = table
         self.diagnostics = diagnostics
         self.damaged = damaged
+        self.reported: set[str] = set()  # undeclared names that have been noted: once each is enough
         self.values: dict[str, float | None] = {}
         self.needs: dict[str, list[str]] = {}
         self._check_overrides(overrides)
@@ -127,8 +128,9 @@ class Constants:
     def undeclared(self, node: syntax.Name, candidates: Iterable[str] | None = None) -> NotANumber | Unknown:
         """The exception for a name that nothing declares."""
         name = node.name
-        if name in self.damaged or name == "?":
+        if name in self.damaged or name in self.reported or name == "?":
             return Unknown()
+        self.reported.add(name)
         if name == "n":
             message = "`n`, the number of the last frame, has no value"
             return NotANumber(

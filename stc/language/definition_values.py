@@ -14,6 +14,7 @@ from stc.problem import (
     ConstantRef,
     DefinitionPiece,
     DefinitionRef,
+    FrameRange,
     IndexRef,
     ParameterRef,
     TimeRef,
@@ -66,8 +67,13 @@ def work_out_step(context: Context) -> Expr:
     if kind == "definition":
         formulas = context.definitions.formulas["h"]
         node: syntax.Node = formulas[0].name
+        steps = FrameRange(0, max(context.n - 1, 0))
         if "h" in builder.macros:
-            pieces = [DefinitionPiece(builder.macros["h"], context.everywhere, context.span(node))]
+            parts = context.by_piece(builder.macros["h"], steps, node)
+            pieces = [DefinitionPiece(body, where, context.span(node)) for where, body in parts]
+            if any(isinstance(k, DefinitionRef) for k in symbols(builder.macros["h"])):
+                # one formula of definitions that differ between frames: so does the step
+                builder.rename_as_pieces("h", pieces)
         elif "h" in builder.pieces:
             pieces = builder.pieces["h"]
             written_out: list[DefinitionPiece] = []

@@ -91,6 +91,8 @@ class Run:
 
 def runs(pieces: Sequence[DefinitionPiece], first: int, last: int) -> list[Run]:
     """Which piece holds on the frames ``first..last``; of overlapping pieces the later one."""
+    if first > last:
+        return []
     edges = {first, last + 1}
     for piece in pieces:
         for edge in (piece.range.first, piece.range.last + 1):

@@ -81,8 +81,11 @@ def nearest_name(name: str, candidates: Iterable[str]) -> str | None:
             score = edit_distance(name.lower(), candidate.lower())
             if score > limit or score >= max(len(name), len(candidate)):
                 continue
-            # slips keep the first letter more often than not
-            score += 0.2 * (candidate[0] != name[0])
+            if len(candidate) == 1 and name != 2 * candidate:
+                continue  # everything of two letters is one slip from a name of one letter
+            # the later in the word the slip, the likelier
+            same = next((k for k, (x, y) in enumerate(zip(name, candidate)) if x != y), len(candidate))
+            score -= 0.01 * same
         if score < best_score:
             best, best_score = candidate, score
     return best

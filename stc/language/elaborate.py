@@ -135,6 +135,7 @@ class _Elaborator(Context):
 
     def _jumps(self) -> list[Jump]:
         found: dict[tuple[int, str, int], Jump] = {}
+        told = False
         for block in self.tree.blocks("jumps"):
             where = self.range(block)
             for statement in block.statements:
@@ -143,7 +144,8 @@ class _Elaborator(Context):
                 if block.header is None:
                     hint = "put the frame into a range header before it, as in `[20]: tau;`"
                     self.error(statement, "a jump needs a frame", hint)
-                elif self.method == "central":
+                elif self.method == "central" and not told:
+                    told = True
                     hint = "choose `method: trapezoidal;` or `method: hermite-simpson;`"
                     self.error(block.header, "the method `central` knows no jumps", hint)
                 for quantity in statement.quantities:

@@ -256,4 +256,8 @@ class ExpressionParser:
         if self.kind in OPERAND_STARTS:
             self.fail_after_operand(f"`{closing}`")
         hint = f"to close the `{opened}`{where}"
+        if self.kind in RELATIONS:
+            hint = "a relation is a statement of its own; it has no value"
+        elif self.kind == "," and opened == "[":
+            hint = "an index is one number; a range header is `[a, b]:`, with a `:` at its end"
         raise self.fail(f"expected an operator or `{closing}`, found {self.described()}", hint)

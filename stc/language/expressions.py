@@ -83,7 +83,6 @@ class ExpressionBuilder:
         self.integral_definitions: set[str] = set()
         self._leaves: dict[str, Expr] = {"pi": PI, "t": TIME, "i": INDEX}
         self._derivatives: dict[Expr, Expr] = {}
-        self._reported: set[str] = set()
         self._build: dict[type, Callable[[Any], Expr]] = {
             syntax.Number: self._number,
             syntax.Name: self._name,
@@ -105,6 +104,12 @@ class ExpressionBuilder:
         self.diagnostics.error(message, node.start, node.end, hint)
         self.poisoned = True
         return UNKNOWN
+
+    def rename_as_pieces(self, name: str, pieces: list[DefinitionPiece]) -> None:
+        """From now on a definition is known by its pieces, no longer by one value."""
+        del self.macros[name]
+        self.pieces[name] = pieces
+        self._leaves.pop(name, None)
 
     # ----------------------------------------------------------------- leaves
 
@@ -153,8 +158,8 @@ class ExpressionBuilder:
             return self.fail(node, "`inf` may only stand alone, as a bound", hint)
         if name in FUNCTIONS or name in OPERATORS:
             return self.fail(node, f"the function `{name}` has no arguments", f"write `{name}(...)`")
-        if name not in self._reported and name not in self.constants.damaged and name != "n":
-            self._reported.add(name)
+        if name not in self.constants.reported and name not in self.constants.damaged and name != "n":
+            self.constants.reported.add(name)
             known = [*self.table.entries, *RESERVED, "n", "h"]
             hint = did_you_mean(name, known) or "declare it under `constants:`, `variables:` or `parameters:`"
             return self.fail(node, f"`{name}` is not declared", hint)
@@ -230,7 +235,9 @@ class ExpressionBuilder:
             return self.fail(node, what, hint)
         hint = FUNCTION_ADVICE.get(function) or did_you_mean(function, [*FUNCTIONS, *OPERATORS])
         return self.fail(
-            node, f"there is no function `{function}`", hint or f"functions are {', '.join(FUNCTIONS)}"
+            syntax.Name(node.start, node.start + len(function), function),
+            f"there is no function `{function}`",
+            hint or f"functions are {', '.join(FUNCTIONS)}",
         )
 
     # ------------------------------------------------- sides, primes, indices

@@ -100,7 +100,8 @@ def _applied(node: syntax.Expression, name: str, function: Callable[..., float],
     except (ValueError, ZeroDivisionError):
         shown = ", ".join(f"{argument:g}" for argument in arguments)
         if name == "^":
-            shown = f"{arguments[0]:g}^{arguments[1]:g}"
+            base = f"{arguments[0]:g}" if arguments[0] >= 0 else f"({arguments[0]:g})"
+            shown = f"{base}^{arguments[1]:g}"
             raise NotANumber(node, f"{shown} is not a real number") from None
         raise NotANumber(node, f"{name}({shown}) is not a real number") from None
     except OverflowError:

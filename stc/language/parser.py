@@ -175,10 +175,9 @@ class _Parser(ExpressionParser):
                 self.advance()
                 last = self.expression()
             if self.kind != "]":
-                found = self.described()
-                raise self.fail(
-                    f"expected `,` or `]` in a range header, found {found}", "a range is `[a, b]:` or `[k]:`"
-                )
+                wanted = "`,` or `]`" if last is None else "`]`"
+                message = f"expected {wanted} in a range header, found {self.described()}"
+                raise self.fail(message, "a range is `[a, b]:` or `[k]:`")
         except Misread:
             # the header is lost, the statements under it are not: nothing is assumed about their frames
             self.depth = 0
@@ -296,11 +295,12 @@ class _Parser(ExpressionParser):
 
     def method_statement(self, into: list[syntax.Statement]) -> None:
         start = self.starts[self.at]
-        words = [self.name(f"a method ({', '.join(METHODS)})").name]
-        while self.kind == "-":
+        text = self.name(f"a method ({', '.join(METHODS)})").name
+        while self.kind == "-" or (self.kind == "name" and not self.section_head_at(self.at)):
+            joined = self.kind == "-" or self.kinds[self.at - 1] == "-"
+            text += self.token_text(self.at) if joined else f" {self.token_text(self.at)}"
             self.advance()
-            words.append(self.name("the rest of the method's name").name)
-        found = syntax.MethodChoice(start, self.ends[self.at - 1], "-".join(words))
+        found = syntax.MethodChoice(start, self.ends[self.at - 1], text)
         self.end_statement("the method")
         into.append(found)
 
