@@ -25,6 +25,7 @@ SUPERLINEAR_DECREASE = 1.5
 MARGIN = 1e-5
 HELD_FRACTION = 0.8
 LARGEST_GROWTH = 1e3
+ERROR_FRACTION = 1e-5
 CENTRING = np.array(
     [1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0]
 )
@@ -98,11 +99,13 @@ class BarrierParameter:
             return system.step(it, it.z, it.c)
         if not self.free:
             return system.step(it, self.mu / it.gap, it.c)
-        affine = system.step(it, np.zeros(self.form.gaps), it.c)
-        average = float(it.gap @ it.z) / self.form.gaps
+        form = self.form
+        affine = system.step(it, np.zeros(form.gaps), it.c)
+        average = float(it.gap @ it.z) / form.gaps
         centring = system.centring(average / it.gap)
         sigma = self._best_centring(it, affine, centring, average)
-        self._set(float(np.clip(sigma * average, self.smallest, self._largest)))
+        floor = max(self.smallest, ERROR_FRACTION * min(1.0, errors_of(form, it, 0.0).total))
+        self._set(float(np.clip(sigma * average, floor, max(floor, self._largest))))
         self.changed = True
         sigma = self.mu / average
         return (

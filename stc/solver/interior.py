@@ -111,7 +111,8 @@ def optimise(
         done = finish.attempt(it, error)
         if done is not None:
             return Outcome(End.CONVERGED, form, done.x, done.y, done.error, it)
-        if error <= options.tolerance:
+        converged = error <= options.tolerance
+        if converged or tiny_steps >= STALLED_STEPS or nearest.waiting >= PATIENCE:
             if escapes < ESCAPES and leave_saddle(form, it, system, options.seed + escapes):
                 escapes += 1
                 tiny_steps = 0
@@ -121,9 +122,7 @@ def optimise(
                 search = LineSearch(form, it.theta)
                 barrier = BarrierParameter(form, barrier.mu, options.tolerance / 11.0, adaptive)
                 continue
-            return _outcome(form, End.CONVERGED, it, error)
-        if tiny_steps >= STALLED_STEPS or nearest.waiting >= PATIENCE:
-            return nearest.outcome(it)
+            return _outcome(form, End.CONVERGED, it, error) if converged else nearest.outcome(it)
 
         barrier.update(it, stuck)
         try:
