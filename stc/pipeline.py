@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.bundled import find_spec
-from stc.errors import Diagnostic, Source, UsageError
+from stc.errors import Diagnostic, Source, SpecError, UsageError
+from stc.language import read_problem
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.problem import Problem, VariableRef
@@ -234,10 +236,19 @@ class Model:
         self.source = source
         self.name = Path(source.path).stem if source.path else "text"
         self.overrides = dict(overrides or {})
-        self.tree: SpecTree = parse(source)
+        self.tree: SpecTree = self._parsed()
         self._parse_seconds = time.perf_counter() - begin
         self.warnings: tuple[Diagnostic, ...] = ()
         self._transcriptions: dict[object, Transcription] = {}
+
+    def _parsed(self) -> SpecTree:
+        try:
+            return parse(self.source)
+        except SpecError:
+            # What could be read has mistakes of meaning perhaps: tell all of them in one run.
+            with suppress(UsageError):
+                read_problem(self.source, self.overrides)
+            raise
 
     @property
     def text(self) -> str:

@@ -268,10 +268,11 @@ def test_mistakes_get_a_message_and_exit_2(stc_: Stc, words: list[str], expected
 
 
 def test_mistakes_in_a_spec_have_their_places(stc_: Stc) -> None:
+    # A name that nothing declares, and a line that cannot be read: both are told in one run.
     Path("wrong.stc").write_text("constants: n = 0;\nvariables: x;\nconstraints:\n  x = yy;\n  x + = 2;\n")
     status, out, err = stc_("solve", "wrong.stc", "--json")
     assert status == 2
-    assert re.search(r"wrong\.stc:\d+:\d+: error", err)
+    assert re.findall(r"wrong\.stc:(\d+):\d+: error", err) == ["4", "5"]
     assert "^" in err
     record = last_line(out)
     first = record["diagnostics"][0]
