@@ -1,9 +1,13 @@
-"""Symbolic differentiation: the derivative table, reverse-mode gradients, sparse Jacobians and Hessians.
+"""Symbolic differentiation: the derivative table, gradients, sparse Jacobians and Hessians.
 
 Every derivative shares its subexpressions with the function and with the other derivatives, because nodes are
-interned.  Gradients are accumulated in reverse (Griewank & Walther, Evaluating Derivatives, 2nd ed., section
-3.2): the cost of a whole gradient is a small multiple of that of the function, whatever the number of
-variables.
+interned.  There are two ways through the same table (Griewank & Walther, Evaluating Derivatives, 2nd ed.,
+chapter 3), and their values agree up to rounding while their operations differ:
+
+- in reverse, adjoints are accumulated from a result to the symbols: one sweep per row, a whole gradient for
+  a small multiple of the cost of the function;
+- forward, tangents are carried from a symbol to the results: one sweep per column, over the nodes that depend
+  on it.  Rows built from one another, as in recursions along a chain of bodies, share their tangents.
 """
 
 from __future__ import annotations
@@ -11,11 +15,14 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any, Final
 
+from stc.symbolic.counting import shared_ops
 from stc.symbolic.node import ONE, ZERO, Expr, add, call, div, mul, neg, num, pow_, sub
 from stc.symbolic.rules import collect
 from stc.symbolic.traverse import reachable, symbols
 
 Key = Hashable
+Entries = dict[tuple[int, int], Expr]
+"""A sparse matrix: nonzero entries by (row, column), in ascending order."""
 
 
 def _square(e: Expr) -> Expr:
@@ -27,8 +34,8 @@ def _pow_by_base(s: Expr, f: Expr, a: Expr, b: Expr) -> Expr:
     return mul(s, mul(b, pow_(a, sub(b, ONE))))
 
 
-# Each entry takes the seed s (the derivative of the result by f), f itself and its operands, and gives s *
-# df/d(operand).
+# Each entry takes the seed s, the operator's result f and its operands, and gives s * df/d(operand): in reverse
+# the seed is the adjoint of f, forward it is the tangent of the operand.
 BY_ARGUMENT: Final[dict[str, tuple[Callable[..., Expr], ...]]] = {
     "add": (lambda s, f, a, b: s, lambda s, f, a, b: s),
     "sub": (lambda s, f, a, b: s, lambda s, f, a, b: neg(s)),
@@ -96,8 +103,70 @@ def _adjoints(e: Expr, keys: frozenset[Key]) -> dict[Expr, Expr]:
     return leaves
 
 
+def _by_rows(exprs: Sequence[Expr], keys: Sequence[Key]) -> Entries:
+    """The Jacobian by one reverse sweep per row."""
+    column = {key: col for col, key in enumerate(keys)}
+    wanted = frozenset(keys)
+    entries: Entries = {}
+    for row, e in enumerate(exprs):
+        found = [(column[node.payload], seed) for node, seed in _adjoints(e, wanted).items()]
+        for col, seed in sorted(found, key=lambda entry: entry[0]):
+            entries[row, col] = seed
+    return entries
+
+
+def _by_columns(exprs: Sequence[Expr], keys: Sequence[Key], triangle: bool = False) -> Entries:
+    """The Jacobian by one forward sweep per column; its lower triangle alone if so wanted."""
+    nodes = reachable(exprs)
+    bit = {key: 1 << col for col, key in enumerate(keys)}
+    depends: dict[Expr, int] = {}
+    for node in nodes:
+        mask = bit.get(node.payload, 0) if node.op == "sym" else 0
+        for arg in node.args:
+            mask |= depends[arg]
+        depends[node] = mask
+    last_row: dict[Expr, int] = {}
+    if triangle:
+        last_row = {e: row for row, e in enumerate(exprs)}
+        for node in reversed(nodes):
+            row = last_row[node]
+            for arg in node.args:
+                if last_row.get(arg, -1) < row:
+                    last_row[arg] = row
+    steps = [
+        (node, depends[node], last_row.get(node, 0), node.args, BY_ARGUMENT.get(node.op, ()))
+        for node in nodes
+        if depends[node]
+    ]
+    entries: Entries = {}
+    for col, key in enumerate(keys):
+        mask = bit[key]
+        first = col if triangle else 0
+        tangent: dict[Expr, Expr] = {}
+        for node, mine, row, args, rules in steps:
+            if not mine & mask or row < first:
+                continue
+            if not args:
+                tangent[node] = ONE
+                continue
+            seed = tangent.get(args[0])
+            slope = ZERO if seed is None else rules[0](seed, node, *args)
+            if len(args) == 2:
+                seed = tangent.get(args[1])
+                if seed is not None:
+                    part = rules[1](seed, node, *args)
+                    slope = part if slope is ZERO else add(slope, part)
+            if slope is not ZERO:
+                tangent[node] = slope
+        for row in range(first, len(exprs)):
+            seed = tangent.get(exprs[row])
+            if seed is not None:
+                entries[row, col] = seed
+    return dict(sorted(entries.items(), key=lambda entry: entry[0]))
+
+
 def gradient(e: Expr, keys: Sequence[Key]) -> list[Expr]:
-    """The partial derivatives of ``e`` by each key, in the order of ``keys`` (reverse mode, one sweep)."""
+    """The partial derivatives of ``e`` by each key, in the order of ``keys`` (one reverse sweep)."""
     leaves = {node.payload: seed for node, seed in _adjoints(e, frozenset(keys)).items()}
     return [leaves.get(key, ZERO) for key in keys]
 
@@ -107,34 +176,33 @@ def derivative(e: Expr, key: Key) -> Expr:
     return gradient(e, [key])[0]
 
 
-def jacobian(exprs: Sequence[Expr], keys: Sequence[Key]) -> dict[tuple[int, int], Expr]:
-    """The nonzero partial derivatives ``(row, col) -> d exprs[row] / d keys[col]``, by row, then column."""
-    column = {key: col for col, key in enumerate(keys)}
-    wanted = frozenset(column)
-    entries: dict[tuple[int, int], Expr] = {}
-    for row, e in enumerate(exprs):
-        found = sorted(
-            (column[node.payload], seed) for node, seed in _adjoints(e, wanted).items() if seed is not ZERO
-        )
-        for col, seed in found:
-            entries[row, col] = seed
-    return entries
+def jacobian(exprs: Sequence[Expr], keys: Sequence[Key]) -> Entries:
+    """The nonzero partial derivatives ``(row, col) -> d exprs[row] / d keys[col]``, by row, then column.
 
-
-def hessian(e: Expr, keys: Sequence[Key]) -> dict[tuple[int, int], Expr]:
-    """The nonzero second partial derivatives in the lower triangle: ``(i, j)``, i >= j, ordered by row, then
-    column.
-
-    The gradient by reverse mode, then the gradient of each of its entries.
+    By rows or by columns, whichever takes fewer operations together with the expressions.
     """
-    slopes = gradient(e, keys)
-    entries: dict[tuple[int, int], Expr] = {}
-    for i, slope in enumerate(slopes):
-        lower = keys[: i + 1]
-        for j, second in enumerate(gradient(slope, lower)):
-            if second is not ZERO:
-                entries[i, j] = second
-    return entries
+    candidates = (_by_rows(exprs, keys), _by_columns(exprs, keys))
+    return min(candidates, key=lambda entries: shared_ops([*exprs, *entries.values()]))
+
+
+def hessian(e: Expr, keys: Sequence[Key]) -> Entries:
+    """The nonzero second partial derivatives in the lower triangle: ``(i, j)``, i >= j, by row, then column.
+
+    The gradient by reverse mode, then its derivatives by columns: each takes the cost of a row, since the
+    matrix is symmetric, but columns share more of their tangents.
+    """
+    return _by_columns(gradient(e, keys), keys, triangle=True)
+
+
+def jacobian_and_hessian(exprs: Sequence[Expr], total: Expr, keys: Sequence[Key]) -> tuple[Entries, Entries]:
+    """:func:`jacobian` of ``exprs`` and :func:`hessian` of ``total``, for example their weighted sum.
+
+    The Jacobian is that which takes fewer operations together with the Hessian: they share subexpressions.
+    """
+    second = hessian(total, keys)
+    candidates = (_by_rows(exprs, keys), _by_columns(exprs, keys))
+    first = min(candidates, key=lambda entries: shared_ops([*exprs, *entries.values(), *second.values()]))
+    return first, second
 
 
 def total_derivative(e: Expr, rate: Callable[[Any], Expr]) -> Expr:
