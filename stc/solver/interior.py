@@ -15,6 +15,7 @@ import numpy as np
 from stc.solver.active_set import Projection, newton_on_active_set
 from stc.solver.barrier_parameter import BarrierParameter
 from stc.solver.curvature import leave_saddle
+from stc.solver.elastic import ElasticProblem
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import LineSearch, barrier_value
 from stc.solver.iterate import Iterate, errors_of, evaluate
@@ -33,8 +34,12 @@ FINISH_BELOW = 1e-2
 STALLED_STEPS = 3
 ESCAPES = 5
 ACCEPTABLE = 1e-6
+LARGEST_ERROR = 1e50
+FARTHEST = 1e20
 PATIENCE = 15
+SMALL_STEP = 1e-9
 FEASIBLE = 0.01
+TOO_LITTLE = 0.99
 NOTICEABLE = 0.9
 SHORTEST = (0.02, 0.02, 0.0)
 
@@ -98,7 +103,7 @@ def optimise(
     nearest = _Nearest(form)
     step = length = 0.0
     stuck = False
-    tiny_steps = 0
+    tiny_steps = small_steps = 0
     escapes = 0
     while True:
         error = errors_of(form, it, 0.0).total
@@ -108,14 +113,17 @@ def optimise(
             return _outcome(form, End.STOPPED, it, error)
         if is_unbounded(form, it):
             return _outcome(form, End.UNBOUNDED, it, error)
+        if not error < LARGEST_ERROR or float(np.abs(it.w).max(initial=0.0)) > FARTHEST:
+            return nearest.outcome(it)
         done = finish.attempt(it, error)
         if done is not None:
             return Outcome(End.CONVERGED, form, done.x, done.y, done.error, it)
         converged = error <= options.tolerance
-        if converged or tiny_steps >= STALLED_STEPS or nearest.waiting >= PATIENCE:
+        stalled = tiny_steps >= STALLED_STEPS or small_steps >= PATIENCE or nearest.waiting >= PATIENCE
+        if converged or stalled:
             if escapes < ESCAPES and leave_saddle(form, it, system, options.seed + escapes):
                 escapes += 1
-                tiny_steps = 0
+                tiny_steps = small_steps = 0
                 stuck = False
                 monitor.count()
                 nearest = _Nearest(form)
@@ -131,25 +139,37 @@ def optimise(
             return nearest.outcome(it)
         before = it.w
         length = _advance(it, system, barrier, search)
+        system.relax(length)
         monitor.count()
-        step = float(np.abs(it.w - before).max(initial=0.0))
+        step = float((np.abs(it.w - before) / (1.0 + np.abs(before))).max(initial=0.0))
         if length > 0.0:
             stuck = search.tiny
             tiny_steps = tiny_steps + 1 if search.tiny and not barrier.changed else 0
+            small_steps = small_steps + 1 if step <= SMALL_STEP else 0
             continue
         stuck = True
-        if not isinstance(form, ScaledProblem):
+        if not isinstance(form, ScaledProblem) or nearest.error <= ACCEPTABLE:
             return nearest.outcome(it)
         lost = _restore(form, it, search, barrier, options, monitor)
         if lost is End.STUCK:
             return nearest.outcome(it)
         if lost is not None:
             return _outcome(form, lost, it, error)
-        tiny_steps = 0
+        tiny_steps = small_steps = 0
 
 
 def _outcome(form: Formulation, end: End, it: Iterate, error: float) -> Outcome:
     return Outcome(end, form, it.w[: form.n], it.y, error, it)
+
+
+def feasible_first(form: ScaledProblem, it: Iterate, options: Options, monitor: Monitor) -> Outcome:
+    """As :func:`optimise`, from the feasible point that the elastic problem without an objective leads to."""
+    elastic, start, mu = elastic_start(form, it, options.initial_barrier)
+    outcome = optimise(elastic, start, mu, options, monitor)
+    end = _back(form, it, elastic, outcome, options)
+    if end is not None:
+        return _outcome(form, end, it, outcome.error)
+    return optimise(form, it, options.initial_barrier, options, monitor)
 
 
 class _Nearest:
@@ -251,18 +271,24 @@ def _restore(
     elastic, start, mu = elastic_start(form, it, barrier.mu)
     acceptance = Acceptance(elastic, search.filter, it.theta, barrier.mu)
     outcome = optimise(elastic, start, mu, options, monitor, stop=acceptance)
+    theta = it.theta
+    end = _back(form, it, elastic, outcome, options)
+    return End.STUCK if end is None and it.theta > TOO_LITTLE * theta else end
+
+
+def _back(
+    form: ScaledProblem, it: Iterate, elastic: ElasticProblem, outcome: Outcome, options: Options
+) -> End | None:
+    """Move ``it`` to where an elastic problem without an objective ended; why to stop there, or None."""
     w, z = back_from(elastic, outcome.iterate)
     restored = evaluate(form, w, np.zeros(form.m), z)
     if not np.isfinite(restored.theta + restored.f + restored.dual.sum()):
         return End.STUCK
     end: End | None = None
-    if outcome.end is not End.STOPPED:
+    minimal = outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE
+    if outcome.end is not End.STOPPED and minimal:
         violation = form.violation(w[: form.n], restored.r)
-        minimal = outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE
-        if minimal and violation > options.feasibility_tolerance:
-            end = End.STATIONARY_VIOLATION
-        elif restored.theta > 0.99 * it.theta:
-            end = End.STUCK
+        end = End.STATIONARY_VIOLATION if violation > options.feasibility_tolerance else None
     y = outcome.y / elastic.price if end else least_squares_multipliers(form, restored)
     restored = evaluate(form, w, y, z)
     for name in it.__slots__:

@@ -29,6 +29,7 @@ DECAY = 1.0 / 3.0
 DUAL_SHIFT = 1e-8
 SMALLEST_SIGMA = 1e-16
 STIFFER = 10.0
+WHOLE = 0.5
 
 
 class SingularSystem(ArithmeticError):
@@ -50,6 +51,7 @@ class NewtonSystem:
         self.dual_shift = 0.0
         self.deficient = False
         self._last_shift = 0.0
+        self._stiffness = 0.0
         self._any_equality = bool(form.equality.any())
         self._d = np.zeros(form.m)
         self._sigma_z = np.zeros(form.gaps)
@@ -72,7 +74,7 @@ class NewtonSystem:
         if form.any_ignored:
             self._d[form.ignored] = 1.0
         self._jac = it.jac
-        self.shift = 0.0
+        self.shift = self._stiffness
         self.dual_shift = 0.0
         self.deficient = False
         while True:
@@ -100,10 +102,15 @@ class NewtonSystem:
         dx = dw[: form.n]
         curved = form.hessian_times(it.hess, dx) + self._barrier * dx
         curvature = float(dx @ curved) / max(float(dx @ dx), 1e-300) + self.shift
-        self.shift = max(GROWTH * self.shift, STIFFER * abs(curvature), FIRST_SHIFT)
-        self._last_shift = self.shift
+        self.shift = max(GROWTH * self.shift, STIFFER * abs(curvature), SMALLEST_SHIFT)
+        self._last_shift = self._stiffness = self.shift
         while self._try(it, self._primal) != "good":
             self.shift = self._larger_shift()
+
+    def relax(self, length: float) -> None:
+        """Let the stiffness go when a step was accepted nearly whole; ``length`` is its fraction."""
+        if length >= WHOLE:
+            self._stiffness = 0.0
 
     def tighten(self, it: Iterate) -> None:
         """Halve the shift as often as the inertia stays right, and factorise with the last one."""

@@ -35,7 +35,7 @@ class IterationRecord:
         objective: objective in the user's units.
         violation: largest violation of a row or bound, each relative to ``max(1, |bound|)``.
         optimality: KKT error of the scaled problem.
-        step: largest change of a (scaled) variable in the last step.
+        step: largest change of a (scaled) variable in the last step, relative to ``1 + |variable|``.
         step_length: accepted fraction of the last step.
         mu: barrier parameter (0 in a Newton step on the active set).
         regularization: what was added to the Hessian's diagonal.

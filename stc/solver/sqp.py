@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stc.solver.active_set import newton_on_active_set
-from stc.solver.interior import ACCEPTABLE, End, Outcome, optimise
+from stc.solver.interior import ACCEPTABLE, End, Outcome, feasible_first, optimise
 from stc.solver.iterate import Iterate, evaluate, push_inside
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.multipliers import least_squares_multipliers
@@ -108,23 +108,33 @@ class _Solve:
             if solved and point is not None:
                 return self._result(Status.OPTIMAL, form.user_point(point.x), form.user_multipliers(point.y))
         outcome = self._settle(self._barrier(form, x0, adaptive=True))
-        for attempt in range(options.retries):
+        for again in (self._feasible_first, self._held_barrier, self._nearby)[: options.retries]:
             if outcome.end in (End.CONVERGED, End.UNBOUNDED):
                 break
             if outcome.end is End.STATIONARY_VIOLATION and form.linear:
                 break
-            x_other = x0 if attempt == 0 else self._perturbed(form, x0, attempt)
-            other = self._settle(self._barrier(form, x_other, adaptive=attempt > 0))
-            outcome = self._better(outcome, other)
+            outcome = self._better(outcome, self._settle(again(form, x0)))
         return self._conclude(outcome)
+
+    def _feasible_first(self, form: ScaledProblem, x0: Floats) -> Outcome:
+        """Find a feasible point before looking at the objective."""
+        return feasible_first(form, first_iterate(form, x0), self.options, self.monitor)
+
+    def _held_barrier(self, form: ScaledProblem, x0: Floats) -> Outcome:
+        """Solve each barrier problem before the parameter goes down."""
+        return self._barrier(form, x0, adaptive=False)
+
+    def _nearby(self, form: ScaledProblem, x0: Floats) -> Outcome:
+        """Start elsewhere."""
+        return self._barrier(form, self._perturbed(form, x0), adaptive=True)
 
     def _barrier(self, form: ScaledProblem, x0: Floats, adaptive: bool) -> Outcome:
         it = first_iterate(form, x0)
         return optimise(form, it, self.options.initial_barrier, self.options, self.monitor, adaptive=adaptive)
 
-    def _perturbed(self, form: ScaledProblem, x0: Floats, attempt: int) -> Floats:
+    def _perturbed(self, form: ScaledProblem, x0: Floats) -> Floats:
         """A start near ``x0``, moved at random by a tenth of each variable's size."""
-        noise = np.random.default_rng(self.options.seed + attempt).uniform(-1.0, 1.0, x0.size)
+        noise = np.random.default_rng(self.options.seed).uniform(-1.0, 1.0, x0.size)
         moved = x0 + PERTURBATION * noise * np.maximum(np.abs(x0), form.x_scale)
         moved = np.clip(moved, self.nlp.x_lower, self.nlp.x_upper)
         f, r = self.nlp.values(moved)
