@@ -124,7 +124,7 @@ class Relation:
 
     ``lower`` and ``upper`` are expressions of constants, ``i`` and ``t`` alone, or None where absent
     (infinite); an equality has the very same expression on both sides.  ``a <= b`` with neither side constant
-    is ``a - b <= 0``.
+    is ``a - b <= 0``.  The value of a bound may be infinite: a constant may be given as ``inf``.
     """
 
     body: Expr
@@ -133,6 +133,7 @@ class Relation:
     range: FrameRange
     span: Span
     text: str
+    coordinate: str = ""
 
     @property
     def is_equality(self) -> bool:

@@ -15,6 +15,7 @@ from stc.language import checks, syntax
 from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
+from stc.language.mechanics import equations_of_motion
 from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
@@ -82,7 +83,7 @@ class _Elaborator(Context):
         self.set_motion(self.method, jumps)
         define(self, self.objective.holds_integral)
         step = work_out_step(self)
-        relations = self._constraints()
+        relations = [*equations_of_motion(self), *self._constraints()]
         objective = self._objective()
         guesses = self._guesses()
         model, replay = self._replay()
@@ -315,10 +316,13 @@ class _Elaborator(Context):
             return None
         if statement.kind == "set":
             for key in symbols(body):
-                if not isinstance(key, ConstantRef):
-                    hint = "only constants can set fields of the model"
+                if not isinstance(key, ConstantRef | ParameterRef):
+                    hint = "fields of the model are set from constants and parameters"
                     self.error(statement, f"`set` cannot use `{key}`", hint)
                     return None
-        where = FrameRange(0, 0) if statement.kind == "joint" else self.everywhere
-        body = self.settled(body, where, statement) if statement.kind != "set" else body
+        elif statement.kind != "actuator" and self.builder.holds_index(body):
+            hint = "write it in terms of the time `t`: its velocity is compared too"
+            self.error(statement, f"`{statement.kind}` cannot use the index `i`", hint)
+            return None
+        body = self.settled(body, self.everywhere, statement)
         return ReplayChannel(statement.kind, statement.path, body, self.span(statement))

@@ -278,7 +278,7 @@ class ExpressionBuilder:
         highest = max((k.order for k in symbols(e) if isinstance(k, VariableRef | DefinitionRef)), default=0)
         if highest + order > MAX_ORDER:
             return self.fail(node, f"time derivatives go up to order {MAX_ORDER}")
-        if self._holds_index(e):
+        if self.holds_index(e):
             shown = "the definition uses the index `i`, which" if isinstance(operand, syntax.Name) else "`i`"
             if isinstance(operand, syntax.Name) and operand.name == "i":
                 shown = "the index `i`"
@@ -292,7 +292,7 @@ class ExpressionBuilder:
             self.diagnostics.warning(message, node.start, node.end, hint)
         return self.derivative(e, order)
 
-    def _holds_index(self, e: Expr) -> bool:
+    def holds_index(self, e: Expr) -> bool:
         """Whether ``i`` occurs in an expression or in a piece of a definition that it uses."""
         seen: set[str] = set()
         waiting = [e]

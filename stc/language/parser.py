@@ -145,7 +145,9 @@ class _Parser(ExpressionParser):
         blocks = [syntax.Block(start, end, None, [])]
         while self.kind != "end":
             if self.kind == "name" and self.kinds[self.at + 1] == ":":
-                break
+                # lines of `forces:` look like section heads
+                if name != "forces" or self.token_text(self.at) in SECTIONS:
+                    break
             first = self.at
             try:
                 if self.kind == "[" and self.range_header_end(first) >= 0:
@@ -281,6 +283,19 @@ class _Parser(ExpressionParser):
     def objective_statement(self, into: list[syntax.Statement]) -> None:
         found = self.relation()
         self.end_statement("the objective term")
+        into.append(found)
+
+    def lagrangian_statement(self, into: list[syntax.Statement]) -> None:
+        found = self.relation()
+        self.end_statement("the Lagrangian")
+        into.append(found)
+
+    def forces_statement(self, into: list[syntax.Statement]) -> None:
+        name = self.name("the name of a coordinate, as in `q: u - c*q';`")
+        self.expect(":", f"`:` after `{name.name}`")
+        value = self.expression()
+        found = syntax.Assignment(name.start, self.ends[self.at - 1], name, value)
+        self.end_statement("the force")
         into.append(found)
 
     def jumps_statement(self, into: list[syntax.Statement]) -> None:

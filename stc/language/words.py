@@ -30,8 +30,8 @@ SECTIONS: dict[str, SectionKind] = {
     "jumps": SectionKind("variables and derivatives, separated by `,`", ranged=True),
     "method": SectionKind("the name of a method"),
     "replay": SectionKind("lines that tie the spec to a MuJoCo model"),
-    "lagrangian": SectionKind("one expression", ranged=True, supported=False),
-    "forces": SectionKind("`name: expression;`", ranged=True, supported=False),
+    "lagrangian": SectionKind("one expression", ranged=True),
+    "forces": SectionKind("`name: expression;`", ranged=True),
     "model": SectionKind("the name of a MuJoCo model", supported=False),
     "contact": SectionKind("points that touch a surface", ranged=True, supported=False),
 }

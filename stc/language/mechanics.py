@@ -1,0 +1,140 @@
+"""Energies in, equations of motion out: the `lagrangian:` and `forces:` sections.
+
+For every variable q whose first derivative appears in a Lagrangian L the spec gains the Euler-Lagrange row
+
+    d/dt (dL/dq') - dL/dq - Q = 0
+
+on the range of L's header; Q is the generalised force that `forces:` gives to q.  Lines of `forces:` before any
+range header add up and hold everywhere.  Lines under headers act on those frames on top of them; of several
+that name the same coordinate on the same frame the later one wins, as with ranged definitions.
+"""
+
+from __future__ import annotations
+
+from stc.language import syntax
+from stc.language.context import Context
+from stc.language.diagnostics import did_you_mean
+from stc.problem import (
+    DefinitionPiece,
+    DefinitionRef,
+    FrameRange,
+    IndexRef,
+    Relation,
+    VariableRef,
+)
+from stc.symbolic.differentiate import derivative
+from stc.symbolic.expr import ZERO, Expr, render, sub, sum_of, sym, symbols
+
+
+def force_name(coordinate: str) -> str:
+    """The definition that collects the ranged forces on a coordinate; no spec can declare such a name."""
+    return f"force on {coordinate}"
+
+
+def equations_of_motion(context: Context) -> list[Relation]:
+    """The rows that all Lagrangians of a spec stand for; mistakes are noted in the context."""
+    everywhere = _forces(context)
+    found: list[Relation] = []
+    moved: set[str] = set()
+    for block in context.tree.blocks("lagrangian"):
+        where = context.range(block)
+        energies = [s for s in block.statements if isinstance(s, syntax.Relation)]
+        bodies = [e for e in (_energy(context, s) for s in energies) if e is not None]
+        if where is None or len(bodies) < len(energies) or not bodies:
+            continue
+        lagrangian = sum_of(bodies)
+        coordinates = [name for name in context.table.of_kind("variable") if _moves(lagrangian, name)]
+        if not coordinates:
+            hint = "an energy of motion has terms such as `m*x'^2/2`"
+            context.error(energies[0], "no variable's first derivative appears in this Lagrangian", hint)
+        for name in coordinates:
+            moved.add(name)
+            momentum = derivative(lagrangian, VariableRef(name, 1))
+            row = sub(context.builder.derivative(momentum, 1), derivative(lagrangian, VariableRef(name)))
+            row = sub(row, sum_of(everywhere.get(name, [])))
+            if force_name(name) in context.builder.pieces:
+                row = sub(row, sym(DefinitionRef(force_name(name))))
+            row = context.settled(row, where, energies[0])
+            text = f"equation of motion of {name}"
+            found.append(Relation(row, ZERO, ZERO, where, context.span(energies[0]), text, name))
+    _check_forces(context, moved)
+    return found
+
+
+def _moves(lagrangian: Expr, name: str) -> bool:
+    return VariableRef(name, 1) in symbols(lagrangian)
+
+
+def _energy(context: Context, statement: syntax.Relation) -> Expr | None:
+    """One line of a Lagrangian; None after a mistake."""
+    context.builder.poisoned = False
+    body = context.builder.build(statement.operands[0])
+    if statement.operators:
+        hint = "write the kinetic energy less the potential energy"
+        context.error(statement, "a Lagrangian is an expression, not a relation", hint)
+        return None
+    if context.builder.poisoned:
+        return None
+    for key in symbols(body):
+        if isinstance(key, DefinitionRef):
+            hint = "give the Lagrangian itself range headers, one expression for each"
+            context.error(statement, f"a Lagrangian cannot use `{key}`, which differs between frames", hint)
+            return None
+        if isinstance(key, IndexRef):
+            context.error(statement, "a Lagrangian cannot use the index `i`", "write it in terms of `t`")
+            return None
+        if isinstance(key, VariableRef) and (key.order > 1 or key != VariableRef(key.name, key.order)):
+            hint = "it is made of variables, their first derivatives, constants, parameters and `t`"
+            context.error(statement, f"a Lagrangian cannot use `{render(sym(key))}`", hint)
+            return None
+    return body
+
+
+def _forces(context: Context) -> dict[str, list[Expr]]:
+    """Forces that hold everywhere, by coordinate; those under headers become pieces of a definition."""
+    everywhere: dict[str, list[Expr]] = {}
+    pieces: dict[str, list[DefinitionPiece]] = {}
+    for block in context.tree.blocks("forces"):
+        where = context.range(block)
+        for statement in block.statements:
+            if not isinstance(statement, syntax.Assignment):
+                continue
+            context.builder.poisoned = False
+            body = context.builder.build(statement.value)
+            if context.builder.poisoned or where is None or not _is_coordinate(context, statement.name):
+                continue
+            name = statement.name.name
+            body = context.settled(body, where, statement)
+            if block.header is None:
+                everywhere.setdefault(name, []).append(body)
+            else:
+                pieces.setdefault(name, []).append(DefinitionPiece(body, where, context.span(statement)))
+    for name, found in pieces.items():
+        rest = DefinitionPiece(ZERO, FrameRange(0, context.n), found[0].span)
+        context.builder.pieces[force_name(name)] = [rest, *found]
+    return everywhere
+
+
+def _is_coordinate(context: Context, name: syntax.Name) -> bool:
+    kind = context.table.kind(name.name)
+    if kind == "variable":
+        return True
+    if name.name not in context.tree.damaged:
+        what = f"`{name.name}` is a {kind}" if kind else f"`{name.name}` is not declared"
+        context.error(name, f"{what}; a generalised force acts on a variable", _nearest(context, name.name))
+    return False
+
+
+def _nearest(context: Context, name: str) -> str:
+    return did_you_mean(name, context.table.of_kind("variable")) or "write `q: expression;` for a variable q"
+
+
+def _check_forces(context: Context, moved: set[str]) -> None:
+    if context.diagnostics.error_count:
+        return
+    for block in context.tree.blocks("forces"):
+        for statement in block.statements:
+            if isinstance(statement, syntax.Assignment) and statement.name.name not in moved:
+                name = statement.name.name
+                hint = f"no Lagrangian has `{name}'` in it, so {name} has no equation of motion"
+                context.error(statement.name, f"this force acts on nothing: `{name}`", hint)
