@@ -98,9 +98,9 @@ def index_text(scale: Fraction | int, shift: Fraction | int) -> str:
     """``scale*i + shift`` as the spec language writes it: ``i + 1``, ``2*i``, ``60 - i``, ``7``."""
     if scale == 0:
         return str(shift)
-    times_i = {1: "i", -1: "-i"}.get(scale, f"{scale}*i")  # type: ignore[call-overload]
+    times_i = "i" if scale == 1 else "-i" if scale == -1 else f"{scale}*i"
     if shift == 0:
-        return str(times_i)
+        return times_i
     if scale < 0 < shift:
         return f"{shift} - {times_i[1:]}"
     return f"{times_i} + {shift}" if shift > 0 else f"{times_i} - {-shift}"

@@ -20,10 +20,10 @@ from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
     ConstantRef,
-    FrameRange,
     Guess,
     Jump,
     ObjectiveTerm,
+    ParameterRef,
     Problem,
     Relation,
     ReplayChannel,

@@ -109,6 +109,8 @@ def show_syntax(tree: syntax.SpecTree) -> str:
                 lines.append(f"{indent}{show_header(block.header)}")
                 indent += _INDENT
             texts = [show_statement(statement) for statement in block.statements]
+            if section.kind == "forces":
+                texts = [text.replace(" =", ":", 1) for text in texts]
             if block.statements and isinstance(block.statements[0], syntax.Declaration):
                 valued = any(" = " in text for text in texts)
                 texts = (",\n" + indent if valued else ", ").join(texts).splitlines()

@@ -106,7 +106,7 @@ def test_what_cannot_be_guessed(text: str) -> None:
 
 # -------------------------------------------------------------------- replay
 
-REPLAY = "constants: n = 20, m = 2; variables: x, f; constraints: m*x'' = f; replay: {}"
+REPLAY = "constants: n = 20, m = 2; variables: x, f; parameters: P; constraints: m*x'' = f*P; replay: {}"
 
 
 def test_replay_ties_expressions_to_a_model() -> None:
@@ -117,7 +117,7 @@ def test_replay_ties_expressions_to_a_model() -> None:
             actuator "push motor" = 2*f;
             compare body.cart.x = x;
             set body.cart.mass = m;
-            set geom."left wheel".size.x = m/2;"""
+            set geom."left wheel".size.x = m/2 + P;"""
         )
     )
     assert problem.model == "models/cart.xml"
@@ -140,6 +140,7 @@ def test_replay_ties_expressions_to_a_model() -> None:
         "joint q = x;",
         'model = "a.xml"; set body.cart.mass = x;',
         'model = "a.xml"; set mass = m;',
+        'model = "a.xml"; joint q = x*i;',
         'model = "a.xml"; joints q = x;',
         'model = "a.xml"; joint = x;',
         "model = a;",

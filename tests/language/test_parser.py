@@ -159,6 +159,8 @@ constraints:
   [0, n]: m*x'' = u; 0 <= x <= 3; 3 >= y >= 0;
   [k]: x' = x'[0];
 jumps: [20]: x', y;
+lagrangian: m*x'^2/2 - m*g*y;
+forces: x: u; [0, 5]: y: -2*y';
 method: hermite-simpson;
 replay:
   model = "cart.xml";
@@ -180,6 +182,8 @@ def test_sections_and_their_statements() -> None:
         "guess",
         "constraints",
         "jumps",
+        "lagrangian",
+        "forces",
         "method",
         "replay",
         "objective",
