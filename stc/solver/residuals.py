@@ -36,7 +36,7 @@ def assess(nlp: NLP, x: Floats, y: Floats, z: Floats | None = None) -> Assessmen
     """Evaluate the conditions at ``x`` (n,) with row multipliers ``y`` (m,), in the user's units.
 
     Without ``z`` (n,) the multipliers of the bounds are those that leave the smallest error: the negative
-    gradient of the Lagrangian where it pushes against a bound that is nearer than the multiplier is large.
+    gradient of the Lagrangian where it pushes against a bound nearby.
     """
     f, r = nlp.values(x)
     gradient, jac, _ = nlp.derivatives(x, y, 1.0)
@@ -45,7 +45,7 @@ def assess(nlp: NLP, x: Floats, y: Floats, z: Floats | None = None) -> Assessmen
     if z is None:
         room = np.where(lagrangian > 0.0, x - nlp.x_lower, nlp.x_upper - x)
         held = nlp.x_lower == nlp.x_upper
-        z = np.where(held | (np.maximum(room, 0.0) < np.abs(lagrangian)), -lagrangian, 0.0)
+        z = np.where(held | (room < 1.0), -lagrangian, 0.0)
     mean = (float(np.abs(y).sum()) + float(np.abs(z).sum())) / max(1, nlp.m + nlp.n)
     size = max(1.0, _largest(gradient), _largest(terms), _largest(z), mean / MEAN_MULTIPLIER)
     stationarity = _largest(lagrangian + z)
