@@ -137,7 +137,10 @@ class _Parser(ExpressionParser):
             name, kind = meant, SECTIONS[meant]
         if not kind.supported:
             message = f"this version of stc has no `{name}:` section yet"
-            self.diagnostics.error(message, start, name_end, "write its equations under `constraints:`")
+            hint = "write its equations under `constraints:`"
+            if name == "model":
+                hint = 'a model to replay in is named under `replay:`, as in `model = "cart.xml";`'
+            self.diagnostics.error(message, start, name_end, hint)
             self.skip_to_head()
             return None
         self.move_to(self.at + 2)
