@@ -17,16 +17,20 @@ from typing import Any
 from stc.codegen import cache
 
 #: Part of every cache key: raise it when the meaning or layout of generated code changes.
-CODEGEN_VERSION = 1
+CODEGEN_VERSION = 2
 
-#: Back-end switches, measured: straight-line kernels compile in half the time and run faster when LLVM keeps
-#: the order in which we emit instructions instead of scheduling basic blocks of thousands of operations.
-BACKEND_OPTIONS = (
+#: Back-end switches, measured on kernels of up to 50,000 operations.  LLVM is to keep the order in which we emit
+#: instructions, which halves the time to compile and gives faster code than its scheduling of basic blocks of
+#: thousands of operations; and it is not to join the blocks that kernels are cut into (preparation pass).
+_KERNEL_OPTIONS = (
     "-pre-RA-sched=source",
     "-enable-misched=false",
     "-enable-post-misched=false",
     "-disable-post-ra",
+    "-disable-cgp",
 )
+#: The same switches for code with loops, which needs the preparation pass.
+_LOOP_OPTIONS = (*_KERNEL_OPTIONS[:-1], "-disable-cgp=false")
 
 _lock = threading.RLock()
 _counter = itertools.count()
@@ -52,7 +56,7 @@ class Host:
                 self.features,
                 self.llvmlite,
                 self.llvm,
-                " ".join(BACKEND_OPTIONS),
+                " ".join((*_KERNEL_OPTIONS, *_LOOP_OPTIONS)),
             )
         )
 
@@ -133,16 +137,18 @@ def vector_width() -> int:
     return 8 if {"+avx512f", "+avx512dq", "+avx512vl"} <= set(features) else 4
 
 
+def vector_registers() -> int:
+    """How many vectors of :func:`vector_width` doubles fit the registers."""
+    # AVX-512: 32 of eight doubles.  AVX2: 16 of four.  Arm: 32 of two, that is 16 of four.
+    return 32 if vector_width() == 8 else 16
+
+
 @lru_cache(maxsize=1)
 def _target() -> Any:
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    # Process-wide in LLVM, so set once and for all kinds of code: what is compiled never depends on what
-    # was compiled before it.
-    for option in BACKEND_OPTIONS:
-        llvm.set_option("stc", option)
     return llvm.Target.from_triple(host().triple)
 
 
@@ -161,7 +167,8 @@ def compile_ir(ir: str, *, level: int, optimise: bool) -> bytes:
     Args:
         ir: one module.
         level: effort of code generation, 0 to 3.
-        optimise: run LLVM's ``O3`` pipeline (loop and superword vectorisers included) first.
+        optimise: for code with loops: run LLVM's ``O3`` pipeline (loop and superword vectorisers included)
+            first.  Else for straight-line kernels.
 
     Raises:
         RuntimeError: the IR is malformed.
@@ -170,6 +177,9 @@ def compile_ir(ir: str, *, level: int, optimise: bool) -> bytes:
 
     with _lock:
         machine = _target_machine(level)
+        # Process-wide in LLVM, so set anew each time: what is compiled must not depend on what came before.
+        for option in _LOOP_OPTIONS if optimise else _KERNEL_OPTIONS:
+            llvm.set_option("stc", option)
         module = llvm.parse_assembly(ir, llvm.create_context())
         module.triple = host().triple
         module.data_layout = str(machine.target_data)

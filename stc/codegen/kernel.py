@@ -154,7 +154,12 @@ class KernelSet(Sequence[Kernel]):
         """The LLVM module of these kernels, as text."""
         if self.backend == "numpy":
             return module_ir(self.tapes)
-        return module_ir(self.tapes, fused=engine.has_fma(), width=engine.vector_width())
+        return module_ir(
+            self.tapes,
+            width=engine.vector_width(),
+            registers=engine.vector_registers(),
+            fused=engine.has_fma(),
+        )
 
 
 def compile_tapes(tapes: Sequence[Tape], backend: Backend = "auto", cache: bool = True) -> KernelSet:

@@ -9,9 +9,9 @@ A kernel runs over blocks of :data:`LANES` instances, or over pairs of blocks wh
               index[block][input][lane]   (int32)        out[block][output][lane]   (double)
 
 The order of the tape is kept: inputs are gathered at their first use and outputs stored as soon as they are
-known, so that few values are alive at once.  The IR needs no optimisation passes: common subexpressions are
-shared and constants folded already, and multiply-adds are fused by the back end, which the ``contract`` flags
-allow.
+known, so that few values are alive at once; :mod:`stc.codegen.residency` decides which of them stay in
+registers.  The IR needs no optimisation passes: common subexpressions are shared and constants folded already,
+and multiply-adds are fused by the back end, which the ``contract`` flags allow.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from stc.codegen.residency import Residency, operands
 from stc.codegen.tape import Tape
 from stc.codegen.vector import Vector, hexadecimal
 from stc.codegen.vector_math import BINARY, UNARY, sine_cosine
@@ -33,6 +34,9 @@ _ARITHMETIC: Final = {
     "div": "fdiv",
 }
 _CIRCULAR: Final = ("sin", "cos", "tan")
+
+#: Operations per basic block.
+_PART: Final = 128
 
 
 class _Operations:
@@ -58,78 +62,85 @@ class _Operations:
         if op == "sqrt":
             return vector.call("sqrt", a)
         if op in _CIRCULAR:
-            pair = self._circular.get(slot)
-            if pair is None:
-                wanted = self._wanted[slot]
-                pair = sine_cosine(vector, a, wanted != {"cos"}, wanted != {"sin"})
-                self._circular[slot] = pair
+            pair = self.circular(slot, a)
             return vector.div(*pair) if op == "tan" else pair[op == "cos"]
         if op in UNARY:
             return UNARY[op](vector, a)
         return BINARY[op](vector, a, b)
 
+    def circular(self, slot: int, a: str) -> tuple[str, str]:
+        """Sine and cosine of a slot, as far as the tape wants them, computed at the first call."""
+        pair = self._circular.get(slot)
+        if pair is None:
+            wanted = self._wanted[slot]
+            pair = sine_cosine(self.vector, a, wanted != {"cos"}, wanted != {"sin"})
+            self._circular[slot] = pair
+        return pair
 
-def _kernel(tape: Tape, symbol: str, width: int, fused: bool) -> str:
-    head: list[str] = []
-    body: list[str] = []
-    scalar = Vector(head, 1, fused, "u")
-    vector = Vector(body, width, fused, "v")
-    groups = range(width // LANES)
-    values: list[str] = [""] * tape.n_slots
-    first_varying, first_literal, first_op = tape.n_uniform, tape.first_literal, tape.first_op
-    n_uniform_ops = tape.n_uniform_ops
 
-    # ---- once per call
-    def shared_scalar(slot: int) -> str:
-        if first_literal <= slot < first_op:
-            return hexadecimal(tape.constants[slot - first_literal])
-        if not values[slot]:
-            pointer = scalar.let(f"getelementptr inbounds double, ptr %uniform, i64 {slot}")
-            values[slot] = scalar.let(f"load double, ptr {pointer}, align 8")
-        return values[slot]
+class _Kernel:
+    """Emits one kernel."""
 
-    once = _Operations(tape, scalar)
-    for number in range(n_uniform_ops):
-        op, a, b = tape.ops[number]
-        values[first_op + number] = once.emit(op, a, shared_scalar(a), shared_scalar(b) if b >= 0 else "")
+    def __init__(self, tape: Tape, symbol: str, width: int, registers: int, fused: bool) -> None:
+        self.tape = tape
+        self.symbol = symbol
+        self.width = width
+        self.groups = range(width // LANES)
+        self.head: list[str] = []
+        self.body: list[str] = []
+        self.scalar = Vector(self.head, 1, fused, "u")
+        self.vector = Vector(self.body, width, fused, "v")
+        self.shared = self._once_per_call()
+        # a few registers are for what goes on inside one operation
+        self.residency = Residency(tape, self.vector, max(registers - 6, 4), self.shared, self._gather)
+        self.last_part = "block"
+        self._per_block()
 
-    # ---- what the blocks need of it: spread over the lanes, in memory, to be folded into the operations
-    is_shared = [
-        slot < first_varying or first_op <= slot < first_op + n_uniform_ops for slot in range(tape.n_slots)
-    ]
-    places: dict[int, int] = {}
-    needed = [slot for _, a, b in tape.ops[n_uniform_ops:] for slot in (a, b) if slot >= 0] + tape.outputs
-    for slot in needed:
-        if is_shared[slot] and slot not in places:
-            places[slot] = len(places)
-    for slot, place in places.items():
-        first = scalar.let(f"insertelement {vector.f} poison, double {shared_scalar(slot)}, i64 0")
-        spread = scalar.let(
-            f"shufflevector {vector.f} {first}, {vector.f} poison, <{width} x i32> zeroinitializer"
-        )
-        pointer = scalar.let(f"getelementptr inbounds {vector.f}, ptr %shared, i64 {place}")
-        head.append(f"  store {vector.f} {spread}, ptr {pointer}, align {8 * width}")
+    def _once_per_call(self) -> dict[int, int]:
+        """Uniform operations; what the blocks need of them, and literals, spread over the lanes in memory.
 
-    # ---- per block
-    size = 8 * width
+        Returns:
+            slot -> place in ``%shared``
+        """
+        tape, scalar, vector = self.tape, self.scalar, self.vector
+        values: dict[int, str] = {}
 
-    def operand(slot: int) -> str:
-        value = values[slot]
-        if is_shared[slot]:
-            pointer = vector.let(f"getelementptr inbounds i8, ptr %shared, i64 {places[slot] * size}")
-            return vector.let(f"load {vector.f}, ptr {pointer}, align {size}")
-        if value:
-            return value
-        if slot >= first_literal:
-            value = vector.real(tape.constants[slot - first_literal])
-        else:
-            value = gather(slot - first_varying)
-        values[slot] = value
-        return value
+        def value_of(slot: int) -> str:
+            if tape.first_literal <= slot < tape.first_op:
+                return hexadecimal(tape.constants[slot - tape.first_literal])
+            if slot not in values:
+                pointer = scalar.let(f"getelementptr inbounds double, ptr %uniform, i64 {slot}")
+                values[slot] = scalar.let(f"load double, ptr {pointer}, align 8")
+            return values[slot]
 
-    def gather(position: int) -> str:
+        once = _Operations(tape, scalar)
+        for number in range(tape.n_uniform_ops):
+            op, a, b = tape.ops[number]
+            result = once.emit(op, a, value_of(a), value_of(b) if b >= 0 else "")
+            values[tape.first_op + number] = result
+
+        varying_inputs = range(tape.n_uniform, tape.first_literal)
+        end = tape.first_op + tape.n_uniform_ops
+        needed = [slot for _, a, b in tape.ops[tape.n_uniform_ops :] for slot in (a, b) if slot >= 0]
+        places: dict[int, int] = {}
+        for slot in (*needed, *tape.outputs):
+            if slot < end and slot not in varying_inputs and slot not in places:
+                places[slot] = len(places)
+        for slot, place in places.items():
+            first = scalar.let(f"insertelement {vector.f} poison, double {value_of(slot)}, i64 0")
+            spread = scalar.let(
+                f"shufflevector {vector.f} {first}, {vector.f} poison, <{self.width} x i32> zeroinitializer"
+            )
+            pointer = scalar.let(f"getelementptr inbounds {vector.f}, ptr %shared, i64 {place}")
+            self.head.append(f"  store {vector.f} {spread}, ptr {pointer}, align {8 * self.width}")
+        return places
+
+    def _gather(self, slot: int) -> str:
+        """Fetch a varying input for all lanes."""
+        vector = self.vector
+        position = slot - self.tape.n_uniform
         value = "poison"
-        for lane in range(width):
+        for lane in range(self.width):
             group, within = divmod(lane, LANES)
             offset = 4 * (position * LANES + within)
             place = vector.let(f"getelementptr inbounds i8, ptr %where{group}, i64 {offset}")
@@ -140,58 +151,94 @@ def _kernel(tape: Tape, symbol: str, width: int, fused: bool) -> str:
             value = vector.let(f"insertelement {vector.f} {value}, double {element}, i64 {lane}")
         return value
 
-    rows: dict[int, list[int]] = {}
-    for row, slot in enumerate(tape.outputs):
-        rows.setdefault(slot, []).append(row)
-
-    def store(slot: int, value: str) -> None:
-        for group in groups if slot in rows else ():
+    def _store(self, rows: list[int], value: str) -> None:
+        """Write a value to rows of the output blocks."""
+        for group in self.groups:
             part = value
-            if len(groups) > 1:
+            if len(self.groups) > 1:
                 chosen = ", ".join(f"i32 {group * LANES + lane}" for lane in range(LANES))
-                part = vector.let(
-                    f"shufflevector {vector.f} {value}, {vector.f} poison, <{LANES} x i32> <{chosen}>"
+                part = self.vector.let(
+                    f"shufflevector {self.vector.f} {value}, {self.vector.f} poison, <{LANES} x i32> <{chosen}>"
                 )
-            for row in rows[slot]:
+            for row in rows:
                 offset = 8 * LANES * row
-                pointer = vector.let(f"getelementptr inbounds i8, ptr %target{group}, i64 {offset}")
-                body.append(f"  store <{LANES} x double> {part}, ptr {pointer}, align 8")
+                pointer = self.vector.let(f"getelementptr inbounds i8, ptr %target{group}, i64 {offset}")
+                self.body.append(f"  store <{LANES} x double> {part}, ptr {pointer}, align 8")
 
-    each = _Operations(tape, vector)
-    for number in range(n_uniform_ops, len(tape.ops)):
-        op, a, b = tape.ops[number]
-        slot = first_op + number
-        values[slot] = each.emit(op, a, operand(a), operand(b) if b >= 0 else "")
-        store(slot, values[slot])
-    for slot in rows:
-        if slot < first_op + n_uniform_ops:
-            store(slot, operand(slot))
+    def _per_block(self) -> None:
+        tape, residency = self.tape, self.residency
+        rows: dict[int, list[int]] = {}
+        for row, slot in enumerate(tape.outputs):
+            rows.setdefault(slot, []).append(row)
+        each = _Operations(tape, self.vector)
+        slot_of = {
+            (op, a): tape.first_op + k for k, (op, a, _) in enumerate(tape.ops) if op in ("sin", "cos")
+        }
+        known: set[int] = set()
+        for number in range(tape.n_uniform_ops, len(tape.ops)):
+            op, a, b = tape.ops[number]
+            slot = tape.first_op + number
+            made: list[tuple[int, str]] = []
+            if slot not in known:
+                first = residency.operand(a, (a, b))
+                second = "" if b < 0 else first if b == a else residency.operand(b, (a, b))
+                made.append((slot, each.emit(op, a, first, second)))
+                if op in (
+                    "sin",
+                    "cos",
+                ):  # the other one is there as well: from now on it is a value like others
+                    other = "cos" if op == "sin" else "sin"
+                    partner = slot_of.get((other, a), -1)
+                    if partner > slot:
+                        made.append((partner, each.circular(a, first)[other == "cos"]))
+                        known.add(partner)
+            for read in operands(tape, number):
+                residency.used(read)
+            for result, register in made:
+                if result in rows:
+                    self._store(rows[result], register)
+                residency.hold(result, register)
+            if number % _PART == _PART - 1:
+                self._new_part(number)
+        for slot, where in rows.items():
+            if slot < tape.first_op + tape.n_uniform_ops:
+                self._store(where, residency.operand(slot))
 
-    return "\n".join(
-        [
-            f"define void @{symbol}(ptr noalias readonly %workspace, ptr noalias readonly %uniform, "
-            "ptr noalias readonly %index, ptr noalias %out, i64 %blocks) nounwind {",
-            "entry:",
-            f"  %shared = alloca [{max(len(places), 1)} x {vector.f}], align {size}",
-            "  %any = icmp sgt i64 %blocks, 0",
-            "  br i1 %any, label %once, label %done",
-            "once:",
-            *head,
-            "  br label %block",
-            "block:",
-            "  %number = phi i64 [ 0, %once ], [ %following, %block ]",
-            *[line for group in groups for line in _block_pointers(tape, group)],
-            *body,
-            f"  %following = add i64 %number, {len(groups)}",
-            "  %more = icmp slt i64 %following, %blocks",
-            "  br i1 %more, label %block, label %done",
-            "done:",
-            "  ret void",
-            "}",
-            *_packed(symbol),
-            "",
-        ]
-    )
+    def _new_part(self, number: int) -> None:
+        """Cut the run of instructions: the cost of LLVM's instruction selection grows faster than its length."""
+        self.last_part = f"part{number}"
+        self.body.append(f"  br label %{self.last_part}")
+        self.body.append(f"{self.last_part}:")
+
+    def text(self) -> str:
+        """The kernel's IR, with its entry for prepared calls."""
+        vector, size = self.vector, 8 * self.width
+        return "\n".join(
+            [
+                f"define void @{self.symbol}(ptr noalias readonly %workspace, ptr noalias readonly %uniform, "
+                "ptr noalias readonly %index, ptr noalias %out, i64 %blocks) nounwind {",
+                "entry:",
+                f"  %shared = alloca [{max(len(self.shared), 1)} x {vector.f}], align {size}",
+                f"  %homes = alloca [{max(self.residency.places, 1)} x {vector.f}], align {size}",
+                "  %any = icmp sgt i64 %blocks, 0",
+                "  br i1 %any, label %once, label %done",
+                "once:",
+                *self.head,
+                "  br label %block",
+                "block:",
+                f"  %number = phi i64 [ 0, %once ], [ %following, %{self.last_part} ]",
+                *[line for group in self.groups for line in _block_pointers(self.tape, group)],
+                *self.body,
+                f"  %following = add i64 %number, {len(self.groups)}",
+                "  %more = icmp slt i64 %following, %blocks",
+                "  br i1 %more, label %block, label %done",
+                "done:",
+                "  ret void",
+                "}",
+                *_packed(self.symbol),
+                "",
+            ]
+        )
 
 
 def _block_pointers(tape: Tape, group: int) -> list[str]:
@@ -218,15 +265,16 @@ def _packed(symbol: str) -> list[str]:
     return [*lines, f"  call void @{symbol}({arguments})", "  ret void", "}"]
 
 
-def module_ir(tapes: Sequence[Tape], *, fused: bool = True, width: int = LANES) -> str:
+def module_ir(tapes: Sequence[Tape], *, width: int = LANES, registers: int = 16, fused: bool = True) -> str:
     """One LLVM module with kernels ``kernel0``, ``kernel1``, ... and their ``.packed`` entries.
 
     Args:
         tapes: the programs.
-        fused: the machine has fused multiply-add instructions.
         width: doubles per vector, a multiple of :data:`LANES`.
+        registers: how many such vectors the machine's registers hold.
+        fused: the machine has fused multiply-add instructions.
     """
     unused: list[str] = []
     declarations = "".join(Vector(unused, size, fused, "").declarations() for size in (1, width))
-    kernels = [_kernel(tape, f"kernel{k}", width, fused) for k, tape in enumerate(tapes)]
+    kernels = [_Kernel(tape, f"kernel{k}", width, registers, fused).text() for k, tape in enumerate(tapes)]
     return declarations + "\n" + "\n".join(kernels)
