@@ -1,7 +1,7 @@
 """From the text of a spec to a :class:`stc.problem.Problem`.
 
-``read_source`` gives a text, ``parse`` its syntax tree, ``elaborate`` the problem; ``read_problem`` is the
-last two in one, which finds mistakes of both kinds in one run.
+``parse`` gives a text's syntax tree, ``elaborate`` the problem; ``read_problem`` is both in one, which finds
+mistakes of both kinds in one run.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from stc.errors import Source, SpecError
 from stc.language.diagnostics import Diagnostics
 from stc.language.elaborate import elaborate, elaborate_with_recovery
 from stc.language.parser import parse, parse_with_recovery
-from stc.language.source import read_source, source_of_text
 from stc.problem import Problem
 
 
@@ -33,4 +32,4 @@ def read_problem(
     return problem
 
 
-__all__ = ["elaborate", "parse", "read_problem", "read_source", "source_of_text"]
+__all__ = ["elaborate", "parse", "read_problem"]
