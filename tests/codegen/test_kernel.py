@@ -120,6 +120,38 @@ def test_any_tape(tape: Tape, count: int, seed: int) -> None:
     np.testing.assert_allclose(setting.out[good], expected[good], rtol=1e-8, atol=1e-300)
 
 
+def polynomial_mess(seed: int, length: int) -> Tape:
+    """A long tape of additions and multiplications that reach far back."""
+    rng = np.random.default_rng(seed)
+    n_uniform, n_varying, constants = 3, 9, [0.5, -0.25]
+    first = n_uniform + n_varying + len(constants)
+    ops = [("mul", 0, 1), ("add", 2, first)]
+    for k in range(2, length):
+        name = ("add", "mul", "sub", "neg", "sin", "cos")[
+            int(rng.choice(6, p=[0.4, 0.2, 0.3, 0.04, 0.03, 0.03]))
+        ]
+        near, far = rng.integers(max(0, first + k - 12), first + k), rng.integers(0, first + k)
+        operand = int(near) if int(near) >= first + 2 else n_uniform
+        ops.append((name, operand, int(far) if OPERATORS[name] == 2 else -1))
+        if name == "mul":  # keep the numbers small
+            ops[-1] = ("mul", operand, int(rng.integers(0, first)))
+    outputs = [int(slot) for slot in rng.integers(0, first + length, 40)]
+    return Tape(n_uniform, n_varying, constants, ops, outputs, [True] * 2 + [False] * (length - 2))
+
+
+@pytest.mark.parametrize("registers", [1, 16, 32])
+@pytest.mark.parametrize("seed", range(4))
+def test_values_move_to_memory_and_back(registers: int, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine, "vector_registers", lambda: registers)
+    setting = Setting(polynomial_mess(seed, 700), 9, seed, -1.0, 1.0)
+    kernels = compile_tapes([setting.tape], backend="llvm", cache=False)
+    kernels[0](*setting.arguments)
+    expected, good = setting.expected(), well_conditioned(setting)
+    assert good.mean() > 0.5
+    np.testing.assert_allclose(setting.out[good], expected[good], rtol=1e-8)
+    assert "%homes" in kernels.llvm_ir()
+
+
 @pytest.mark.parametrize("name", sorted(OPERATORS))
 @pytest.mark.parametrize("uniform", [False, True])
 def test_every_operator(name: str, uniform: bool) -> None:
