@@ -6,18 +6,17 @@ llvmlite is imported on first use only, because importing :mod:`stc` must stay c
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import os
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from stc.codegen import cache
-
-#: Part of every cache key: raise it when the meaning or layout of generated code changes.
-CODEGEN_VERSION = 2
 
 #: Back-end switches, measured on kernels of up to 50,000 operations.  LLVM is to keep the order in which we emit
 #: instructions, which halves the time to compile and gives faster code than its scheduling of basic blocks of
@@ -32,8 +31,20 @@ _KERNEL_OPTIONS = (
 #: The same switches for code with loops, which needs the preparation pass.
 _LOOP_OPTIONS = (*_KERNEL_OPTIONS[:-1], "-disable-cgp=false")
 
+#: Pointers without types, the pass pipeline, and the attributes that generated code uses.
+_OLDEST_LLVM = (16, 0, 0)
+
 _lock = threading.RLock()
 _counter = itertools.count()
+
+
+@lru_cache(maxsize=1)
+def own_digest() -> str:
+    """Hash of this package's source: an object made by another version of the code generator is not this one's."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +61,7 @@ class Host:
         """Text that differs whenever object code made here could be wrong, or slow, elsewhere."""
         return "\n".join(
             (
-                f"codegen {CODEGEN_VERSION}",
+                own_digest(),
                 self.triple,
                 self.cpu,
                 self.features,
@@ -85,23 +96,23 @@ def requested_backend() -> str:
 @lru_cache(maxsize=1)
 def _importable() -> bool:
     try:
-        import llvmlite.binding  # noqa: F401
+        import llvmlite.binding as llvm
     except (ImportError, OSError):
         return False
-    return True
+    return tuple(llvm.llvm_version_info) >= _OLDEST_LLVM
 
 
 def llvm_wanted() -> bool:
     """Whether code should be compiled: llvmlite is importable and ``STC_BACKEND`` does not forbid it.
 
     Raises:
-        ImportError: ``STC_BACKEND=llvm`` and llvmlite cannot be imported.
+        ImportError: ``STC_BACKEND=llvm`` and llvmlite cannot be imported, or is too old.
     """
     backend = requested_backend()
     if backend == "python":
         return False
     if backend == "llvm" and not _importable():
-        raise ImportError("STC_BACKEND=llvm, but llvmlite cannot be imported")
+        raise ImportError("STC_BACKEND=llvm, but llvmlite 0.45 or later cannot be imported")
     return _importable()
 
 

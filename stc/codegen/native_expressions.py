@@ -1,7 +1,6 @@
 """Expressions of the compiled subset of Python, as LLVM instructions.
 
-Values are ``(type, text)`` pairs: the text names a register or spells a literal.  Locals live in stack slots,
-which LLVM turns into registers; so no phi nodes are needed here.
+Values are ``(type, text)`` pairs: the text names a register or spells a literal.
 """
 
 from __future__ import annotations
@@ -13,15 +12,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from stc.codegen import native_math
-from stc.codegen.native_types import NativeError, Signature, Type
+from stc.codegen.native_blocks import BlockBuilder, Value
+from stc.codegen.native_types import Signature, Type
 from stc.codegen.vector import hexadecimal
-
-
-class Value(NamedTuple):
-    """A typed operand."""
-
-    type: Type
-    text: str
 
 
 class Callee(NamedTuple):
@@ -66,7 +59,7 @@ declare double @log(double) nounwind willreturn memory(none)
 """
 
 
-class ExpressionEmitter:
+class ExpressionEmitter(BlockBuilder):
     """Emits the instructions of one function's expressions."""
 
     def __init__(
@@ -76,88 +69,12 @@ class ExpressionEmitter:
         resolve: Callable[[str], Any],
         callee_of: Callable[[Any], Callee | None],
     ) -> None:
-        self.filename = filename
+        super().__init__(filename)
         self.resolve = resolve
         self.callee_of = callee_of
         self.flags = " contract reassoc nsz" if fast else ""
-        self.lines: list[str] = []
-        self.entry: list[str] = []
         self.locals: dict[str, tuple[Type, str]] = {}
         self.assigned_names: frozenset[str] = frozenset()
-        self.terminated = False
-        self.targets: set[str] = set()  # blocks that something jumps to
-        self._registers = 0
-        self._labels = 0
-
-    # ---- low level ----------------------------------------------------------------------------------
-
-    def error(self, node: ast.AST, message: str) -> NativeError:
-        """The refusal of a piece of source, to be raised."""
-        return NativeError(f"{self.filename}:{getattr(node, 'lineno', 0)}: {message}")
-
-    def register(self) -> str:
-        """A fresh register name."""
-        self._registers += 1
-        return f"%r{self._registers}"
-
-    def label(self, hint: str) -> str:
-        """A fresh block name."""
-        self._labels += 1
-        return f"{hint}{self._labels}"
-
-    def emit(self, instruction: str) -> None:
-        """Append an instruction; what follows a terminator in the source is unreachable and dropped."""
-        if not self.terminated:
-            self.lines.append("  " + instruction)
-
-    def compute(self, type_: Type, instruction: str) -> Value:
-        """Append an instruction with a result."""
-        name = self.register()
-        self.emit(f"{name} = {instruction}")
-        return Value(type_, name)
-
-    def branch(self, target: str) -> None:
-        """End the block with a jump."""
-        if not self.terminated:
-            self.targets.add(target)
-        self.emit(f"br label %{target}")
-        self.terminated = True
-
-    def branch_if(self, condition: Value, yes: str, no: str) -> None:
-        """End the block with a two-way jump."""
-        self.emit(f"br i1 {condition.text}, label %{yes}, label %{no}")
-        self.terminated = True
-
-    def begin(self, label: str) -> None:
-        """Start a block; control falls into it from the block before, if that is still open."""
-        if not self.terminated:
-            self.branch(label)
-        self.lines.append(f"{label}:")
-        self.terminated = False
-
-    def slot(self, type_: Type, initial: str | None = None) -> str:
-        """A stack slot for a local, made in the entry block."""
-        name = f"%s{len(self.entry)}"
-        self.entry.append(f"  {name} = alloca {type_.ir}")
-        zero = {Type.F64: "0.0", Type.I64: "0", Type.BOOL: "false"}.get(type_, "null")
-        self.entry.append(f"  store {type_.ir} {initial or zero}, ptr {name}")
-        return name
-
-    # ---- conversions --------------------------------------------------------------------------------
-
-    def convert(self, value: Value, type_: Type, node: ast.AST, what: str = "value") -> Value:
-        """Implicit conversion: bool to integer to float, nothing else."""
-        if value.type is type_:
-            return value
-        if value.type is Type.BOOL and type_ is Type.I64:
-            return self.compute(Type.I64, f"zext i1 {value.text} to i64")
-        if value.type is Type.BOOL and type_ is Type.F64:
-            return self.compute(Type.F64, f"uitofp i1 {value.text} to double")
-        if value.type is Type.I64 and type_ is Type.F64:
-            if value.text.lstrip("-").isdigit():
-                return Value(Type.F64, hexadecimal(float(value.text)))
-            return self.compute(Type.F64, f"sitofp i64 {value.text} to double")
-        raise self.error(node, f"{what} is {value.type.value} where {type_.value} is needed")
 
     def number(self, node: ast.expr) -> Value:
         """A scalar."""

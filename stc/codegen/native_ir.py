@@ -6,7 +6,8 @@ import ast
 from collections.abc import Callable
 from typing import Any
 
-from stc.codegen.native_expressions import DECLARATIONS, Callee, ExpressionEmitter, Value
+from stc.codegen.native_blocks import Value
+from stc.codegen.native_expressions import DECLARATIONS, Callee, ExpressionEmitter
 from stc.codegen.native_types import Signature, Type, type_of_annotation
 
 
