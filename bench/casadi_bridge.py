@@ -61,7 +61,9 @@ def program(bound: BoundProgram) -> tuple[ca.MX, ca.MX, ca.MX]:
             continue
         data = bound.workspace[structure.data_start[g] :][: len(group.data) * group.size]
         data = data.reshape(len(group.data), group.size)
-        inputs = [ca.reshape(w[group.positions[k].tolist()], 1, group.size) for k in range(len(group.unknown))]
+        inputs = [
+            ca.reshape(w[group.positions[k].tolist()], 1, group.size) for k in range(len(group.unknown))
+        ]
         inputs += [ca.MX(ca.DM(data[k])).T for k in range(len(group.data))]
         function = function_of(tape, f"g{g}")
         mapped = function.map(group.size)
@@ -98,5 +100,9 @@ def ipopt(bound: BoundProgram, expand: bool = True, **options: object) -> PeerRe
     seconds = time.process_time() - begin
     stats = solver.stats()
     return PeerResult(
-        stats["return_status"], float(answer["f"]), stats["iter_count"], seconds, np.array(answer["x"]).ravel()
+        stats["return_status"],
+        float(answer["f"]),
+        stats["iter_count"],
+        seconds,
+        np.array(answer["x"]).ravel(),
     )

@@ -128,7 +128,9 @@ class Sparsity:
     source: IntArray
 
     @classmethod
-    def collect(cls, rows: Sequence[IntArray], cols: Sequence[IntArray], source: Sequence[IntArray]) -> Sparsity:
+    def collect(
+        cls, rows: Sequence[IntArray], cols: Sequence[IntArray], source: Sequence[IntArray]
+    ) -> Sparsity:
         if not rows:
             empty = np.zeros(0, np.int64)
             return cls(empty.astype(np.int32), empty.astype(np.int32), np.zeros(1, np.int64), empty)
@@ -137,7 +139,9 @@ class Sparsity:
         code = r * width + c
         order = np.argsort(code, kind="stable")
         code = code[order]
-        first = np.flatnonzero(np.concatenate([[True], code[1:] != code[:-1]])) if len(code) else np.zeros(0, int)
+        first = (
+            np.flatnonzero(np.concatenate([[True], code[1:] != code[:-1]])) if len(code) else np.zeros(0, int)
+        )
         unique = code[first]
         return cls(
             (unique // width).astype(np.int32),
@@ -355,4 +359,3 @@ def _number_rows(
         instance_of[order],
         linear[order],
     )
-

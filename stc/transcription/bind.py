@@ -6,19 +6,22 @@ constant that shapes nothing binds again in moments; nothing is differentiated o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.codegen.calls import Bound, chain
+from stc.codegen.kernel import KernelSet
 from stc.problem import ConstantRef, Problem
 from stc.symbolic.expr import Expr, evaluate, symbols
 from stc.transcription.assemble import Program, Sparsity
 from stc.transcription.grid import Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import DataRef, data_values
-from stc.transcription.statements import Bound, Statements
+from stc.transcription.statements import Bound as BoundStatement
+from stc.transcription.statements import Statements
 from stc.transcription.steps import Steps
 
 FloatArray = NDArray[np.float64]
@@ -76,9 +79,7 @@ class Numbers:
 def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, numbers: Numbers) -> Bounds:
     """Intersects all bounds on each decision variable and lists those that contradict each other."""
     size = layout.size
-    result = Bounds(
-        np.full(size, -np.inf), np.full(size, np.inf), np.full(size, -1), np.full(size, -1), []
-    )
+    result = Bounds(np.full(size, -np.inf), np.full(size, np.inf), np.full(size, -1), np.full(size, -1), [])
     for bound in statements.bounds:
         _apply(problem, bound, layout, numbers, result)
     crossed = np.flatnonzero(result.lower > result.upper)
@@ -103,7 +104,7 @@ def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, nu
     return result
 
 
-def _apply(problem: Problem, bound: Bound, layout: Layout, numbers: Numbers, into: Bounds) -> None:
+def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Numbers, into: Bounds) -> None:
     rest = numbers.at(bound.rest, bound.nodes)
     minus, plus = np.full(len(rest), -np.inf), np.full(len(rest), np.inf)
     low = minus if bound.lower is None else numbers.at(bound.lower, bound.nodes) - rest
@@ -135,10 +136,10 @@ def _apply(problem: Problem, bound: Bound, layout: Layout, numbers: Numbers, int
         ends = np.where(slope > 0, low / slope, high / slope), np.where(slope > 0, high / slope, low / slope)
     live = ~dead
     at, lo, hi = position[live], ends[0][live], ends[1][live]
-    for k in _once(at):
-        tighter = k[lo[k] > into.lower[at[k]]]
+    for part in _once(at):
+        tighter = part[lo[part] > into.lower[at[part]]]
         into.lower[at[tighter]], into.lower_from[at[tighter]] = lo[tighter], bound.relation
-        tighter = k[hi[k] < into.upper[at[k]]]
+        tighter = part[hi[part] < into.upper[at[part]]]
         into.upper[at[tighter]], into.upper_from[at[tighter]] = hi[tighter], bound.relation
 
 
@@ -163,7 +164,7 @@ class BoundProgram:
         numbers: Numbers,
         bounds: Bounds,
         x0: FloatArray,
-        kernels: tuple[list[Callable[..., None]], list[Callable[..., None]]],
+        kernels: KernelSet,
         constants: Mapping[str, float],
     ) -> None:
         self.program = program
@@ -187,31 +188,38 @@ class BoundProgram:
             for k, ref in enumerate(group.data):
                 at = start + k * group.size
                 self.workspace[at : at + group.size] = numbers.data(ref, group.nodes)
-        self.uniform = np.array([constants.get(getattr(k, "name", ""), 0.0) for k in program.uniform] or [0.0])
+        self.uniform = np.array(
+            [constants.get(getattr(k, "name", ""), 0.0) for k in program.uniform] or [0.0]
+        )
         self._values_buffer = np.zeros(program.values_size)
         self._derivatives_buffer = np.zeros(program.derivatives_size)
-        self._values_calls = _calls(
-            kernels[0], self, program.index_values, self._values_buffer, program.values_start, program, True
-        )
-        self._derivatives_calls = _calls(
-            kernels[1],
-            self,
-            program.index_derivatives,
-            self._derivatives_buffer,
-            program.derivatives_start,
-            program,
-            False,
+        self._values_call = self._chain(kernels, program.values_start, self._values_buffer, values=True)
+        self._derivatives_call = self._chain(
+            kernels, program.derivatives_start, self._derivatives_buffer, values=False
         )
         self._rows = np.zeros(self.m)
         self._gradient = np.zeros(self.n)
         self._jacobian = np.zeros(len(program.jacobian))
         self._hessian = np.zeros(len(program.hessian))
 
+    def _chain(self, kernels: KernelSet, starts: list[int], buffer: FloatArray, values: bool) -> Bound:
+        """One call that runs the kernels of all groups, with everything they read and write tied to them."""
+        program = self.program
+        indices = program.index_values if values else program.index_derivatives
+        calls = []
+        for k, (index, start) in enumerate(zip(indices, starts, strict=True)):
+            number = k if values else k + len(program.groups)
+            count = len(kernels.tapes[number].outputs)
+            blocks, _, lanes = index.shape
+            if count and blocks:
+                out = buffer[start : start + blocks * count * lanes].reshape(blocks, count, lanes)
+                calls.append(kernels.bind(number, self.workspace, self.uniform, index, out))
+        return chain(calls)
+
     def values(self, x: FloatArray) -> tuple[float, FloatArray]:
         """Objective and rows at ``x``; the rows' array is reused by the next call."""
         self.workspace[: self.n] = x
-        for call in self._values_calls:
-            call()
+        self._values_call()
         buffer = self._values_buffer
         np.take(buffer, self.program.row_source, out=self._rows)
         return float(buffer[self.program.objective_source].sum()), self._rows
@@ -223,8 +231,7 @@ class BoundProgram:
         self.workspace[: self.n] = x
         self.workspace[self.n : self.n + self.m] = multipliers
         self.uniform[-1] = objective_factor
-        for call in self._derivatives_calls:
-            call()
+        self._derivatives_call()
         buffer = self._derivatives_buffer
         gradient = self.program.gradient
         self._gradient[:] = 0.0
@@ -242,28 +249,6 @@ def _gather(buffer: FloatArray, entries: Sparsity, out: FloatArray | None = None
     if len(entries.source) == len(entries):
         return np.take(buffer, entries.source, out=out)
     return np.add.reduceat(buffer[entries.source], entries.start[:-1], out=out)
-
-
-def _calls(
-    kernels: list[Callable[..., None]],
-    program: BoundProgram,
-    index: list[NDArray[np.int32]],
-    buffer: FloatArray,
-    starts: list[int],
-    structure: Program,
-    values: bool,
-) -> list[Callable[[], None]]:
-    calls = []
-    for k, group in enumerate(structure.groups):
-        tape = group.values_tape if values else group.derivatives_tape
-        assert tape is not None
-        count = len(tape.outputs)
-        if not count or not group.size:
-            continue
-        block, _, lanes = index[k].shape
-        out = buffer[starts[k] : starts[k] + block * count * lanes].reshape(block, count, lanes)
-        calls.append(kernels[k](program.workspace, program.uniform, index[k], out))
-    return calls
 
 
 def _row_bounds(program: Program, numbers: Numbers) -> tuple[FloatArray, FloatArray]:

@@ -56,7 +56,9 @@ def starting_point(
                     "error",
                     f"the step from frame {bad} to {bad + 1} starts at {h[bad]:g}, but steps must be positive",
                     None,
-                    f"give {free} a guess that makes every step positive" if steps.free else "h must be positive",
+                    f"give {free} a guess that makes every step positive"
+                    if steps.free
+                    else "h must be positive",
                 )
             ]
         )

@@ -8,15 +8,15 @@ same form share one expression; what differs between them (positions in the deci
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.problem import DefinitionRef, IndexRef, Problem, TimeRef, VariableRef
-from stc.symbolic.differentiate import total_derivative
-from stc.symbolic.expr import ONE, ZERO, Expr, num, substitute, sum_of, sym, symbols
+from stc.rates import one_sided, time_derivative
+from stc.symbolic.expr import Expr, substitute, sum_of, sym, symbols
 from stc.transcription.grid import Grid, IntArray, Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.schemes import difference, stencil_reach
@@ -34,32 +34,16 @@ class DataRef:
 
     kind: str
     item: int = 0
-    scale: Fraction = Fraction(1)
-    shift: Fraction = Fraction(0)
+    scale: Fraction | int = 1
+    shift: Fraction | int = 0
 
-
-def rate(key: object) -> Expr:
-    """The time derivative of a symbol, as the language defines primes."""
-    if isinstance(key, VariableRef | DefinitionRef):
-        return sym(replace(key, order=key.order + 1))
-    return ONE if isinstance(key, TimeRef) else ZERO
-
-
-def prime(e: Expr, times: int) -> Expr:
-    """The total time derivative of the given order, by the chain rule."""
-    for _ in range(times):
-        e = total_derivative(e, rate)
-    return e
-
-
-def one_sided(e: Expr, side: str) -> Expr:
-    """``before(e)`` or ``after(e)``: every variable in it read on that side."""
-    keys = [k for k in symbols(e) if isinstance(k, VariableRef | DefinitionRef)]
-    return substitute(e, {k: sym(replace(k, side=side)) for k in keys})
+    def __repr__(self) -> str:
+        # Operands are ordered by their text: it must not depend on how a number is held.
+        return f"DataRef({self.kind}, {self.item}, {self.scale}, {self.shift})"
 
 
 def definition_value(problem: Problem, ref: DefinitionRef, piece: int) -> Expr:
-    body = prime(problem.definitions[ref.name][piece].body, ref.order)
+    body = time_derivative(problem.definitions[ref.name][piece].body, ref.order)
     return one_sided(body, ref.side) if ref.side else body
 
 
@@ -107,6 +91,23 @@ class Expander:
             yield from self(substitute(body, pieces), nodes[which])
 
 
+@dataclass(frozen=True, slots=True)
+class Stencil:
+    """Where a central difference reads from, per node.
+
+    ``first`` (k,): offset in frames of its first point; ``count`` (k,): number of steps it spans;
+    ``supports``: per step and basis function (k,) whether the step has it.
+    """
+
+    first: IntArray
+    count: IntArray
+    supports: list[list[IntArray]]
+
+    def signature(self) -> list[IntArray]:
+        """Rows that are equal at two nodes exactly where the difference has the same form."""
+        return [self.first, self.count, *(row for step in self.supports for row in step)]
+
+
 class Lowering:
     """Everything that tells what an expression means at a node."""
 
@@ -132,7 +133,9 @@ class Lowering:
             if self.central and self.grid.n < 1 and any(r.order for r in refs):
                 keep[:] = False
             at = at[keep]
-            for different, where in self._differences(expanded, at, refs) if self.central else [(expanded, at)]:
+            for different, where in (
+                self._differences(expanded, at, refs) if self.central else [(expanded, at)]
+            ):
                 if len(where):
                     result.append((self.with_data(different), where))
         return result
@@ -142,54 +145,45 @@ class Lowering:
         refs = [r for r in refs if r.order]
         if not refs or not len(nodes):
             return [(body, nodes)] if len(nodes) else []
-        n = self.grid.n
-        rows = []
-        for ref in refs:
-            target = np.array(
-                [int(ref.scale * int(p) / 2 + ref.shift) for p in nodes.position]
-                if ref.scale.denominator > 1
-                else int(ref.scale) * nodes.frame + int(ref.shift)
-            )
-            if ref.order == 1:
-                place = np.where(target == 0, -1, np.where(target == n, 1, 0))
-                span = min(2, n)
-                first = np.where(place < 0, 0, np.where(place > 0, -span, -1))
-                count = np.where(place == 0, 2, span)
-            else:
-                reach = stencil_reach(ref.order)
-                first, count = np.full(len(nodes), -reach), np.full(len(nodes), 2 * reach)
-            rows += [first, count]
-            for k in range(max(int(count.max()), 0)):
-                step = np.clip(target + first + k, 0, n - 1)
-                present = k < count
-                for support in self.steps.support:
-                    rows.append(np.where(present, support[step], 0))
+        stencils = [self._stencil(ref, nodes) for ref in refs]
+        signature = [row for stencil in stencils for row in stencil.signature()]
         result = []
-        for column, which in groups(np.array(rows, np.int64)):
-            it = iter(column.tolist())
+        for _, which in groups(np.array(signature, np.int64)):
+            node = which[0]  # any node of the class
             mapping: dict[object, Expr] = {}
-            longest = iter([int(r) for r in self._longest(refs, rows)])
-            for ref in refs:
-                first, count = next(it), next(it)
-                steps = []
-                for k in range(next(longest)):
-                    present = [next(it) for _ in self.steps.basis]
-                    if k < count:
-                        steps.append(self.step(present, ref.scale, ref.shift + first + k))
+            for ref, stencil in zip(refs, stencils, strict=True):
+                first, count = int(stencil.first[node]), int(stencil.count[node])
+                steps = [
+                    self.step([int(s[node]) for s in stencil.supports[k]], ref.scale, ref.shift + first + k)
+                    for k in range(count)
+                ]
                 mapping[ref] = difference(ref, range(first, first + count + 1), steps)
             result.append((substitute(body, mapping), nodes[which]))
         return result
 
-    def _longest(self, refs: Sequence[VariableRef], rows: Sequence[NDArray[np.int64]]) -> list[int]:
-        """How many steps the widest stencil of each derivative spans: the layout of its signature rows."""
-        result, at = [], 0
-        for _ in refs:
-            count = int(rows[at + 1].max())
-            result.append(count)
-            at += 2 + count * len(self.steps.basis)
-        return result
+    def _stencil(self, ref: VariableRef, nodes: Nodes) -> Stencil:
+        """The stencil of a derivative at every node: one-sided at the ends for first derivatives."""
+        n = self.grid.n
+        if ref.scale.denominator == 1:
+            target = int(ref.scale) * nodes.frame + int(ref.shift)
+        else:
+            target = np.array([int(ref.scale * int(p) / 2 + ref.shift) for p in nodes.position], np.int64)
+        if ref.order == 1:
+            span = min(2, n)
+            first = np.where(target == 0, 0, np.where(target == n, -span, -1))
+            count = np.where((target == 0) | (target == n), span, 2)
+        else:
+            reach = stencil_reach(ref.order)
+            first, count = np.full(len(nodes), -reach), np.full(len(nodes), 2 * reach)
+        supports = []
+        for k in range(int(count.max())):
+            step = np.clip(target + first + k, 0, n - 1)
+            supports.append(
+                [np.where(k < count, has[step], False).astype(np.int64) for has in self.steps.support]
+            )
+        return Stencil(first, count, supports)
 
-    def step(self, present: Sequence[int], scale: Fraction, shift: Fraction) -> Expr:
+    def step(self, present: Sequence[int], scale: Fraction | int, shift: Fraction | int) -> Expr:
         """The step after frame ``scale*i + shift``, given which basis functions it has."""
         terms = []
         for k, phi in enumerate(self.steps.basis):
@@ -219,7 +213,7 @@ class Lowering:
             return
         for present, which in groups(self.steps.support.astype(np.int64)):
             shift = Fraction(-1, 2) if self.grid.has_midpoints else Fraction(0)
-            yield self.step(present.tolist(), Fraction(1), shift), nodes[which]
+            yield self.step(present.tolist(), 1, shift), nodes[which]
 
 
 def data_values(
@@ -238,6 +232,3 @@ def data_values(
         at = np.rint(float(ref.scale) * nodes.position / 2.0 + float(ref.shift)).astype(np.int64)
         return coefficients[ref.item, np.clip(at, 0, max(steps.n - 1, 0))]
     return weights[ref.item]
-
-
-__all__ = ["DataRef", "Expander", "Lowering", "data_values", "num", "prime", "rate"]

@@ -37,7 +37,9 @@ def multiplier_blocks(
         two = before != after
         position = np.concatenate([before, after[two], middle])
         where = np.concatenate([2 * frames, 2 * frames[two], 2 * np.arange(len(middle)) + 1])
-        side = np.concatenate([np.where(two, BEFORE, 0), np.full(two.sum(), AFTER), np.zeros(len(middle), int)])
+        side = np.concatenate(
+            [np.where(two, BEFORE, 0), np.full(two.sum(), AFTER), np.zeros(len(middle), int)]
+        )
         values = bound_multipliers[position]
         if values.any():
             result.append(_block("bound", name + "'" * order, [(Nodes(where, side), values)]))

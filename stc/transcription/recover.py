@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef, VariableRef
+from stc.rates import time_derivative
 from stc.symbolic.expr import Expr, evaluate, sym, symbols
 from stc.trajectory import Channel
 from stc.transcription.grid import AFTER, BEFORE, Grid, Nodes
 from stc.transcription.layout import Layout
-from stc.transcription.lower import Lowering, data_values, prime
+from stc.transcription.lower import Lowering, data_values
 from stc.transcription.steps import Steps
 
 FloatArray = NDArray[np.float64]
@@ -31,7 +32,13 @@ class Recovery:
         constants: Mapping[str, float],
         x: FloatArray,
     ) -> None:
-        self.problem, self.grid, self.layout, self.steps, self.lowering = problem, grid, layout, steps, lowering
+        self.problem, self.grid, self.layout, self.steps, self.lowering = (
+            problem,
+            grid,
+            layout,
+            steps,
+            lowering,
+        )
         self.x = x
         self.parameters = {name: float(x[p]) for name, p in layout.parameters.items()}
         self._values: dict[object, float | FloatArray] = {ConstantRef(k): v for k, v in constants.items()}
@@ -89,7 +96,7 @@ class Recovery:
 
     def rate(self, body: Expr, order: int = 1) -> Channel | None:
         """A total time derivative of an expression at every node; None where an unknown of it is missing."""
-        slope = prime(body, order)
+        slope = time_derivative(body, order)
         for key in symbols(slope):
             if (
                 isinstance(key, VariableRef)

@@ -50,7 +50,9 @@ def stencil_weights(order: int, positions: Sequence[Expr]) -> list[Expr]:
             if j == i - 1:
                 for k in range(min(i, order), -1, -1):
                     lower = weights[k - 1][i - 1] * float(k) if k else ZERO
-                    weights[k][i] = (product_before / product) * (lower - positions[i - 1] * weights[k][i - 1])
+                    weights[k][i] = (product_before / product) * (
+                        lower - positions[i - 1] * weights[k][i - 1]
+                    )
             for k in range(min(i, order), -1, -1):
                 lower = weights[k - 1][j] * float(k) if k else ZERO
                 weights[k][j] = (positions[i] * weights[k][j] - lower) / gap
@@ -120,7 +122,9 @@ def sum_weights(grid: Grid, nodes: Nodes, first: int, last: int) -> NDArray[np.f
     becomes its Simpson counterpart, (e[first] + e[last])/2 + sum of (e[i] + 4 e[mid] + e[i+1])/6.
     """
     weight = np.ones(len(nodes))
-    two_sided = (nodes.side != 0) & (((nodes.position > 2 * first) & (nodes.position < 2 * last)) | (first == last))
+    two_sided = (nodes.side != 0) & (
+        ((nodes.position > 2 * first) & (nodes.position < 2 * last)) | (first == last)
+    )
     if grid.has_midpoints and last > first and nodes.is_midpoint.any():
         inner = (nodes.position > 2 * first) & (nodes.position < 2 * last)
         weight[:] = np.where(inner, 1.0 / 3.0, 0.5 + 1.0 / 6.0)

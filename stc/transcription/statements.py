@@ -70,7 +70,7 @@ class WeightTable:
         if self.fixed is not None:
             return self.fixed
         amount = self.share * coefficients[self.basis, self.step]
-        return np.bincount(self.node, amount, minlength=self.size)
+        return np.bincount(self.node, amount, minlength=self.size).astype(np.float64)
 
 
 @dataclass(slots=True)
@@ -210,9 +210,7 @@ class Sorter:
     def _distinct(self, row: Row) -> Row:
         """Drops nodes at which the very same row stands already: the other side of a jump, absolute indices."""
         keys = [k for e in (row.body, row.lower, row.upper) if e is not None for k in symbols(e)]
-        fixed = not any(
-            isinstance(k, DataRef) or (isinstance(k, VariableRef) and k.scale != 0) for k in keys
-        )
+        fixed = not any(isinstance(k, DataRef) or (isinstance(k, VariableRef) and k.scale != 0) for k in keys)
         if not fixed and not (row.nodes.side > 0).any():
             return row
         layout = self.lowering.layout

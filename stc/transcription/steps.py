@@ -61,7 +61,7 @@ class Steps:
             elif not parameters:
                 add(ONE, piece, steps)
             else:
-                rest = substitute(piece, {k: ZERO for k in parameters})
+                rest = substitute(piece, dict.fromkeys(parameters, ZERO))
                 for key in parameters:
                     slope = derivative(piece, key)
                     if any(isinstance(k, ParameterRef) for k in symbols(slope)):

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.kernel import KernelSet, compile_tapes
+from stc.codegen.kernel import Backend, KernelSet, compile_tapes
 from stc.codegen.tape import Tape
 from stc.errors import EvaluationError, Span
 from stc.problem import Problem, VariableRef
@@ -46,7 +46,7 @@ class Transcription:
     kernels: KernelSet | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
-    def compile(self, backend: str = "auto", cache: bool = True) -> None:
+    def compile(self, backend: Backend = "auto", cache: bool = True) -> None:
         """Compiles the kernels, or takes them from the object cache."""
         begin = time.perf_counter()
         self.kernels = compile_tapes(self.tapes, backend=backend, cache=cache)
@@ -79,19 +79,13 @@ class Transcription:
             )
         else:
             x0 = np.clip(start, bounds.lower, np.maximum(bounds.lower, bounds.upper))
-        count = len(self.program.groups)
-        kernels = self.kernels
-
-        def binder(k: int) -> Callable[..., Callable[[], None]]:
-            return lambda W, uniform, index, out: kernels.bind(k, W, uniform, index, out)
-
         bound = BoundProgram(
             self.program,
             self.layout,
             numbers,
             bounds,
             x0,
-            ([binder(k) for k in range(count)], [binder(k + count) for k in range(count)]),
+            self.kernels,
             constants,
         )
         if not bound.contradictions:
@@ -122,7 +116,9 @@ class Transcription:
             text, span = "", None
             if number != LINK:
                 text, span = self.problem.relations[number].text, self.problem.relations[number].span
-            self._undefined(text or statement.label, span, group.nodes.position[instance] / 2, bound, statement.body)
+            self._undefined(
+                text or statement.label, span, group.nodes.position[instance] / 2, bound, statement.body
+            )
         if not np.isfinite(objective):
             for group in self.program.groups:
                 for summand in group.summands:
@@ -171,8 +167,9 @@ def transcribe(problem: Problem) -> Transcription:
     expand = Expander(problem, grid)
     steps = Steps(problem, grid, expand)
     bodies: list[Expr] = []
-    for statement in [*problem.relations, *problem.objective]:
-        bodies += [body for body, _ in expand(statement.body, grid.nodes(statement.range))]
+    stated = [(r.body, r.range) for r in problem.relations] + [(o.body, o.range) for o in problem.objective]
+    for body, where in stated:
+        bodies += [expanded for expanded, _ in expand(body, grid.nodes(where))]
     if problem.method == "central":
         orders = dict.fromkeys(problem.variables, 0)
     else:

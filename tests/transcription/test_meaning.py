@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from transcription.slow_reference import SlowMotion
+
 from stc.errors import Source
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
