@@ -23,6 +23,7 @@ class FunctionEmitter(ExpressionEmitter):
         *,
         fast: bool,
         inline: bool,
+        small: bool,
         exported: bool,
         resolve: Callable[[str], Any],
         callee_of: Callable[[Any], Callee | None],
@@ -31,7 +32,7 @@ class FunctionEmitter(ExpressionEmitter):
         self.definition = definition
         self.symbol = symbol
         self.signature = signature
-        self.inline = inline
+        self.attributes = "nounwind" + " alwaysinline" * inline + " minsize optsize" * small
         self.exported = exported
         self._loops: list[tuple[str, str]] = []  # labels to go to on continue and on break
         stores = (n for n in ast.walk(definition) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store))
@@ -54,9 +55,8 @@ class FunctionEmitter(ExpressionEmitter):
                 )
             self.emit("ret void")
         linkage = "" if self.exported else "internal "
-        attributes = "nounwind" + (" alwaysinline" if self.inline else "")
         result = self.signature.result.ir
-        head = f"define {linkage}{result} @{self.symbol}({', '.join(parameters)}) {attributes} {{"
+        head = f"define {linkage}{result} @{self.symbol}({', '.join(parameters)}) {self.attributes} {{"
         text = [head, "entry:", *self.entry, *self.lines, "}"]
         if self.exported:
             text.extend(self._packed_entry())

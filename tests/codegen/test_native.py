@@ -265,6 +265,20 @@ def test_loops_and_arrays(values: list[float]) -> None:
     assert fast_sum(n, x) == pytest.approx(float(x @ x), rel=1e-14)
 
 
+@native(small=True)
+def small_sum(n: i64, x: f64s) -> f64:
+    s = 0.0
+    for k in range(n):
+        s += x[k] * x[k]
+    return s
+
+
+def test_small_code_does_the_same() -> None:
+    x = np.linspace(-1.0, 2.0, 17)
+    small_sum.prepare()
+    same(small_sum, 17, x)
+
+
 def test_nan_stays_visible_in_fast_functions() -> None:
     x = np.ones(9)
     x[4] = math.nan
