@@ -97,9 +97,7 @@ def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
     """The result where bounds exclude each other before any step is taken."""
     lines = []
     for contradiction in bound.contradictions[:5]:
-        places = [
-            transcription.problem.relations[k].span.location for k in contradiction.relations if k >= 0
-        ]
+        places = [transcription.problem.relations[k].span.location for k in contradiction.relations if k >= 0]
         lines.append(f"{contradiction.message} ({' and '.join(dict.fromkeys(places))})")
     more = len(bound.contradictions) - len(lines)
     if more > 0:
@@ -174,7 +172,7 @@ def _replay_channels(problem: Problem, recovery: Recovery) -> list[ReplayChannel
             channels.append(ReplayChannel(line.kind, line.path, Channel(number, number, mid)))
             continue
         value = recovery.channel(line.body)
-        rate = recovery.rate(line.body, 1) if line.kind != "actuator" else None
+        rate = recovery.rate(line.body, 1) if line.kind in ("joint", "compare") else None
         acceleration = recovery.rate(line.body, 2) if line.kind == "joint" else None
         channels.append(ReplayChannel(line.kind, line.path, value, rate, acceleration))
     return channels

@@ -182,7 +182,7 @@ class Jump:
 
 @dataclass(frozen=True, slots=True)
 class ReplayChannel:
-    """One line of ``replay:``: ``kind path = body;`` with kind joint, actuator, compare or set."""
+    """One line of ``replay:``: ``kind path = body;`` with kind joint, actuator, apply, contact, compare or set."""
 
     kind: str
     path: tuple[str, ...]

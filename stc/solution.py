@@ -51,7 +51,7 @@ class ReplayChannel:
     """One line of the spec's ``replay:`` section with its expression evaluated at the nodes.
 
     Attributes:
-        kind: ``joint``, ``actuator``, ``compare`` or ``set``.
+        kind: ``joint``, ``actuator``, ``apply``, ``contact``, ``compare`` or ``set``.
         path: the dotted name on the left of the line, such as ``("body", "particle", "mass")``.
         value: node values.
         rate: node values of the first time derivative (joints: the velocity), where it is known.

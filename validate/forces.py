@@ -1,35 +1,41 @@
-"""The controls of a solution as functions of time, the way its transcription means its forces.
+"""What drives the model: the controls of its actuators, and forces that act on it from outside.
 
-- ``central``: given at the frames, straight lines between them.  Where clipped stencils left the equations
-  of motion out (normally frames 0 and n) no force was determined, and the nearest frame's is held.
-- ``trapezoidal``: straight lines between the frames.
-- ``hermite-simpson``: in every step the parabola through frame, midpoint and frame.
-
-At a jump the step to the left uses the value before it and the step to the right the value after it.
+``actuator NAME = e``
+    the control of an actuator.
+``apply joint.NAME = e``, ``apply body.NAME.fx = e``, ``apply site.NAME.my = e`` (...)
+    a force that acts whatever the model itself supplies: a generalised force on a joint; a force (``fx``,
+    ``fy``, ``fz``, in N, along the world's axes) at the origin of a body's frame or at a site, or a torque
+    (``mx``, ``my``, ``mz``, in N m) on that body.
+``contact body.NAME.fx = e`` (...)
+    the same, for a force that the ground gives.  Where the model has its own contacts, they supply it; the
+    solved one acts where those are switched off, as in the inverse dynamics.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.solution import Solution
-from stc.trajectory import Channel, horner, parabola
+from stc.solution import ReplayChannel, Solution
 from stc.validate.metrics import FloatArray
-from stc.validate.model import ModelError, find_object, lines_of
+from stc.validate.model import ModelError, find_object, lines_of, nearest
+from stc.validate.signals import Signals
 
 if TYPE_CHECKING:
     import mujoco
 
+_PARTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
-class Controls:
+
+class Controls(Signals):
     """Control signals of a replay.
 
     Attributes:
-        addresses: (k,) index in MuJoCo's ``ctrl`` of each driven actuator.
         names: the driven actuators.
-        channels: their node values, held at the ends where the method asks for it.
+        actuators: their indices in the model.
+        addresses: (k,) index in MuJoCo's ``ctrl`` of each driven actuator.
     """
 
     def __init__(self, model: mujoco.MjModel, solution: Solution) -> None:
@@ -38,36 +44,13 @@ class Controls:
         Raises:
             ModelError: an unknown actuator, or one that takes several controls.
         """
-        lines = lines_of(solution, "actuator")
-        self.names = [line.name for line in lines]
-        self.actuators = [
-            find_object(model, "actuator", line.name, f"actuator {line.name}") for line in lines
-        ]
+        super().__init__(solution, lines_of(solution, "actuator"))
+        self.names = [line.name for line in self.lines]
+        self.actuators = [find_object(model, "actuator", name, f"actuator {name}") for name in self.names]
         for name, index in zip(self.names, self.actuators):
             if model.actuator_ctrlnum[index] != 1:
                 raise ModelError(f"actuator {name} takes {model.actuator_ctrlnum[index]} controls, not one")
         self.addresses = np.array([model.actuator_ctrladr[index] for index in self.actuators], dtype=np.intp)
-        first, last = solution.force_frames or (0, solution.n)
-        self.channels = [line.value.held_outside(first, last) for line in lines]
-        self._coefficients = self._polynomials(solution.n)
-
-    def _polynomials(self, n: int) -> list[FloatArray]:
-        """Per power of s (0, 1, 2) an array (n, k) of coefficients of every step and actuator."""
-        found = [np.zeros((n, len(self.channels))) for _ in range(3)]
-        for column, channel in enumerate(self.channels):
-            left, right = channel.after[:-1], channel.before[1:]
-            curve = [left, right - left] if channel.mid is None else parabola(left, channel.mid, right)
-            for power, coefficient in enumerate(curve):
-                found[power][:, column] = coefficient
-        return found
-
-    def in_step(self, step: int, shares: FloatArray) -> FloatArray:
-        """Controls in one step at the given shares of it: (len(shares), k)."""
-        return horner([c[step] for c in self._coefficients], shares[:, None])
-
-    def at_frame(self, frame: int, side: str) -> FloatArray:
-        """Controls at a frame as the step on one side sees them: (k,)."""
-        return np.array([_side(channel, side)[frame] for channel in self.channels])
 
     def beyond_range(self, model: mujoco.MjModel) -> list[str]:
         """Names of the actuators whose control leaves the range that the model clamps it to."""
@@ -82,5 +65,78 @@ class Controls:
         return found
 
 
-def _side(channel: Channel, side: str) -> FloatArray:
-    return channel.before if side == "before" else channel.after
+@dataclass(frozen=True, slots=True)
+class _Target:
+    """Where an outer force acts: on degree of freedom ``dof``, or as part of a wrench at a body or site."""
+
+    dof: int = -1
+    kind: str = ""
+    index: int = -1
+    part: int = -1
+
+
+class OuterForces(Signals):
+    """Forces on the model that are not its actuators': ``apply`` or ``contact`` lines."""
+
+    def __init__(self, model: mujoco.MjModel, solution: Solution, kinds: tuple[str, ...]) -> None:
+        """Tie the lines of the given kinds to the model.
+
+        Raises:
+            ModelError: an unknown path.
+        """
+        super().__init__(solution, [line for kind in kinds for line in lines_of(solution, kind)])
+        self._targets = [_target(model, line) for line in self.lines]
+
+    @property
+    def names(self) -> list[str]:
+        """The lines as they are written: ``contact body.base.fx``."""
+        return [f"{line.kind} {line.name}" for line in self.lines]
+
+    def apply(self, model: mujoco.MjModel, data: mujoco.MjData, values: FloatArray) -> None:
+        """Set ``qfrc_applied`` to what the forces amount to in the state of ``data``.
+
+        Args:
+            model: the model.
+            data: its ``qpos`` counts; kinematics are brought up to date.
+            values: (k,) the forces.
+        """
+        if not self.lines:
+            return
+        import mujoco
+
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        data.qfrc_applied[:] = 0.0
+        wrenches: dict[tuple[str, int], FloatArray] = {}
+        for target, value in zip(self._targets, values):
+            if target.dof >= 0:
+                data.qfrc_applied[target.dof] += value
+            else:
+                wrench = wrenches.setdefault((target.kind, target.index), np.zeros(6))
+                wrench[target.part] += value
+        total = np.zeros(model.nv)
+        for (kind, index), wrench in wrenches.items():
+            body = index if kind == "body" else int(model.site_bodyid[index])
+            point = (data.xpos if kind == "body" else data.site_xpos)[index]
+            mujoco.mj_applyFT(model, data, wrench[:3], wrench[3:], point, body, total)
+        data.qfrc_applied[:] += total
+
+
+def _target(model: mujoco.MjModel, line: ReplayChannel) -> _Target:
+    written = f"{line.kind} {line.name}"
+    kind, *rest = line.path
+    if kind not in ("joint", "body", "site"):
+        known = nearest(kind, ["joint", "body", "site"])
+        raise ModelError(f"{written}: a force acts on a joint, a body or a site, not on {kind}{known}")
+    if not rest:
+        raise ModelError(f"{written}: the name of the {kind} is missing")
+    index = find_object(model, kind, rest[0], written)
+    if kind == "joint":
+        if len(rest) > 1:
+            raise ModelError(f"{written}: the force on a joint has no parts")
+        if model.jnt_type[index] < 2:  # free and ball joints come first
+            raise ModelError(f"{written}: a ball or free joint has several coordinates")
+        return _Target(dof=int(model.jnt_dofadr[index]))
+    if len(rest) != 2 or rest[1] not in _PARTS:
+        raise ModelError(f"{written}: end the path in one of .{', .'.join(_PARTS)}")
+    return _Target(kind=kind, index=index, part=_PARTS.index(rest[1]))

@@ -1,11 +1,17 @@
-"""Every limit that a verdict depends on, and every setting that decides how fine a replay is.
+"""Every limit that a verdict depends on, and every setting that decides how fine or how firm a replay is.
 
-A motion passes when all its metrics stay within their limits.  Lengths are in metres, angles in radians.
+A motion passes when all its metrics stay within their limits.  Lengths are in metres, angles in radians, and a
+share is a part of one.  Where a limit depends on the transcription, it is because the method's own truncation
+error shows in the figure: hermite-simpson is of fourth order in the step, trapezoidal and central of second.
 """
 
 from __future__ import annotations
 
 from typing import Final
+
+ByMethod = dict[str, float]
+
+# --- how a replay is made ----------------------------------------------------------------------------------
 
 #: Longest time step of the replay, in seconds; a frame step is cut into equal parts no longer than this.
 TIME_STEP: Final = 1e-3
@@ -13,15 +19,74 @@ TIME_STEP: Final = 1e-3
 #: A frame step is cut into at least so many parts, however short it is.
 SUBSTEPS: Final = 4
 
-#: Largest open-loop drift of a joint or compared output from the solved motion, by transcription.  The
-#: collocation of hermite-simpson is of fourth order in the step, the two others are of second order: their
-#: own truncation shows in the drift, so that they are held to a coarser limit.
-OPEN_LOOP_DRIFT: Final[dict[str, float]] = {
-    "hermite-simpson": 1e-4,
-    "trapezoidal": 1e-2,
-    "central": 1e-2,
-}
+# --- drift: how far the replayed motion leaves the solved one ------------------------------------------------
+
+#: Largest open-loop drift of a joint or compared output.
+OPEN_LOOP_DRIFT: Final[ByMethod] = {"hermite-simpson": 1e-4, "trapezoidal": 1e-2, "central": 1e-2}
+
+#: Largest drift of a joint or compared output when feedback tracks the solved motion.
+TRACKED_DRIFT: Final[ByMethod] = {"hermite-simpson": 1e-4, "trapezoidal": 1e-2, "central": 1e-2}
+
+#: Largest share of its torque that the feedback may supply to an actuator.
+FEEDBACK_SHARE: Final[ByMethod] = {"hermite-simpson": 5e-3, "trapezoidal": 1e-1, "central": 1e-1}
+
+#: From this growth of small errors on, a motion counts as unstable: open-loop drift then says more about the
+#: system than about the solution, and the residual and the tracked replay judge instead.
+UNSTABLE_GROWTH: Final = 20.0
+
+#: The growth is looked for between so many instants at most.
+GROWTH_INSTANTS: Final = 60
+
+# --- feedback ------------------------------------------------------------------------------------------------
+
+#: Longest time, in seconds, for which one gain of the regulator holds.
+TRACKING_STEP: Final = 2e-3
+
+#: Tolerable deviation of a position, in m or rad: what the regulator weighs against the next two.
+TRACKING_POSITION: Final = 1e-3
+
+#: How fast deviations should die out, 1/s.
+TRACKING_RATE: Final = 10.0
+
+#: Tolerable correction of a control, as a share of the largest one along the motion.
+TRACKING_CONTROL: Final = 0.01
+
+#: Natural frequency, in rad/s, and damping ratio of the proportional-derivative law.
+PD_RATE: Final = 15.0
+PD_DAMPING: Final = 1.0
+
+# --- physics, instant by instant ---------------------------------------------------------------------------
 
 #: Largest inverse-dynamics residual where the equations of motion hold, as a share of the motion's largest
 #: generalised force.  It measures the equations alone: neither the step nor an unstable system enlarges it.
 INVERSE_DYNAMICS: Final = 1e-9
+
+#: The same between the nodes, where the method's polynomials decide.
+INVERSE_DYNAMICS_BETWEEN: Final[ByMethod] = {"hermite-simpson": 5e-2, "trapezoidal": 1e-1, "central": 1e-1}
+
+#: Places in a step, as shares of it, where the motion between the nodes is looked at.
+BETWEEN_SHARES: Final = (0.125, 0.25, 0.375, 0.625, 0.75, 0.875)
+
+#: Largest gap in the energy balance, as a share of the energy that is turned over.
+ENERGY_BALANCE: Final[ByMethod] = {"hermite-simpson": 1e-4, "trapezoidal": 2e-2, "central": 2e-2}
+
+#: Largest part of an impulse that no contact gives, as a share of the motion's largest momentum.
+VELOCITY_JUMP: Final = 1e-9
+
+#: Largest violation of an inequality of the spec between the nodes, as a share of what it compares.
+INEQUALITY_BETWEEN: Final[ByMethod] = {"hermite-simpson": 2e-2, "trapezoidal": 5e-2, "central": 5e-2}
+
+# --- refinement and equations ------------------------------------------------------------------------------
+
+#: Smallest order of convergence of the replay, observed on the two finest of three grids.
+ORDER: Final[ByMethod] = {"hermite-simpson": 3.3, "trapezoidal": 1.8, "central": 1.8}
+
+#: Below this drift, in m or rad, rounding and the solver's tolerance hide the order of convergence.
+ORDER_FLOOR: Final = 1e-10
+
+#: Largest difference between the spec's equations of motion and the model's at a random state, as a share of
+#: the largest generalised force there.
+EQUATIONS: Final = 1e-9
+
+#: Number of random states at which they are compared.
+EQUATION_STATES: Final = 1000

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ class Metric:
         name: what was measured, such as ``open-loop drift, largest``.
         subject: on what, such as ``joint x``.
         value: the number; infinite or not a number where the simulation broke down.
-        unit: ``m``, ``rad``, ``s``, ``share`` (of one), or "" where it has none that is known.
+        unit: ``m``, ``rad``, ``s``, ``share`` (of one), ``times``, or "" where it has none that is known.
         limit: the largest value that passes, or None for a number that is reported only.
     """
 
@@ -36,6 +36,10 @@ class Metric:
         if self.limit is None:
             return "info"
         return "pass" if self.value <= self.limit else "fail"
+
+    def without_limit(self) -> Metric:
+        """The same number for information only."""
+        return replace(self, limit=None)
 
     def to_dict(self) -> dict[str, Any]:
         """The metric as JSON takes it; a value that is not finite becomes None."""

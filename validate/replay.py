@@ -1,8 +1,11 @@
-"""Open-loop replay: start the model where the solution starts, apply its forces, and see where it goes.
+"""Replay: start the model where the solution starts, apply its forces, and see where it goes.
 
 The classical Runge-Kutta method of fourth order steps over MuJoCo's own forward dynamics, with the forces
 evaluated at the times of its stages; MuJoCo's ``mj_step`` would hold them over a step.  Every frame step of
 the solution is cut into a whole number of equal time steps, so that forces are smooth inside each of them.
+
+A replay is open loop, or tracked: then a feedback law (:mod:`stc.validate.tracking`) adds to the controls,
+held over each time step, what the deviation from the solved motion asks for.
 """
 
 from __future__ import annotations
@@ -14,15 +17,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.errors import UsageError
-from stc.solution import Solution
 from stc.validate import limits
-from stc.validate.forces import Controls
 from stc.validate.metrics import FloatArray
-from stc.validate.model import Tie
-from stc.validate.outputs import Output
 
 if TYPE_CHECKING:
     import mujoco
+
+    from stc.validate.forces import OuterForces
+    from stc.validate.setup import Setup
+    from stc.validate.tracking import Feedback
 
 #: A state larger than this, in m, rad or per second, is no motion any more; MuJoCo draws the same line.
 _BROKEN = 1e10
@@ -38,49 +41,49 @@ class Replay:
     Attributes:
         integrator: one of :data:`INTEGRATORS`.
         time_step: longest time step taken, in seconds.
-        steps: number of time steps.
         positions: (n+1, nq) MuJoCo's ``qpos`` at the frames, NaN once the simulation has broken down.
         velocities: (n+1, nv) MuJoCo's ``qvel`` at the frames.
         outputs: (n+1, k) the compared outputs at the frames.
+        time: (steps+1,) times of the time steps, in seconds.
+        path: (steps+1, nq) ``qpos`` at these times.
         broke_at: time of the frame by which the state had left all bounds, or None.
+        feedback: (actuators,) integral of the feedback's absolute value per driven actuator.
+        total: (actuators,) integral of the whole control's absolute value.
     """
 
     integrator: str
     time_step: float
-    steps: int
     positions: FloatArray
     velocities: FloatArray
     outputs: FloatArray
-    broke_at: float | None = field(default=None)
+    time: FloatArray
+    path: FloatArray
+    broke_at: float | None = None
+    feedback: FloatArray = field(default_factory=lambda: np.zeros(0))
+    total: FloatArray = field(default_factory=lambda: np.zeros(0))
 
-
-def set_start(data: mujoco.MjData, ties: list[Tie]) -> None:
-    """Put every tied joint where the solution starts, with the solution's own velocity."""
-    for tie in ties:
-        assert tie.line.rate is not None  # checked when the joints were tied
-        data.qpos[tie.position] = tie.line.value.after[0]
-        data.qvel[tie.velocity] = tie.line.rate.after[0]
+    @property
+    def steps(self) -> int:
+        """Number of time steps."""
+        return len(self.time) - 1
 
 
 def replay(
-    model: mujoco.MjModel,
-    solution: Solution,
-    ties: list[Tie],
-    controls: Controls,
-    outputs: list[Output],
+    setup: Setup,
     time_step: float = limits.TIME_STEP,
     integrator: str = "rk4",
+    *,
+    feedback: Feedback | None = None,
+    external: bool = False,
 ) -> Replay:
-    """Simulate the whole motion open loop.
+    """Simulate the whole motion.
 
     Args:
-        model: the model with the spec's numbers in it; its time step is changed.
-        solution: gives the times of the frames.
-        ties: joints to start.
-        controls: forces over time.
-        outputs: what to record at the frames besides the joints.
+        setup: the motion and its model.
         time_step: longest time step, in seconds.
         integrator: one of :data:`INTEGRATORS`.
+        feedback: what tracks the solved motion; None replays open loop.
+        external: apply the solved contact forces and switch the model's own contacts off.
 
     Raises:
         UsageError: an unknown integrator, or a time step that is not positive.
@@ -91,91 +94,128 @@ def replay(
         raise UsageError(f"unknown integrator {integrator!r}; known are {', '.join(INTEGRATORS)}")
     if not time_step > 0.0:
         raise UsageError(f"the time step of the replay must be positive, not {time_step:g}")
+    model = setup.model(contacts=not external)
     if integrator != "rk4":
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
-    data = mujoco.MjData(model)
-    set_start(data, ties)
-    advance = _runge_kutta if integrator == "rk4" else _mujoco_step
-    n = solution.n
-    result = Replay(
-        integrator,
-        0.0,
-        0,
-        np.full((n + 1, model.nq), math.nan),
-        np.full((n + 1, model.nv), math.nan),
-        np.full((n + 1, len(outputs)), math.nan),
-    )
-    _record(model, data, outputs, result, 0)
-    for frame, duration in enumerate(np.diff(solution.time)):
-        parts = max(limits.SUBSTEPS, math.ceil(duration / time_step - 1e-9))
-        model.opt.timestep = duration / parts
-        result.time_step = max(result.time_step, model.opt.timestep)
-        result.steps += parts
-        shares = np.arange(2 * parts + 1) / (2 * parts)
-        signal = controls.in_step(frame, shares)
-        for part in range(parts):
-            advance(model, data, controls.addresses, signal[2 * part : 2 * part + 3])
-        state = np.concatenate([data.qpos, data.qvel])
-        if not np.all(np.abs(state) < _BROKEN):
-            result.broke_at = float(solution.time[frame + 1])
-            break
-        _record(model, data, outputs, result, frame + 1)
-    return result
+    return _Simulation(setup, model, integrator, feedback, external).run(time_step)
 
 
-def _record(
-    model: mujoco.MjModel, data: mujoco.MjData, outputs: list[Output], result: Replay, frame: int
-) -> None:
-    result.positions[frame] = data.qpos
-    result.velocities[frame] = data.qvel
-    if outputs:
+class _Simulation:
+    """One replay under way."""
+
+    def __init__(
+        self,
+        setup: Setup,
+        model: mujoco.MjModel,
+        integrator: str,
+        feedback: Feedback | None,
+        external: bool,
+    ) -> None:
         import mujoco
 
-        mujoco.mj_forward(model, data)
-        result.outputs[frame] = [output.read(model, data) for output in outputs]
+        self.setup, self.model, self.feedback = setup, model, feedback
+        self.forces: OuterForces = setup.all_forces if external else setup.applied
+        self.data = mujoco.MjData(model)
+        self.advance = self._runge_kutta if integrator == "rk4" else self._mujoco_step
+        n, outputs = setup.solution.n, len(setup.outputs)
+        self.result = Replay(
+            integrator,
+            0.0,
+            np.full((n + 1, model.nq), math.nan),
+            np.full((n + 1, model.nv), math.nan),
+            np.full((n + 1, outputs), math.nan),
+            np.zeros(0),
+            np.zeros((0, model.nq)),
+            feedback=np.zeros(len(setup.controls)),
+            total=np.zeros(len(setup.controls)),
+        )
 
+    def run(self, time_step: float) -> Replay:
+        setup, model, data, result = self.setup, self.model, self.data, self.result
+        solution = setup.solution
+        start = setup.reference.at("after", 0)[:2]
+        setup.reference.put(data, start)
+        self._record(0)
+        times, path = [float(solution.time[0])], [data.qpos.copy()]
+        for frame, duration in enumerate(np.diff(solution.time)):
+            parts = max(limits.SUBSTEPS, math.ceil(duration / time_step - 1e-9))
+            model.opt.timestep = duration / parts
+            result.time_step = max(result.time_step, model.opt.timestep)
+            shares = np.arange(2 * parts + 1) / (2 * parts)
+            controls = setup.controls.in_step(frame, shares)
+            forces = self.forces.in_step(frame, shares)
+            law = None if self.feedback is None else self.feedback.in_step(frame, shares[: 2 * parts : 2])
+            for part in range(parts):
+                now = slice(2 * part, 2 * part + 3)
+                control = controls[now]
+                if law is not None:
+                    correction = law.correction(part, data)
+                    control = control + correction
+                    result.feedback += model.opt.timestep * np.abs(correction)
+                    result.total += model.opt.timestep * np.abs(control[1])
+                self.advance(control, forces[now])
+                times.append(float(solution.time[frame]) + (part + 1) * model.opt.timestep)
+                path.append(data.qpos.copy())
+            if not np.all(np.abs(np.concatenate([data.qpos, data.qvel])) < _BROKEN):
+                result.broke_at = float(solution.time[frame + 1])
+                break
+            self._record(frame + 1)
+        result.time, result.path = np.array(times), np.array(path)
+        return result
 
-def _runge_kutta(
-    model: mujoco.MjModel, data: mujoco.MjData, addresses: np.ndarray, controls: FloatArray
-) -> None:
-    """One time step of the classical Runge-Kutta method; ``controls`` (3, k) at its start, middle and end.
+    def _record(self, frame: int) -> None:
+        data, result = self.data, self.result
+        result.positions[frame] = data.qpos
+        result.velocities[frame] = data.qvel
+        if self.setup.outputs:
+            import mujoco
 
-    Positions move along velocities by ``mj_integratePos``, as MuJoCo's own Runge-Kutta does, so that
-    quaternions stay on their sphere.
-    """
-    from mujoco import mj_forward, mj_integratePos
+            mujoco.mj_forward(self.model, data)
+            result.outputs[frame] = [output.read(self.model, data) for output in self.setup.outputs]
 
-    h = model.opt.timestep
-    start, qpos, qvel, act = data.time, data.qpos.copy(), data.qvel.copy(), data.act.copy()
-    velocity, acceleration, activation = np.zeros(model.nv), np.zeros(model.nv), np.zeros(model.na)
-    for stage, (share, weight) in enumerate(((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))):
-        if stage:
-            ahead = share * h
-            rate, change, act_rate = data.qvel.copy(), data.qacc.copy(), data.act_dot.copy()
-            data.time = start + ahead
-            data.qpos[:] = qpos
-            mj_integratePos(model, data.qpos, rate, ahead)
-            data.qvel[:] = qvel + ahead * change
-            data.act[:] = act + ahead * act_rate
-        data.ctrl[addresses] = controls[int(2 * share)]
-        mj_forward(model, data)
-        if not stage:
-            data.qacc_warmstart[:] = data.qacc
-        velocity += weight * data.qvel
-        acceleration += weight * data.qacc
-        activation += weight * data.act_dot
-    data.time = start + h
-    data.qpos[:] = qpos
-    mj_integratePos(model, data.qpos, velocity, h)
-    data.qvel[:] = qvel + h * acceleration
-    data.act[:] = act + h * activation
+    def _runge_kutta(self, controls: FloatArray, forces: FloatArray) -> None:
+        """One time step of the classical Runge-Kutta method.
 
+        Positions move along velocities by ``mj_integratePos``, as MuJoCo's own Runge-Kutta does, so that
+        quaternions stay on their sphere.
 
-def _mujoco_step(
-    model: mujoco.MjModel, data: mujoco.MjData, addresses: np.ndarray, controls: FloatArray
-) -> None:
-    """One of MuJoCo's own steps, the control of the step's middle held."""
-    from mujoco import mj_step
+        Args:
+            controls: (3, k) at the start, middle and end of the step.
+            forces: (3, k) of the outer forces.
+        """
+        from mujoco import mj_forward, mj_integratePos
 
-    data.ctrl[addresses] = controls[1]
-    mj_step(model, data)
+        model, data, addresses = self.model, self.data, self.setup.controls.addresses
+        h = model.opt.timestep
+        start, qpos, qvel, act = data.time, data.qpos.copy(), data.qvel.copy(), data.act.copy()
+        velocity, acceleration, activation = np.zeros(model.nv), np.zeros(model.nv), np.zeros(model.na)
+        for stage, (share, weight) in enumerate(((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))):
+            if stage:
+                ahead = share * h
+                rate, change, act_rate = data.qvel.copy(), data.qacc.copy(), data.act_dot.copy()
+                data.time = start + ahead
+                data.qpos[:] = qpos
+                mj_integratePos(model, data.qpos, rate, ahead)
+                data.qvel[:] = qvel + ahead * change
+                data.act[:] = act + ahead * act_rate
+            data.ctrl[addresses] = controls[int(2 * share)]
+            self.forces.apply(model, data, forces[int(2 * share)])
+            mj_forward(model, data)
+            if not stage:
+                data.qacc_warmstart[:] = data.qacc
+            velocity += weight * data.qvel
+            acceleration += weight * data.qacc
+            activation += weight * data.act_dot
+        data.time = start + h
+        data.qpos[:] = qpos
+        mj_integratePos(model, data.qpos, velocity, h)
+        data.qvel[:] = qvel + h * acceleration
+        data.act[:] = act + h * activation
+
+    def _mujoco_step(self, controls: FloatArray, forces: FloatArray) -> None:
+        """One of MuJoCo's own steps, the control and forces of the step's middle held."""
+        from mujoco import mj_step
+
+        self.data.ctrl[self.setup.controls.addresses] = controls[1]
+        self.forces.apply(self.model, self.data, forces[1])
+        mj_step(self.model, self.data)

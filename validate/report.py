@@ -31,6 +31,7 @@ class Report:
         model_integrator: the integrator that the model file asks for.
         time_step: longest time step of the replay, in seconds.
         steps: number of time steps of the replay.
+        tracked_by: the feedback of the tracked replay, ``LQR`` or ``PD``; "" without one.
         metrics: everything that was measured.
         notes: what a reader should know besides.
         seconds: wall time of the validation.
@@ -50,6 +51,7 @@ class Report:
     model_integrator: str
     time_step: float
     steps: int
+    tracked_by: str = ""
     metrics: Sequence[Metric]
     notes: Sequence[str] = field(default_factory=list)
     seconds: float = 0.0
@@ -78,6 +80,7 @@ class Report:
             "model_integrator": self.model_integrator,
             "time_step": self.time_step,
             "steps": self.steps,
+            "tracked_by": self.tracked_by,
             "metrics": [metric.to_dict() for metric in self.metrics],
             "notes": list(self.notes),
             "seconds": self.seconds,

@@ -4,28 +4,52 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from stc.errors import StcError
 from stc.solution import Solution, read
 from stc.validate import limits
-from stc.validate.fields import apply_fields
-from stc.validate.forces import Controls
+from stc.validate.energy import energy_balance
+from stc.validate.impacts import velocity_jumps
 from stc.validate.inverse import inverse_dynamics
+from stc.validate.linearisation import growth, linearise
 from stc.validate.metrics import Metric, drift
-from stc.validate.model import ModelError, Tie, file_hash, find_model, load_model, names_of, tied_joints
-from stc.validate.outputs import Output, compared_outputs
+from stc.validate.model import file_hash
 from stc.validate.replay import Replay, replay
 from stc.validate.report import Report
+from stc.validate.setup import Setup, prepare
+from stc.validate.statements import StatementCheck, statement_metrics
+from stc.validate.tracking import Feedback, proportional, regulator
 from stc.validate.warnings import caught_warnings
-
-if TYPE_CHECKING:
-    import mujoco
 
 
 class NotOptimalError(StcError):
     """The solve did not end in an optimum, so that there is nothing to judge."""
+
+
+@dataclass(slots=True)
+class Replays:
+    """What was simulated to judge a motion.
+
+    Attributes:
+        setup: the motion and its model.
+        open_loop: the forces alone.
+        growth: of small errors along the motion; None where it cannot be said.
+        tracked: with feedback, or None where there is nothing to steer with.
+        tracked_by: ``LQR``, ``PD`` or "".
+        external: open loop with the solved contact forces in place of the model's contacts; None without any.
+        notes: what was noticed on the way.
+    """
+
+    setup: Setup
+    open_loop: Replay
+    growth: float | None = None
+    tracked: Replay | None = None
+    tracked_by: str = ""
+    external: Replay | None = None
+    notes: list[str] = field(default_factory=list)
 
 
 def validate(
@@ -35,6 +59,8 @@ def validate(
     force: bool = False,
     time_step: float = limits.TIME_STEP,
     integrator: str = "rk4",
+    tracked: bool = True,
+    statements: Sequence[StatementCheck] = (),
 ) -> Report:
     """Replay a solution in MuJoCo and judge it.
 
@@ -44,6 +70,8 @@ def validate(
         force: judge a solution that is not optimal as well.
         time_step: longest time step of the replay, in seconds.
         integrator: one of :data:`stc.validate.replay.INTEGRATORS`.
+        tracked: whether to replay with feedback as well.
+        statements: how well the spec's statements hold between the nodes, from whoever can evaluate them.
 
     Raises:
         NotOptimalError: the solution's status is not ``optimal`` and ``force`` is not given.
@@ -52,6 +80,22 @@ def validate(
         SolutionError: the solution file is damaged, or time does not increase along the solution.
     """
     started = time.perf_counter()
+    with caught_warnings() as warnings:
+        setup = open_setup(solution, model, force=force)
+        replays = run_replays(setup, time_step, integrator, tracked)
+        report = _judge(replays, statements)
+    report.notes = [*report.notes, *warnings]
+    report.seconds = time.perf_counter() - started
+    return report
+
+
+def open_setup(
+    solution: Solution | str | os.PathLike[str],
+    model: str | os.PathLike[str] | None = None,
+    *,
+    force: bool = False,
+) -> Setup:
+    """A solution or its file with its model; arguments and errors as of :func:`validate`."""
     beside: list[str | Path] = []
     if not isinstance(solution, Solution):
         beside.append(Path(solution).parent)
@@ -60,33 +104,62 @@ def validate(
         raise NotOptimalError(
             f"the solution of {solution.name} is not validated: its status is {solution.status}, not optimal"
         )
-    solution.require_increasing_times()
-    path = _model_path(solution, model, beside)
-    with caught_warnings() as warnings:
-        report = _judge(solution, path, time_step, integrator)
-    report.notes = [*report.notes, *warnings]
-    report.seconds = time.perf_counter() - started
-    return report
+    return prepare(solution, model, beside)
 
 
-def _judge(solution: Solution, path: Path, time_step: float, integrator: str) -> Report:
+def run_replays(
+    setup: Setup, time_step: float = limits.TIME_STEP, integrator: str = "rk4", tracked: bool = True
+) -> Replays:
+    """All replays that a verdict takes: open loop, tracked if asked for and, with contact forces, external.
+
+    Raises:
+        UsageError: a time step or integrator that cannot be used.
+    """
+    found = Replays(setup, replay(setup, time_step, integrator))
+    if found.open_loop.broke_at is not None:
+        found.notes.append(f"the simulation left all bounds by t = {found.open_loop.broke_at:g} s")
+    if tracked:
+        _track(found, time_step, integrator)
+    if len(setup.contact):
+        found.external = replay(setup, time_step, integrator, external=True)
+    return found
+
+
+def _track(found: Replays, time_step: float, integrator: str) -> None:
+    """The tracked replay and the growth of errors, as far as the solution tells enough."""
+    setup = found.setup
+    laws: list[Feedback | None] = []
+    if setup.all_tied and not setup.compiled.na and setup.solution.n:
+        # With contact forces from outside the linear map is that of the motion between impacts.
+        maps = linearise(setup, external=bool(len(setup.contact)))
+        found.growth = growth(maps)
+        if not len(setup.contact):
+            laws.append(regulator(setup, maps))
+    laws.append(proportional(setup) if setup.solution.n else None)
+    for law in laws:
+        if law is None:
+            continue
+        tracked = replay(setup, time_step, integrator, feedback=law)
+        if found.tracked is None or tracked.broke_at is None:
+            found.tracked, found.tracked_by = tracked, law.kind
+        if tracked.broke_at is None:
+            break
+
+
+def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
     """The report but for warnings and wall time."""
     import mujoco
 
-    compiled = load_model(path)
-    model_integrator = mujoco.mjtIntegrator(compiled.opt.integrator).name.removeprefix("mjINT_").lower()
-    fields = apply_fields(compiled, solution)
-    ties = tied_joints(compiled, solution)
-    if not ties:
-        raise ModelError(f"the replay section of {solution.name} ties no joint: there is nothing to compare")
-    controls = Controls(compiled, solution)
-    outputs = compared_outputs(compiled, solution)
-    notes = _notes(compiled, solution, ties, controls)
-    motion = replay(compiled, solution, ties, controls, outputs, time_step, integrator)
-    if motion.broke_at is not None:
-        notes.append(f"the simulation left all bounds by t = {motion.broke_at:g} s")
-    metrics = _drift_metrics(solution, ties, outputs, motion)
-    metrics += _inverse_metrics(load_model(path), solution, ties)
+    setup, motion = replays.setup, replays.open_loop
+    solution = setup.solution
+    metrics = _open_loop_metrics(replays)
+    metrics += _tracked_metrics(replays)
+    if replays.external is not None:
+        limit = limits.OPEN_LOOP_DRIFT[solution.method]
+        metrics += [m for m in _drifts("external drift", setup, replays.external, limit) if m.limit]
+    metrics += _physics_metrics(setup)
+    metrics += statement_metrics(statements, solution.method)
+    model_integrator = mujoco.mjtIntegrator(setup.compiled.opt.integrator).name.removeprefix("mjINT_").lower()
     return Report(
         spec=solution.name,
         spec_sha256=solution.sha256,
@@ -94,72 +167,96 @@ def _judge(solution: Solution, path: Path, time_step: float, integrator: str) ->
         method=solution.method,
         n=solution.n,
         duration=solution.duration,
-        model=path.name,
-        model_sha256=file_hash(path),
-        fields=fields,
+        model=setup.path.name,
+        model_sha256=file_hash(setup.path),
+        fields=setup.fields,
         simulator=f"MuJoCo {mujoco.mj_versionString()}",
-        integrator=integrator,
+        integrator=motion.integrator,
         model_integrator=model_integrator,
         time_step=motion.time_step,
         steps=motion.steps,
+        tracked_by=replays.tracked_by,
         metrics=metrics,
-        notes=notes,
+        notes=[*setup.notes(), *replays.notes],
     )
 
 
-def _model_path(solution: Solution, model: str | os.PathLike[str] | None, beside: list[str | Path]) -> Path:
-    if model is not None:
-        return find_model(os.fspath(model), [Path()])
-    if solution.model is None:
-        raise ModelError(f"{solution.name} names no model: add a replay section to the spec to validate it")
-    return find_model(solution.model, [solution.directory, *beside])
+def _open_loop_metrics(replays: Replays) -> list[Metric]:
+    """Open-loop drift and how small errors grow; the note on instability belongs to them."""
+    limit = limits.OPEN_LOOP_DRIFT[replays.setup.solution.method]
+    metrics = _drifts("open-loop drift", replays.setup, replays.open_loop, limit)
+    factor = replays.growth
+    if factor is None:
+        return metrics
+    # Where the system multiplies every error, a large drift accuses nobody; a small one is welcome all the same.
+    if factor >= limits.UNSTABLE_GROWTH and replays.tracked is not None:
+        failed = [metric for metric in metrics if metric.verdict == "fail"]
+        if failed:
+            metrics = [m.without_limit() if m in failed else m for m in metrics]
+            replays.notes.append(
+                f"unstable: along this motion small errors grow up to {factor:.3g} times; it is judged by its "
+                "residual and its tracked replay, not by the open-loop drift"
+            )
+    return [*metrics, Metric("growth of small errors", "motion", factor, "times")]
 
 
-def _notes(model: mujoco.MjModel, solution: Solution, ties: list[Tie], controls: Controls) -> list[str]:
-    """What the spec leaves out of the model, and where the model will not do what it is told."""
-    notes = []
-    if solution.status != "optimal":
-        notes.append(f"the solution is not optimal: {solution.status}")
-    tied = {tie.name for tie in ties}
-    loose = [name for name in names_of(model, "joint") if name not in tied]
-    if loose or len(ties) < model.njnt:
-        notes.append(
-            f"joints not tied to the spec start at rest where the model has them: {', '.join(loose)}"
-        )
-    idle = [name for name in names_of(model, "actuator") if name not in controls.names]
-    if idle:
-        notes.append(f"actuators not driven by the spec get the control 0: {', '.join(idle)}")
-    clamped = controls.beyond_range(model)
-    if clamped:
-        notes.append(f"the model clamps the control of {', '.join(clamped)} to a smaller range")
-    return notes
+def _tracked_metrics(replays: Replays) -> list[Metric]:
+    if replays.tracked is None:
+        return []
+    setup, tracked = replays.setup, replays.tracked
+    method = setup.solution.method
+    metrics = _drifts("tracked drift", setup, tracked, limits.TRACKED_DRIFT[method])
+    metrics = [metric for metric in metrics if metric.limit is not None]
+    largest = float(tracked.total.max(initial=0.0))
+    for name, feedback, total in zip(setup.controls.names, tracked.feedback, tracked.total):
+        # An actuator that the motion hardly uses is measured against the strongest one's thousandth part.
+        base = max(float(total), 1e-3 * largest)
+        share = float(feedback) / base if base > 0.0 else 0.0
+        limit = limits.FEEDBACK_SHARE[method]
+        metrics.append(Metric("feedback share", f"actuator {name}", share, "share", limit))
+    return metrics
 
 
-def _drift_metrics(
-    solution: Solution, ties: list[Tie], outputs: list[Output], motion: Replay
-) -> list[Metric]:
-    limit = limits.OPEN_LOOP_DRIFT[solution.method]
-    signals = [(f"joint {tie.name}", tie.unit, motion.positions[:, tie.position], tie.line) for tie in ties]
+def _drifts(name: str, setup: Setup, motion: Replay, limit: float) -> list[Metric]:
+    signals = [
+        (f"joint {tie.name}", tie.unit, motion.positions[:, tie.position], tie.line) for tie in setup.ties
+    ]
     signals += [
         (f"output {output.line.name}", output.unit, motion.outputs[:, k], output.line)
-        for k, output in enumerate(outputs)
+        for k, output in enumerate(setup.outputs)
     ]
     metrics = []
     for subject, unit, simulated, line in signals:
         largest, rms = drift(simulated, line.value.before, line.value.after)
-        metrics.append(Metric("open-loop drift, largest", subject, largest, unit, limit))
-        metrics.append(Metric("open-loop drift, RMS", subject, rms, unit))
+        metrics.append(Metric(f"{name}, largest", subject, largest, unit, limit))
+        metrics.append(Metric(f"{name}, RMS", subject, rms, unit))
     return metrics
 
 
-def _inverse_metrics(model: mujoco.MjModel, solution: Solution, ties: list[Tie]) -> list[Metric]:
-    apply_fields(model, solution)
-    found = inverse_dynamics(model, solution, ties, Controls(model, solution))
-    if found is None:
-        return []
-    return [
-        Metric(
-            "inverse-dynamics residual", f"joint {tie.name}", float(share), "share", limits.INVERSE_DYNAMICS
-        )
-        for tie, share in zip(ties, found.share)
-    ]
+def _physics_metrics(setup: Setup) -> list[Metric]:
+    """Inverse dynamics, energy and impulses: what needs no replay."""
+    method = setup.solution.method
+    metrics = []
+    inverse = inverse_dynamics(setup)
+    if inverse is not None:
+        for name, residual, limit in (
+            ("inverse-dynamics residual", inverse.at_nodes, limits.INVERSE_DYNAMICS),
+            ("residual between frames", inverse.between, limits.INVERSE_DYNAMICS_BETWEEN[method]),
+        ):
+            for tie, share in zip(setup.ties, inverse.share(residual)):
+                metrics.append(Metric(name, f"joint {tie.name}", float(share), "share", limit))
+    energy = energy_balance(setup)
+    if energy is not None:
+        limit = limits.ENERGY_BALANCE[method]
+        metrics.append(Metric("energy balance", "work against energy", energy.share, "share", limit))
+    jumps = velocity_jumps(setup)
+    if jumps is not None:
+        for tie, share in zip(setup.ties, jumps.share):
+            metrics.append(
+                Metric(
+                    "unexplained impulse", f"joint {tie.name}", float(share), "share", limits.VELOCITY_JUMP
+                )
+            )
+        if energy is not None:
+            metrics.append(Metric("energy at velocity jumps", "motion", energy.jumps, "J"))
+    return metrics

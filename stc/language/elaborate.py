@@ -31,6 +31,14 @@ from stc.problem import (
 )
 from stc.symbolic.expr import Expr, symbols
 
+#: Kinds of replay line whose path has several parts, each with an example.
+_LONG_PATHS = {
+    "apply": "body.ball.fx",
+    "contact": "body.ball.fz",
+    "compare": "body.ball.x",
+    "set": "body.ball.mass",
+}
+
 
 def elaborate(
     tree: syntax.SpecTree, overrides: Mapping[str, float] | None = None, method: str | None = None
@@ -307,8 +315,8 @@ class _Elaborator(Context):
     def _channel(self, statement: syntax.Channel) -> ReplayChannel | None:
         self.builder.poisoned = False
         body = self.builder.build(statement.value)
-        if statement.kind in ("compare", "set") and len(statement.path) < 2:
-            shape = "body.ball.mass" if statement.kind == "set" else "body.ball.x"
+        shape = _LONG_PATHS.get(statement.kind)
+        if shape is not None and len(statement.path) < 2:
             hint = f"a path has a kind, a name and a field, as in `{statement.kind} {shape} = ...;`"
             self.error(statement, f"the path of `{statement.kind}` is too short", hint)
             return None
@@ -320,7 +328,7 @@ class _Elaborator(Context):
                     hint = "fields of the model are set from constants and parameters"
                     self.error(statement, f"`set` cannot use `{key}`", hint)
                     return None
-        elif statement.kind != "actuator" and self.builder.holds_index(body):
+        elif statement.kind in ("joint", "compare") and self.builder.holds_index(body):
             hint = "write it in terms of the time `t`: its velocity is compared too"
             self.error(statement, f"`{statement.kind}` cannot use the index `i`", hint)
             return None

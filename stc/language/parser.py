@@ -331,7 +331,7 @@ class _Parser(ExpressionParser):
 
     def replay_statement(self, into: list[syntax.Statement]) -> None:
         start = self.starts[self.at]
-        word = self.name("`model`, `joint`, `actuator`, `compare` or `set`")
+        word = self.name("`model`, `joint`, `actuator`, `apply`, `contact`, `compare` or `set`")
         if word.name == "model":
             self.expect("=", "`=` after `model`")
             path = self.string('the name of a model file in quotes, as in `model = "cart.xml";`')

@@ -60,7 +60,7 @@ SECTION_SYNONYMS = {
 METHODS = ("central", "trapezoidal", "hermite-simpson")
 
 #: Kinds of line in `replay:` besides `model = "file.xml";`.
-REPLAY_KINDS = ("joint", "actuator", "compare", "set")
+REPLAY_KINDS = ("joint", "actuator", "apply", "contact", "compare", "set")
 
 #: Words that look like functions but belong to the language.
 OPERATORS = {"integral": 1, "before": 1, "after": 1}

@@ -16,7 +16,7 @@ from stc.validate import validate
 
 def largest_drift(solution: Solution, **options: object) -> float:
     """The worst open-loop drift over all joints, in m or rad."""
-    report = validate(solution, **options)  # type: ignore[arg-type]
+    report = validate(solution, tracked=False, **options)  # type: ignore[arg-type]
     return max(metric.value for metric in report.metrics if metric.name == "open-loop drift, largest")
 
 
@@ -28,7 +28,7 @@ def test_the_waypoint_spline_is_reproduced_under_every_gravity_and_mass(g: float
     solution = smooth_particle("hermite-simpson", np.linspace(0, 2, 61), x, y, m=m, g=g)
     report = validate(solution)
     assert report.passed
-    assert all(metric.value < 1e-12 for metric in report.metrics)
+    assert all(metric.value < 1e-11 for metric in report.metrics if metric.limit is not None)
     assert report.fields == {"body.particle.mass": m, "option.gravity.z": -g}
 
 

@@ -1,0 +1,72 @@
+"""The model's smooth equations of motion, M(q) a + c(q, v) = forces, as arrays.
+
+Smooth means without what MuJoCo's constraint solver adds: contacts, joint limits, dry friction, equalities.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.validate.metrics import FloatArray
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+class SmoothDynamics:
+    """Evaluates the equations of motion of a model state by state.
+
+    All vectors are in the model's own order of coordinates (``qpos``, ``qvel``).
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Take over a model; its constraints and the clamping of its actuators are switched off."""
+        import mujoco
+
+        flags = mujoco.mjtDisableBit
+        model.opt.disableflags |= int(flags.mjDSBL_CONSTRAINT) | int(flags.mjDSBL_CLAMPCTRL)
+        model.actuator_forcelimited[:] = 0
+        model.jnt_actfrclimited[:] = 0
+        self.model, self.data = model, mujoco.MjData(model)
+
+    def put(self, position: FloatArray, velocity: FloatArray | None = None) -> None:
+        """Go to a state, at rest unless a velocity is given."""
+        self.data.qpos[:] = position
+        self.data.qvel[:] = 0.0 if velocity is None else velocity
+
+    def mass_matrix(self) -> FloatArray:
+        """(nv, nv) M in the present position."""
+        import mujoco
+
+        mujoco.mj_fwdPosition(self.model, self.data)
+        full = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self.data, full)
+        return full
+
+    def bias(self) -> FloatArray:
+        """(nv,) c in the present state: gravity, springs, velocity products, damping, all as on the left side."""
+        import mujoco
+
+        mujoco.mj_fwdPosition(self.model, self.data)
+        mujoco.mj_fwdVelocity(self.model, self.data)
+        return np.asarray(self.data.qfrc_bias - self.data.qfrc_passive)
+
+    def actuation(self, controls: FloatArray) -> FloatArray:
+        """(nv,) generalised force of the actuators in the present state under all of the model's controls."""
+        import mujoco
+
+        self.data.ctrl[:] = controls
+        mujoco.mj_fwdPosition(self.model, self.data)
+        mujoco.mj_fwdVelocity(self.model, self.data)
+        mujoco.mj_fwdActuation(self.model, self.data)
+        return np.array(self.data.qfrc_actuator)
+
+    def inverse(self, acceleration: FloatArray) -> FloatArray:
+        """(nv,) ``mj_inverse``: the generalised force that this acceleration needs in the present state."""
+        import mujoco
+
+        self.data.qacc[:] = acceleration
+        mujoco.mj_inverse(self.model, self.data)
+        return np.array(self.data.qfrc_inverse)

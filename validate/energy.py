@@ -1,0 +1,96 @@
+"""Energy balance: between frames the model's mechanical energy must change by the work that was done on it.
+
+Energy and power are MuJoCo's, along the solved motion: kinetic energy and the potentials of gravity and springs
+on one side; actuators, dampers, media, dry friction and outer forces on the other.  Where velocities jump the
+balance is closed before the jump and opened anew after it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from stc.validate.metrics import FloatArray
+    from stc.validate.setup import Setup
+
+#: Gauss-Legendre nodes of the work integral in each step.
+_NODES = 5
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyBalance:
+    """The books of a motion, in joules.
+
+    Attributes:
+        defect: largest absolute value of the accumulated difference between energy and work.
+        turnover: what passes through the books: the largest change of energy, or the work counted absolutely.
+        jumps: energy that appears (positive) or disappears where velocities jump, largest in size.
+    """
+
+    defect: float
+    turnover: float
+    jumps: float
+
+    @property
+    def share(self) -> float:
+        """The defect as a share of the turnover."""
+        return self.defect / self.turnover if self.turnover > 0.0 else self.defect
+
+
+def energy_balance(setup: Setup) -> EnergyBalance | None:
+    """The energy balance of a solved motion.
+
+    Returns:
+        None where it cannot be drawn up: a joint of the model is not tied, an actuator has a state of its own,
+        or the motion has one frame only.
+    """
+    import mujoco
+
+    solution = setup.solution
+    if not setup.all_tied or setup.compiled.na or solution.n == 0:
+        return None
+    model = setup.model(contacts=False)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    data = mujoco.MjData(model)
+    outer = setup.all_forces
+    points, weights = np.polynomial.legendre.leggauss(_NODES)
+    shares, weights = 0.5 * (points + 1.0), 0.5 * weights
+
+    def energy(part: str, frame: int) -> float:
+        setup.reference.put(data, setup.reference.at(part, frame)[:2])
+        mujoco.mj_forward(model, data)
+        return float(data.energy.sum())
+
+    after = np.array([energy("after", k) for k in range(solution.n)])
+    before = np.array([energy("before", k) for k in range(1, solution.n + 1)])
+    work, effort = np.zeros(solution.n), 0.0
+    for step, duration in enumerate(np.diff(solution.time)):
+        states = setup.reference.in_step(step, shares)
+        controls, forces = setup.controls.in_step(step, shares), outer.in_step(step, shares)
+        for k, weight in enumerate(weights):
+            setup.reference.put(data, [states[0][k], states[1][k]])
+            data.ctrl[setup.controls.addresses] = controls[k]
+            outer.apply(model, data, forces[k])
+            mujoco.mj_forward(model, data)
+            power = _powers(model, data)
+            work[step] += duration * weight * float(power.sum())
+            effort += duration * weight * float(np.abs(power).sum())
+    books = np.cumsum(before - after - work)
+    levels = np.concatenate([after, before])
+    jumps = after[1:] - before[:-1]
+    largest = float(jumps[np.argmax(np.abs(jumps))]) if len(jumps) else 0.0
+    turnover = max(effort, float(levels.max() - levels.min()))
+    return EnergyBalance(float(np.abs(books).max()), turnover, largest)
+
+
+def _powers(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+    """(nv,) power of everything that is neither inertia nor potential, per degree of freedom, in W."""
+    # MuJoCo counts gravity and springs as potentials, and compensated gravity not at all.
+    force = data.qfrc_actuator + data.qfrc_applied + data.qfrc_damper + data.qfrc_gravcomp + data.qfrc_fluid
+    return np.asarray(force * data.qvel - model.dof_frictionloss * np.abs(data.qvel))

@@ -1,0 +1,117 @@
+"""Small deviations along a solved motion: how they grow, and how controls steer them.
+
+MuJoCo's finite differences (``mjd_transitionFD``) give, at instants along the motion, the linear map of one
+time step: deviation' = A deviation + B change of control.  Deviations are ordered positions, then velocities.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.validate import limits
+from stc.validate.metrics import FloatArray
+from stc.validate.model import ModelError
+
+if TYPE_CHECKING:
+    from stc.validate.setup import Setup
+
+
+@dataclass(frozen=True, slots=True)
+class Linearisation:
+    """Maps of small deviations, one per instant; K instants, nv coordinates, m driven actuators.
+
+    Attributes:
+        first: (n+1,) index of the first instant of each frame step, and K at the end.
+        step: (K,) duration of each map, in seconds.
+        state: (K, 2 nv, 2 nv) the maps A.
+        control: (K, 2 nv, m) the maps B.
+    """
+
+    first: np.ndarray
+    step: FloatArray
+    state: FloatArray
+    control: FloatArray
+
+    def index(self, frame: int, shares: FloatArray) -> np.ndarray:
+        """The instants that hold for the given shares of a frame step."""
+        count = int(self.first[frame + 1] - self.first[frame])
+        inside = np.minimum((np.asarray(shares) * count + 1e-9).astype(np.intp), count - 1)
+        return np.asarray(self.first[frame] + inside)
+
+
+def linearise(setup: Setup, external: bool = False) -> Linearisation:
+    """Linearise along the solved motion.
+
+    Args:
+        setup: the motion and its model; every coordinate must be tied.
+        external: apply the solved contact forces and switch the model's own contacts off.
+
+    Raises:
+        ModelError: the solution does not tell how every coordinate moves.
+    """
+    import mujoco
+
+    if not setup.all_tied:
+        raise ModelError("the motion is not linearised: some joints of the model are not tied to the spec")
+    model = setup.model(contacts=not external)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    data = mujoco.MjData(model)
+    forces = setup.all_forces if external else setup.applied
+    durations = np.diff(setup.solution.time)
+    parts = np.array([max(1, math.ceil(d / limits.TRACKING_STEP - 1e-9)) for d in durations], dtype=np.intp)
+    first = np.concatenate([[0], np.cumsum(parts)]).astype(np.intp)
+    nv, total = model.nv, int(first[-1])
+    state = np.zeros((total, 2 * nv + model.na, 2 * nv + model.na))
+    control = np.zeros((total, 2 * nv + model.na, model.nu))
+    for frame, count in enumerate(parts):
+        shares = (np.arange(count) + 0.5) / count
+        motion = setup.reference.in_step(frame, shares)
+        controls, outer = setup.controls.in_step(frame, shares), forces.in_step(frame, shares)
+        model.opt.timestep = durations[frame] / count
+        for k in range(count):
+            setup.reference.put(data, [motion[0][k], motion[1][k]])
+            data.ctrl[setup.controls.addresses] = controls[k]
+            forces.apply(model, data, outer[k])
+            at = first[frame] + k
+            mujoco.mjd_transitionFD(model, data, 1e-6, True, state[at], control[at], None, None)
+    # The tied joints may come in another order than the model's: deviations follow the model's.
+    step = np.repeat(durations / parts, parts)
+    return Linearisation(
+        first, step, state[:, : 2 * nv, : 2 * nv], control[:, : 2 * nv, setup.controls.addresses]
+    )
+
+
+def growth(maps: Linearisation) -> float:
+    """The largest factor by which a small deviation of the positions grows over any stretch of the motion.
+
+    It is the largest spectral norm of the positions' part of the transition matrices between two instants,
+    of which at most :data:`stc.validate.limits.GROWTH_INSTANTS` are looked at.  Near one means that errors stay
+    what they are; an upright pole multiplies them by e for every 1/rate seconds.
+    """
+    total, size = len(maps.step), maps.state.shape[1]
+    if not total or not np.all(np.isfinite(maps.state)):
+        return math.inf if total else 1.0
+    nv = size // 2
+    cuts = np.unique(np.linspace(0, total, min(total, limits.GROWTH_INSTANTS) + 1).astype(int))
+    pieces = []
+    for a, b in pairwise(cuts):
+        product = np.eye(size)
+        for k in range(a, b):
+            product = maps.state[k] @ product
+        pieces.append(product)
+    worst = 1.0
+    running = np.zeros((0, size, size))
+    for piece in pieces:
+        # Row r of `running` is the map from the r-th cut to here.
+        running = np.concatenate([running, np.eye(size)[None]])
+        with np.errstate(over="ignore", invalid="ignore"):
+            running = piece @ running
+            if not np.all(np.isfinite(running)):
+                return math.inf
+            worst = max(worst, float(np.linalg.norm(running[:, :nv, :nv], 2, axis=(1, 2)).max()))
+    return worst

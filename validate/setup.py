@@ -1,0 +1,134 @@
+"""Everything that a validation works with: the model with the spec's numbers in it, and what is tied to it."""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stc.solution import Solution
+from stc.validate.fields import apply_fields
+from stc.validate.forces import Controls, OuterForces
+from stc.validate.model import ModelError, Tie, find_model, load_model, names_of, tied_joints
+from stc.validate.outputs import Output, compared_outputs
+from stc.validate.reference import Reference
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+@dataclass(slots=True)
+class Setup:
+    """A solution and its model, tied together.
+
+    Attributes:
+        solution: the motion.
+        path: of the model file.
+        compiled: the model as the spec sets it up; take a :meth:`model` of it to change options.
+        fields: model fields that the spec set, by path.
+        ties: the joints that the spec speaks of.
+        reference: their solved motion as a function of time.
+        controls: of the actuators.
+        applied: forces that always act.
+        contact: forces that the model's own contacts should supply.
+        outputs: what else is compared.
+    """
+
+    solution: Solution
+    path: Path
+    compiled: mujoco.MjModel
+    fields: dict[str, float]
+    ties: list[Tie]
+    reference: Reference
+    controls: Controls
+    applied: OuterForces
+    contact: OuterForces
+    outputs: list[Output]
+
+    def model(self, contacts: bool = True) -> mujoco.MjModel:
+        """A copy of the model, whose options may be changed.
+
+        Args:
+            contacts: False switches its contacts off.
+        """
+        import mujoco
+
+        made = copy.copy(self.compiled)
+        if not contacts:
+            made.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        return made
+
+    @property
+    def all_forces(self) -> OuterForces:
+        """Applied and contact forces together: what acts where the model's contacts are switched off."""
+        return OuterForces(self.compiled, self.solution, ("apply", "contact"))
+
+    @property
+    def all_tied(self) -> bool:
+        """Whether the solution tells how every coordinate of the model moves."""
+        return len(self.ties) == self.compiled.nv
+
+    def notes(self) -> list[str]:
+        """What the spec leaves out of the model, and where the model will not do what it is told."""
+        notes = []
+        if self.solution.status != "optimal":
+            notes.append(f"the solution is not optimal: {self.solution.status}")
+        tied = {tie.name for tie in self.ties}
+        loose = [name for name in names_of(self.compiled, "joint") if name not in tied]
+        if loose or len(self.ties) < self.compiled.njnt:
+            notes.append(
+                f"joints not tied to the spec start at rest where the model has them: {', '.join(loose)}"
+            )
+        idle = [name for name in names_of(self.compiled, "actuator") if name not in self.controls.names]
+        if idle:
+            notes.append(f"actuators not driven by the spec get the control 0: {', '.join(idle)}")
+        clamped = self.controls.beyond_range(self.compiled)
+        if clamped:
+            notes.append(f"the model clamps the control of {', '.join(clamped)} to a smaller range")
+        return notes
+
+
+def prepare(
+    solution: Solution, model: str | os.PathLike[str] | None = None, beside: Iterable[str | Path] = ()
+) -> Setup:
+    """Find and compile the model of a solution, and tie the replay lines to it.
+
+    Args:
+        solution: the motion.
+        model: another model file than the one that the spec names.
+        beside: folders to look in besides the one of the spec.
+
+    Raises:
+        ModelError: there is no model, or a replay line does not fit it.
+        SolutionError: time does not increase along the solution.
+    """
+    solution.require_increasing_times()
+    path = _path(solution, model, beside)
+    compiled = load_model(path)
+    fields = apply_fields(compiled, solution)
+    ties = tied_joints(compiled, solution)
+    if not ties:
+        raise ModelError(f"the replay section of {solution.name} ties no joint: there is nothing to compare")
+    return Setup(
+        solution,
+        path,
+        compiled,
+        fields,
+        ties,
+        Reference(solution, ties),
+        Controls(compiled, solution),
+        OuterForces(compiled, solution, ("apply",)),
+        OuterForces(compiled, solution, ("contact",)),
+        compared_outputs(compiled, solution),
+    )
+
+
+def _path(solution: Solution, model: str | os.PathLike[str] | None, beside: Iterable[str | Path]) -> Path:
+    if model is not None:
+        return find_model(os.fspath(model), [Path()])
+    if solution.model is None:
+        raise ModelError(f"{solution.name} names no model: add a replay section to the spec to validate it")
+    return find_model(solution.model, [solution.directory, *beside])

@@ -1,0 +1,63 @@
+"""Values given at the nodes of a solution, as functions of time the way its transcription means forces.
+
+- ``central``: given at the frames, straight lines between them.  Where clipped stencils left the equations
+  of motion out (normally frames 0 and n) no force was determined, and the nearest frame's is held.
+- ``trapezoidal``: straight lines between the frames.
+- ``hermite-simpson``: in every step the parabola through frame, midpoint and frame.
+
+At a jump the step to the left uses the value before it and the step to the right the value after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stc.solution import ReplayChannel, Solution
+from stc.trajectory import Channel, horner, parabola
+from stc.validate.metrics import FloatArray
+
+
+class Signals:
+    """Several replay lines as functions of time.
+
+    Attributes:
+        lines: the replay lines.
+        channels: their node values, held at the ends where the method asks for it.
+    """
+
+    def __init__(self, solution: Solution, lines: Sequence[ReplayChannel]) -> None:
+        first, last = solution.force_frames or (0, solution.n)
+        self.lines = list(lines)
+        self.channels = [line.value.held_outside(first, last) for line in lines]
+        self._coefficients = _polynomials(self.channels, solution.n)
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def in_step(self, step: int, shares: FloatArray) -> FloatArray:
+        """Values in one step at the given shares of it: (len(shares), k)."""
+        return horner([c[step] for c in self._coefficients], shares[:, None])
+
+    def at(self, part: str, index: int) -> FloatArray:
+        """Values at a node, (k,): ``before`` or ``after`` frame ``index``, or ``mid`` of step ``index``."""
+        return np.array([node_value(channel, part, index) for channel in self.channels])
+
+
+def node_value(channel: Channel, part: str, index: int) -> float:
+    """The value of a channel at a node: ``before`` or ``after`` frame ``index``, ``mid`` of step ``index``."""
+    values = {"before": channel.before, "after": channel.after, "mid": channel.mid}[part]
+    assert values is not None
+    return float(values[index])
+
+
+def _polynomials(channels: Sequence[Channel], n: int) -> list[FloatArray]:
+    """Per power of s (0, 1, 2) an array (n, k) of coefficients of every step and channel."""
+    found = [np.zeros((n, len(channels))) for _ in range(3)]
+    for column, channel in enumerate(channels):
+        left, right = channel.after[:-1], channel.before[1:]
+        curve = [left, right - left] if channel.mid is None else parabola(left, channel.mid, right)
+        for power, coefficient in enumerate(curve):
+            found[power][:, column] = coefficient
+    return found

@@ -1,0 +1,51 @@
+"""What a spec states between the nodes: how far a motion breaks its own statements where no row holds them.
+
+The validation knows no expressions: whoever has the spec evaluates its statements along the motion and hands
+over one :class:`StatementCheck` each (:mod:`stc.studies.statements`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from stc.validate import limits
+from stc.validate.metrics import Metric
+
+
+@dataclass(frozen=True, slots=True)
+class StatementCheck:
+    """The worst violation of one statement between the nodes.
+
+    Attributes:
+        text: the statement as the spec writes it.
+        place: file and line.
+        equality: whether it is an equation.
+        share: violation as a share of the largest quantity that the statement compares.
+        time: when, in seconds.
+    """
+
+    text: str
+    place: str
+    equality: bool
+    share: float
+    time: float
+
+
+def statement_metrics(checks: Sequence[StatementCheck], method: str) -> list[Metric]:
+    """The worst inequality with a verdict, all others beyond the limit, and the worst equation for information."""
+    limit = limits.INEQUALITY_BETWEEN[method]
+    metrics = []
+    inequalities = sorted((c for c in checks if not c.equality), key=lambda c: -c.share)
+    for rank, check in enumerate(inequalities):
+        if rank == 0 or not check.share <= limit:
+            metrics.append(Metric("inequality between frames", _subject(check), check.share, "share", limit))
+    equations = [c for c in checks if c.equality]
+    if equations:
+        worst = max(equations, key=lambda c: c.share)
+        metrics.append(Metric("equation between frames", _subject(worst), worst.share, "share"))
+    return metrics
+
+
+def _subject(check: StatementCheck) -> str:
+    return f"{check.place}: {check.text} at t = {check.time:.4g} s"

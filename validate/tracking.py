@@ -1,0 +1,160 @@
+"""Feedback that holds a replay on the solved motion: a time-varying linear-quadratic regulator, or PD.
+
+The regulator minimises, for the linearised deviations x from the solved motion and the corrections u of the
+controls, the sum over time of x'Qx + u'Ru with the weights of Bryson's rule: each entry of Q and R is one
+over the square of the deviation or correction that is thought tolerable (:mod:`stc.validate.limits`).  Its
+gains follow from the Riccati recursion backwards in time (Anderson and Moore, Optimal Control: Linear
+Quadratic Methods, 1990, section 2.4).
+
+Where that cannot be had (the solution does not tell how every coordinate moves, contacts make the linear map
+meaningless, or the recursion breaks down) each actuator that moves one tied joint gets a proportional-
+derivative law for that joint, tuned to the inertia that it has on the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.validate import limits
+from stc.validate.linearisation import Linearisation
+from stc.validate.metrics import FloatArray
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from stc.validate.setup import Setup
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """Feedback inside one frame step; k tied joints, m actuators, p instants.
+
+    Attributes:
+        gains: (p, m, 2k) corrections per deviation of positions, then velocities.
+        targets: (p, 2k) the solved positions and velocities.
+        positions: (k,) indices of the joints in ``qpos``.
+        velocities: (k,) indices in ``qvel``.
+    """
+
+    gains: FloatArray
+    targets: FloatArray
+    positions: np.ndarray
+    velocities: np.ndarray
+
+    def correction(self, part: int, data: mujoco.MjData) -> FloatArray:
+        """What to add to the controls, (m,), given the state at instant ``part``."""
+        state = np.concatenate([data.qpos[self.positions], data.qvel[self.velocities]])
+        return np.asarray(self.gains[part] @ (self.targets[part] - state))
+
+
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """A feedback law along the whole motion.
+
+    Attributes:
+        kind: ``LQR`` or ``PD``.
+        setup: the motion that is tracked.
+        gains: function of a frame step and shares of it (p,), giving gains (p, m, 2k).
+    """
+
+    kind: str
+    setup: Setup
+    gains: Callable[[int, FloatArray], FloatArray]
+
+    def in_step(self, frame: int, shares: FloatArray) -> Law:
+        """The law at the given shares (p,) of a frame step."""
+        reference = self.setup.reference
+        motion = reference.in_step(frame, shares)
+        targets = np.concatenate([motion[0], motion[1]], axis=1)
+        return Law(self.gains(frame, shares), targets, reference.positions, reference.velocities)
+
+
+def regulator(setup: Setup, maps: Linearisation) -> Feedback | None:
+    """The time-varying linear-quadratic regulator; None where there is nothing to steer or no finite gain."""
+    gains = _riccati(maps, _control_scales(setup))
+    if gains is None:
+        return None
+    # Gains are for the model's order of coordinates, targets come in the order of the ties.
+    order = np.concatenate(
+        [setup.reference.velocities, maps.state.shape[1] // 2 + setup.reference.velocities]
+    )
+    gains = gains[:, :, order]
+    return Feedback("LQR", setup, lambda frame, shares: gains[maps.index(frame, shares)])
+
+
+def _control_scales(setup: Setup) -> FloatArray:
+    """(m,) the largest value of each control along the motion; one that is never used gets the largest."""
+    largest = np.array([max(np.abs(c.before).max(), np.abs(c.after).max()) for c in setup.controls.channels])
+    if not len(largest):
+        return largest
+    top = float(largest.max()) or 1.0
+    return np.where(largest > 1e-3 * top, largest, top)
+
+
+def _riccati(maps: Linearisation, scales: FloatArray) -> FloatArray | None:
+    """Gains (K, m, 2 nv) of the regulator, or None."""
+    if not len(scales) or not len(maps.step):
+        return None
+    nv = maps.state.shape[1] // 2
+    tolerable = np.concatenate(
+        [np.full(nv, limits.TRACKING_POSITION), np.full(nv, limits.TRACKING_POSITION * limits.TRACKING_RATE)]
+    )
+    state_weight = np.diag(1.0 / tolerable**2)
+    control_weight = np.diag(1.0 / (limits.TRACKING_CONTROL * scales) ** 2)
+    cost = state_weight / limits.TRACKING_RATE
+    gains = np.zeros((len(maps.step), len(scales), 2 * nv))
+    with np.errstate(all="ignore"):
+        for k in range(len(maps.step) - 1, -1, -1):
+            A, B, h = maps.state[k], maps.control[k], maps.step[k]
+            steer = B.T @ cost
+            try:
+                gain = np.linalg.solve(h * control_weight + steer @ B, steer @ A)
+            except np.linalg.LinAlgError:
+                return None
+            closed = A - B @ gain
+            # The symmetric form of the update keeps the cost positive whatever rounding does.
+            cost = h * state_weight + closed.T @ cost @ closed + h * gain.T @ control_weight @ gain
+            gains[k] = gain
+    return gains if np.all(np.isfinite(gains)) else None
+
+
+def proportional(setup: Setup) -> Feedback | None:
+    """A proportional-derivative law for every actuator that moves one tied joint; None where there is none."""
+    import mujoco
+
+    model = setup.model()
+    data = mujoco.MjData(model)
+    k = len(setup.ties)
+    gain = np.zeros((len(setup.controls), 2 * k))
+    inertia = np.zeros(model.nv)
+    frames = np.unique(np.linspace(0, setup.solution.n, 20).astype(int))
+    for frame in frames:
+        setup.reference.put(data, setup.reference.at("after", int(frame))[:2])
+        mujoco.mj_forward(model, data)
+        inertia += _full_mass_matrix(model, data).diagonal() / len(frames)
+    joints = {int(dof): j for j, dof in enumerate(setup.reference.velocities)}
+    transmissions = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    for row, actuator in enumerate(setup.controls.actuators):
+        if model.actuator_trntype[actuator] not in transmissions:
+            continue
+        dof = int(model.jnt_dofadr[model.actuator_trnid[actuator, 0]])
+        strength = model.actuator_gear[actuator, 0] * model.actuator_gainprm[actuator, 0]
+        if dof in joints and strength != 0.0:
+            stiffness = inertia[dof] * limits.PD_RATE**2 / strength
+            gain[row, joints[dof]] = stiffness
+            gain[row, k + joints[dof]] = 2.0 * limits.PD_DAMPING * stiffness / limits.PD_RATE
+    if not gain.any():
+        return None
+    return Feedback("PD", setup, lambda _, shares: np.broadcast_to(gain, (len(shares), *gain.shape)))
+
+
+def _full_mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+    import mujoco
+
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    return full
