@@ -17,6 +17,7 @@ The operators are those of :data:`OPERATORS` and nothing else.  What is reduced 
   the product of their reciprocals.  Such a quotient has a relative error of a few units in the last place
   instead of a half; besides, it differs from a division only where the reciprocal of the divisor overflows
   (a divisor below 5.6e-309 in magnitude).
+- Expressions that are equal as polynomials are computed once, whichever way they are written.
 """
 
 from __future__ import annotations
@@ -24,18 +25,16 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections import Counter
-from collections.abc import Collection, Container, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
+from stc.codegen.lowering import ABSENT, Lowering, Program
 from stc.symbolic.expr import FUNCTIONS, Expr, reachable
 
 OPERATORS: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2, "neg": 1, **FUNCTIONS}
 """The operators of a tape and how many operands each takes."""
-
-_MAX_WHOLE_POWER: Final = 64
-_MAX_HALF_POWER: Final = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,158 +133,16 @@ class Tape:
         return "\n".join(lines)
 
 
-class _Builder:
-    """Operations under construction, value-numbered; operands before results but in no particular order yet.
-
-    Node numbers: inputs first, then literals and operations as they come.
-    """
-
-    def __init__(self, n_uniform: int, n_varying: int) -> None:
-        self.op: list[str] = ["input"] * (n_uniform + n_varying)
-        self.a: list[int] = [-1] * len(self.op)
-        self.b: list[int] = [-1] * len(self.op)
-        self.literal: dict[int, float] = {}
-        self.uniform: list[bool] = [True] * n_uniform + [False] * n_varying
-        self._literals: dict[float | str, int] = {}
-        self._known: dict[tuple[str, int, int], int] = {}
-
-    def constant(self, value: float) -> int:
-        key: float | str = value if value == value else "nan"
-        number = self._literals.get(key)
-        if number is None:
-            number = self._literals[key] = self._append("literal", -1, -1, True)
-            self.literal[number] = value
-        return number
-
-    def _append(self, op: str, a: int, b: int, uniform: bool) -> int:
-        self.op.append(op)
-        self.a.append(a)
-        self.b.append(b)
-        self.uniform.append(uniform)
-        return len(self.op) - 1
-
-    def emit(self, op: str, a: int, b: int = -1) -> int:
-        key = (op, b, a) if b < a and (op == "add" or op == "mul") else (op, a, b)
-        number = self._known.get(key)
-        if number is None:
-            uniform = self.uniform[a] and (b < 0 or self.uniform[b])
-            number = self._known[key] = self._append(op, a, b, uniform)
-        return number
-
-    def whole_power(self, a: int, exponent: int) -> int:
-        """``a^exponent``, exponent >= 1, by repeated squaring: powers of one base share factors."""
-        if exponent == 1:
-            return a
-        half = self.whole_power(a, exponent // 2)
-        square = self.emit("mul", half, half)
-        return square if exponent % 2 == 0 else self.emit("mul", square, a)
-
-    def power(self, a: int, exponent: float) -> int | None:
-        """``a^exponent`` in cheaper operations, None where there are none."""
-        size = abs(exponent)
-        if size == 0.0:
-            return self.constant(1.0)
-        if 1.0 <= size <= _MAX_WHOLE_POWER and size == int(size):
-            result = self.whole_power(a, int(size))
-        elif 0.5 <= size <= _MAX_HALF_POWER / 2 and 2 * size == int(2 * size):
-            result = self.emit("sqrt", a)
-            if size > 0.5:
-                result = self.emit("mul", self.whole_power(a, int(size)), result)
-        else:
-            return None
-        return result if exponent > 0 else self.emit("div", self.constant(1.0), result)
-
-
-def _inverted(nodes: Sequence[Expr], uniform: Collection[Hashable]) -> set[Expr]:
-    """The divisors whose reciprocal is to be computed once instead of dividing by them.
-
-    Those that serve several quotients, the uniform ones, products of such and uniform factors, and the
-    factors of those products (derivatives of ``a/b`` divide by ``b*b``).
-    """
-    quotients = Counter(node.args[1] for node in nodes if node.op == "div" and node.args[1].op != "num")
-    if not quotients:
-        return set()
-    varying: set[Expr] = set()
-    chosen: set[Expr] = set()
-    for node in nodes:
-        if node.op == "sym":
-            if node.payload not in uniform:
-                varying.add(node)
-        elif any(arg in varying for arg in node.args):
-            varying.add(node)
-        if node in quotients:
-            if quotients[node] > 1 or node not in varying:
-                chosen.add(node)
-            if _is_product(node, quotients, varying):
-                chosen.update(arg for arg in (node, *node.args) if arg in quotients)
-    return chosen
-
-
-def _is_product(node: Expr, divisors: Container[Expr], varying: Container[Expr]) -> bool:
-    """Whether both factors of a product are divisors themselves, or uniform."""
-    return node.op == "mul" and all(arg in divisors or arg not in varying for arg in node.args)
-
-
-def _lower(builder: _Builder, nodes: Sequence[Expr], slot_of: dict[Hashable, int]) -> dict[Expr, int]:
-    """Turn nodes (operands first) into operations; returns the number of each node's value."""
-    inverted = _inverted(nodes, {key for key, slot in slot_of.items() if builder.uniform[slot]})
-    number: dict[Expr, int] = {}
-    inverse: dict[Expr, int] = {}
-
-    def reciprocal(divisor: Expr) -> int:
-        known = inverse.get(divisor)
-        if known is None:
-            factors = divisor.args
-            varying = not builder.uniform[number[divisor]]
-            if (
-                varying
-                and divisor.op == "mul"
-                and all(f in inverted or builder.uniform[number[f]] for f in factors)
-            ):
-                known = builder.emit("mul", reciprocal(factors[0]), reciprocal(factors[1]))
-            else:
-                known = builder.emit("div", builder.constant(1.0), number[divisor])
-            inverse[divisor] = known
-        return known
-
-    for node in nodes:
-        op = node.op
-        if op == "num":
-            number[node] = builder.constant(node.payload)
-        elif op == "sym":
-            try:
-                number[node] = slot_of[node.payload]
-            except KeyError:
-                raise ValueError(f"the symbol {node.payload!r} is not an input of the tape") from None
-        elif len(node.args) == 1:
-            number[node] = builder.emit(op, number[node.args[0]])
-        else:
-            left, right = node.args
-            a, b = number[left], number[right]
-            if op == "div" and right in inverted and not (builder.uniform[a] and builder.uniform[b]):
-                inverse_b = reciprocal(right)
-                is_one = builder.literal.get(a) == 1.0
-                number[node] = inverse_b if is_one else builder.emit("mul", a, inverse_b)
-                continue
-            if op == "pow" and right.op == "num":
-                power = builder.power(a, right.payload)
-                if power is not None:
-                    number[node] = power
-                    continue
-            number[node] = builder.emit(op, a, b)
-    return number
-
-
-def _schedule(builder: _Builder, roots: Sequence[int]) -> list[int]:
+def _schedule(program: Program, roots: Sequence[int]) -> list[int]:
     """The operations that the roots need, operands first, depth first, the larger operand first.
 
     The order of Sethi & Ullman (J. ACM 17, 1970), optimal for trees: back ends emit the operations as they
     come, in one basic block without a scheduler, so it decides how many values are alive at once.
     """
-    op, first, second = builder.op, builder.a, builder.b
+    op, first, second = program.op, program.a, program.b
     need = [1] * len(op)
     for k in range(len(op)):
-        if op[k] == "literal" or builder.uniform[k]:
+        if op[k] == "literal" or program.uniform[k]:
             need[k] = 0
         elif first[k] >= 0:
             x = need[first[k]]
@@ -327,28 +184,28 @@ def build_tape(outputs: Sequence[Expr], uniform: Sequence[Hashable], varying: Se
     Raises:
         ValueError: an expression contains a symbol that is not an input, or an input is named twice.
     """
-    slot_of: dict[Hashable, int] = {key: slot for slot, key in enumerate((*uniform, *varying))}
-    if len(slot_of) != len(uniform) + len(varying):
+    input_of: dict[Hashable, int] = {key: slot for slot, key in enumerate((*uniform, *varying))}
+    if len(input_of) != len(uniform) + len(varying):
         raise ValueError("an input of the tape is named twice")
-    builder = _Builder(len(uniform), len(varying))
-    number = _lower(builder, reachable(outputs), slot_of)
+    program = Program(len(uniform), len(varying))
+    number = Lowering(program, reachable(outputs), input_of).number
     roots = [number[e] for e in outputs]
-    order = _schedule(builder, roots)
-    order = [k for k in order if builder.uniform[k]] + [k for k in order if not builder.uniform[k]]
+    order = _schedule(program, roots)
+    order = [k for k in order if program.uniform[k]] + [k for k in order if not program.uniform[k]]
 
     used = set(roots)
     for k in order:
-        used.add(builder.a[k])
-        used.add(builder.b[k])
-    literals = [k for k in sorted(builder.literal) if k in used]
-    slot = {k: k for k in range(len(slot_of))}
-    slot |= {k: len(slot_of) + position for position, k in enumerate(literals + order)}
-    slot[-1] = -1
+        used.add(program.a[k])
+        used.add(program.b[k])
+    literals = [k for k in sorted(program.literal) if k in used]
+    slot = {k: k for k in range(len(input_of))}
+    slot |= {k: len(input_of) + position for position, k in enumerate(literals + order)}
+    slot[ABSENT] = -1
     return Tape(
         n_uniform=len(uniform),
         n_varying=len(varying),
-        constants=[builder.literal[k] for k in literals],
-        ops=[(builder.op[k], slot[builder.a[k]], slot[builder.b[k]]) for k in order],
+        constants=[program.literal[k] for k in literals],
+        ops=[(program.op[k], slot[program.a[k]], slot[program.b[k]]) for k in order],
         outputs=[slot[k] for k in roots],
-        uniform_ops=[builder.uniform[k] for k in order],
+        uniform_ops=[program.uniform[k] for k in order],
     )

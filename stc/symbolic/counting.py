@@ -103,5 +103,8 @@ def tree_ops(e: Expr) -> int:
 
 
 def shared_ops(exprs: Iterable[Expr]) -> int:
-    """Distinct operations in all the expressions together: each common subexpression counts once."""
-    return sum(1 for node in reachable(exprs) if node.args)
+    """Distinct operations in all the expressions together: each common subexpression counts once.
+
+    Expressions that are equal as polynomials are one, as in a tape, however they are written.
+    """
+    return len({node.fingerprint for node in reachable(exprs) if node.args})

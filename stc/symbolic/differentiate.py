@@ -200,9 +200,13 @@ def jacobian_and_hessian(exprs: Sequence[Expr], total: Expr, keys: Sequence[Key]
     The Jacobian is that which takes fewer operations together with the Hessian: they share subexpressions.
     """
     second = hessian(total, keys)
+    present = {node.fingerprint for node in reachable([*exprs, *second.values()])}
     candidates = (_by_rows(exprs, keys), _by_columns(exprs, keys))
-    first = min(candidates, key=lambda entries: shared_ops([*exprs, *entries.values(), *second.values()]))
-    return first, second
+
+    def added(entries: Entries) -> int:
+        return len({node.fingerprint for node in reachable(entries.values())} - present)
+
+    return min(candidates, key=added), second
 
 
 def total_derivative(e: Expr, rate: Callable[[Any], Expr]) -> Expr:

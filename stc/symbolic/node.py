@@ -14,7 +14,8 @@ entry.  The table is not locked; expressions are to be built by one thread at a 
 
 *Simplifying.*  ``add``, ``sub``, ``mul``, ``div``, ``neg``, ``pow_`` and ``call`` look up the rules
 registered for the operators of their operands (:mod:`stc.symbolic.rules`) and intern the node as it stands
-only when none applies. ``raw`` interns without simplifying.
+only when none applies. ``raw`` interns without simplifying.  Sums and differences that are zero everywhere
+are recognised by their fingerprint (:mod:`stc.symbolic.fingerprint`), however their operands are written.
 """
 
 from __future__ import annotations
@@ -24,6 +25,17 @@ import weakref
 from collections.abc import Callable, Hashable, Iterable
 from hashlib import blake2b
 from typing import Any, Final
+
+from stc.symbolic.fingerprint import (
+    OF_FUNCTION,
+    PRIME,
+    Fingerprint,
+    element,
+    of_atan2,
+    of_literal,
+    power,
+    reciprocal,
+)
 
 FUNCTIONS: Final[dict[str, int]] = {
     "sin": 1,
@@ -46,6 +58,7 @@ ARITY: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2
 """Every operator that has operands; ``num`` and ``sym`` are leaves."""
 
 COMMUTATIVE: Final = frozenset({"add", "mul"})
+_ADDITIVE: Final = frozenset({"add", "sub"})
 
 _HASH_BITS: Final = 60
 _HASH_MASK: Final = (1 << _HASH_BITS) - 1
@@ -56,22 +69,29 @@ class Expr:
     """One interned node; made by the constructors of this module only, never changed.
 
     ``op`` is ``"num"``, ``"sym"`` or an operator of :data:`ARITY`; ``args`` its operands; ``payload`` the
-    value of a literal (float) or the key of a symbol (hashable).  ``order`` is explained above.  Equality is
-    identity.
+    value of a literal (float) or the key of a symbol (hashable).  ``order`` is explained above,
+    ``fingerprint`` in :mod:`stc.symbolic.fingerprint`; ``settled`` remembers that no rule applies.  Equality
+    is identity.
     """
 
-    __slots__ = ("__weakref__", "args", "op", "order", "payload")
+    __slots__ = ("__weakref__", "args", "fingerprint", "op", "order", "payload", "settled")
 
     op: Final[str]
     args: Final[tuple[Expr, ...]]
     payload: Final[Any]
     order: Final[int]
+    fingerprint: Final[Fingerprint]
+    settled: bool
 
-    def __init__(self, op: str, args: tuple[Expr, ...], payload: Any, order: int) -> None:
+    def __init__(
+        self, op: str, args: tuple[Expr, ...], payload: Any, order: int, fingerprint: Fingerprint
+    ) -> None:
         self.op = op
         self.args = args
         self.payload = payload
         self.order = order
+        self.fingerprint = fingerprint
+        self.settled = False
 
     def __add__(self, other: Expr | float) -> Expr:
         return add(self, other if isinstance(other, Expr) else num(other))
@@ -152,21 +172,39 @@ def _register(key: tuple[Any, ...], node: Expr) -> Expr:
 def _intern(op: str, a: Expr, b: Expr | None = None) -> Expr:
     key = (op, a, b)
     ref = _table.get(key)
-    if ref is not None:
-        found = ref()
-        if found is not None:
-            return found
+    found = None if ref is None else ref()
+    return _make(key) if found is None else found
+
+
+def _make(key: tuple[str, Expr, Expr | None]) -> Expr:
+    """A new node, entered into the table."""
+    op, a, b = key
     high = a.order
+    mark = a.fingerprint
     if b is None:
+        args: tuple[Expr, ...] = (a,)
         # A tuple of integers hashes the same in every process: only strings and bytes are salted.
         low = hash((_OPCODE[op], high)) & _HASH_MASK
-        node = Expr(op, (a,), None, ((high >> _HASH_BITS) + 1 << _HASH_BITS) | low)
+        mark = -mark % PRIME if op == "neg" else OF_FUNCTION[op](mark)
     else:
+        args = (a, b)
         other = b.order
         low = hash((_OPCODE[op], high, other)) & _HASH_MASK
         if other > high:
             high = other
-        node = Expr(op, (a, b), None, ((high >> _HASH_BITS) + 1 << _HASH_BITS) | low)
+        if op == "mul":
+            mark = mark * b.fingerprint % PRIME
+        elif op == "add":
+            mark = (mark + b.fingerprint) % PRIME
+        elif op == "sub":
+            mark = (mark - b.fingerprint) % PRIME
+        elif op == "div":
+            mark = mark * reciprocal(b.fingerprint) % PRIME
+        elif op == "pow":
+            mark = power(mark, b.fingerprint, b.payload if b.op == "num" else None)
+        else:
+            mark = of_atan2(mark, b.fingerprint)
+    node = Expr(op, args, None, ((high >> _HASH_BITS) + 1 << _HASH_BITS) | low, mark)
     ref = _Ref(node, _forget)
     ref.key = key
     _table[key] = ref
@@ -182,7 +220,9 @@ def num(value: float) -> Expr:
         found = ref()
         if found is not None:
             return found
-    return _register(key, Expr("num", (), value, hash(value) & _HASH_MASK if value == value else 1))
+    return _register(
+        key, Expr("num", (), value, hash(value) & _HASH_MASK if value == value else 1, of_literal(value))
+    )
 
 
 def sym(key: Hashable) -> Expr:
@@ -195,7 +235,7 @@ def sym(key: Hashable) -> Expr:
             return found
     digest = blake2b(repr(key).encode(), digest_size=8).digest()
     low = int.from_bytes(digest, "big") & _HASH_MASK
-    return _register(entry, Expr("sym", (), key, (1 << _HASH_BITS) | low))
+    return _register(entry, Expr("sym", (), key, (1 << _HASH_BITS) | low, element(0, low)))
 
 
 def raw(op: str, *args: Expr) -> Expr:
@@ -225,70 +265,58 @@ unary_rules: dict[tuple[str, str], tuple[Rewrite, ...]] = {}
 """Actions by operator and the operator of its operand, in the order in which they are tried."""
 
 
-def add(a: Expr, b: Expr) -> Expr:
-    """``a + b``, simplified."""
-    if a.order > b.order:
-        a, b = b, a
-    rules = binary_rules.get(("add", a.op, b.op))
-    if rules is not None:
-        for rule in rules:
-            result = rule(a, b)
-            if result is not None:
-                return result
-    return _intern("add", a, b)
-
-
-def mul(a: Expr, b: Expr) -> Expr:
-    """``a * b``, simplified."""
-    if a.order > b.order:
-        a, b = b, a
-    rules = binary_rules.get(("mul", a.op, b.op))
-    if rules is not None:
-        for rule in rules:
-            result = rule(a, b)
-            if result is not None:
-                return result
-    return _intern("mul", a, b)
-
-
-def _binary(op: str, a: Expr, b: Expr) -> Expr:
-    rules = binary_rules.get((op, a.op, b.op))
-    if rules is not None:
-        for rule in rules:
-            result = rule(a, b)
-            if result is not None:
-                return result
-    return _intern(op, a, b)
-
-
-def _unary(op: str, a: Expr) -> Expr:
-    rules = unary_rules.get((op, a.op))
-    if rules is not None:
-        for rule in rules:
+def _construct(key: tuple[str, Expr, Expr | None]) -> Expr:
+    """The simplified node for an operator and its operands, those of commutative operators in order."""
+    ref = _table.get(key)
+    found = None if ref is None else ref()
+    if found is not None and found.settled:
+        return found
+    op, a, b = key
+    if b is None:
+        for rule in unary_rules.get((op, a.op), ()):
             result = rule(a)
             if result is not None:
                 return result
-    return _intern(op, a)
+    else:
+        for rule in binary_rules.get((op, a.op, b.op), ()):
+            result = rule(a, b)
+            if result is not None:
+                return result
+    node = _make(key) if found is None else found
+    if not node.fingerprint and op in _ADDITIVE:
+        return ZERO
+    node.settled = True
+    return node
+
+
+def add(a: Expr, b: Expr) -> Expr:
+    """``a + b``, simplified."""
+    return _construct(("add", a, b) if a.order <= b.order else ("add", b, a))
 
 
 def sub(a: Expr, b: Expr) -> Expr:
     """``a - b``, simplified."""
-    return _binary("sub", a, b)
+    return _construct(("sub", a, b))
+
+
+def mul(a: Expr, b: Expr) -> Expr:
+    """``a * b``, simplified."""
+    return _construct(("mul", a, b) if a.order <= b.order else ("mul", b, a))
 
 
 def div(a: Expr, b: Expr) -> Expr:
     """``a / b``, simplified."""
-    return _binary("div", a, b)
+    return _construct(("div", a, b))
 
 
 def pow_(a: Expr, b: Expr) -> Expr:
     """``a ^ b``, simplified; ``0^0`` is 1, a negative base with a fractional exponent is not a number."""
-    return _binary("pow", a, b)
+    return _construct(("pow", a, b))
 
 
 def neg(a: Expr) -> Expr:
     """``-a``, simplified."""
-    return _unary("neg", a)
+    return _construct(("neg", a, None))
 
 
 def call(name: str, *args: Expr) -> Expr:
@@ -297,21 +325,17 @@ def call(name: str, *args: Expr) -> Expr:
     Raises:
         ValueError: the function is unknown or takes another number of arguments.
     """
-    arity = FUNCTIONS.get(name)
-    if arity != len(args):
+    if FUNCTIONS.get(name) != len(args):
         raise ValueError(f"no function {name!r} of {len(args)} arguments")
-    return _binary(name, *args) if arity == 2 else _unary(name, *args)
+    return rebuild(name, args)
 
 
 def rebuild(op: str, args: tuple[Expr, ...]) -> Expr:
     """The simplified node of any operator of :data:`ARITY`: what ``raw`` leaves alone."""
     if len(args) == 1:
-        return _unary(op, args[0])
-    if op == "add":
-        return add(args[0], args[1])
-    if op == "mul":
-        return mul(args[0], args[1])
-    return _binary(op, args[0], args[1])
+        return _construct((op, args[0], None))
+    a, b = args
+    return _construct((op, b, a) if op in COMMUTATIVE and a.order > b.order else (op, a, b))
 
 
 def sum_of(terms: Iterable[Expr]) -> Expr:

@@ -188,8 +188,8 @@ def _cancel(a: Expr, b: Expr, sign: float) -> Expr | None:
     totals: dict[Expr, float] = {}
     for factor, rest in terms:
         totals[rest] = totals.get(rest, 0.0) + factor
-    if all(totals.values()):
-        return None
+    if all(totals.values()) or not all(math.isfinite(rest.fingerprint) for rest in totals):
+        return None  # nothing cancels, or inf - inf would
     # The innermost summands first: what is left shares its beginning with the sums that it came from.
     left = [(factor, rest) for rest, factor in reversed(totals.items()) if factor != 0.0]
     result = ZERO

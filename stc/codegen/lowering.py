@@ -1,0 +1,183 @@
+"""From expressions to operations, cheaper ones where there are any: the first half of making a tape.
+
+What is reduced in strength is listed in :mod:`stc.codegen.tape`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Container, Hashable, Sequence
+from typing import Final
+
+from stc.symbolic.expr import Expr
+from stc.symbolic.fingerprint import Fingerprint
+
+MAX_WHOLE_POWER: Final = 64
+MAX_HALF_POWER: Final = 32
+ABSENT: Final = -1
+
+
+class Program:
+    """Operations under construction, each computed once; operands before results, not in their final order.
+
+    Values are numbered: inputs first (uniform, then varying), then literals and operations as they come.
+    ``op[k]`` is ``"input"``, ``"literal"`` or an operator, ``a[k]`` and ``b[k]`` its operands or ABSENT,
+    ``uniform[k]`` whether it depends on uniform inputs and literals alone.
+    """
+
+    def __init__(self, n_uniform: int, n_varying: int) -> None:
+        self.op: list[str] = ["input"] * (n_uniform + n_varying)
+        self.a: list[int] = [ABSENT] * len(self.op)
+        self.b: list[int] = [ABSENT] * len(self.op)
+        self.uniform: list[bool] = [True] * n_uniform + [False] * n_varying
+        self.literal: dict[int, float] = {}
+        self._literals: dict[float | str, int] = {}
+        self._known: dict[tuple[str, int, int], int] = {}
+
+    def constant(self, value: float) -> int:
+        """The number of a literal."""
+        key: float | str = value if value == value else "nan"
+        number = self._literals.get(key)
+        if number is None:
+            number = self._literals[key] = self._append("literal", ABSENT, ABSENT, True)
+            self.literal[number] = value
+        return number
+
+    def _append(self, op: str, a: int, b: int, uniform: bool) -> int:
+        self.op.append(op)
+        self.a.append(a)
+        self.b.append(b)
+        self.uniform.append(uniform)
+        return len(self.op) - 1
+
+    def emit(self, op: str, a: int, b: int = ABSENT) -> int:
+        """The number of an operation's result; the operation is added where it is not there yet."""
+        key = (op, b, a) if b < a and (op == "add" or op == "mul") else (op, a, b)
+        number = self._known.get(key)
+        if number is None:
+            uniform = self.uniform[a] and (b == ABSENT or self.uniform[b])
+            number = self._known[key] = self._append(op, a, b, uniform)
+        return number
+
+    def whole_power(self, a: int, exponent: int) -> int:
+        """``a^exponent``, exponent >= 1, by repeated squaring: powers of one base share factors."""
+        if exponent == 1:
+            return a
+        half = self.whole_power(a, exponent // 2)
+        square = self.emit("mul", half, half)
+        return square if exponent % 2 == 0 else self.emit("mul", square, a)
+
+    def power(self, a: int, exponent: float) -> int | None:
+        """``a^exponent`` in cheaper operations, None where there are none."""
+        size = abs(exponent)
+        if size == 0.0:
+            return self.constant(1.0)
+        if 1.0 <= size <= MAX_WHOLE_POWER and size == int(size):
+            result = self.whole_power(a, int(size))
+        elif 0.5 <= size <= MAX_HALF_POWER / 2 and 2 * size == int(2 * size):
+            result = self.emit("sqrt", a)
+            if size > 0.5:
+                result = self.emit("mul", self.whole_power(a, int(size)), result)
+        else:
+            return None
+        return result if exponent > 0 else self.emit("div", self.constant(1.0), result)
+
+
+def inverted_divisors(nodes: Sequence[Expr], uniform: Collection[Hashable]) -> set[Expr]:
+    """The divisors whose reciprocal is to be computed once instead of dividing by them.
+
+    Those that serve several quotients, the uniform ones, products of such and uniform factors, and the
+    factors of those products (derivatives of ``a/b`` divide by ``b*b``).
+    """
+    quotients = Counter(node.args[1] for node in nodes if node.op == "div" and node.args[1].op != "num")
+    if not quotients:
+        return set()
+    varying: set[Expr] = set()
+    chosen: set[Expr] = set()
+    for node in nodes:
+        if node.op == "sym":
+            if node.payload not in uniform:
+                varying.add(node)
+        elif any(arg in varying for arg in node.args):
+            varying.add(node)
+        if node in quotients:
+            if quotients[node] > 1 or node not in varying:
+                chosen.add(node)
+            if _is_product(node, quotients, varying):
+                chosen.update(arg for arg in (node, *node.args) if arg in quotients)
+    return chosen
+
+
+def _is_product(node: Expr, divisors: Container[Expr], varying: Container[Expr]) -> bool:
+    """Whether both factors of a product are divisors themselves, or uniform."""
+    return node.op == "mul" and all(arg in divisors or arg not in varying for arg in node.args)
+
+
+class Lowering:
+    """Turns expressions into operations of a :class:`Program`.
+
+    Expressions that are equal as polynomials, told by their fingerprints, are computed once, in the form that
+    comes first in the order of :attr:`~stc.symbolic.node.Expr.order`: the one of least height.
+    """
+
+    def __init__(self, program: Program, nodes: Sequence[Expr], input_of: dict[Hashable, int]) -> None:
+        self.program = program
+        self.number: dict[Expr, int] = {}
+        self._input_of = input_of
+        self._inverted = inverted_divisors(
+            nodes, {k for k, slot in input_of.items() if program.uniform[slot]}
+        )
+        self._inverse: dict[Expr, int] = {}
+        self._equal: dict[Fingerprint, int] = {}
+        for node in nodes:
+            self.number[node] = self._leaf(node) if not node.args else self._once(node)
+
+    def _leaf(self, node: Expr) -> int:
+        if node.op == "num":
+            return self.program.constant(node.payload)
+        try:
+            return self._input_of[node.payload]
+        except KeyError:
+            raise ValueError(f"the symbol {node.payload!r} is not an input of the tape") from None
+
+    def _once(self, node: Expr) -> int:
+        if node.fingerprint != node.fingerprint:
+            return self._operation(node)
+        known = self._equal.get(node.fingerprint)
+        if known is None:
+            known = self._equal[node.fingerprint] = self._operation(node)
+        return known
+
+    def _operation(self, node: Expr) -> int:
+        op, program, number = node.op, self.program, self.number
+        if len(node.args) == 1:
+            return program.emit(op, number[node.args[0]])
+        left, right = node.args
+        a, b = number[left], number[right]
+        if op == "div" and right in self._inverted and not (program.uniform[a] and program.uniform[b]):
+            inverse = self._reciprocal(right)
+            return inverse if program.literal.get(a) == 1.0 else program.emit("mul", a, inverse)
+        if op == "pow" and right.op == "num":
+            power = program.power(a, right.payload)
+            if power is not None:
+                return power
+        return program.emit(op, a, b)
+
+    def _reciprocal(self, divisor: Expr) -> int:
+        known = self._inverse.get(divisor)
+        if known is None:
+            program, number = self.program, self.number
+            factors = divisor.args
+            if (
+                divisor.op == "mul"
+                and not program.uniform[number[divisor]]
+                and all(map(self._invertible, factors))
+            ):
+                known = program.emit("mul", self._reciprocal(factors[0]), self._reciprocal(factors[1]))
+            else:
+                known = program.emit("div", program.constant(1.0), number[divisor])
+            self._inverse[divisor] = known
+        return known
+
+    def _invertible(self, factor: Expr) -> bool:
+        return factor in self._inverted or self.program.uniform[self.number[factor]]

@@ -1,0 +1,130 @@
+"""Fingerprints: what an expression is worth at one random point of a finite field.
+
+Two expressions that are equal as polynomials have equal fingerprints, however they are written; two that differ
+have different ones but for a chance of about their degree in 2^61 (Schwartz, J. ACM 27, 1980; for expressions,
+Martin, J. ACM 18, 1971).  The field is that of the integers modulo the prime 2^61 - 1, where literals, being
+fractions, have exact values: no rounding enters.
+
+What is not a polynomial is a random element that depends on the fingerprints of the operands.  Sines and cosines
+of one argument are the two coordinates of a rational point of the circle, so that the squares add up to one;
+exponentials and hyperbolic functions likewise; odd and even functions keep their symmetry.  The reciprocal of a
+divisor is *not* its inverse in the field: ``x/x`` is undefined at 0 and must not be told from its fingerprint to
+be 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+PRIME: Final = (1 << 61) - 1
+UNKNOWN: Final = math.nan
+"""The fingerprint of infinite and undefined literals: spreads through arithmetic and equals nothing."""
+
+Fingerprint = int | float
+
+
+def element(kind: int, value: Fingerprint) -> Fingerprint:
+    """A random nonzero element that depends on two numbers, the same in every process."""
+    if value != value:
+        return UNKNOWN
+    return hash((kind, value)) % (PRIME - 1) + 1
+
+
+def _unsigned(value: Fingerprint) -> tuple[Fingerprint, int]:
+    """One of ``value`` and ``-value``, the same for both, and the sign that was taken off."""
+    if value + value > PRIME:
+        return PRIME - value, -1
+    return value, 1
+
+
+def _inverse(value: Fingerprint) -> Fingerprint:
+    return pow(value, -1, PRIME) if isinstance(value, int) else UNKNOWN
+
+
+def of_literal(value: float) -> Fingerprint:
+    """The fingerprint of a literal."""
+    if not math.isfinite(value):
+        return UNKNOWN
+    numerator, denominator = value.as_integer_ratio()
+    return numerator * pow(denominator, -1, PRIME) % PRIME
+
+
+def reciprocal(value: Fingerprint) -> Fingerprint:
+    """The fingerprint of ``1/b``: opaque, but odd in ``b``; a division by zero has none."""
+    if value == 0:
+        return UNKNOWN
+    size, sign = _unsigned(value)
+    return sign * element(1, size) % PRIME
+
+
+def power(base: Fingerprint, exponent: Fingerprint, literal: float | None) -> Fingerprint:
+    """The fingerprint of ``a^b``; ``literal`` is the exponent's value where it is one."""
+    if literal is not None and literal == int(literal) and abs(literal) <= 64 and isinstance(base, int):
+        whole = pow(base, abs(int(literal)), PRIME)
+        return whole if literal >= 0 else reciprocal(whole)
+    return element(2, base * 31 + exponent)
+
+
+def _circle(argument: Fingerprint) -> tuple[Fingerprint, Fingerprint]:
+    """A point (sine, cosine) with coordinates whose squares add up to one."""
+    size, sign = _unsigned(argument)
+    t = element(3, size)
+    scale = _inverse(1 + t * t)  # never zero: -1 is no square modulo this prime
+    return sign * 2 * t * scale % PRIME, (1 - t * t) * scale % PRIME
+
+
+def _exponential(argument: Fingerprint) -> tuple[Fingerprint, Fingerprint]:
+    """The exponentials of an argument and of its opposite: inverses of each other."""
+    size, sign = _unsigned(argument)
+    e = element(4, size)
+    return (e, _inverse(e)) if sign > 0 else (_inverse(e), e)
+
+
+_HALF: Final = (PRIME + 1) // 2
+
+
+def _sinh(argument: Fingerprint) -> Fingerprint:
+    e, opposite = _exponential(argument)
+    return (e - opposite) * _HALF % PRIME
+
+
+def _cosh(argument: Fingerprint) -> Fingerprint:
+    e, opposite = _exponential(argument)
+    return (e + opposite) * _HALF % PRIME
+
+
+def _tan(argument: Fingerprint) -> Fingerprint:
+    sine, cosine = _circle(argument)
+    return sine * reciprocal(cosine) % PRIME
+
+
+def _odd(kind: int) -> Callable[[Fingerprint], Fingerprint]:
+    def function(argument: Fingerprint) -> Fingerprint:
+        size, sign = _unsigned(argument)
+        return sign * element(kind, size) % PRIME
+
+    return function
+
+
+OF_FUNCTION: Final[dict[str, Callable[[Fingerprint], Fingerprint]]] = {
+    "sin": lambda a: _circle(a)[0],
+    "cos": lambda a: _circle(a)[1],
+    "tan": _tan,
+    "asin": _odd(5),
+    "acos": lambda a: element(6, a),
+    "atan": _odd(7),
+    "sinh": _sinh,
+    "cosh": _cosh,
+    "tanh": lambda a: _sinh(a) * _inverse(_cosh(a)) % PRIME,
+    "exp": lambda a: _exponential(a)[0],
+    "log": lambda a: element(8, a),
+    "sqrt": lambda a: element(9, a),
+}
+"""The fingerprints of functions of one argument."""
+
+
+def of_atan2(y: Fingerprint, x: Fingerprint) -> Fingerprint:
+    """The fingerprint of ``atan2(y, x)``."""
+    return element(10, y * 31 + x)
