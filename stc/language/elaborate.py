@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import PurePath
 
-from stc.errors import SpecError, UsageError
+from stc.errors import Span, SpecError, UsageError
 from stc.language import checks, syntax
 from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
@@ -107,6 +107,7 @@ class _Elaborator(Context):
             variables=self.table.of_kind("variable"),
             parameters=self.table.of_kind("parameter"),
             step=step,
+            step_span=self._step_span(),
             definitions=self.builder.pieces,
             relations=relations,
             objective=objective,
@@ -119,6 +120,11 @@ class _Elaborator(Context):
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
         return problem
+
+    def _step_span(self) -> Span | None:
+        """Where the spec says what the step is."""
+        entry = self.table.entries.get("h")
+        return None if entry is None else Span(self.source, entry.start, entry.end)
 
     # ---------------------------------------------------------- method and jumps
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from stc.errors import Diagnostic, SpecError
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef
-from stc.symbolic.expr import evaluate
+from stc.symbolic.expr import evaluate, symbols
 from stc.transcription.grid import Grid, Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import Expander
@@ -49,19 +49,17 @@ def starting_point(
     h = steps.lengths(coefficients, values)
     if grid.n and not (h > 0).all():
         bad = int(np.flatnonzero(~(h > 0))[0])
-        free = ", ".join(layout.parameters) or "h"
-        raise SpecError(
-            [
-                Diagnostic(
-                    "error",
-                    f"the step from frame {bad} to {bad + 1} starts at {h[bad]:g}, but steps must be positive",
-                    None,
-                    f"give {free} a guess that makes every step positive"
-                    if steps.free
-                    else "h must be positive",
-                )
-            ]
+        involved = [
+            k.name for e in (problem.step, *steps.basis) for k in symbols(e) if isinstance(k, ParameterRef)
+        ]
+        names = " and ".join(f"`{name}`" for name in dict.fromkeys(involved))
+        hint = (
+            f"give {names} a guess that makes every step positive"
+            if names
+            else "the time from a frame to the next"
         )
+        message = f"the step from frame {bad} to {bad + 1} starts at {h[bad]:g}; it must be positive"
+        raise SpecError([Diagnostic("error", message, problem.step_span, hint)])
     time = np.concatenate([[0.0], np.cumsum(h)])
     written = _written(problem, grid, values, time)
     for name, order, before, after, middle in layout.slots():
@@ -81,7 +79,6 @@ def _written(
     """Written guesses at frames (n+1,) and midpoints (n,) per variable, NaN where none is given."""
     result: dict[str, tuple[FloatArray, FloatArray]] = {}
     expand = Expander(problem, grid)
-    frames = np.arange(grid.n + 1)
     for guess in problem.guesses:
         if guess.name not in problem.variables:
             continue
@@ -98,7 +95,6 @@ def _written(
             value = np.broadcast_to(evaluate(body, given), t.shape)
             at_frames[nodes.frame[~half]] = value[~half]
             at_mids[nodes.frame[half]] = value[half]
-    assert len(frames) == grid.n + 1
     return result
 
 

@@ -147,12 +147,12 @@ class Transcription:
                     at = channel.mid[int(frame)]
                 values[name + "'" * order] = float(at)
         raise EvaluationError(
-            "this has no value at the starting point",
+            "this has no value",
             expression=text,
             frame=frame,
             values=values,
             span=span,
-            hint="start elsewhere: give a guess at which every function is defined",
+            hint="the solve starts there: give a guess at which every function is defined",
         )
 
 
