@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import ctypes
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -122,7 +122,7 @@ class Kernel:
         out[...] = values.reshape(len(tape.outputs), blocks, LANES).transpose(1, 0, 2)
 
 
-class KernelSet(Sequence[Kernel]):
+class KernelSet:
     """The kernels of one list of tapes: ``kernels[k](workspace, uniform, index, out)``.
 
     Attributes:
@@ -141,8 +141,11 @@ class KernelSet(Sequence[Kernel]):
     def __len__(self) -> int:
         return len(self._kernels)
 
-    def __getitem__(self, k: Any) -> Any:
+    def __getitem__(self, k: int) -> Kernel:
         return self._kernels[k]
+
+    def __iter__(self) -> Iterator[Kernel]:
+        return iter(self._kernels)
 
     def bind(
         self, k: int, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray
