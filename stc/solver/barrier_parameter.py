@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.formulation import Formulation
-from stc.solver.globalization import Filter
+from stc.solver.globalization import Filter, largest_step
 from stc.solver.iterate import Iterate, errors_of
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.nlp import Floats
@@ -26,6 +26,13 @@ MARGIN = 1e-5
 HELD_FRACTION = 0.8
 LARGEST_GROWTH = 1e3
 ERROR_FRACTION = 1e-5
+SHORT = 0.1
+MANY = 3
+RECENTRE = 0.1
+LONG = 0.1
+REACH = 0.3
+GAIN = 0.1
+PRODUCTS = (0.1, 10.0)
 CENTRING = np.array(
     [1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0]
 )
@@ -50,9 +57,14 @@ class BarrierParameter:
         self.tau = SMALLEST_TAU
         self.changed = False
         self._largest = np.inf
+        self._short = 0
         self._accepted = Filter(np.inf)
         if form.gaps == 0:
             self.mu = 0.0
+
+    def blocked(self, length: float) -> None:
+        """Note the length of the last step: several very short ones in a row call for more centring."""
+        self._short = self._short + 1 if length < SHORT else 0
 
     def update(self, it: Iterate, stuck: bool) -> None:
         """Decide the mode for this iterate and, in the held mode, the parameter.
@@ -67,6 +79,12 @@ class BarrierParameter:
         if not np.isfinite(self._largest):
             self._largest = LARGEST_GROWTH * max(average, self.smallest)
         if self.free:
+            if self._short >= MANY:
+                self._short = 0
+                self.free = False
+                mu = max(average, RECENTRE * min(1.0, errors_of(self.form, it, 0.0).total))
+                self._set(min(mu, max(self._largest, average)))
+                return
             if not stuck and self._progress(it):
                 self._accepted.add(it.theta, it.f)
                 return
@@ -108,11 +126,35 @@ class BarrierParameter:
         self._set(float(np.clip(sigma * average, floor, max(floor, self._largest))))
         self.changed = True
         sigma = self.mu / average
-        return (
+        step = (
             affine[0] + sigma * centring[0],
             affine[1] + sigma * centring[1],
             affine[2] + sigma * centring[2],
         )
+        return self._corrected(it, system, step)
+
+    def _corrected(
+        self, it: Iterate, system: NewtonSystem, step: tuple[Floats, Floats, Floats]
+    ) -> tuple[Floats, Floats, Floats]:
+        """Where the bounds allow only a short step: the same with its worst complementarity products
+        brought back near mu, if that lets it go further (J. Gondzio, Multiple centrality corrections in a
+        primal-dual method for linear programming, Comput. Optim. Appl. 6, 1996).
+        """
+        form = self.form
+        gap_step = form.sign * step[0][form.index]
+        primal, dual = largest_step(it.gap, gap_step, self.tau), largest_step(it.z, step[2], self.tau)
+        if min(primal, dual) >= LONG:
+            return step
+        further_primal, further_dual = min(1.0, primal + REACH), min(1.0, dual + REACH)
+        products = (it.gap + further_primal * gap_step) * (it.z + further_dual * step[2])
+        wanted = np.clip(products, PRODUCTS[0] * self.mu, PRODUCTS[1] * self.mu) - products
+        wanted = np.maximum(wanted, -PRODUCTS[1] * self.mu)
+        extra = system.centring(wanted / it.gap)
+        new = (step[0] + extra[0], step[1] + extra[1], step[2] + extra[2])
+        new_primal = largest_step(it.gap, form.sign * new[0][form.index], self.tau)
+        new_dual = largest_step(it.z, new[2], self.tau)
+        further = new_primal + new_dual >= primal + dual + GAIN * REACH
+        return new if further and min(new_primal, new_dual) >= min(primal, dual) else step
 
     def _best_centring(
         self,

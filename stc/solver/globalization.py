@@ -125,6 +125,8 @@ class LineSearch:
         Fractions below ``shortest`` of what the bounds allow are not tried.  The derivatives of ``it`` are current on return when the fraction is positive.
         """
         form = self.form
+        self._jac = it.jac
+        self._dual = it.dual - form.scatter(it.z)
         phi = barrier_value(it.f, it.gap, mu)
         slope = float(it.gradient @ dw[: form.n])
         if form.gaps:
@@ -209,6 +211,23 @@ class LineSearch:
             c = length * c + corrected.c
         return None
 
+    def _row_fraction(self, primal: float, dual: float, dy: Floats, dz: Floats) -> float:
+        """Fraction of ``dy`` that leaves the smallest gradient of the Lagrangian, to first order, when the
+        primal and the dual variables take different fractions of their steps.
+        """
+        form = self.form
+        n = form.n
+        rows = np.empty(form.size)
+        rows[:n] = form.transpose_times(self._jac, dy)
+        np.negative(dy, out=rows[n:])
+        if not form.all_moving:
+            rows[~form.moving] = 0.0
+        size = float(rows @ rows)
+        if primal == dual or size == 0.0:
+            return primal
+        left = (1.0 - primal) * self._dual + (primal - dual) * form.scatter(dz)
+        return min(max(primal - float(left @ rows) / size, 0.0), 1.0)
+
     def _move(
         self,
         it: Iterate,
@@ -225,7 +244,7 @@ class LineSearch:
         """Make the trial point the iterate, unless a derivative is undefined there."""
         old = (it.w, it.y, it.z, it.f, it.r, it.gap, it.c, it.theta, it.gradient, it.jac, it.hess, it.dual)
         it.w, it.f, it.r, it.gap, it.c, it.theta = trial.w, trial.f, trial.r, trial.gap, trial.c, trial.theta
-        it.y = it.y + alpha * dy
+        it.y = it.y + self._row_fraction(alpha, dual_limit, dy, dz) * dy
         it.z = it.z + dual_limit * dz
         if self.form.gaps:
             np.clip(it.z, mu / (1e10 * it.gap), 1e10 * mu / it.gap, out=it.z)

@@ -140,6 +140,7 @@ def optimise(
         before = it.w
         length = _advance(it, system, barrier, search)
         system.relax(length)
+        barrier.blocked(length)
         monitor.count()
         step = float((np.abs(it.w - before) / (1.0 + np.abs(before))).max(initial=0.0))
         if length > 0.0:
