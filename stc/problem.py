@@ -197,8 +197,8 @@ class Problem:
     ``constants`` holds the value of each constant (overrides applied).  ``structural`` names the constants
     whose values shaped this object (ranges, indices, exponents): changing one of those means elaborating
     again, changing any other does not.  ``step`` is the time from a frame to the next, in constants,
-    parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared.  ``definitions`` holds those that stand under range
-    headers; ``macros`` the values of all others, which occur in no other expression by name.
+    parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared.
+    ``definitions`` holds those that stand under range headers; ``macros`` the values of all others, which occur in no other expression by name.
     """
 
     name: str
