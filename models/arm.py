@@ -10,12 +10,14 @@ What weighs: of the upper arm a rod and the elbow's motor, of the forearm a rod 
 
 from __future__ import annotations
 
+from math import pi
+
 import trimesh
 
 from stc.models import stage
 from stc.models.description import Description, Measure
 from stc.models.mjcf import Element, document, element, hinge, inertial, material, meshes, motors, seen
-from stc.models.shapes import ball, knob, lathe, rod, slab, together
+from stc.models.shapes import ball, knob, lathe, rod, slab, together, turned
 from stc.models.solids import Inertia, Solid, inertia_of
 
 UPPER, FOREARM = 0.45, 0.40
@@ -65,7 +67,7 @@ def shapes() -> dict[str, trimesh.Trimesh]:
     cheek = 0.5 * _MOTOR_WIDTH + 0.008
     shaft = [(0.0, 0.0), (0.10, 0.0), (0.10, 0.012), (0.050, 0.05), (0.036, 0.12), (0.036, SHOULDER - 0.02)]
     socket = lathe([(0.0, 0.0), (0.022, 0.0), (0.022, 0.012), (0.03, 0.03), (0.0, 0.03)], 32)
-    socket.apply_transform(trimesh.transformations.rotation_matrix(1.5707963267948966, (0, 1, 0)))
+    turned(socket, (0.0, 1.0, 0.0), pi / 2)
     origin = (0.0, 0.0, 0.0)
     return {
         "arm_column": lathe([*shaft, (0.0, SHOULDER - 0.02)], 40).apply_translation((0.0, 0.0, -SHOULDER)),
@@ -128,7 +130,7 @@ def describe() -> Description:
         "worldbody",
         stage.sun(),
         stage.lamp((0.9, -1.2, 2.6), (-0.28, 0.42, -0.86)),
-        stage.camera("side", (0.15, -3.3, 1.05), (0.0, 1.0, -0.05), 36.0),
+        stage.camera("side", (0.2, -3.0, 1.15), (0.0, 1.0, -0.12), 35.0),
         stage.camera("portrait", (1.65, -2.3, 1.35), (-0.56, 0.80, -0.15), 40.0),
         stage.floor(),
         seen("arm_column", "iron", pos=(0.0, 0.0, SHOULDER)),

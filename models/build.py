@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import trimesh
 
 from stc import models, specs
@@ -35,7 +36,14 @@ def outputs(described: Sequence[Description]) -> Iterator[tuple[Path, bytes]]:
         for name, text in description.documents.items():
             yield Path(name), text.encode()
         for name, mesh in description.meshes.items():
-            yield Path("meshes", f"{name}.stl"), bytes(trimesh.exchange.stl.export_stl(mesh))
+            yield Path("meshes", f"{name}.stl"), stl(mesh)
+
+
+def stl(mesh: trimesh.Trimesh) -> bytes:
+    """A mesh as a binary STL file, to the nanometre: rounding that differs between machines does not show."""
+    rounded = trimesh.Trimesh(np.round(mesh.vertices, 9) + 0.0, mesh.faces, process=False)
+    rounded.face_normals = np.round(rounded.face_normals, 5) + 0.0
+    return bytes(trimesh.exchange.stl.export_stl(rounded))
 
 
 def rebuild(model_folder: Path = MODELS, spec_folder: Path = SPECS, *, check: bool = False) -> list[Path]:

@@ -123,7 +123,7 @@ def standing_hip(found: Bodies) -> float:
     return -atan2(across, along)
 
 
-LOWER_GAP, UPPER_GAP = 0.022, 0.038
+LOWER_GAP, UPPER_GAP = 0.022, 0.040
 """Half the distance between the two rods that each arm is seen as, m: the arms pass inside one another."""
 
 
@@ -134,7 +134,7 @@ def shapes() -> dict[str, trimesh.Trimesh]:
         "luxo_base": slab(BASE, corner=0.07, bevel=0.012, at=(0.0, 0.0, 0.0)),
         "luxo_pad": slab((BASE[0] - 0.004, BASE[1] - 0.004, 0.004), 0.068, 0.001, (0.0, 0.0, 0.0)),
         "luxo_turret": lathe([(0.0, 0.028), (0.046, 0.028), (0.044, 0.033), (0.03, 0.036), (0.0, 0.036)]),
-        "luxo_hip": knob(0.022, 2 * LOWER_GAP - 0.008, (0.0, 0.0, BASE[2]), bevel=0.002),
+        "luxo_hip": knob(0.022, 2 * LOWER_GAP - 0.012, (0.0, 0.0, BASE[2]), bevel=0.002),
         "luxo_lower": _fork(LOWER_GAP, rail, ends=(0.016, 0.014)),
         "luxo_upper": _fork(UPPER_GAP, rail, ends=(0.016, 0.014)),
         "luxo_axle_lower": _axle(LOWER_GAP),
@@ -281,7 +281,7 @@ def _document(name: str, comment: str, found: Bodies, *base_joints: Element) -> 
     world = element(
         "worldbody",
         stage.sun(),
-        stage.camera("side", (0.2, -2.3, 0.42), (0.0, 1.0, -0.05), 30.0),
+        stage.camera("side", (0.2, -2.3, 0.42), (0.0, 1.0, -0.05), 25.0),
         stage.camera("portrait", (1.02, -1.36, 0.50), (-0.56, 0.80, -0.15), 27.0),
         stage.floor(contype=1.0, conaffinity=1.0, friction="0.66 0.005 0.0001"),
         _lamp(found, *base_joints),

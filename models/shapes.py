@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import trimesh
+from scipy.spatial.transform import Rotation
 from trimesh import creation
 
 Profile = Sequence[tuple[float, float]]
@@ -37,8 +38,7 @@ def knob(
     half = width / 2
     profile = [(0.0, -half), (radius - bevel, -half), (radius, bevel - half)]
     shape = lathe([*profile, *((r, -z) for r, z in reversed(profile))], sections)
-    shape.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
-    return shape.apply_translation(at)
+    return turned(shape, (1.0, 0.0, 0.0), -np.pi / 2).apply_translation(at)
 
 
 def ball(radius: float, at: Sequence[float], sections: int = 24) -> trimesh.Trimesh:
@@ -68,6 +68,15 @@ def slab(size: Sequence[float], corner: float, bevel: float, at: Sequence[float]
     return together(*feet).convex_hull
 
 
+def turned(shape: trimesh.Trimesh, axis: Sequence[float], angle: float) -> trimesh.Trimesh:
+    """The same shape after a turn about an axis through the origin, by an angle in rad."""
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_rotvec(angle * np.array(axis)).as_matrix()
+    return shape.apply_transform(turn)
+
+
 def together(*shapes: trimesh.Trimesh) -> trimesh.Trimesh:
     """Several shapes as one mesh."""
-    return trimesh.util.concatenate(shapes)
+    joined = trimesh.util.concatenate(shapes)
+    assert isinstance(joined, trimesh.Trimesh)
+    return joined

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import fsum
 
 import numpy as np
 import trimesh
@@ -52,11 +53,12 @@ def inertia_of(solids: Sequence[Solid]) -> Inertia:
     Raises:
         ValueError: a shape is not closed, or the body's principal axes are not parallel to x, y and z.
     """
-    mass = sum(solid.mass for solid in solids)
+    mass = fsum(solid.mass for solid in solids)
     moved = [_centre(solid) for solid in solids]
     if len(solids) == 1:
         return Inertia(mass, moved[0], _moments(_tensor(solids[0])))
-    centre = sum(solid.mass * np.array(point) for solid, point in zip(solids, moved, strict=True)) / mass
+    weights = [solid.mass for solid in solids]
+    centre = np.array([fsum(w * x for w, x in zip(weights, axis)) / mass for axis in zip(*moved)])
     tensor = np.zeros((3, 3))
     for solid, point in zip(solids, moved, strict=True):
         shift = np.eye(4)
