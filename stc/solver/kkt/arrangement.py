@@ -48,7 +48,7 @@ class Couplings:
         return Couplings(
             n,
             m,
-            np.concatenate([hess_rows[hess_off], n + jac_rows]),
+            np.concatenate([hess_rows[hess_off], n + jac_rows]).astype(np.int32),
             np.concatenate([hess_cols[hess_off], jac_cols]),
             hess_off,
             hess_diagonal,

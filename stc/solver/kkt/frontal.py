@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.solver.kkt import elimination
+from stc.solver.kkt import pivots
 from stc.solver.kkt.arrangement import Arrangement, Couplings, arrange
 from stc.solver.kkt.contract import Inertia
+from stc.solver.kkt.elimination import FACTORS_FULL, factorize
 from stc.solver.kkt.entries import checked_values
 from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.staging import assign_stages
@@ -20,8 +21,8 @@ __all__ = ["FrontalKKT"]
 
 #: Pivot threshold u: no factor exceeds its inverse.
 PIVOT_THRESHOLD = 0.01
-#: Columns of the equilibrated matrix no larger than this are zero.
-SINGULAR = 1e-13
+#: Columns of the equilibrated matrix no larger than this, times their growth, are zero.
+SINGULAR = 2e-14
 #: Magnitude of the pivot that takes the place of a zero one.
 REPLACEMENT = 1e-8
 #: Equilibration: sweeps at most, and how far from 1 the largest entries may stay.
@@ -32,6 +33,9 @@ REFINEMENTS = 10
 RESIDUAL = 1e-14
 #: Matrices in a row that may contradict the plan before it is made anew.
 PATIENCE = 3
+#: A plan has failed when more than this share of the stages left it, or the factor has this many times its size.
+STRAYED_SHARE = 0.25
+FILLED = 1.25
 #: Slots for delayed unknowns, to begin with.
 HELD_SLOTS = 32
 
@@ -65,10 +69,9 @@ class FrontalKKT:
         self.pivot_threshold = PIVOT_THRESHOLD
         self._couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
         size = n + m
-        stage = np.concatenate([np.asarray(var_stage, dtype=np.int64), np.asarray(row_stage, dtype=np.int64)])
-        self._staging = assign_stages(stage, self._couplings.first, self._couplings.second)
-        self._has_diagonal = np.zeros(size, dtype=bool)
-        self._has_diagonal[self._couplings.hess_variable] = True
+        self._stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
+        self._structural_diagonal = np.zeros(size, dtype=bool)
+        self._structural_diagonal[self._couplings.hess_variable] = True
         self._contradictions = 0
         self._hess, self._jac = np.zeros(self._couplings.hess_count), np.zeros(self._couplings.jac_count)
         self._primal, self._dual = np.zeros(n), np.zeros(m)
@@ -80,13 +83,11 @@ class FrontalKKT:
         self._pivots = np.zeros(2 * size, dtype=np.int32)
         self._starts = np.zeros(2 * size + 2, dtype=np.int64)
         self._report = np.zeros(REPORT)
-        self._counts = np.zeros(elimination.COUNTS, dtype=np.int64)
-        self._plan: Plan | None = None
+        self._counts = np.zeros(pivots.COUNTS, dtype=np.int64)
         self._capacity = 0
         self._held_slots = HELD_SLOTS
-        self._use(
-            arrange(self._couplings, self._staging.stage, self._staging.stages, np.zeros(size, np.int32))
-        )
+        self._next_review = 0
+        self._arrange()
 
     def factorize(
         self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
@@ -113,11 +114,11 @@ class FrontalKKT:
             self._enlarge(shortage)
             self._bind()
         counts = self._counts
-        self.nnz_factor = int(counts[elimination.FACTORS])
+        self.nnz_factor = int(counts[pivots.FACTORS])
         return Inertia(
-            int(counts[elimination.POSITIVE]),
-            int(counts[elimination.NEGATIVE]),
-            int(counts[elimination.ZERO]),
+            int(counts[pivots.POSITIVE]),
+            int(counts[pivots.NEGATIVE]),
+            int(counts[pivots.ZERO]),
         )
 
     def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
@@ -132,24 +133,42 @@ class FrontalKKT:
         self.last_residual = float(self._report[0])
         return self._result[:n].copy(), self._result[n:].copy()
 
+    def _arrange(self) -> None:
+        """Arrange the entries by stages, without an order inside them yet."""
+        self._staging = assign_stages(self._stage, self.n, self._couplings.first, self._couplings.second)
+        rank = np.zeros(self.n + self.m, dtype=np.int32)
+        self._plan: Plan | None = None
+        self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, rank))
+
     def _follow_plan(self) -> bool:
         """Make a plan when there is none, or none that suits; whether the plan's patterns hold for the values."""
+        holds = False
         if self._plan is not None:
-            if not self._contradicted():
-                self._contradictions = 0
-                return True
-            self._contradictions += 1
-            if self._contradictions < PATIENCE:
-                return False
+            holds = not self._contradicted()
+            self._contradictions = 0 if holds else self._contradictions + 1
+            if self._contradictions < PATIENCE and not self._plan_failed():
+                return holds
+        size = self.n + self.m
         a = self._arrangement
-        self._has_diagonal[a.order] |= self._values[: self.n + self.m] != 0.0
+        has_diagonal = self._structural_diagonal.copy()
+        has_diagonal[a.order] |= self._values[:size] != 0.0
         self._contradictions = 0
+        self._next_review = 2 * self.factorizations
         self._equilibrate()
-        self._plan = plan_elimination(self._couplings, self._staging, a, self._values, self._has_diagonal)
+        self._plan = plan_elimination(self._couplings, self._staging, a, self._values, has_diagonal)
         self._capacity = max(self._capacity, self._plan.nnz + self._plan.nnz // 8 + 256)
         self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, self._plan.rank))
         self._load()
         return True
+
+    def _plan_failed(self) -> bool:
+        """Whether the last factorisation strayed so far from the plan that another one is worth its time."""
+        assert self._plan is not None
+        if self.factorizations <= self._next_review:
+            return False
+        strayed = self._counts[pivots.STRAYED] > STRAYED_SHARE * self._staging.stages
+        filled = self.nnz_factor > FILLED * self._plan.nnz
+        return bool(strayed or filled)
 
     def _use(self, arrangement: Arrangement) -> None:
         """Adopt an arrangement of the entries."""
@@ -175,7 +194,7 @@ class FrontalKKT:
 
     def _enlarge(self, shortage: int) -> None:
         """Make room for what did not fit."""
-        if shortage == elimination.FACTORS_FULL:
+        if shortage == FACTORS_FULL:
             self._capacity *= 2
             self._window[:] = 0.0
             self._allocate_factors()
@@ -191,22 +210,22 @@ class FrontalKKT:
         self._held_from = -(-self._staging.window // LANES) * LANES
         self._stride = stride = self._held_from + self._held_slots
         self._window = np.zeros(stride * stride)
-        self._columns = [np.zeros(stride) for _ in range(6)]
+        self._columns = [np.zeros(stride) for _ in range(7)]
         self._lists = [np.zeros(stride, dtype=np.int32) for _ in range(5)]
 
     def _bind(self) -> None:
         """Prepare the calls of the compiled functions."""
         a, staging, plan, size = self._arrangement, self._staging, self._plan, self.n + self.m
         assert plan is not None
-        spread_1, spread_2, values_1, values_2, first, second = self._columns
+        growth, spread_1, spread_2, values_1, values_2, first, second = self._columns
         owner, queue, found_1, found_2, found_12 = self._lists
         delay_limit = 2 * staging.window + HELD_SLOTS
-        self._eliminate = elimination.factorize.bind(
+        self._eliminate = factorize.bind(
             size, staging.stages, self.n, self.pivot_threshold, SINGULAR, REPLACEMENT, delay_limit,
             self._capacity, self._stride, self._held_from, True, a.stage_pointers, a.pointers, a.columns,
             self._values, a.order, self._planned_slot, staging.top, *self._plan_arrays, plan.slots,
             plan.state, plan.state_starts, plan.state_rows, plan.state_columns, self._window, spread_1, spread_2,
-            self._slot, owner, queue, found_1, found_2, found_12, values_1, values_2, first, second,
+            self._slot, owner, growth, queue, found_1, found_2, found_12, values_1, values_2, first, second,
             self._pivots, self._starts, self._indices, self._factors, self._inverse, self._counts,
         )  # fmt: skip
         self._solve = solve.bind(

@@ -1,47 +1,133 @@
-"""In which order to eliminate the unknowns of one stage, found by eliminating its pattern.
+"""In which order to eliminate the unknowns of one stage, found by eliminating the sizes of its entries.
 
-Greedy minimum degree in the manner of Markowitz, with 1x1 and 2x2 pivots (Duff and Reid 1983): at each step the
-pivot with the fewest multiplications per unknown is taken.  For a 2x2 pivot on p and q, whose columns have the
-patterns P and Q,
+Pivots of one and two unknowns (Duff and Reid 1983) are taken greedily: among those that should pass the threshold
+test with a margin, the ones with few multiplications are compared by the entries that they add.  For a pivot on p and
+q, whose columns have the patterns P and Q,
 
     D^-1 = [ a_qq  -a_pq ] / det        fills  P x Q,   P x P if a_qq != 0,   Q x Q if a_pp != 0,
            [-a_pq   a_pp ]
 
 so that a row of the problem without diagonal, paired with a variable, costs little more than |P| |Q|.
 
-A pattern is a symmetric matrix of strengths in the window's slots: NONE, WEAK (there, but perhaps small) or STRONG
-(good as a pivot, in the equilibrated matrix).
+Sizes are magnitudes of entries in the window's slots, zero where there is none; cancellation is not foreseen.
 """
 
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, native
 
-__all__ = ["NONE", "STRONG", "UNPLANNED", "WEAK", "order_stage"]
-
-NONE = 0
-WEAK = 1
-STRONG = 2
+__all__ = ["SECOND", "UNPLANNED", "order_stage"]
 
 #: Kinds of unknowns in an order: first of a pivot of one or two, second of two, not eliminated.
 SECOND = 0
 UNPLANNED = -1
 
-#: Weak pivots look this much more expensive than strong ones.
-WEAK_PENALTY = 1e4
+#: Pivots are planned for this threshold, above the one they will have to pass.
+MARGIN = 0.05
+#: Entries below this are no pivots at all.
+NEGLIGIBLE = 1e-9
+#: What may fail the test is planned only where nothing else is left: its cost is multiplied by this.
+PENALTY = 1e6
+#: Pivots with at most this many times the fewest multiplications are compared by their fill.
+COMPARED = 2.0
 
 
 @native
-def _pair_cost(p: i64, q: i64, stride: i64, pattern: i32s, degree: i32s) -> f64:
-    """Multiplications per unknown of a 2x2 pivot."""
+def _column(p: i64, left_out: i64, top: i64, stride: i64, sizes: f64s, listed: i32s) -> i64:
+    """Slots coupled with ``p``, without itself and ``left_out``; their number."""
+    count = 0
+    row = sizes[p * stride :]
+    for k in range(top):
+        listed[count] = k
+        count += row[k] != 0.0 and k != p and k != left_out
+    return count
+
+
+@native
+def _largest(p: i64, left_out: i64, top: i64, stride: i64, sizes: f64s) -> f64:
+    """Largest entry of a column off the diagonal and outside ``left_out``."""
+    most = 0.0
+    row = sizes[p * stride :]
+    for k in range(top):
+        if k != p and k != left_out:
+            most = max(most, row[k])
+    return most
+
+
+@native
+def _one_cost(p: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s) -> f64:
+    """Multiplications of a 1x1 pivot, or -1."""
+    own = sizes[p * stride + p]
+    cost = -1.0
+    if own > NEGLIGIBLE:
+        cost = 0.5 * degree[p] * (degree[p] + 1)
+        if own < MARGIN * most[p]:
+            cost = (cost + 1.0) * PENALTY
+    return cost
+
+
+@native
+def _two_cost(p: i64, q: i64, top: i64, stride: i64, sizes: f64s, degree: i32s, limit: f64) -> f64:
+    """Multiplications per unknown of a 2x2 pivot, or -1; any number above ``limit`` when it is above."""
+    b = sizes[p * stride + q]
+    a = sizes[p * stride + p]
+    c = sizes[q * stride + q]
+    if b <= NEGLIGIBLE or 0.5 * b * b < a * c:
+        return -1.0
     size_p = 1.0 * (degree[p] - 1)
     size_q = 1.0 * (degree[q] - 1)
     cost = size_p * size_q
-    if pattern[p * stride + p] != NONE:
-        cost += 0.5 * size_q * size_q
-    if pattern[q * stride + q] != NONE:
-        cost += 0.5 * size_p * size_p
-    return 0.5 * cost
+    if a != 0.0:
+        cost += 0.5 * size_q * (size_q + 1.0)
+    if c != 0.0:
+        cost += 0.5 * size_p * (size_p + 1.0)
+    cost *= 0.5
+    if cost <= limit:
+        most_p = _largest(p, q, top, stride, sizes)
+        most_q = _largest(q, p, top, stride, sizes)
+        if MARGIN * max(c * most_p + b * most_q, b * most_p + a * most_q) > b * b:
+            cost = (cost + 1.0) * PENALTY
+    return cost
+
+
+@native
+def _added(p: i64, q: i64, top: i64, stride: i64, sizes: f64s, row_p: i32s, row_q: i32s) -> f64:
+    """Entries per unknown that the elimination of p, and of q when that is no less than 0, would add."""
+    added = 0
+    count_p = _column(p, q, top, stride, sizes, row_p)
+    if q < 0:
+        for k in range(count_p):
+            row = sizes[row_p[k] * stride :]
+            for e in range(k):
+                added += row[row_p[e]] == 0.0
+        return 1.0 * added
+    count_q = _column(q, p, top, stride, sizes, row_q)
+    full_p = sizes[q * stride + q] != 0.0
+    full_q = sizes[p * stride + p] != 0.0
+    for k in range(count_p):
+        i = row_p[k]
+        i_in_q = sizes[q * stride + i] != 0.0
+        row = sizes[i * stride :]
+        if full_p:
+            for e in range(k):
+                added += row[row_p[e]] == 0.0
+        for e in range(count_q):
+            j = row_q[e]
+            if row[j] == 0.0 and i != j:
+                # Pairs inside both columns are met twice here, and once above.
+                j_in_p = sizes[p * stride + j] != 0.0
+                if not (i_in_q and j_in_p and (full_p or i < j)):
+                    added += 1
+    if full_q:
+        for k in range(count_q):
+            i = row_q[k]
+            row = sizes[i * stride :]
+            i_in_p = sizes[p * stride + i] != 0.0
+            for e in range(k):
+                j = row_q[e]
+                j_in_p = sizes[p * stride + j] != 0.0
+                added += row[j] == 0.0 and not i_in_p and not j_in_p
+    return 0.5 * added
 
 
 @native
@@ -52,31 +138,19 @@ def _fill(
     others: i32s,
     p: i64,
     q: i64,
-    strength: i64,
+    factor: f64,
     stride: i64,
-    pattern: i32s,
+    sizes: f64s,
 ) -> None:
     """Fill from the products of column ``p`` at ``rows`` with column ``q`` at ``others``, both ways."""
     for k in range(count_i):
         i = rows[k]
-        by_row = min(pattern[i * stride + p], strength)
+        by_row = sizes[i * stride + p] * factor
         for e in range(count_j):
             j = others[e]
-            now = min(by_row, pattern[j * stride + q])
-            pattern[i * stride + j] = max(pattern[i * stride + j], now)
-            pattern[j * stride + i] = max(pattern[j * stride + i], now)
-
-
-@native
-def _list_row(p: i64, left_out: i64, top: i64, stride: i64, pattern: i32s, listed: i32s) -> i64:
-    """Slots coupled with ``p``, without itself and ``left_out``; their number."""
-    count = 0
-    row = pattern[p * stride :]
-    for k in range(top):
-        if row[k] != NONE and k != p and k != left_out:
-            listed[count] = k
-            count += 1
-    return count
+            value = max(sizes[i * stride + j], by_row * sizes[j * stride + q])
+            sizes[i * stride + j] = value
+            sizes[j * stride + i] = value
 
 
 @native
@@ -85,8 +159,9 @@ def order_stage(
     top: i64,
     count: i64,
     waiting: i32s,
-    pattern: i32s,
+    sizes: f64s,
     degree: i32s,
+    most: f64s,
     row_p: i32s,
     row_q: i32s,
     order: i32s,
@@ -95,98 +170,110 @@ def order_stage(
     capacity: i64,
     lists: i32s,
 ) -> i64:
-    """Eliminate the slots ``waiting`` (count,) from a pattern (stride * stride,), in place.
+    """Eliminate the slots ``waiting`` (count,) from the sizes (stride * stride,), in place.
 
     Args:
         order: the slots in the order of their elimination, (count,).
         kinds: 1 or 2 where a pivot begins, 0 for the second of two, -1 for slots without a pivot: these come
-            last, and the pattern then is as if they had been eliminated one by one.
+            last, and the sizes then are as if they had been eliminated one by one.
         starts: the column of pivot k is ``lists[starts[k]:starts[k + 1]]``; the second of two has an empty one,
             (count + 1,).
         capacity: length of ``lists``.
-        degree, row_p, row_q: work space, (stride,).
+        degree, most, row_p, row_q: work space, (stride,).
 
     Returns:
         The number of entries in ``lists``, or -1 when they do not fit.
     """
     for k in range(top):
-        degree[k] = _list_row(k, k, top, stride, pattern, row_p)
+        degree[k] = _column(k, k, top, stride, sizes, row_p)
+        most[k] = _largest(k, k, top, stride, sizes)
     done = 0
     used = 0
     starts[0] = 0
     while done < count:
-        best = -1.0
-        best_p = -1
-        best_q = -1
+        least = -1.0
         for k in range(done, count):
             p = waiting[k]
-            own = pattern[p * stride + p]
-            if own != NONE:
-                cost = 0.5 * degree[p] * degree[p]
-                if own == WEAK:
-                    cost = (cost + 1.0) * WEAK_PENALTY
-                if best < 0.0 or cost < best:
-                    best = cost
-                    best_p = p
-                    best_q = -1
-            if own == STRONG:
-                continue
-            for e in range(done, count):
+            cost = _one_cost(p, stride, sizes, degree, most)
+            if cost >= 0.0 and (least < 0.0 or cost < least):
+                least = cost
+        for k in range(done, count):
+            p = waiting[k]
+            for e in range(done, k):
                 q = waiting[e]
-                coupling = pattern[p * stride + q]
-                if coupling == NONE or q == p:
-                    continue
-                cost = _pair_cost(p, q, stride, pattern, degree)
-                if coupling == WEAK:
-                    cost = (cost + 1.0) * WEAK_PENALTY
-                if best < 0.0 or cost < best:
-                    best = cost
-                    best_p = p
-                    best_q = q
+                if sizes[p * stride + q] != 0.0:
+                    limit = least if least >= 0.0 else PENALTY
+                    cost = _two_cost(p, q, top, stride, sizes, degree, limit)
+                    if cost >= 0.0 and (least < 0.0 or cost < least):
+                        least = cost
+        best = -1.0
+        p = -1
+        q = -1
+        if least >= 0.0:
+            limit = COMPARED * least + 2.0
+            for k in range(done, count):
+                one = waiting[k]
+                cost = _one_cost(one, stride, sizes, degree, most)
+                if 0.0 <= cost <= limit:
+                    cost = _added(one, -1, top, stride, sizes, row_p, row_q) + 1e-3 * cost
+                    if best < 0.0 or cost < best:
+                        best = cost
+                        p = one
+                        q = -1
+                for e in range(done, k):
+                    other = waiting[e]
+                    if sizes[one * stride + other] != 0.0:
+                        cost = _two_cost(one, other, top, stride, sizes, degree, limit)
+                        if 0.0 <= cost <= limit:
+                            cost = _added(one, other, top, stride, sizes, row_p, row_q) + 1e-3 * cost
+                            if best < 0.0 or cost < best:
+                                best = cost
+                                p = one
+                                q = other
         kind = 1
-        p = best_p
-        q = best_q
         if p < 0:
             kind = UNPLANNED
             p = waiting[done]
         elif q >= 0:
             kind = 2
             # The one without diagonal comes second: its zeros stay zeros.
-            if pattern[p * stride + p] < pattern[q * stride + q]:
+            if sizes[p * stride + p] < sizes[q * stride + q]:
                 p, q = q, p
-        count_p = _list_row(p, q, top, stride, pattern, row_p)
-        count_q = 0
+        count_p = _column(p, q, top, stride, sizes, row_p)
         if used + top > capacity:
             return -1
         if kind == 2:
-            count_q = _list_row(q, p, top, stride, pattern, row_q)
-            own_p = pattern[p * stride + p]
-            own_q = pattern[q * stride + q]
-            coupling = pattern[p * stride + q]
-            _fill(count_p, row_p, count_q, row_q, p, q, coupling, stride, pattern)
-            if own_q != NONE:
-                _fill(count_p, row_p, count_p, row_p, p, p, own_q, stride, pattern)
-            if own_p != NONE:
-                _fill(count_q, row_q, count_q, row_q, q, q, own_p, stride, pattern)
+            count_q = _column(q, p, top, stride, sizes, row_q)
+            a = sizes[p * stride + p]
+            b = sizes[p * stride + q]
+            c = sizes[q * stride + q]
+            _fill(count_p, row_p, count_q, row_q, p, q, 1.0 / b, stride, sizes)
+            if c != 0.0:
+                _fill(count_p, row_p, count_p, row_p, p, p, c / (b * b), stride, sizes)
+            if a != 0.0:
+                _fill(count_q, row_q, count_q, row_q, q, q, a / (b * b), stride, sizes)
         else:
-            _fill(count_p, row_p, count_p, row_p, p, p, max(pattern[p * stride + p], WEAK), stride, pattern)
+            own = max(sizes[p * stride + p], MARGIN * most[p])
+            factor = 1.0 / own if own > 0.0 else 0.0
+            _fill(count_p, row_p, count_p, row_p, p, p, factor, stride, sizes)
         for k in range(top):
             if k != p and k != q:
-                touched = pattern[p * stride + k] != NONE
+                touched = sizes[p * stride + k] != 0.0
                 if kind == 2:
-                    touched = touched or pattern[q * stride + k] != NONE
+                    touched = touched or sizes[q * stride + k] != 0.0
                 if touched:
                     lists[used] = k
                     used += 1
         for k in range(top):
-            pattern[p * stride + k] = NONE
-            pattern[k * stride + p] = NONE
+            sizes[p * stride + k] = 0.0
+            sizes[k * stride + p] = 0.0
             if kind == 2:
-                pattern[q * stride + k] = NONE
-                pattern[k * stride + q] = NONE
+                sizes[q * stride + k] = 0.0
+                sizes[k * stride + q] = 0.0
         for k in range(starts[done], used):
             slot = lists[k]
-            degree[slot] = _list_row(slot, slot, top, stride, pattern, row_p)
+            degree[slot] = _column(slot, slot, top, stride, sizes, row_p)
+            most[slot] = _largest(slot, slot, top, stride, sizes)
         for member in range(2 if kind == 2 else 1):
             slot = p if member == 0 else q
             for k in range(done, count):

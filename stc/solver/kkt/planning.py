@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.solver.kkt.arrangement import Arrangement, Couplings
-from stc.solver.kkt.ordering import STRONG, WEAK, order_stage
+from stc.solver.kkt.ordering import order_stage
 from stc.solver.kkt.staging import Staging
 from stc.solver.nlp import Floats
 
@@ -21,10 +21,8 @@ __all__ = ["Plan", "plan_elimination"]
 
 Int32s = NDArray[np.int32]
 
-#: An entry of the equilibrated matrix is strong from here on ...
-STRONG_FROM = 0.1
-#: ... when it is in this share of the stages of a kind.
-STRONG_SHARE = 0.75
+#: Size of entries that are zero in all stages looked at, but need not stay so.
+PLACEHOLDER = 1e-30
 #: Stages of one kind that are looked at.
 SAMPLE = 32
 
@@ -41,6 +39,7 @@ class Plan:
         slots: all the lists.
         state: what is in the window before each stage, (stages,): the entries of state k are at
             ``state_rows[state_starts[k]:state_starts[k + 1]]``, the same of ``state_columns``.
+        family: unknowns at the same slot of stages of one kind share a number, (N,).
         no_diagonal: unknowns whose diagonal entries are taken for zero, (N,).
         plans: how many different orders there are.
         nnz: entries of the factor, if all goes to plan.
@@ -55,6 +54,7 @@ class Plan:
     state_starts: Int32s
     state_rows: Int32s
     state_columns: Int32s
+    family: NDArray[np.int64]
     no_diagonal: NDArray[np.bool_]
     plans: int
     nnz: int
@@ -84,19 +84,20 @@ def plan_elimination(
         [np.maximum(slot_1, slot_2) * window + np.minimum(slot_1, slot_2), slot[diagonal] * (window + 1)]
     )
     place_stages = np.concatenate([stage[row], stage[diagonal]])
-    strong = np.concatenate([np.abs(values[size:]), np.abs(values[diagonal])]) >= STRONG_FROM
+    size_of_entry = np.abs(np.concatenate([values[size:], values[diagonal]]))
 
     kind = _alike(staging.stages, (place_stages, places), (stage, slot))
     chosen = _sample(kind)
     inside = chosen[place_stages]
     keys, members = np.unique(kind[place_stages[inside]] * window**2 + places[inside], return_inverse=True)
-    share = np.bincount(members, weights=strong[inside]) / np.bincount(members)
-    strength = np.where(share >= STRONG_SHARE, STRONG, WEAK).astype(np.int32)
+    logs = np.log(np.maximum(size_of_entry[inside], 1e-12))
+    sizes = np.maximum(np.exp(np.bincount(members, logs) / np.bincount(members)), PLACEHOLDER)
     inside = chosen[stage]
     leaving = np.unique(kind[stage[inside]] * window + slot[inside])
-    walk = _Walk(window, keys, strength, leaving)
+    walk = _Walk(window, keys, sizes, leaving)
     plan_of_stage, state_of_stage = walk.all_stages(kind, staging.top)
-    return walk.result(staging, plan_of_stage, state_of_stage, has_diagonal)
+    family = kind[staging.stage] * window + staging.slot
+    return walk.result(staging, plan_of_stage, state_of_stage, family, has_diagonal)
 
 
 def _alike(stages: int, *features: tuple[NDArray[np.integer], NDArray[np.int64]]) -> NDArray[np.int64]:
@@ -147,22 +148,21 @@ class _Walk:
     """Goes through the stages, and orders each pair of kind and state that it meets for the first time."""
 
     def __init__(
-        self, window: int, keys: NDArray[np.int64], strength: Int32s, leaving: NDArray[np.int64]
+        self, window: int, keys: NDArray[np.int64], sizes: Floats, leaving: NDArray[np.int64]
     ) -> None:
         self.window = window
         self.key_kind, self.key_place = keys // window**2, keys % window**2
-        self.strength = strength
+        self.sizes = sizes
         self.leaving_kind, self.leaving_slot = leaving // window, (leaving % window).astype(np.int32)
         self.plans: list[_StagePlan] = []
         self.lists: list[Int32s] = []
         self.listed = 0
-        self.states: list[NDArray[np.int8]] = []
+        self.states: list[NDArray[np.float32]] = []
         self.known_states: dict[bytes, int] = {}
-        self._work = [np.zeros(window, dtype=np.int32) for _ in range(3)]
 
     def all_stages(self, kind: NDArray[np.int64], top: Int32s) -> tuple[Int32s, Int32s]:
         """Plan and state of each stage."""
-        state = self._state_number(np.zeros((self.window, self.window), dtype=np.int32))
+        state = self._state_number(np.zeros((self.window, self.window)))
         steps: dict[tuple[int, int], tuple[int, int]] = {}
         plan_of_stage, state_of_stage = (
             np.empty(kind.size, dtype=np.int32),
@@ -176,38 +176,45 @@ class _Walk:
             state = step[1]
         return plan_of_stage, state_of_stage
 
-    def _state_number(self, pattern: Int32s) -> int:
-        content = pattern.astype(np.int8).tobytes()
-        number = self.known_states.setdefault(content, len(self.states))
+    def _state_number(self, sizes: Floats) -> int:
+        """States with the same pattern are one; the sizes are those of the first."""
+        pattern = np.packbits(sizes != 0.0).tobytes()
+        number = self.known_states.setdefault(pattern, len(self.states))
         if number == len(self.states):
-            self.states.append(pattern.astype(np.int8))
+            self.states.append(sizes.astype(np.float32))
         return number
 
     def _step(self, kind: int, state: int, top: int) -> tuple[int, int]:
         """Order a stage of some kind after some state; the plan's and the following state's number."""
         window = self.window
-        pattern = self.states[state].astype(np.int32)
+        sizes = self.states[state].astype(np.float64)
         begin, end = np.searchsorted(self.key_kind, [kind, kind + 1])
         rows, columns = np.divmod(self.key_place[begin:end], window)
-        pattern[rows, columns] = np.maximum(pattern[rows, columns], self.strength[begin:end])
-        pattern[columns, rows] = pattern[rows, columns]
+        sizes[rows, columns] += self.sizes[begin:end]
+        sizes[columns, rows] = sizes[rows, columns]
         begin, end = np.searchsorted(self.leaving_kind, [kind, kind + 1])
         waiting = self.leaving_slot[begin:end].copy()
         count = waiting.size
         order, kinds = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
         starts = np.empty(count + 1, dtype=np.int32)
         lists = np.empty((count + 1) * top, dtype=np.int32)
-        flat = pattern.reshape(-1)
+        degree, row_p, row_q = (np.empty(window, dtype=np.int32) for _ in range(3))
         used = order_stage(
-            window, top, count, waiting, flat, *self._work, order, kinds, starts, lists.size, lists
-        )
+            window, top, count, waiting, sizes.reshape(-1), degree, np.empty(window), row_p, row_q,
+            order, kinds, starts, lists.size, lists,
+        )  # fmt: skip
         self.plans.append(_StagePlan(order, kinds, starts[:-1] + self.listed, np.diff(starts)))
         self.lists.append(lists[:used].copy())
         self.listed += used
-        return len(self.plans) - 1, self._state_number(pattern)
+        return len(self.plans) - 1, self._state_number(sizes)
 
     def result(
-        self, staging: Staging, plan_of_stage: Int32s, state_of_stage: Int32s, has_diagonal: NDArray[np.bool_]
+        self,
+        staging: Staging,
+        plan_of_stage: Int32s,
+        state_of_stage: Int32s,
+        family: NDArray[np.int64],
+        has_diagonal: NDArray[np.bool_],
     ) -> Plan:
         """Everything by unknown."""
         window = self.window
@@ -218,7 +225,7 @@ class _Walk:
             start[number, plan.slots] = plan.starts
             count[number, plan.slots] = plan.counts
         where = plan_of_stage[staging.stage], staging.slot
-        entries = [np.nonzero(np.tril(pattern)) for pattern in self.states]
+        entries = [np.nonzero(np.tril(sizes)) for sizes in self.states]
         nnz = np.array([plan.nnz for plan in self.plans], dtype=np.int64)
         return Plan(
             rank[where],
@@ -230,6 +237,7 @@ class _Walk:
             np.cumsum([0, *(rows.size for rows, _ in entries)]).astype(np.int32),
             np.concatenate([rows for rows, _ in entries]).astype(np.int32),
             np.concatenate([columns for _, columns in entries]).astype(np.int32),
+            family,
             ~has_diagonal,
             len(self.plans),
             int(nnz[plan_of_stage].sum()),

@@ -52,18 +52,22 @@ class Staging:
     window: int
 
 
-def assign_stages(stage: Ints, first: Ints, second: Ints) -> Staging:
+def assign_stages(stage: Ints, variables: int, first: Ints, second: Ints) -> Staging:
     """Plan the window for a symmetric sparsity pattern.
 
     Args:
         stage: suggested stage of each unknown, (N,), any whole numbers.
-        first, second: the two unknowns of every coupling, (E,), each unordered pair once.
+        variables: how many of the unknowns, the first ones, are variables; the others are rows.
+        first, second: the two unknowns of every coupling, (E,), each unordered pair once, rows first.
     """
     groups, stage = np.unique(stage, return_inverse=True)
     if stage.size == 0:
         nothing = np.zeros(0, dtype=np.int32)
         return Staging(0, nothing, nothing, nothing, 0)
     stage = _border(stage.astype(np.int64), first, second)
+    border = _spread(stage, first, second)
+    stage = _rows_last(stage, variables, border, first, second)
+    stage = _parts_late(stage, border, first, second)
     entry = _entries(stage, first, second)
     load = _load(entry, stage, groups.size)
     if load.max() > 3 * np.bincount(stage, minlength=groups.size).max() + 64:
@@ -125,6 +129,54 @@ def _border(stage: NDArray[np.int64], first: Ints, second: Ints) -> NDArray[np.i
     return stage
 
 
+def _spread(stage: NDArray[np.int64], first: Ints, second: Ints) -> NDArray[np.bool_]:
+    """Unknowns that couple with many others at distant stages, (N,)."""
+    distance = np.abs(stage[first] - stage[second])
+    span = np.zeros(stage.size, dtype=np.int64)
+    np.maximum.at(span, first, distance)
+    np.maximum.at(span, second, distance)
+    total = np.bincount(first, distance, stage.size) + np.bincount(second, distance, stage.size)
+    border: NDArray[np.bool_] = (span >= BORDER_SPAN) & (total > 4 * BORDER_RATIO * span)
+    return border
+
+
+def _rows_last(
+    stage: NDArray[np.int64], variables: int, border: NDArray[np.bool_], first: Ints, second: Ints
+) -> NDArray[np.int64]:
+    """Eliminate rows along with the last of their variables, the border aside.
+
+    At an earlier stage a row without diagonal may find no variable left to pair with.
+    """
+    inner = (first >= variables) & ~border[second]
+    last = np.full(stage.size, -1, dtype=np.int64)
+    np.maximum.at(last, first[inner], stage[second[inner]])
+    return np.where((last >= 0) & ~border, last, stage)
+
+
+def _parts_late(
+    stage: NDArray[np.int64], border: NDArray[np.bool_], first: Ints, second: Ints
+) -> NDArray[np.int64]:
+    """Move parts of a stage that couple with later stages only to the first of these.
+
+    Such parts, midpoints of collocation say, need not be in the window earlier, and find more to pair with later.
+    """
+    outside = np.iinfo(np.int64).max
+    kept = ~(border[first] | border[second])
+    first, second = first[kept], second[kept]
+    part = np.arange(stage.size, dtype=np.int32)
+    within = stage[first] == stage[second]
+    _join(int(within.sum()), np.ascontiguousarray(first[within]), np.ascontiguousarray(second[within]), part)
+    _flatten(part.size, part)
+    neighbour = np.full(stage.size, outside)
+    across = ~within
+    for one, other in ((first[across], second[across]), (second[across], first[across])):
+        np.minimum.at(neighbour, part[one], stage[other])
+    stages = int(stage.max()) + 1
+    whole = np.bincount(stage, minlength=stages)[stage] == np.bincount(part, minlength=stage.size)[part]
+    target = neighbour[part]
+    return np.where((target > stage) & (target < outside) & ~whole & ~border, target, stage)
+
+
 def _level_order(stage: NDArray[np.int64], first: Ints, second: Ints, count: int) -> NDArray[np.int64]:
     """Renumber stages by their distance from an end of their graph (Cuthill and McKee 1969).
 
@@ -143,6 +195,30 @@ def _level_order(stage: NDArray[np.int64], first: Ints, second: Ints, count: int
     renumbered = level[stage].astype(np.int64)
     renumbered[border] = count - 1
     return renumbered
+
+
+@native
+def _join(count: i64, first: i32s, second: i32s, part: i32s) -> None:
+    """Unite the parts of each pair; a part is known by its smallest member."""
+    for e in range(count):
+        a = first[e]
+        b = second[e]
+        while part[a] != a:
+            part[a] = part[part[a]]
+            a = part[a]
+        while part[b] != b:
+            part[b] = part[part[b]]
+            b = part[b]
+        if a < b:
+            part[b] = a
+        else:
+            part[a] = b
+
+
+@native
+def _flatten(size: i64, part: i32s) -> None:
+    for k in range(size):
+        part[k] = part[part[k]]
 
 
 @native

@@ -12,7 +12,17 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, native
 
-__all__ = ["LANES", "clear", "gather", "gather_listed", "largest", "merge", "subtract_one", "subtract_two"]
+__all__ = [
+    "LANES",
+    "clear",
+    "entry",
+    "gather",
+    "gather_listed",
+    "largest",
+    "merge",
+    "subtract_one",
+    "subtract_two",
+]
 
 #: Larger than any slot.
 NO_SLOT = 1099511627776
@@ -20,6 +30,12 @@ NO_SLOT = 1099511627776
 LANES = 8
 #: A row is updated as a whole rather than entry by entry when it has at most this many entries per listed one.
 DENSE_RATIO = 6
+
+
+@native(inline=True)
+def entry(i: i64, j: i64, stride: i64, window: f64s) -> f64:
+    """Entry at two slots."""
+    return window[max(i, j) * stride + min(i, j)]
 
 
 @native

@@ -1,0 +1,198 @@
+"""Pivots of one and two unknowns: which are acceptable, and taking them out of the window.
+
+Factors: pivot k takes out the positions ``pivots[2 k]`` and, when 2x2, ``pivots[2 k + 1]`` (otherwise -1).  Its
+rows are ``indices[starts[2 k]:starts[2 k + 2]]``; their factors, in pairs when 2x2, begin at
+``factors[starts[2 k + 1]]``; ``inverse[3 k:3 k + 3]`` is D^-1 as (pp, pq, qq).
+
+``growth`` of a slot is the largest product subtracted from its column so far, at least 1: what remains of a column
+after cancellation is worth no more than rounding errors of that size.
+"""
+
+from __future__ import annotations
+
+from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
+from stc.solver.kkt.window import clear, gather, largest, subtract_one, subtract_two
+
+__all__ = [
+    "COUNTS",
+    "DELAYED",
+    "FACTORS",
+    "INDICES",
+    "NEGATIVE",
+    "PIVOTS",
+    "POSITIVE",
+    "REJECTED",
+    "STRAYED",
+    "ZERO",
+    "best_partner",
+    "pair_accepted",
+    "strongest",
+    "take_one",
+    "take_two",
+]
+
+#: Places in ``counts``: pivots taken, entries of indices and of factors used, eigenvalues by sign, unknowns delayed
+#: to another stage, candidates rejected, stages that left the plan.
+PIVOTS = 0
+INDICES = 1
+FACTORS = 2
+POSITIVE = 3
+NEGATIVE = 4
+ZERO = 5
+DELAYED = 6
+REJECTED = 7
+STRAYED = 8
+COUNTS = 9
+
+#: A 2x2 pivot needs a determinant of at least this much of its larger product.
+CANCELLATION = 1e-3
+#: The larger share of the diagonal for which Bunch and Parlett prefer a 1x1 pivot.
+BUNCH_PARLETT = 0.64
+
+
+@native(inline=True)
+def pair_accepted(a: f64, b: f64, c: f64, most_p: f64, most_q: f64, threshold: f64, tiny: f64) -> i64:
+    """Whether [[a, b], [b, c]] is a good pivot for columns with these largest other entries."""
+    product = a * c
+    square = b * b
+    size = fabs(product - square)
+    largest_entry = max(max(fabs(a), fabs(c)), fabs(b))
+    good = 1
+    if b == 0.0 or size < CANCELLATION * max(fabs(product), square) or size <= tiny * largest_entry:
+        good = 0
+    elif threshold * (fabs(c) * most_p + fabs(b) * most_q) > size:
+        good = 0
+    elif threshold * (fabs(b) * most_p + fabs(a) * most_q) > size:
+        good = 0
+    return good
+
+
+@native
+def best_partner(count: i64, found: i32s, values: f64s, owner: i32s, last: i64) -> i64:
+    """Place in the list of the largest entry among positions before ``last``, or -1."""
+    best = -1
+    most = 0.0
+    for k in range(count):
+        value = fabs(values[k])
+        if value > most and owner[found[k]] < last:
+            most = value
+            best = k
+    return best
+
+
+@native
+def take_one(
+    p: i64, d: f64, most: f64, count: i64, listed: i32s, first: f64s, capacity: i64, slot: i32s, owner: i32s,
+    growth: f64s, stride: i64, window: f64s, spread: f64s, pivots: i32s, starts: i64s, indices: i32s,
+    factors: f64s, inverse: f64s, counts: i64s,
+) -> i64:  # fmt: skip
+    """Eliminate a 1x1 pivot, whose column is ``first`` at the slots ``listed``; 0 when the factors are full."""
+    k = counts[PIVOTS]
+    at = counts[INDICES]
+    value_at = counts[FACTORS]
+    if at + count > capacity or value_at + count > capacity:
+        return 0
+    reciprocal = 1.0 / d
+    own = indices[at:]
+    column = factors[value_at:]
+    for e in range(count):
+        other = listed[e]
+        factor = first[e] * reciprocal
+        own[e] = owner[other]
+        column[e] = factor
+        growth[other] = max(growth[other], fabs(factor) * most)
+    clear(slot[p], count, listed, stride, window)
+    subtract_one(count, listed, first, column, stride, spread, window)
+    pivots[2 * k] = p
+    pivots[2 * k + 1] = -1
+    inverse[3 * k] = reciprocal
+    starts[2 * k + 2] = at + count
+    starts[2 * k + 3] = value_at + count
+    counts[POSITIVE if d > 0.0 else NEGATIVE] += 1
+    counts[PIVOTS] = k + 1
+    counts[INDICES] = at + count
+    counts[FACTORS] = value_at + count
+    return 1
+
+
+@native
+def take_two(
+    p: i64, q: i64, a: f64, b: f64, c: f64, count: i64, listed: i32s, first: f64s, second: f64s,
+    capacity: i64, slot: i32s, owner: i32s, growth: f64s, stride: i64, window: f64s, spread_1: f64s,
+    spread_2: f64s, pivots: i32s, starts: i64s, indices: i32s, factors: f64s, inverse: f64s, counts: i64s,
+) -> i64:  # fmt: skip
+    """Eliminate the 2x2 pivot [[a, b], [b, c]] with b != 0; 0 when the factors are full."""
+    k = counts[PIVOTS]
+    at = counts[INDICES]
+    value_at = counts[FACTORS]
+    if at + count > capacity or value_at + 2 * count > capacity:
+        return 0
+    # Divided by b first: a c / b may be tiny or large, b^2 must not overflow nor vanish.
+    ratio = 1.0 / (a * (c / b) - b)
+    inverse_pp = (c / b) * ratio
+    inverse_pq = -ratio
+    inverse_qq = (a / b) * ratio
+    most_p = largest(count, first)
+    most_q = largest(count, second)
+    own = indices[at:]
+    column = factors[value_at:]
+    for e in range(count):
+        other = listed[e]
+        factor_1 = inverse_pp * first[e] + inverse_pq * second[e]
+        factor_2 = inverse_pq * first[e] + inverse_qq * second[e]
+        own[e] = owner[other]
+        column[2 * e] = factor_1
+        column[2 * e + 1] = factor_2
+        growth[other] = max(growth[other], fabs(factor_1) * most_p + fabs(factor_2) * most_q)
+    row_p = slot[p]
+    row_q = slot[q]
+    clear(row_p, count, listed, stride, window)
+    clear(row_q, count, listed, stride, window)
+    window[max(row_p, row_q) * stride + min(row_p, row_q)] = 0.0
+    subtract_two(count, listed, first, second, column, stride, spread_1, spread_2, window)
+    pivots[2 * k] = p
+    pivots[2 * k + 1] = q
+    inverse[3 * k] = inverse_pp
+    inverse[3 * k + 1] = inverse_pq
+    inverse[3 * k + 2] = inverse_qq
+    starts[2 * k + 2] = at + count
+    starts[2 * k + 3] = value_at + 2 * count
+    if a * c < b * b:
+        counts[POSITIVE] += 1
+        counts[NEGATIVE] += 1
+    else:
+        counts[POSITIVE if a > 0.0 else NEGATIVE] += 2
+    counts[PIVOTS] = k + 1
+    counts[INDICES] = at + count
+    counts[FACTORS] = value_at + 2 * count
+    return 1
+
+
+@native
+def strongest(
+    waiting: i64, queue: i32s, top: i64, low: i64, high: i64, stride: i64, slot: i32s, window: f64s,
+    found: i32s, values: f64s,
+) -> i64:  # fmt: skip
+    """What to eliminate when all thresholds fail and nothing can be delayed (Bunch and Parlett 1971).
+
+    Returns the position p with the largest diagonal entry, or -1 - p for a p in the row of the largest other
+    entry when that is larger by far.
+    """
+    diagonal = -1.0
+    other = -1.0
+    p = queue[0]
+    pair = queue[0]
+    for place in range(waiting):
+        row = slot[queue[place]]
+        if row < 0:
+            continue
+        value = fabs(window[row * stride + row])
+        if value > diagonal:
+            diagonal = value
+            p = queue[place]
+        count = gather(row, top, low, high, stride, window, found, values)
+        value = largest(count, values)
+        if value > other:
+            other = value
+            pair = queue[place]
+    return p if diagonal >= BUNCH_PARLETT * other else -1 - pair
