@@ -24,7 +24,6 @@ S_THETA = 1.1
 S_PHI = 2.3
 ETA = 1e-8
 GAMMA_ALPHA = 0.05
-LARGEST_THETA = 1e2
 SMALL_THETA = 1e-4
 CORRECTIONS = 4
 CORRECTION_PROGRESS = 0.99
@@ -89,10 +88,10 @@ class LineSearch:
         tiny: True when the last accepted step was below rounding error.
     """
 
-    def __init__(self, form: Formulation, theta0: float) -> None:
+    def __init__(self, form: Formulation, theta0: float, largest_theta: float) -> None:
         self.form = form
         self.small_theta = SMALL_THETA * max(1.0, theta0)
-        self.filter = Filter(LARGEST_THETA * max(1.0, theta0))
+        self.filter = Filter(largest_theta * max(1.0, theta0))
         self.tiny = False
         self.corrections = 0
 

@@ -28,7 +28,7 @@ from stc.solver.restoration import Acceptance, back_from, elastic_start
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.unboundedness import is_unbounded
 
-__all__ = ["End", "Outcome", "optimise"]
+__all__ = ["ACCEPTABLE", "End", "Outcome", "Tactics", "feasible_first", "optimise"]
 
 FINISH_BELOW = 1e-2
 STALLED_STEPS = 3
@@ -52,6 +52,21 @@ class End(Enum):
     STATIONARY_VIOLATION = "stationary violation"
     UNBOUNDED = "unbounded"
     STUCK = "stuck"
+
+
+@dataclass(frozen=True, slots=True)
+class Tactics:
+    """What differs from one attempt to the next.
+
+    Attributes:
+        adaptive: choose the barrier parameter freely while that makes progress.
+        largest_theta: admissible violation, relative to that of the start or to 1.
+        budget: steps after which the attempt ends.
+    """
+
+    adaptive: bool = True
+    largest_theta: float = 30.0
+    budget: int = 500
 
 
 @dataclass(slots=True)
@@ -81,8 +96,8 @@ def optimise(
     options: Options,
     monitor: Monitor,
     *,
+    tactics: Tactics,
     stop: Callable[[Formulation, Iterate], bool] | None = None,
-    adaptive: bool = True,
 ) -> Outcome:
     """Solve from an interior iterate.
 
@@ -90,17 +105,17 @@ def optimise(
         form: the problem; a restoration phase is available when it is a :class:`ScaledProblem`.
         it: the start; changed in place.
         mu: first barrier parameter.
+        tactics: see :class:`Tactics`.
         stop: ends the loop when it returns True.
-        adaptive: choose the barrier parameter freely while that makes progress.
-
     Raises:
         Stopped: at a limit or on the user's request.
     """
     system = NewtonSystem(form)
-    barrier = BarrierParameter(form, mu, options.tolerance / 11.0, adaptive)
-    search = LineSearch(form, it.theta)
+    barrier = BarrierParameter(form, mu, options.tolerance / 11.0, tactics.adaptive)
+    search = LineSearch(form, it.theta, tactics.largest_theta)
     finish = _Finish(form, options, monitor)
     nearest = _Nearest(form)
+    last = monitor.iterations + tactics.budget
     step = length = 0.0
     stuck = False
     tiny_steps = small_steps = 0
@@ -120,6 +135,7 @@ def optimise(
             return Outcome(End.CONVERGED, form, done.x, done.y, done.error, it)
         converged = error <= options.tolerance
         stalled = tiny_steps >= STALLED_STEPS or small_steps >= PATIENCE or nearest.waiting >= PATIENCE
+        stalled |= monitor.iterations >= last
         if converged or stalled:
             if escapes < ESCAPES and leave_saddle(form, it, system, options.seed + escapes):
                 escapes += 1
@@ -127,8 +143,8 @@ def optimise(
                 stuck = False
                 monitor.count()
                 nearest = _Nearest(form)
-                search = LineSearch(form, it.theta)
-                barrier = BarrierParameter(form, barrier.mu, options.tolerance / 11.0, adaptive)
+                search = LineSearch(form, it.theta, tactics.largest_theta)
+                barrier = BarrierParameter(form, barrier.mu, options.tolerance / 11.0, tactics.adaptive)
                 continue
             return _outcome(form, End.CONVERGED, it, error) if converged else nearest.outcome(it)
 
@@ -151,7 +167,7 @@ def optimise(
         stuck = True
         if not isinstance(form, ScaledProblem) or nearest.error <= ACCEPTABLE:
             return nearest.outcome(it)
-        lost = _restore(form, it, search, barrier, options, monitor)
+        lost = _restore(form, it, search, barrier, options, monitor, tactics)
         if lost is End.STUCK:
             return nearest.outcome(it)
         if lost is not None:
@@ -163,14 +179,16 @@ def _outcome(form: Formulation, end: End, it: Iterate, error: float) -> Outcome:
     return Outcome(end, form, it.w[: form.n], it.y, error, it)
 
 
-def feasible_first(form: ScaledProblem, it: Iterate, options: Options, monitor: Monitor) -> Outcome:
+def feasible_first(
+    form: ScaledProblem, it: Iterate, options: Options, monitor: Monitor, tactics: Tactics
+) -> Outcome:
     """As :func:`optimise`, from the feasible point that the elastic problem without an objective leads to."""
     elastic, start, mu = elastic_start(form, it, options.initial_barrier)
-    outcome = optimise(elastic, start, mu, options, monitor)
+    outcome = optimise(elastic, start, mu, options, monitor, tactics=tactics)
     end = _back(form, it, elastic, outcome, options)
     if end is not None:
         return _outcome(form, end, it, outcome.error)
-    return optimise(form, it, options.initial_barrier, options, monitor)
+    return optimise(form, it, options.initial_barrier, options, monitor, tactics=tactics)
 
 
 class _Nearest:
@@ -261,6 +279,7 @@ def _restore(
     barrier: BarrierParameter,
     options: Options,
     monitor: Monitor,
+    tactics: Tactics,
 ) -> End | None:
     """Run the restoration phase from a point where no step was acceptable.
 
@@ -271,7 +290,7 @@ def _restore(
     search.filter.add(it.theta, barrier_value(it.f, it.gap, barrier.mu))
     elastic, start, mu = elastic_start(form, it, barrier.mu)
     acceptance = Acceptance(elastic, search.filter, it.theta, barrier.mu)
-    outcome = optimise(elastic, start, mu, options, monitor, stop=acceptance)
+    outcome = optimise(elastic, start, mu, options, monitor, tactics=tactics, stop=acceptance)
     theta = it.theta
     end = _back(form, it, elastic, outcome, options)
     return End.STUCK if end is None and it.theta > TOO_LITTLE * theta else end

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stc.solver.active_set import newton_on_active_set
-from stc.solver.interior import ACCEPTABLE, End, Outcome, feasible_first, optimise
+from stc.solver.interior import ACCEPTABLE, End, Outcome, Tactics, feasible_first, optimise
 from stc.solver.iterate import Iterate, evaluate, push_inside
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.multipliers import least_squares_multipliers
@@ -107,7 +107,7 @@ class _Solve:
             )
             if solved and point is not None:
                 return self._result(Status.OPTIMAL, form.user_point(point.x), form.user_multipliers(point.y))
-        outcome = self._settle(self._barrier(form, x0, adaptive=True))
+        outcome = self._settle(self._barrier(form, x0, Tactics()))
         for again in (self._feasible_first, self._held_barrier, self._nearby)[: options.retries]:
             if outcome.end in (End.CONVERGED, End.UNBOUNDED):
                 break
@@ -118,19 +118,19 @@ class _Solve:
 
     def _feasible_first(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Find a feasible point before looking at the objective."""
-        return feasible_first(form, first_iterate(form, x0), self.options, self.monitor)
+        return feasible_first(form, first_iterate(form, x0), self.options, self.monitor, Tactics())
 
     def _held_barrier(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """Solve each barrier problem before the parameter goes down."""
-        return self._barrier(form, x0, adaptive=False)
+        """Solve each barrier problem before the parameter goes down, and go where the violation may grow."""
+        return self._barrier(form, x0, Tactics(adaptive=False, largest_theta=1e4))
 
     def _nearby(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """Start elsewhere."""
-        return self._barrier(form, self._perturbed(form, x0), adaptive=True)
+        """Start elsewhere, with patience."""
+        return self._barrier(form, self._perturbed(form, x0), Tactics(budget=self.options.max_iterations))
 
-    def _barrier(self, form: ScaledProblem, x0: Floats, adaptive: bool) -> Outcome:
+    def _barrier(self, form: ScaledProblem, x0: Floats, tactics: Tactics) -> Outcome:
         it = first_iterate(form, x0)
-        return optimise(form, it, self.options.initial_barrier, self.options, self.monitor, adaptive=adaptive)
+        return optimise(form, it, self.options.initial_barrier, self.options, self.monitor, tactics=tactics)
 
     def _perturbed(self, form: ScaledProblem, x0: Floats) -> Floats:
         """A start near ``x0``, moved at random by a tenth of each variable's size."""
@@ -166,7 +166,7 @@ class _Solve:
             before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None
             kkt = outcome.form.kkt
             form = self.form = ScaledProblem(self.nlp, point.x, self.options, lambda *_, kkt=kkt: kkt)
-            outcome = self._barrier(form, point.x, adaptive=True)
+            outcome = self._barrier(form, point.x, Tactics())
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome
