@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound, chain
-from stc.codegen.kernel import KernelSet
+from stc.codegen.kernel import KernelSet, aligned_zeros
 from stc.problem import ConstantRef, Problem
 from stc.symbolic.expr import Expr, evaluate, symbols
 from stc.transcription.assemble import Program, Sparsity
@@ -191,8 +191,8 @@ class BoundProgram:
         self.uniform = np.array(
             [constants.get(getattr(k, "name", ""), 0.0) for k in program.uniform] or [0.0]
         )
-        self._values_buffer = np.zeros(program.values_size)
-        self._derivatives_buffer = np.zeros(program.derivatives_size)
+        self._values_buffer = aligned_zeros(program.values_size)
+        self._derivatives_buffer = aligned_zeros(program.derivatives_size)
         self._values_call = self._chain(kernels, program.values_start, self._values_buffer, values=True)
         self._derivatives_call = self._chain(
             kernels, program.derivatives_start, self._derivatives_buffer, values=False
