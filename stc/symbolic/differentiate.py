@@ -24,6 +24,8 @@ Key = Hashable
 Entries = dict[tuple[int, int], Expr]
 """A sparse matrix: nonzero entries by (row, column), in ascending order."""
 
+_FAR_MORE: Final = 8
+
 
 def _square(e: Expr) -> Expr:
     return mul(e, e)
@@ -115,16 +117,22 @@ def _by_rows(exprs: Sequence[Expr], keys: Sequence[Key]) -> Entries:
     return entries
 
 
+def _marks(nodes: Sequence[Expr], keys: Sequence[Key]) -> dict[Expr, int]:
+    """Per node (operands come first) the symbols that it depends on: a bit per position in ``keys``."""
+    bit = {key: 1 << position for position, key in enumerate(keys)}
+    depends: dict[Expr, int] = {}
+    for node in nodes:
+        mark = bit.get(node.payload, 0) if node.op == "sym" else 0
+        for arg in node.args:
+            mark |= depends[arg]
+        depends[node] = mark
+    return depends
+
+
 def _by_columns(exprs: Sequence[Expr], keys: Sequence[Key], triangle: bool = False) -> Entries:
     """The Jacobian by one forward sweep per column; its lower triangle alone if so wanted."""
     nodes = reachable(exprs)
-    bit = {key: 1 << col for col, key in enumerate(keys)}
-    depends: dict[Expr, int] = {}
-    for node in nodes:
-        mask = bit.get(node.payload, 0) if node.op == "sym" else 0
-        for arg in node.args:
-            mask |= depends[arg]
-        depends[node] = mask
+    depends = _marks(nodes, keys)
     last_row: dict[Expr, int] = {}
     if triangle:
         last_row = {e: row for row, e in enumerate(exprs)}
@@ -133,19 +141,21 @@ def _by_columns(exprs: Sequence[Expr], keys: Sequence[Key], triangle: bool = Fal
             for arg in node.args:
                 if last_row.get(arg, -1) < row:
                     last_row[arg] = row
-    steps = [
-        (node, depends[node], last_row.get(node, 0), node.args, BY_ARGUMENT.get(node.op, ()))
-        for node in nodes
-        if depends[node]
-    ]
+    sweeps: list[list[tuple[Expr, tuple[Expr, ...], tuple[Callable[..., Expr], ...]]]] = [[] for _ in keys]
+    for node in nodes:
+        mark = depends[node]
+        if triangle:
+            mark &= (2 << last_row[node]) - 1
+        if mark:
+            step = (node, node.args, BY_ARGUMENT.get(node.op, ()))
+            while mark:
+                lowest = mark & -mark
+                sweeps[lowest.bit_length() - 1].append(step)
+                mark ^= lowest
     entries: Entries = {}
-    for col, key in enumerate(keys):
-        mask = bit[key]
-        first = col if triangle else 0
+    for col, sweep in enumerate(sweeps):
         tangent: dict[Expr, Expr] = {}
-        for node, mine, row, args, rules in steps:
-            if not mine & mask or row < first:
-                continue
+        for node, args, rules in sweep:
             if not args:
                 tangent[node] = ONE
                 continue
@@ -158,11 +168,31 @@ def _by_columns(exprs: Sequence[Expr], keys: Sequence[Key], triangle: bool = Fal
                     slope = part if slope is ZERO else add(slope, part)
             if slope is not ZERO:
                 tangent[node] = slope
-        for row in range(first, len(exprs)):
+        for row in range(col if triangle else 0, len(exprs)):
             seed = tangent.get(exprs[row])
             if seed is not None:
                 entries[row, col] = seed
     return dict(sorted(entries.items(), key=lambda entry: entry[0]))
+
+
+def _ways(exprs: Sequence[Expr], keys: Sequence[Key]) -> list[Entries]:
+    """The Jacobian by rows and by columns; only one of them where the other would take far more steps."""
+    nodes = reachable(exprs)
+    depends = _marks(nodes, keys)
+    used_by: dict[Expr, int] = dict.fromkeys(nodes, 0)
+    for row, e in enumerate(exprs):
+        used_by[e] |= 1 << row
+    for node in reversed(nodes):
+        for arg in node.args:
+            used_by[arg] |= used_by[node]
+    row_steps = sum(used_by[node].bit_count() for node in nodes if depends[node])
+    column_steps = sum(mark.bit_count() for mark in depends.values())
+    found = []
+    if row_steps <= _FAR_MORE * column_steps:
+        found.append(_by_rows(exprs, keys))
+    if column_steps <= _FAR_MORE * row_steps:
+        found.append(_by_columns(exprs, keys))
+    return found
 
 
 def gradient(e: Expr, keys: Sequence[Key]) -> list[Expr]:
@@ -181,8 +211,7 @@ def jacobian(exprs: Sequence[Expr], keys: Sequence[Key]) -> Entries:
 
     By rows or by columns, whichever takes fewer operations together with the expressions.
     """
-    candidates = (_by_rows(exprs, keys), _by_columns(exprs, keys))
-    return min(candidates, key=lambda entries: shared_ops([*exprs, *entries.values()]))
+    return min(_ways(exprs, keys), key=lambda entries: shared_ops([*exprs, *entries.values()]))
 
 
 def hessian(e: Expr, keys: Sequence[Key]) -> Entries:
@@ -201,12 +230,11 @@ def jacobian_and_hessian(exprs: Sequence[Expr], total: Expr, keys: Sequence[Key]
     """
     second = hessian(total, keys)
     present = {node.fingerprint for node in reachable([*exprs, *second.values()])}
-    candidates = (_by_rows(exprs, keys), _by_columns(exprs, keys))
 
     def added(entries: Entries) -> int:
         return len({node.fingerprint for node in reachable(entries.values())} - present)
 
-    return min(candidates, key=added), second
+    return min(_ways(exprs, keys), key=added), second
 
 
 def total_derivative(e: Expr, rate: Callable[[Any], Expr]) -> Expr:

@@ -14,6 +14,7 @@ from stc.symbolic.differentiate import (
     gradient,
     hessian,
     jacobian,
+    jacobian_and_hessian,
     total_derivative,
 )
 from stc.symbolic.expr import ARITY, ONE, ZERO, Expr, call, evaluate, num, raw, reachable, render, sym
@@ -157,6 +158,56 @@ def test_hessian_of_linear_and_quadratic_forms() -> None:
     assert hessian(3 * X - Y, ["x", "y"]) == {}
     assert hessian(X * Y + 2 * X * X, ["x", "y"]) == {(0, 0): num(4.0), (1, 0): ONE}
     assert hessian(X * Y * Z, ["x", "y", "z"]) == {(1, 0): Z, (2, 0): Y, (2, 1): X}
+
+
+def _nested(count: int) -> tuple[list[Expr], list[str]]:
+    """Rows that are built from one another: tangents are shared by columns."""
+    keys = [f"q{k}" for k in range(count)]
+    rows = [sym(keys[0]) * 2.0]
+    for key in keys[1:]:
+        rows.append(rows[-1] * call("sin", sym(key)) + call("cos", sym(key) * rows[-1]))
+    return rows, keys
+
+
+@pytest.mark.parametrize(
+    ("rows", "keys"),
+    [
+        _nested(6),
+        ([X * Y, Y / Z, X**Y, num(1.0), X], ["x", "y", "z"]),
+        ([sum((sym(f"v{k}") ** 2.0 for k in range(300)), ZERO)], [f"v{k}" for k in range(300)]),
+        ([sym("p") * float(k + 2) + call("sin", sym("p") * float(k + 2)) for k in range(40)], ["p", "q"]),
+    ],
+    ids=["nested rows", "mixed", "one long row", "one long column"],
+)
+def test_jacobian_and_hessian_agree_with_gradients(rows: list[Expr], keys: list[str]) -> None:
+    random = np.random.default_rng(2)
+    at = {key: float(random.uniform(0.3, 1.3)) for key in keys}
+    total = sum((row * float(k + 1) for k, row in enumerate(rows)), ZERO)
+    first, second = jacobian_and_hessian(rows, total, keys)
+    alone = jacobian(rows, keys)
+    assert list(first) == list(alone) == sorted(first)
+    assert list(second) == list(hessian(total, keys)) == sorted(second)
+    for row, e in enumerate(rows):
+        for col, slope in enumerate(gradient(e, keys)):
+            assert (slope is ZERO) == ((row, col) not in first)
+            if slope is not ZERO:
+                for entries in (first, alone):
+                    assert evaluate(entries[row, col], at) == pytest.approx(evaluate(slope, at), rel=1e-12)
+    for i, slope in enumerate(gradient(total, keys)):
+        for j, curvature in enumerate(gradient(slope, keys[: i + 1])):
+            assert (curvature is ZERO) == ((i, j) not in second)
+            if curvature is not ZERO:
+                assert evaluate(second[i, j], at) == pytest.approx(evaluate(curvature, at), rel=1e-11)
+
+
+def test_entries_that_vanish_everywhere_are_left_out() -> None:
+    # The moment about the sole, of a body that hangs on it by two links, does not depend on the sole's height.
+    z, a, b = sym("z"), sym("a"), sym("b")
+    joint = z + 0.3 * call("cos", a)
+    end = joint + 0.4 * call("cos", a + b)
+    moment = (end - z) * call("sin", b) - (joint - z) * call("sin", a)
+    assert set(jacobian([moment], ["z", "a", "b"])) == {(0, 1), (0, 2)}
+    assert set(hessian(moment, ["z", "a", "b"])) == {(1, 1), (2, 1), (2, 2)}
 
 
 def test_total_derivative_follows_the_motion() -> None:
