@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from stc.solver.nlp import Floats, Ints
+from stc.solver.nlp import Floats
 
 __all__ = ["Inertia", "KKTSystem"]
 

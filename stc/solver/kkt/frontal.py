@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stc.solver.kkt import pivots
 from stc.solver.kkt.arrangement import Arrangement, Couplings, arrange
@@ -108,9 +107,7 @@ class FrontalKKT:
         self.factorizations += 1
         planned = self._follow_plan()
         self._equilibrate()
-        self._eliminate.set("threshold", self.pivot_threshold)
-        self._eliminate.set("planned", planned)
-        while shortage := self._eliminate():
+        while shortage := self._run(planned):
             self._enlarge(shortage)
             self._bind()
         counts = self._counts
@@ -191,6 +188,12 @@ class FrontalKKT:
         self._allocate_window()
         self._allocate_factors()
         self._bind()
+
+    def _run(self, planned: bool) -> int:
+        """Factorise the values at hand; what there was too little of, or 0."""
+        self._eliminate.set("threshold", self.pivot_threshold)
+        self._eliminate.set("planned", planned)
+        return int(self._eliminate())
 
     def _enlarge(self, shortage: int) -> None:
         """Make room for what did not fit."""

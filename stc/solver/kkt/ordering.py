@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, native
 
-__all__ = ["SECOND", "UNPLANNED", "order_stage"]
+__all__ = ["SECOND", "SMALLEST", "UNPLANNED", "order_stage"]
 
 #: Kinds of unknowns in an order: first of a pivot of one or two, second of two, not eliminated.
 SECOND = 0
@@ -24,6 +24,9 @@ UNPLANNED = -1
 
 #: Pivots are planned for this threshold, above the one they will have to pass.
 MARGIN = 0.05
+#: Sizes stay between these, so that what is there never vanishes.
+SMALLEST = 1e-30
+LARGEST = 1e30
 #: Entries below this are no pivots at all.
 NEGLIGIBLE = 1e-9
 #: What may fail the test is planned only where nothing else is left: its cost is multiplied by this.
@@ -149,6 +152,7 @@ def _fill(
         for e in range(count_j):
             j = others[e]
             value = max(sizes[i * stride + j], by_row * sizes[j * stride + q])
+            value = min(max(value, SMALLEST), LARGEST)
             sizes[i * stride + j] = value
             sizes[j * stride + i] = value
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.solver.kkt.arrangement import Arrangement, Couplings
-from stc.solver.kkt.ordering import order_stage
+from stc.solver.kkt.ordering import SMALLEST, order_stage
 from stc.solver.kkt.staging import Staging
 from stc.solver.nlp import Floats
 
@@ -21,8 +21,6 @@ __all__ = ["Plan", "plan_elimination"]
 
 Int32s = NDArray[np.int32]
 
-#: Size of entries that are zero in all stages looked at, but need not stay so.
-PLACEHOLDER = 1e-30
 #: Stages of one kind that are looked at.
 SAMPLE = 32
 
@@ -91,7 +89,7 @@ def plan_elimination(
     inside = chosen[place_stages]
     keys, members = np.unique(kind[place_stages[inside]] * window**2 + places[inside], return_inverse=True)
     logs = np.log(np.maximum(size_of_entry[inside], 1e-12))
-    sizes = np.maximum(np.exp(np.bincount(members, logs) / np.bincount(members)), PLACEHOLDER)
+    sizes = np.maximum(np.exp(np.bincount(members, logs) / np.bincount(members)), SMALLEST)
     inside = chosen[stage]
     leaving = np.unique(kind[stage[inside]] * window + slot[inside])
     walk = _Walk(window, keys, sizes, leaving)
