@@ -112,7 +112,7 @@ def describe() -> Description:
         "worldbody",
         stage.sun(),
         stage.lamp((0.9, -1.6, 2.8), (-0.16, 0.55, -0.82)),
-        stage.camera("side", (0.5, -3.3, 1.3), (0.0, 1.0, -0.14), 30.0),
+        stage.camera("side", (0.5, -3.3, 1.3), (0.0, 1.0, -0.14), 36.0),
         stage.camera("portrait", (1.9, -2.6, 1.5), (-0.50, 0.84, -0.22), 38.0),
         stage.floor(),
         seen("cart_pole_rail", "iron", pos=(0.0, 0.0, HEIGHT)),
