@@ -39,6 +39,9 @@ FARTHEST = 1e20
 PATIENCE = 15
 SMALL_STEP = 1e-9
 FEASIBLE = 0.01
+MANY_GAPS = 100.0
+GAP = 1e-7
+"""Largest sum of gap times multiplier, relative to the objective, which it bounds the error of."""
 TOO_LITTLE = 0.99
 NOTICEABLE = 0.9
 SHORTEST = (0.02, 0.02, 0.0)
@@ -111,7 +114,8 @@ def optimise(
         Stopped: at a limit or on the user's request.
     """
     system = NewtonSystem(form)
-    barrier = BarrierParameter(form, mu, options.tolerance / 11.0, tactics.adaptive)
+    smallest_mu = options.tolerance / 11.0 / max(1.0, form.gaps / MANY_GAPS)
+    barrier = BarrierParameter(form, mu, smallest_mu, tactics.adaptive)
     search = LineSearch(form, it.theta, tactics.largest_theta)
     finish = _Finish(form, options, monitor)
     nearest = _Nearest(form)
@@ -133,7 +137,7 @@ def optimise(
         done = finish.attempt(it, error)
         if done is not None:
             return Outcome(End.CONVERGED, form, done.x, done.y, done.error, it)
-        converged = error <= options.tolerance
+        converged = error <= options.tolerance and float(it.gap @ it.z) <= GAP * max(1.0, abs(it.f))
         stalled = tiny_steps >= STALLED_STEPS or small_steps >= PATIENCE or nearest.waiting >= PATIENCE
         stalled |= monitor.iterations >= last
         if converged or stalled:
@@ -144,7 +148,7 @@ def optimise(
                 monitor.count()
                 nearest = _Nearest(form)
                 search = LineSearch(form, it.theta, tactics.largest_theta)
-                barrier = BarrierParameter(form, barrier.mu, options.tolerance / 11.0, tactics.adaptive)
+                barrier = BarrierParameter(form, barrier.mu, smallest_mu, tactics.adaptive)
                 continue
             return _outcome(form, End.CONVERGED, it, error) if converged else nearest.outcome(it)
 

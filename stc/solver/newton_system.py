@@ -108,8 +108,8 @@ class NewtonSystem:
             self.shift = self._larger_shift()
 
     def relax(self, length: float) -> None:
-        """Let the stiffness go when a step was accepted nearly whole; ``length`` is its fraction."""
-        if length >= WHOLE:
+        """Let the stiffness go when a step was accepted nearly whole or not at all; ``length`` is its fraction."""
+        if length >= WHOLE or length == 0.0:
             self._stiffness = 0.0
 
     def tighten(self, it: Iterate) -> None:

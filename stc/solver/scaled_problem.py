@@ -27,7 +27,7 @@ LARGEST_GRADIENT = 100.0
 SMALLEST_FACTOR = 1e-8
 SMALLEST_GRADIENT = 1e-3
 LARGEST_FACTOR = 1e8
-RELAXATION = 1e-8
+RELAXATION = 1e-9
 ORDINARY = (1e-2, 1e3)  # magnitudes of variables that are left alone
 
 

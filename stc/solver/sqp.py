@@ -23,6 +23,7 @@ __all__ = ["minimize"]
 
 PERTURBATION = 0.1
 RESCALINGS = 3
+PUSH = 1e-2
 UNCHANGED = 1e-9
 
 
@@ -230,7 +231,7 @@ class _Solve:
 def first_iterate(form: ScaledProblem, x0: Floats) -> Iterate:
     """A strictly interior primal-dual point near ``x0`` (n,), in the user's units."""
     n = form.n
-    push = 1e-2
+    push = PUSH
     x = np.where(form.held, form.held_value, x0 / form.x_scale)
     while True:
         w = np.concatenate([x, form.target])

@@ -1,0 +1,268 @@
+"""The quadratic program of one SQP step, solved from a guess of its active set.
+
+    minimise    g.d + 1/2 d.H d
+    subject to  row_lower <= r + J d <= row_upper,    x_lower <= x + d <= x_upper
+
+With the right active set one factorisation solves it.  A wrong guess is corrected all at once: what is violated
+becomes active, what pulls the wrong way is let go (the primal-dual active set method: M. Hintermueller, K. Ito and
+K. Kunisch, SIAM J. Optim. 13, 2002).  That may cycle where constraints are nearly dependent, as along an arc on a
+state constraint; then the barrier method, which never guesses, solves the same program.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.solver.active_set import Projection
+from stc.solver.formulation import Formulation
+from stc.solver.interior import End, Tactics, optimise
+from stc.solver.iterate import evaluate, push_inside
+from stc.solver.monitor import Monitor, Stopped
+from stc.solver.nlp import Floats
+from stc.solver.options import Options
+from stc.solver.scaled_problem import ScaledProblem
+
+__all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_multipliers"]
+
+Signs = NDArray[np.int8]
+
+CHANGES = 12
+"""How many active sets are tried before the barrier method takes over."""
+NEGLIGIBLE = 1e-7
+"""Multipliers below this share of the largest one do not make a constraint active."""
+DUAL_SHIFT = 1e-9
+PRIMAL_SHIFT = 1e-8
+INNER_ITERATIONS = 60
+FIRST_BARRIER = 1e-4
+PUSH = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class ActiveSet:
+    """Which bounds hold with equality: -1 the lower one, 1 the upper one, 0 none; (n,) and (m,).
+
+    Held variables and equalities count as active always; their sign says nothing.
+    """
+
+    x: Signs
+    rows: Signs
+
+    def key(self) -> bytes:
+        """Equal for equal sets."""
+        return self.x.tobytes() + self.rows.tobytes()
+
+
+@dataclass(frozen=True, slots=True)
+class QuadraticSolution:
+    """A solution of the program.
+
+    Attributes:
+        d: the step, (n,).
+        y: multipliers of the rows, (m,).
+        active: its active set.
+        factorised: the last factorisation belongs to this active set (:meth:`QuadraticProgram.correct` works).
+    """
+
+    d: Floats
+    y: Floats
+    active: ActiveSet
+    factorised: bool
+
+
+def guess_from_multipliers(form: ScaledProblem, lagrangian: Floats, y: Floats) -> ActiveSet:
+    """What was active where these multipliers belong.
+
+    Args:
+        lagrangian: ``grad f + J^T y``, (n,): what the multipliers of the bounds balance.
+        y: of the rows, (m,).
+    """
+    return ActiveSet(
+        _signs(-lagrangian, *form.true_x) * ~form.held, _signs(y, *form.true_rows) * ~form.equality
+    )
+
+
+def _signs(multiplier: Floats, lower: Floats, upper: Floats) -> Signs:
+    least = NEGLIGIBLE * max(1.0, _largest(multiplier))
+    at_upper = (multiplier > least) & np.isfinite(upper)
+    at_lower = (multiplier < -least) & np.isfinite(lower)
+    return at_upper.astype(np.int8) - at_lower.astype(np.int8)
+
+
+def _largest(v: Floats) -> float:
+    return float(np.abs(v).max(initial=0.0))
+
+
+class QuadraticProgram:
+    """The program at one point of a scaled problem.
+
+    Args:
+        form: the problem, whose linear algebra is used.
+        point: where it is approximated.
+        tolerance: smallest violation, and smallest multiplier of the wrong sign, that counts.
+    """
+
+    def __init__(self, form: ScaledProblem, point: Projection, tolerance: float) -> None:
+        self.form, self.point, self.tolerance = form, point, tolerance
+        (x_lower, x_upper), (row_lower, row_upper) = form.true_x, form.true_rows
+        self.room_x = (x_lower - point.x, x_upper - point.x)
+        self.room_rows = (row_lower - point.r, row_upper - point.r)
+        self._shift = 0
+        self._fixed = np.zeros(form.n, bool)
+        self._held_rows = np.zeros(form.m, bool)
+        self._jac = point.jac
+
+    def solve(self, guess: ActiveSet, options: Options) -> QuadraticSolution | None:
+        """The solution with the help of a guess; None where no method found one."""
+        found = self._by_active_sets(guess)
+        if found is not None:
+            return found
+        inner = self._by_barrier(options)
+        if inner is None:
+            return None
+        polished = self._by_active_sets(inner.active)
+        return polished or inner
+
+    # -- active sets -------------------------------------------------------------------------------------------
+
+    def _by_active_sets(self, guess: ActiveSet) -> QuadraticSolution | None:
+        form, point = self.form, self.point
+        tried: set[bytes] = set()
+        active = guess
+        while len(tried) < CHANGES and active.key() not in tried:
+            tried.add(active.key())
+            regular = self._factorize(active)
+            y = np.where(self._held_rows, point.y, 0.0)
+            fixed_d = self._target(active.x, form.held, self.room_x)
+            rhs_x = -(point.gradient + form.transpose_times(point.jac, y))
+            rhs_y = self._target(active.rows, form.equality, self.room_rows)
+            if fixed_d.any():
+                rhs_x -= form.hessian_times(point.hess, fixed_d)
+                rhs_y -= np.where(self._held_rows, form.jacobian_times(point.jac, fixed_d), 0.0)
+            rhs_x[self._fixed] = 0.0
+            dx, dy = form.kkt.solve(rhs_x, rhs_y)
+            d, y = dx + fixed_d, y + dy
+            if not np.isfinite(d.sum() + y.sum()):
+                return None
+            bent = form.hessian_times(point.hess, d)
+            pull = -(point.gradient + bent + form.transpose_times(point.jac, y))
+            better = ActiveSet(
+                self._corrected(active.x, d, pull, self.room_x, form.held),
+                self._corrected(active.rows, form.jacobian_times(point.jac, d), y, self.room_rows, form.equality),
+            )
+            if better.key() == active.key():
+                return QuadraticSolution(d, y, active, True) if regular else None
+            active = better
+        return None
+
+    def _factorize(self, active: ActiveSet) -> bool:
+        """Factorise with the active set's rows and free variables; whether the curvature on it is positive."""
+        form, point = self.form, self.point
+        self._fixed = form.held | (active.x != 0)
+        self._held_rows = form.equality | (active.rows != 0)
+        free = ~self._fixed
+        hess = point.hess * (free[form.hess_rows] & free[form.hess_cols])
+        jac = point.jac * (self._held_rows[form.jac_rows] & free[form.jac_cols])
+        flat = PRIMAL_SHIFT * max(1.0, _largest(hess))
+        shifts = ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT))
+        while True:
+            shift_x, shift_y = shifts[self._shift]
+            inertia = form.kkt.factorize(
+                hess, jac, np.where(self._fixed, 1.0, shift_x), np.where(self._held_rows, shift_y, 1.0)
+            )
+            if inertia.zero == 0 and inertia.negative == form.m:
+                return True
+            if self._shift == len(shifts) - 1:
+                return False
+            self._shift += 1  # the next set of this program starts with what was needed here
+
+    @staticmethod
+    def _target(active: Signs, equal: NDArray[np.bool_], room: tuple[Floats, Floats]) -> Floats:
+        """Where the active ones have to go; 0 for the others."""
+        below = (active < 0) | equal
+        return np.where(below, room[0], np.where(active > 0, room[1], 0.0))
+
+    def _corrected(
+        self,
+        active: Signs,
+        move: Floats,
+        multiplier: Floats,
+        room: tuple[Floats, Floats],
+        equal: NDArray[np.bool_],
+    ) -> Signs:
+        """The active set that a solution for ``active`` suggests."""
+        slack = self.tolerance
+        keep = np.where(active > 0, multiplier >= -slack, np.where(active < 0, multiplier <= slack, False))
+        above, below = move > room[1] + slack, move < room[0] - slack
+        new = np.where(keep, active, np.where(active != 0, 0, above.astype(np.int8) - below.astype(np.int8)))
+        return np.where(equal, 0, new).astype(np.int8)
+
+    def correct(self, new: Projection) -> tuple[Floats, Floats]:
+        """One more Newton step at ``new`` with the factorisation at hand: ``(dx, dy)``.
+
+        It makes each factorisation gain as much as one and a half Newton steps (J. F. Traub, Iterative methods
+        for the solution of equations, 1964, section 8.4).
+        """
+        form = self.form
+        (x_lower, x_upper), (row_lower, row_upper) = form.true_x, form.true_rows
+        rhs_x = np.where(self._fixed, 0.0, -new.lagrangian)
+        nearest = np.clip(new.r + new.y, row_lower, row_upper)
+        rhs_y = np.where(self._held_rows, nearest - new.r, 0.0)
+        return form.kkt.solve(rhs_x, rhs_y)
+
+    # -- barrier -----------------------------------------------------------------------------------------------
+
+    def _by_barrier(self, options: Options) -> QuadraticSolution | None:
+        form, point = self.form, self.point
+        model = _Model(form, point)
+        w = push_inside(model, np.concatenate([np.zeros(form.n), np.where(model.equality, model.target, point.r)]), PUSH)
+        w[: form.n] = np.where(model.held, model.held_value, w[: form.n])
+        gap = model.gap(w)
+        pull = np.concatenate([-point.lagrangian, point.y])[model.index] * -model.sign
+        z = np.maximum(pull, FIRST_BARRIER / np.maximum(gap, 1e-12))
+        start = evaluate(model, w, point.y, z)
+        inner = Monitor(
+            Options(tolerance=options.tolerance, max_iterations=INNER_ITERATIONS, time_limit=options.time_limit), None
+        )
+        try:
+            outcome = optimise(model, start, FIRST_BARRIER, inner.options, inner, tactics=Tactics())
+        except Stopped:
+            return None
+        if outcome.end is not End.CONVERGED:
+            return None
+        it = outcome.iterate
+        near = it.z > it.gap
+        signs = np.zeros(model.size, np.int8)
+        signs[model.index[near]] = -model.sign[near]
+        return QuadraticSolution(outcome.x, outcome.y, ActiveSet(signs[: form.n], signs[form.n :]), False)
+
+
+class _Model(Formulation):
+    """The quadratic program as a problem of its own, in the step ``d``."""
+
+    def __init__(self, form: ScaledProblem, point: Projection) -> None:
+        self.n, self.m, self.kkt = form.n, form.m, form.kkt
+        self._point = point
+        self._set_pattern(form.jac_rows, form.jac_cols, form.hess_rows, form.hess_cols)
+        lower, upper = form.lower, form.upper
+        n = form.n
+        self._set_bounds(
+            np.where(form.held, form.held_value, lower[:n]) - point.x,
+            np.where(form.held, form.held_value, upper[:n]) - point.x,
+            np.where(form.equality, form.target, lower[n:]),
+            np.where(form.equality, form.target, upper[n:]),
+        )
+
+    def values(self, x: Floats) -> tuple[float, Floats]:
+        point = self._point
+        bent = self.hessian_times(point.hess, x)
+        return float(point.gradient @ x + 0.5 * (x @ bent)), point.r + self.jacobian_times(point.jac, x)
+
+    def derivatives(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        point = self._point
+        return point.gradient + self.hessian_times(point.hess, x), point.jac, point.hess
+
+    def user_view(self, x: Floats, f: float, r: Floats) -> tuple[Floats, float, float]:
+        return x, f, 0.0
