@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stc.solver.iterate import multiplier_scale
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats, Mask
 from stc.solver.scaled_problem import ScaledProblem
@@ -30,7 +31,6 @@ FAST = 1e-2
 ACCURATE = 0.1
 DUAL_SHIFT = 1e-9
 PRIMAL_SHIFT = 1e-8
-MEAN_MULTIPLIER = 100.0
 
 
 @dataclass(slots=True)
@@ -83,8 +83,8 @@ def project(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
     dual_rows = np.where(active_rows, 0.0, y)
     primal = np.where(active_x, x - x_target, 0.0)
     primal_rows = np.where(active_rows, r - row_target, 0.0)
-    size = (np.abs(y).sum() + np.abs(lagrangian[active_x]).sum()) / max(1, form.m + form.n)
-    dual_scale = max(1.0, size / MEAN_MULTIPLIER)
+    size = float(np.abs(y).sum() + np.abs(lagrangian[active_x]).sum())
+    dual_scale = multiplier_scale(size, form.m + form.n)
     error = max(
         _largest(dual) / dual_scale, _largest(dual_rows) / dual_scale, _largest(primal), _largest(primal_rows)
     )

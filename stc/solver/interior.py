@@ -18,7 +18,7 @@ from stc.solver.curvature import leave_saddle
 from stc.solver.elastic import ElasticProblem
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import LineSearch, barrier_value
-from stc.solver.iterate import Iterate, errors_of, evaluate
+from stc.solver.iterate import Errors, Iterate, errors_of, evaluate
 from stc.solver.monitor import Monitor
 from stc.solver.multipliers import least_squares_multipliers
 from stc.solver.newton_system import NewtonSystem, SingularSystem
@@ -39,6 +39,12 @@ FARTHEST = 1e20
 PATIENCE = 15
 SMALL_STEP = 1e-9
 FEASIBLE = 0.01
+NEARLY = 1e-6
+DOUBTFUL = 10.0
+"""A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
+HALF = 0.5
+LAGGING_STEPS = 3
+LARGEST_MULTIPLIER = 1e8
 MANY_GAPS = 100.0
 GAP = 1e-7
 """Largest sum of gap times multiplier, relative to the objective, which it bounds the error of."""
@@ -119,13 +125,17 @@ def optimise(
     search = LineSearch(form, it.theta, tactics.largest_theta)
     finish = _Finish(form, options, monitor)
     nearest = _Nearest(form)
+    fresh = _Refresh()
     last = monitor.iterations + tactics.budget
     step = length = 0.0
     stuck = False
     tiny_steps = small_steps = 0
     escapes = 0
     while True:
-        error = errors_of(form, it, 0.0).total
+        parts = errors_of(form, it, 0.0)
+        if fresh.due(parts, length):
+            parts = fresh.multipliers(form, it, parts)
+        error = parts.total
         nearest.note(it, error)
         _record(form, it, monitor, error, step, length, barrier.mu, system.shift)
         if stop is not None and monitor.history and stop(form, it):
@@ -256,6 +266,37 @@ def _record(
     )
 
 
+class _Refresh:
+    """Replaces the row multipliers where Newton's method leaves them behind.
+
+    Where the rows' gradients vanish in the limit, the multipliers grow without bound and each Newton step leaves
+    a constant share of the dual error, while the rows are met better and better.
+    """
+
+    def __init__(self) -> None:
+        self._dual = np.inf
+        self._waited = 0
+
+    def due(self, errors: Errors, length: float) -> bool:
+        """True after several whole steps that met the rows without reducing the dual error."""
+        lagging = errors.primal <= NEARLY and errors.dual > max(HALF * self._dual, 10.0 * errors.primal)
+        self._waited = self._waited + 1 if lagging and length == 1.0 else 0
+        self._dual = errors.dual
+        return self._waited >= LAGGING_STEPS
+
+    def multipliers(self, form: Formulation, it: Iterate, errors: Errors) -> Errors:
+        """Take the least-squares multipliers if they are better; the errors then."""
+        self._waited = 0
+        y = least_squares_multipliers(form, it, LARGEST_MULTIPLIER)
+        other = evaluate(form, it.w, y, it.z)
+        new = errors_of(form, other, 0.0)
+        if not new.total < HALF * errors.total:
+            return errors
+        for name in it.__slots__:
+            setattr(it, name, getattr(other, name))
+        return new
+
+
 class _Finish:
     """Tries Newton's method on the active set once the iterate is near enough, ever more rarely when it fails."""
 
@@ -312,7 +353,9 @@ def _back(
     minimal = outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE
     if outcome.end is not End.STOPPED and minimal:
         violation = form.violation(w[: form.n], restored.r)
-        end = End.STATIONARY_VIOLATION if violation > options.feasibility_tolerance else None
+        doubt = 1.0 if form.linear else DOUBTFUL
+        if violation > doubt * options.feasibility_tolerance:
+            end = End.STATIONARY_VIOLATION
     y = outcome.y / elastic.price if end else least_squares_multipliers(form, restored)
     restored = evaluate(form, w, y, z)
     for name in it.__slots__:

@@ -9,12 +9,12 @@ import numpy as np
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import Floats
 
-__all__ = ["Errors", "Iterate", "errors_of", "evaluate", "push_inside", "refresh"]
+__all__ = ["Errors", "Iterate", "errors_of", "evaluate", "multiplier_scale", "push_inside", "refresh"]
 
+MEAN_MULTIPLIER = 100.0
+LARGEST_SCALE = 1e3
 PUSH = 1e-2
 """A start is moved inside its bounds by this much, relative to the bound's size and to the bounds' distance."""
-MEAN_MULTIPLIER = 100.0
-"""Errors are divided by the mean multiplier where that exceeds this value."""
 
 
 @dataclass(slots=True)
@@ -61,6 +61,14 @@ class Errors:
         return max(self.dual, self.primal, self.complementarity)
 
 
+def multiplier_scale(total: float, count: int) -> float:
+    """What dual errors are divided by where multipliers are large, given the sum of their magnitudes.
+
+    Bounded, because multipliers that grow without limit are no sign of optimality.
+    """
+    return min(max(1.0, total / max(1, count) / MEAN_MULTIPLIER), LARGEST_SCALE)
+
+
 def evaluate(form: Formulation, w: Floats, y: Floats, z: Floats) -> Iterate:
     """Every quantity at ``(w, y, z)``; check ``is_finite`` of the result where functions may be undefined."""
     f, r = form.values(w[: form.n])
@@ -86,9 +94,8 @@ def refresh(form: Formulation, it: Iterate) -> bool:
 def errors_of(form: Formulation, it: Iterate, mu: float) -> Errors:
     """KKT error of the barrier problem with parameter ``mu`` (Waechter and Biegler 2006, equation 5)."""
     z_sum = float(it.z.sum())
-    mean = (float(np.abs(it.y).sum()) + z_sum) / max(1, form.m + form.gaps)
-    dual_scale = max(1.0, mean / MEAN_MULTIPLIER)
-    gap_scale = max(1.0, z_sum / max(1, form.gaps) / MEAN_MULTIPLIER)
+    dual_scale = multiplier_scale(float(np.abs(it.y).sum()) + z_sum, form.m + form.gaps)
+    gap_scale = multiplier_scale(z_sum, form.gaps)
     dual = it.dual - form.scatter(it.z) if form.gaps else it.dual
     return Errors(
         float(np.abs(dual).max(initial=0.0)) / dual_scale,

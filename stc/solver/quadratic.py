@@ -16,13 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.solver.active_set import Projection
 from stc.solver.formulation import Formulation
-from stc.solver.interior import End, Tactics, optimise
-from stc.solver.iterate import evaluate, push_inside
-from stc.solver.monitor import Monitor, Stopped
+from stc.solver.iterate import Iterate, errors_of, evaluate, push_inside
+from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
-from stc.solver.options import Options
+from stc.solver.primal_dual import PrimalDual
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_multipliers"]
@@ -35,9 +33,9 @@ NEGLIGIBLE = 1e-7
 """Multipliers below this share of the largest one do not make a constraint active."""
 DUAL_SHIFT = 1e-9
 PRIMAL_SHIFT = 1e-8
-INNER_ITERATIONS = 60
-FIRST_BARRIER = 1e-4
-PUSH = 1e-3
+BARRIER_STEPS = 40
+SMALLEST_BARRIER, LARGEST_BARRIER = 1e-10, 1e-2
+SHORTEST = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,25 +60,22 @@ class QuadraticSolution:
     Attributes:
         d: the step, (n,).
         y: multipliers of the rows, (m,).
+        z: multipliers of the bounds, (n,).
         active: its active set.
         factorised: the last factorisation belongs to this active set (:meth:`QuadraticProgram.correct` works).
     """
 
     d: Floats
     y: Floats
+    z: Floats
     active: ActiveSet
     factorised: bool
 
 
-def guess_from_multipliers(form: ScaledProblem, lagrangian: Floats, y: Floats) -> ActiveSet:
-    """What was active where these multipliers belong.
-
-    Args:
-        lagrangian: ``grad f + J^T y``, (n,): what the multipliers of the bounds balance.
-        y: of the rows, (m,).
-    """
+def guess_from_multipliers(form: ScaledProblem, point: PrimalDual) -> ActiveSet:
+    """What was active where the point's multipliers belong."""
     return ActiveSet(
-        _signs(-lagrangian, *form.true_x) * ~form.held, _signs(y, *form.true_rows) * ~form.equality
+        _signs(point.z, *form.true_x) * ~form.held, _signs(point.y, *form.true_rows) * ~form.equality
     )
 
 
@@ -104,7 +99,7 @@ class QuadraticProgram:
         tolerance: smallest violation, and smallest multiplier of the wrong sign, that counts.
     """
 
-    def __init__(self, form: ScaledProblem, point: Projection, tolerance: float) -> None:
+    def __init__(self, form: ScaledProblem, point: PrimalDual, tolerance: float) -> None:
         self.form, self.point, self.tolerance = form, point, tolerance
         (x_lower, x_upper), (row_lower, row_upper) = form.true_x, form.true_rows
         self.room_x = (x_lower - point.x, x_upper - point.x)
@@ -114,12 +109,12 @@ class QuadraticProgram:
         self._held_rows = np.zeros(form.m, bool)
         self._jac = point.jac
 
-    def solve(self, guess: ActiveSet, options: Options) -> QuadraticSolution | None:
+    def solve(self, guess: ActiveSet) -> QuadraticSolution | None:
         """The solution with the help of a guess; None where no method found one."""
         found = self._by_active_sets(guess)
         if found is not None:
             return found
-        inner = self._by_barrier(options)
+        inner = self._by_barrier()
         if inner is None:
             return None
         polished = self._by_active_sets(inner.active)
@@ -133,7 +128,8 @@ class QuadraticProgram:
         active = guess
         while len(tried) < CHANGES and active.key() not in tried:
             tried.add(active.key())
-            regular = self._factorize(active)
+            if not self._factorize(active):
+                return None
             y = np.where(self._held_rows, point.y, 0.0)
             fixed_d = self._target(active.x, form.held, self.room_x)
             rhs_x = -(point.gradient + form.transpose_times(point.jac, y))
@@ -150,10 +146,13 @@ class QuadraticProgram:
             pull = -(point.gradient + bent + form.transpose_times(point.jac, y))
             better = ActiveSet(
                 self._corrected(active.x, d, pull, self.room_x, form.held),
-                self._corrected(active.rows, form.jacobian_times(point.jac, d), y, self.room_rows, form.equality),
+                self._corrected(
+                    active.rows, form.jacobian_times(point.jac, d), y, self.room_rows, form.equality
+                ),
             )
             if better.key() == active.key():
-                return QuadraticSolution(d, y, active, True) if regular else None
+                z = np.where(self._fixed, pull, 0.0)
+                return QuadraticSolution(d, y, z, active, True)
             active = better
         return None
 
@@ -199,50 +198,87 @@ class QuadraticProgram:
         new = np.where(keep, active, np.where(active != 0, 0, above.astype(np.int8) - below.astype(np.int8)))
         return np.where(equal, 0, new).astype(np.int8)
 
-    def correct(self, new: Projection) -> tuple[Floats, Floats]:
-        """One more Newton step at ``new`` with the factorisation at hand: ``(dx, dy)``.
+    def correct(self, new: PrimalDual, active: ActiveSet) -> tuple[Floats, Floats]:
+        """One more Newton step at ``new`` with the factorisation for ``active`` at hand: ``(dx, dy)``.
 
         It makes each factorisation gain as much as one and a half Newton steps (J. F. Traub, Iterative methods
         for the solution of equations, 1964, section 8.4).
         """
         form = self.form
-        (x_lower, x_upper), (row_lower, row_upper) = form.true_x, form.true_rows
+        lower, upper = form.true_rows
         rhs_x = np.where(self._fixed, 0.0, -new.lagrangian)
-        nearest = np.clip(new.r + new.y, row_lower, row_upper)
-        rhs_y = np.where(self._held_rows, nearest - new.r, 0.0)
+        rhs_y = self._target(active.rows, form.equality, (lower - new.r, upper - new.r))
         return form.kkt.solve(rhs_x, rhs_y)
 
     # -- barrier -----------------------------------------------------------------------------------------------
 
-    def _by_barrier(self, options: Options) -> QuadraticSolution | None:
-        form, point = self.form, self.point
-        model = _Model(form, point)
-        w = push_inside(model, np.concatenate([np.zeros(form.n), np.where(model.equality, model.target, point.r)]), PUSH)
-        w[: form.n] = np.where(model.held, model.held_value, w[: form.n])
+    def _by_barrier(self) -> QuadraticSolution | None:
+        """Predictor and corrector of S. Mehrotra (SIAM J. Optim. 2, 1992), started next to the multipliers given."""
+        form = self.form
+        model = _Model(form, self.point)
+        system = NewtonSystem(model)
+        it = self._on_central_path(model)
+        for _ in range(BARRIER_STEPS):
+            error = errors_of(model, it, 0.0).total
+            if error <= self.tolerance:
+                return self._read_off(model, it)
+            mu = float(it.gap @ it.z) / max(1, model.gaps)
+            try:
+                system.factorize(it, mu)
+            except SingularSystem:
+                return None
+            dw, _, dz = system.step(it, np.zeros(model.gaps), it.c)
+            dgap = model.sign * dw[model.index]
+            length = _longest(it, dgap, dz, 1.0)
+            ahead = float((it.gap + length * dgap) @ (it.z + length * dz)) / max(1, model.gaps)
+            centre = ((ahead / max(mu, 1e-300)) ** 3 * mu - dgap * dz) / it.gap
+            dw, dy, dz = system.step(it, centre, it.c)
+            dgap = model.sign * dw[model.index]
+            length = _longest(it, dgap, dz, max(0.99, 1.0 - mu))
+            if not np.isfinite(dw.sum() + dy.sum()) or length < SHORTEST:
+                return None
+            it = evaluate(model, it.w + length * dw, it.y + length * dy, it.z + length * dz)
+        return None
+
+    def _on_central_path(self, model: _Model) -> Iterate:
+        """Gaps and multipliers whose products agree, as near to the point's own as that allows.
+
+        With v their difference, gap = (sqrt(v^2 + 4 mu) + v)/2 and z = (sqrt(v^2 + 4 mu) - v)/2.
+        """
+        point, n = self.point, model.n
+        w = np.concatenate([np.zeros(n), np.where(model.equality, model.target, point.r)])
+        w[:n] = np.where(model.held, model.held_value, 0.0)
         gap = model.gap(w)
-        pull = np.concatenate([-point.lagrangian, point.y])[model.index] * -model.sign
-        z = np.maximum(pull, FIRST_BARRIER / np.maximum(gap, 1e-12))
-        start = evaluate(model, w, point.y, z)
-        inner = Monitor(
-            Options(tolerance=options.tolerance, max_iterations=INNER_ITERATIONS, time_limit=options.time_limit), None
-        )
-        try:
-            outcome = optimise(model, start, FIRST_BARRIER, inner.options, inner, tactics=Tactics())
-        except Stopped:
-            return None
-        if outcome.end is not End.CONVERGED:
-            return None
-        it = outcome.iterate
+        z = np.maximum(np.concatenate([point.z, point.y])[model.index] * -model.sign, 0.0)
+        mu = float(np.clip(_largest(np.minimum(gap, z)) ** 2, SMALLEST_BARRIER, LARGEST_BARRIER))
+        difference = gap - z
+        root = np.sqrt(difference * difference + 4.0 * mu)
+        gap, z = np.maximum(0.5 * (root + difference), 0.5 * mu / root), 0.5 * (root - difference)
+        order = np.argsort(-gap)  # of two bounds the nearer one decides
+        w[model.index[order]] = (model.bound + model.sign * gap)[order]
+        w = push_inside(model, w, 1e-8)
+        gap = model.gap(w)
+        return evaluate(model, w, point.y, np.maximum(mu / gap, 1e-12))
+
+    def _read_off(self, model: _Model, it: Iterate) -> QuadraticSolution:
         near = it.z > it.gap
         signs = np.zeros(model.size, np.int8)
         signs[model.index[near]] = -model.sign[near]
-        return QuadraticSolution(outcome.x, outcome.y, ActiveSet(signs[: form.n], signs[form.n :]), False)
+        n = model.n
+        z = -model.scatter(it.z)[:n]
+        return QuadraticSolution(it.w[:n], it.y, z, ActiveSet(signs[:n], signs[n:]), False)
+
+
+def _longest(it: Iterate, dgap: Floats, dz: Floats, share: float) -> float:
+    """The longest step up to 1 that goes no farther than ``share`` of the way to any bound."""
+    fall = max(float((-dgap / it.gap).max(initial=0.0)), float((-dz / it.z).max(initial=0.0)))
+    return min(1.0, share / max(fall, 1e-300))
 
 
 class _Model(Formulation):
     """The quadratic program as a problem of its own, in the step ``d``."""
 
-    def __init__(self, form: ScaledProblem, point: Projection) -> None:
+    def __init__(self, form: ScaledProblem, point: PrimalDual) -> None:
         self.n, self.m, self.kkt = form.n, form.m, form.kkt
         self._point = point
         self._set_pattern(form.jac_rows, form.jac_cols, form.hess_rows, form.hess_cols)

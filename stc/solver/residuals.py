@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stc.solver.iterate import multiplier_scale
 from stc.solver.nlp import NLP, Floats
 from stc.solver.scaled_problem import relative_violation
 
 __all__ = ["Assessment", "assess"]
-
-MEAN_MULTIPLIER = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +45,8 @@ def assess(nlp: NLP, x: Floats, y: Floats, z: Floats | None = None) -> Assessmen
         room = np.where(lagrangian > 0.0, x - nlp.x_lower, nlp.x_upper - x)
         held = nlp.x_lower == nlp.x_upper
         z = np.where(held | (room < 1.0), -lagrangian, 0.0)
-    mean = (float(np.abs(y).sum()) + float(np.abs(z).sum())) / max(1, nlp.m + nlp.n)
-    size = max(1.0, _largest(gradient), _largest(terms), _largest(z), mean / MEAN_MULTIPLIER)
+    multipliers = multiplier_scale(float(np.abs(y).sum() + np.abs(z).sum()), nlp.m + nlp.n)
+    size = max(1.0, _largest(gradient), _largest(terms), _largest(z), multipliers)
     stationarity = _largest(lagrangian + z)
     slack_x = np.where(z > 0.0, nlp.x_upper - x, x - nlp.x_lower)
     slack_r = np.where(y > 0.0, nlp.row_upper - r, r - nlp.row_lower)

@@ -54,4 +54,6 @@ def _feasible(form: ScaledProblem, x: Floats, r: Floats) -> bool:
     off = np.maximum(np.maximum(lower - r, r - upper), 0.0)
     x_lower, x_upper = form.true_x
     off_x = np.maximum(np.maximum(x_lower - x, x - x_upper), 0.0)
-    return bool(np.all(off <= FEASIBLE + RELATIVE * size) and np.all(off_x <= FEASIBLE + RELATIVE * np.abs(x)))
+    return bool(
+        np.all(off <= FEASIBLE + RELATIVE * size) and np.all(off_x <= FEASIBLE + RELATIVE * np.abs(x))
+    )

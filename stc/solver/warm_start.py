@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.solver.active_set import Projection, project
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
-from stc.solver.quadratic import QuadraticProgram, guess_from_multipliers
+from stc.solver.primal_dual import PrimalDual, measure
+from stc.solver.quadratic import QuadraticProgram, QuadraticSolution, guess_from_multipliers
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["from_neighbour"]
@@ -24,36 +24,32 @@ PATIENCE = 2
 REDUCTION = 0.5
 FARTHEST = 1e3
 """A step that makes the error this many times larger than the smallest one ends the attempt."""
+EXACT = 0.1
+"""Quadratic programs are solved to this share of the tolerance."""
 
 
 def from_neighbour(
-    form: ScaledProblem, x: Floats, y: Floats, options: Options, monitor: Monitor
-) -> Projection | None:
-    """Solve from a primal-dual point, scaled: (n,) and (m,).
+    form: ScaledProblem, x: Floats, y: Floats, z: Floats, options: Options, monitor: Monitor
+) -> PrimalDual | None:
+    """Solve from a primal-dual point, scaled: variables (n,), multipliers of rows (m,) and bounds (n,).
 
     Returns:
         The solution, with positive curvature on its active set; None when the iteration did not converge.
     """
-    x_lower, x_upper = form.true_x
-    point = project(form, np.clip(x, x_lower, x_upper), y)
+    point = measure(form, x, y, z)
     if point is None:
         return None
-    active = guess_from_multipliers(form, point.lagrangian, y)
+    active = guess_from_multipliers(form, point)
     smallest, patience = point.error, PATIENCE
     for _ in range(STEPS):
-        program = QuadraticProgram(form, point, 0.1 * options.tolerance)
-        found = program.solve(active, options)
+        program = QuadraticProgram(form, point, EXACT * options.tolerance)
+        found = program.solve(active)
         if found is None:
             return None
         active = found.active
-        new = project(form, np.clip(point.x + found.d, x_lower, x_upper), found.y)
+        new = _moved(form, point, program, found, EXACT * options.tolerance)
         if new is None:
             return None
-        if found.factorised and new.error > 0.1 * options.tolerance:
-            dx, dy = program.correct(new)
-            corrected = project(form, np.clip(new.x + dx, x_lower, x_upper), new.y + dy)
-            if corrected is not None and corrected.error < new.error:
-                new = corrected
         monitor.count()
         x_user, f_user, violation = form.user_view(new.x, new.f, new.r)
         step = float(np.abs(new.x - point.x).max(initial=0.0))
@@ -69,3 +65,20 @@ def from_neighbour(
         smallest = min(smallest, new.error)
         point = new
     return None
+
+
+def _moved(
+    form: ScaledProblem,
+    point: PrimalDual,
+    program: QuadraticProgram,
+    found: QuadraticSolution,
+    tolerance: float,
+) -> PrimalDual | None:
+    """The whole step, and the second one with the same factorisation where that comes closer."""
+    balancing = found.active.x != 0 if found.factorised else None
+    new = measure(form, point.x + found.d, found.y, found.z, balancing)
+    if new is None or not found.factorised or new.error <= tolerance:
+        return new
+    dx, dy = program.correct(new, found.active)
+    closer = measure(form, new.x + dx, new.y + dy, found.z, balancing)
+    return closer if closer is not None and closer.error < new.error else new
