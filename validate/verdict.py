@@ -79,6 +79,28 @@ def validate(
         UsageError: a solution file, time step or integrator that cannot be used.
         SolutionError: the solution file is damaged, or time does not increase along the solution.
     """
+    return examine(
+        solution,
+        model,
+        force=force,
+        time_step=time_step,
+        integrator=integrator,
+        tracked=tracked,
+        statements=statements,
+    )[0]
+
+
+def examine(
+    solution: Solution | str | os.PathLike[str],
+    model: str | os.PathLike[str] | None = None,
+    *,
+    force: bool = False,
+    time_step: float = limits.TIME_STEP,
+    integrator: str = "rk4",
+    tracked: bool = True,
+    statements: Sequence[StatementCheck] = (),
+) -> tuple[Report, Replays]:
+    """As :func:`validate`, together with what was simulated, for whoever draws it."""
     started = time.perf_counter()
     with caught_warnings() as warnings:
         setup = open_setup(solution, model, force=force)
@@ -86,7 +108,7 @@ def validate(
         report = _judge(replays, statements)
     report.notes = [*report.notes, *warnings]
     report.seconds = time.perf_counter() - started
-    return report
+    return report, replays
 
 
 def open_setup(
