@@ -13,8 +13,6 @@ __all__ = ["Errors", "Iterate", "errors_of", "evaluate", "multiplier_scale", "pu
 
 MEAN_MULTIPLIER = 100.0
 LARGEST_SCALE = 1e3
-PUSH = 1e-2
-"""A start is moved inside its bounds by this much, relative to the bound's size and to the bounds' distance."""
 
 
 @dataclass(slots=True)
@@ -104,8 +102,8 @@ def errors_of(form: Formulation, it: Iterate, mu: float) -> Errors:
     )
 
 
-def push_inside(form: Formulation, w: Floats, push: float = PUSH) -> Floats:
-    """``w`` (n + m,) moved strictly inside its bounds."""
+def push_inside(form: Formulation, w: Floats, push: float) -> Floats:
+    """``w`` (n + m,) moved inside its bounds by ``push``, relative to the bound's size or the bounds' distance."""
     lower, upper = form.lower, form.upper
     span = upper - lower
     below = lower + np.minimum(push * np.maximum(1.0, np.abs(lower)), push * span)

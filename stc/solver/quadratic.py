@@ -27,15 +27,21 @@ __all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_mul
 
 Signs = NDArray[np.int8]
 
-CHANGES = 12
+CHANGES = 8
 """How many active sets are tried before the barrier method takes over."""
-NEGLIGIBLE = 1e-7
-"""Multipliers below this share of the largest one do not make a constraint active."""
+NEGLIGIBLE, ROUNDING = 1e-6, 1e-9
+"""Multipliers below this, and this share of the terms they balance, do not tell an active constraint."""
 DUAL_SHIFT = 1e-9
 PRIMAL_SHIFT = 1e-8
-BARRIER_STEPS = 40
-SMALLEST_BARRIER, LARGEST_BARRIER = 1e-10, 1e-2
-SHORTEST = 1e-6
+REFINEMENTS = 2
+BARRIER_STEPS = 30
+FIRST_BARRIER = 0.1
+SMALLEST_BARRIER, LARGEST_BARRIER = 1e-8, 1e-2
+SHORT, MOST_BLOCKED = 1e-2, 3
+"""The barrier method ends when more steps than this were that short."""
+ROUGH = 1e-2
+"""A solution whose error is this share of the point's is worth a step."""
+FARTHER = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,13 +80,14 @@ class QuadraticSolution:
 
 def guess_from_multipliers(form: ScaledProblem, point: PrimalDual) -> ActiveSet:
     """What was active where the point's multipliers belong."""
+    terms = np.bincount(form.jac_cols, weights=np.abs(point.jac * point.y[form.jac_rows]), minlength=form.n)
     return ActiveSet(
-        _signs(point.z, *form.true_x) * ~form.held, _signs(point.y, *form.true_rows) * ~form.equality
+        _signs(point.z, NEGLIGIBLE + ROUNDING * terms, *form.true_x) * ~form.held,
+        _signs(point.y, np.full(form.m, NEGLIGIBLE), *form.true_rows) * ~form.equality,
     )
 
 
-def _signs(multiplier: Floats, lower: Floats, upper: Floats) -> Signs:
-    least = NEGLIGIBLE * max(1.0, _largest(multiplier))
+def _signs(multiplier: Floats, least: Floats, lower: Floats, upper: Floats) -> Signs:
     at_upper = (multiplier > least) & np.isfinite(upper)
     at_lower = (multiplier < -least) & np.isfinite(lower)
     return at_upper.astype(np.int8) - at_lower.astype(np.int8)
@@ -114,11 +121,12 @@ class QuadraticProgram:
         found = self._by_active_sets(guess)
         if found is not None:
             return found
-        inner = self._by_barrier()
-        if inner is None:
-            return None
-        polished = self._by_active_sets(inner.active)
-        return polished or inner
+        inner, error = self._by_barrier()
+        # Even a rough solution tells which constraints are active.
+        found = self._by_active_sets(inner.active)
+        if found is not None:
+            return found
+        return inner if error <= max(ROUGH * self.point.error, self.tolerance) else None
 
     # -- active sets -------------------------------------------------------------------------------------------
 
@@ -130,16 +138,14 @@ class QuadraticProgram:
             tried.add(active.key())
             if not self._factorize(active):
                 return None
-            y = np.where(self._held_rows, point.y, 0.0)
             fixed_d = self._target(active.x, form.held, self.room_x)
-            rhs_x = -(point.gradient + form.transpose_times(point.jac, y))
-            rhs_y = self._target(active.rows, form.equality, self.room_rows)
+            rhs_x, rhs_y = -point.gradient, self._target(active.rows, form.equality, self.room_rows)
             if fixed_d.any():
-                rhs_x -= form.hessian_times(point.hess, fixed_d)
+                rhs_x = rhs_x - form.hessian_times(point.hess, fixed_d)
                 rhs_y -= np.where(self._held_rows, form.jacobian_times(point.jac, fixed_d), 0.0)
             rhs_x[self._fixed] = 0.0
-            dx, dy = form.kkt.solve(rhs_x, rhs_y)
-            d, y = dx + fixed_d, y + dy
+            dx, y = self._solved(rhs_x, rhs_y)
+            d = dx + fixed_d
             if not np.isfinite(d.sum() + y.sum()):
                 return None
             bent = form.hessian_times(point.hess, d)
@@ -163,7 +169,7 @@ class QuadraticProgram:
         self._held_rows = form.equality | (active.rows != 0)
         free = ~self._fixed
         hess = point.hess * (free[form.hess_rows] & free[form.hess_cols])
-        jac = point.jac * (self._held_rows[form.jac_rows] & free[form.jac_cols])
+        jac = self._jac = point.jac * (self._held_rows[form.jac_rows] & free[form.jac_cols])
         flat = PRIMAL_SHIFT * max(1.0, _largest(hess))
         shifts = ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT))
         while True:
@@ -176,6 +182,20 @@ class QuadraticProgram:
             if self._shift == len(shifts) - 1:
                 return False
             self._shift += 1  # the next set of this program starts with what was needed here
+
+    def _solved(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
+        """Step and multipliers; of dependent rows' multipliers the smallest ones.
+
+        Dependent rows are factorised with a small shift, whose effect on the step is then taken out again.
+        """
+        form = self.form
+        dx, y = form.kkt.solve(rhs_x, rhs_y)
+        if self._shift:
+            for _ in range(REFINEMENTS):
+                missing = np.where(self._held_rows, rhs_y - form.jacobian_times(self._jac, dx), 0.0)
+                more_x, more_y = form.kkt.solve(np.zeros(form.n), missing)
+                dx, y = dx + more_x, y + more_y
+        return dx, y
 
     @staticmethod
     def _target(active: Signs, equal: NDArray[np.bool_], room: tuple[Floats, Floats]) -> Floats:
@@ -212,21 +232,25 @@ class QuadraticProgram:
 
     # -- barrier -----------------------------------------------------------------------------------------------
 
-    def _by_barrier(self) -> QuadraticSolution | None:
-        """Predictor and corrector of S. Mehrotra (SIAM J. Optim. 2, 1992), started next to the multipliers given."""
+    def _by_barrier(self) -> tuple[QuadraticSolution, float]:
+        """Predictor and corrector of S. Mehrotra (SIAM J. Optim. 2, 1992), started next to the multipliers given.
+
+        Returns:
+            The best point found and its optimality error.
+        """
         form = self.form
         model = _Model(form, self.point)
         system = NewtonSystem(model)
-        it = self._on_central_path(model)
+        it = best = self._on_central_path(model)
+        smallest = errors_of(model, it, 0.0).total
+        enough = ROUGH * self.point.error
+        blocked = 0
         for _ in range(BARRIER_STEPS):
-            error = errors_of(model, it, 0.0).total
-            if error <= self.tolerance:
-                return self._read_off(model, it)
             mu = float(it.gap @ it.z) / max(1, model.gaps)
             try:
                 system.factorize(it, mu)
             except SingularSystem:
-                return None
+                break
             dw, _, dz = system.step(it, np.zeros(model.gaps), it.c)
             dgap = model.sign * dw[model.index]
             length = _longest(it, dgap, dz, 1.0)
@@ -235,10 +259,18 @@ class QuadraticProgram:
             dw, dy, dz = system.step(it, centre, it.c)
             dgap = model.sign * dw[model.index]
             length = _longest(it, dgap, dz, max(0.99, 1.0 - mu))
-            if not np.isfinite(dw.sum() + dy.sum()) or length < SHORTEST:
-                return None
+            blocked += length < SHORT
+            if blocked > MOST_BLOCKED or not np.isfinite(dw.sum() + dy.sum() + dz.sum()):
+                break
             it = evaluate(model, it.w + length * dw, it.y + length * dy, it.z + length * dz)
-        return None
+            if not float(it.gap.min(initial=1.0)) > 0.0:  # rounding put it onto a bound
+                break
+            error = errors_of(model, it, 0.0).total
+            if error < smallest:
+                smallest, best = error, it
+            if error <= self.tolerance or (error > FARTHER * smallest and smallest <= enough):
+                break
+        return self._read_off(model, best), smallest
 
     def _on_central_path(self, model: _Model) -> Iterate:
         """Gaps and multipliers whose products agree, as near to the point's own as that allows.
@@ -250,7 +282,7 @@ class QuadraticProgram:
         w[:n] = np.where(model.held, model.held_value, 0.0)
         gap = model.gap(w)
         z = np.maximum(np.concatenate([point.z, point.y])[model.index] * -model.sign, 0.0)
-        mu = float(np.clip(_largest(np.minimum(gap, z)) ** 2, SMALLEST_BARRIER, LARGEST_BARRIER))
+        mu = float(np.clip(FIRST_BARRIER * point.error, SMALLEST_BARRIER, LARGEST_BARRIER))
         difference = gap - z
         root = np.sqrt(difference * difference + 4.0 * mu)
         gap, z = np.maximum(0.5 * (root + difference), 0.5 * mu / root), 0.5 * (root - difference)

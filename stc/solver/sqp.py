@@ -9,22 +9,22 @@ import numpy as np
 
 from stc.solver.active_set import newton_on_active_set
 from stc.solver.interior import ACCEPTABLE, End, Outcome, Tactics, feasible_first, optimise
-from stc.solver.iterate import Iterate, evaluate, push_inside
 from stc.solver.monitor import Monitor, Stopped
-from stc.solver.multipliers import least_squares_multipliers
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.report import Callback, Result, Start
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 from stc.solver.status import Status, advice, sentence
 
 __all__ = ["minimize"]
 
 PERTURBATION = 0.1
 RESCALINGS = 3
-PUSH = 1e-2
 UNCHANGED = 1e-9
+WARM_STEPS = 12
+WARM_PATIENCE = 3
 
 
 def minimize(
@@ -103,12 +103,9 @@ class _Solve:
         form = self.form = ScaledProblem(self.nlp, x0, options, self.new_kkt)
         if options.warm_start and self.start.row_multipliers is not None:
             y = form.scaled_multipliers(self.start.row_multipliers)
-            point, solved = newton_on_active_set(
-                form, x0 / form.x_scale, y, self.monitor, steps=12, tolerance=options.tolerance, patience=3
-            )
-            if solved and point is not None:
-                return self._result(Status.OPTIMAL, form.user_point(point.x), form.user_multipliers(point.y))
-        outcome = self._settle(self._barrier(form, x0, Tactics()))
+            outcome = self._settle(self._warm(form, x0 / form.x_scale, y))
+        else:
+            outcome = self._settle(self._barrier(form, x0, Tactics()))
         for again in (self._feasible_first, self._held_barrier, self._nearby)[: options.retries]:
             if outcome.end in (End.CONVERGED, End.UNBOUNDED):
                 break
@@ -117,9 +114,20 @@ class _Solve:
             outcome = self._better(outcome, self._settle(again(form, x0)))
         return self._conclude(outcome)
 
+    def _warm(self, form: ScaledProblem, x: Floats, y: Floats) -> Outcome:
+        """Newton's method on the active set of a scaled start; where it fails, a short barrier path to it."""
+        tolerance = self.options.tolerance
+        point, solved = newton_on_active_set(
+            form, x, y, self.monitor, steps=WARM_STEPS, tolerance=tolerance, patience=WARM_PATIENCE
+        )
+        it = warm_iterate(form, x, y)
+        if solved and point is not None:
+            return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it)
+        return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=Tactics())
+
     def _feasible_first(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Find a feasible point before looking at the objective."""
-        return feasible_first(form, first_iterate(form, x0), self.options, self.monitor, Tactics())
+        return feasible_first(form, cold_iterate(form, x0 / form.x_scale), self.options, self.monitor, Tactics())
 
     def _held_barrier(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Solve each barrier problem before the parameter goes down, and go where the violation may grow."""
@@ -130,7 +138,7 @@ class _Solve:
         return self._barrier(form, self._perturbed(form, x0), Tactics(budget=self.options.max_iterations))
 
     def _barrier(self, form: ScaledProblem, x0: Floats, tactics: Tactics) -> Outcome:
-        it = first_iterate(form, x0)
+        it = cold_iterate(form, x0 / form.x_scale)
         return optimise(form, it, self.options.initial_barrier, self.options, self.monitor, tactics=tactics)
 
     def _perturbed(self, form: ScaledProblem, x0: Floats) -> Floats:
@@ -167,7 +175,7 @@ class _Solve:
             before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None
             kkt = outcome.form.kkt
             form = self.form = ScaledProblem(self.nlp, point.x, self.options, lambda *_, kkt=kkt: kkt)
-            outcome = self._barrier(form, point.x, Tactics())
+            outcome = self._warm(form, point.x / form.x_scale, form.scaled_multipliers(point.y))
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome
@@ -227,24 +235,3 @@ class _Solve:
             self.monitor.history,
         )
 
-
-def first_iterate(form: ScaledProblem, x0: Floats) -> Iterate:
-    """A strictly interior primal-dual point near ``x0`` (n,), in the user's units."""
-    n = form.n
-    push = PUSH
-    x = np.where(form.held, form.held_value, x0 / form.x_scale)
-    while True:
-        w = np.concatenate([x, form.target])
-        w = push_inside(form, w, push)
-        _, r = form.values(w[:n])
-        if np.all(np.isfinite(r)) or push < 1e-12:
-            break
-        push *= 0.1
-    w[n:] = np.where(form.inequality, r, form.target)
-    w = push_inside(form, w, push)
-    if form.any_ignored:
-        w[n:][form.ignored] = 0.0
-    z = np.ones(form.gaps)
-    it = evaluate(form, w, np.zeros(form.m), z)
-    y = least_squares_multipliers(form, it)
-    return evaluate(form, w, y, z)

@@ -1,0 +1,54 @@
+"""First iterates of the barrier iteration, cold and warm."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stc.solver.formulation import Formulation
+from stc.solver.iterate import Iterate, evaluate, push_inside
+from stc.solver.multipliers import least_squares_multipliers
+from stc.solver.nlp import Floats
+from stc.solver.scaled_problem import ScaledProblem
+
+__all__ = ["WARM_BARRIER", "cold_iterate", "warm_iterate"]
+
+PUSH = 1e-2
+WARM_PUSH = 1e-3
+WARM_BARRIER = 1e-5
+SMALLEST_PUSH = 1e-12
+
+
+def cold_iterate(form: ScaledProblem, x: Floats) -> Iterate:
+    """A strictly interior point near ``x`` (n,), scaled, with all gap multipliers 1 and least-squares row
+    multipliers.
+    """
+    w = _inside(form, x, PUSH)
+    z = np.ones(form.gaps)
+    y = least_squares_multipliers(form, evaluate(form, w, np.zeros(form.m), z))
+    return evaluate(form, w, y, z)
+
+
+def warm_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
+    """A strictly interior point very near ``x`` (n,), scaled, that keeps the row multipliers ``y`` (m,).
+
+    The gap multipliers are those of a barrier problem with parameter :data:`WARM_BARRIER`, or, where the rows'
+    multipliers tell of a larger one, that.
+    """
+    w = _inside(form, x, WARM_PUSH)
+    it = evaluate(form, w, y, np.zeros(form.gaps))
+    z = np.maximum(form.sign * it.dual[form.index], WARM_BARRIER / it.gap)
+    return evaluate(form, w, y, z)
+
+
+def _inside(form: Formulation, x: Floats, push: float) -> Floats:
+    """``w`` (n + m,) at ``x`` moved inside the bounds, less far where functions are undefined there."""
+    n = form.n
+    x = np.where(form.held, form.held_value, x)
+    while True:
+        w = push_inside(form, np.concatenate([x, form.target]), push)
+        f, r = form.values(w[:n])
+        if np.isfinite(f + r.sum()) or push < SMALLEST_PUSH:
+            break
+        push *= 0.1
+    w[n:] = np.where(form.inequality, r, form.target)
+    return push_inside(form, w, push)
