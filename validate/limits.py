@@ -11,6 +11,14 @@ from typing import Final
 
 ByMethod = dict[str, float]
 
+# --- the solver's answer -------------------------------------------------------------------------------------
+
+#: Largest first-order optimality error with which a solution may have been found.
+KKT_RESIDUAL: Final = 1e-6
+
+#: Largest violation of a row or bound, divided by max(1, |bound|), that a solution may have.
+VIOLATION: Final = 1e-6
+
 # --- how a replay is made ----------------------------------------------------------------------------------
 
 #: Longest time step of the replay, in seconds; a frame step is cut into equal parts no longer than this.
@@ -83,6 +91,9 @@ ORDER: Final[ByMethod] = {"hermite-simpson": 3.3, "trapezoidal": 1.8, "central":
 
 #: Below this drift, in m or rad, rounding and the solver's tolerance hide the order of convergence.
 ORDER_FLOOR: Final = 1e-10
+
+#: Tolerance of the solves that an order is observed on: their own error must not show in the drift.
+ORDER_TOLERANCE: Final = 1e-11
 
 #: Largest difference between the spec's equations of motion and the model's at a random state, as a share of
 #: the largest generalised force there.
