@@ -20,13 +20,15 @@ __all__ = ["FrontalKKT"]
 
 #: Pivot threshold u: no factor exceeds its inverse.
 PIVOT_THRESHOLD = 0.01
+#: Where a solve leaves a larger relative residual than DOUBTFUL, the threshold is raised, up to the highest.
+DOUBTFUL = 1e-9
+HIGHEST_THRESHOLD = 0.3
 #: Columns of the equilibrated matrix no larger than this, times their growth, are zero.
-SINGULAR = 2e-14
+SINGULAR = 3e-14
 #: Magnitude of the pivot that takes the place of a zero one.
 REPLACEMENT = 1e-8
-#: Equilibration: sweeps at most, and how far from 1 the largest entries may stay.
+#: Sweeps of equilibration at most.
 SWEEPS = 3
-EQUILIBRATED = 1.1
 #: Iterative refinement: steps at most, and relative residual to reach.
 REFINEMENTS = 10
 RESIDUAL = 1e-14
@@ -107,9 +109,8 @@ class FrontalKKT:
         self.factorizations += 1
         planned = self._follow_plan()
         self._equilibrate()
-        while shortage := self._run(planned):
-            self._enlarge(shortage)
-            self._bind()
+        self._threshold = self.pivot_threshold
+        self._eliminate_all(planned)
         counts = self._counts
         self.nnz_factor = int(counts[pivots.FACTORS])
         return Inertia(
@@ -127,6 +128,8 @@ class FrontalKKT:
         self._rhs[:n] = rhs_x
         self._rhs[n:] = rhs_y
         self._solve()
+        while self._report[0] > DOUBTFUL and self._raise_threshold():
+            self._solve()
         self.last_residual = float(self._report[0])
         return self._result[:n].copy(), self._result[n:].copy()
 
@@ -136,6 +139,15 @@ class FrontalKKT:
         rank = np.zeros(self.n + self.m, dtype=np.int32)
         self._plan: Plan | None = None
         self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, rank))
+
+    def _raise_threshold(self) -> bool:
+        """Factorise the same matrix again with a larger threshold; False when that cannot help."""
+        if self._threshold >= HIGHEST_THRESHOLD or self._counts[pivots.ZERO] > 0:
+            return False
+        self._threshold = min(10.0 * self._threshold, HIGHEST_THRESHOLD)
+        self.factorizations += 1
+        self._eliminate_all(self._planned)
+        return True
 
     def _follow_plan(self) -> bool:
         """Make a plan when there is none, or none that suits; whether the plan's patterns hold for the values."""
@@ -170,13 +182,14 @@ class FrontalKKT:
     def _use(self, arrangement: Arrangement) -> None:
         """Adopt an arrangement of the entries."""
         self._arrangement = a = arrangement
+        self._scale[:] = 1.0
         size = self.n + self.m
         self._load = load.bind(
             self.n, self.m, self._hess.size, self._jac.size, self._hess, self._jac, self._primal, self._dual,
             a.position, a.hess_target, a.jac_target, self._values,
         )  # fmt: skip
         self._equilibrate = equilibrate.bind(
-            size, SWEEPS, EQUILIBRATED, a.pointers, a.columns, self._values, self._scale, self._most
+            size, SWEEPS, a.pointers, a.columns, self._values, self._scale, self._most
         )
         plan = self._plan
         if plan is None:
@@ -189,11 +202,17 @@ class FrontalKKT:
         self._allocate_factors()
         self._bind()
 
-    def _run(self, planned: bool) -> int:
-        """Factorise the values at hand; what there was too little of, or 0."""
-        self._eliminate.set("threshold", self.pivot_threshold)
-        self._eliminate.set("planned", planned)
-        return int(self._eliminate())
+    def _eliminate_all(self, planned: bool) -> None:
+        """Factorise the equilibrated values, making room until there is enough."""
+        self._planned = planned
+        shortage = -1
+        while shortage:
+            self._eliminate.set("threshold", self._threshold)
+            self._eliminate.set("planned", planned)
+            shortage = self._eliminate()
+            if shortage:
+                self._enlarge(shortage)
+                self._bind()
 
     def _enlarge(self, shortage: int) -> None:
         """Make room for what did not fit."""

@@ -10,6 +10,14 @@ from stc.codegen.native import f64, f64s, fabs, i32s, i64, native, sqrt
 
 __all__ = ["any_nonzero", "equilibrate", "load", "residual"]
 
+#: A scale serves as long as the largest entries of all rows are within this factor of 1 ...
+STALE = 4.0
+#: ... and is good when they are within this one.
+GOOD = 1.1
+#: Scales stay between these.
+SMALLEST_SCALE = 1e-100
+LARGEST_SCALE = 1e100
+
 
 @native(fast=True)
 def load(
@@ -63,43 +71,62 @@ def any_nonzero(count: i64, places: i32s, values: f64s) -> i64:
 
 
 @native(fast=True)
-def _refresh(size: i64, most: f64s, scale: f64s) -> f64:
-    """Divide each scale by the root of its row's largest entry; returns how far these were from 1."""
-    spread = 0.0
+def _spread(size: i64, most: f64s) -> f64:
+    """How far from 1 the largest entries are; rows of zeros do not count."""
+    spread = 1.0
     for k in range(size):
         value = most[k]
         value = value if value > 0.0 else 1.0
         spread = max(spread, max(value, 1.0 / value))
-        scale[k] = scale[k] / sqrt(value)
     return spread
+
+
+@native(fast=True)
+def _refine(size: i64, most: f64s, scale: f64s) -> None:
+    """Divide each scale by the root of its row's largest entry."""
+    for k in range(size):
+        value = most[k]
+        value = value if value > 0.0 else 1.0
+        scale[k] = min(max(scale[k] / sqrt(value), SMALLEST_SCALE), LARGEST_SCALE)
+
+
+@native
+def _largest_of_rows(size: i64, pointers: i32s, columns: i32s, values: f64s, scale: f64s, most: f64s) -> None:
+    """Largest entry of each row of S K S."""
+    upper = values[size:]
+    for k in range(size):
+        most[k] = fabs(values[k]) * scale[k] * scale[k]
+    for k in range(size):
+        own = scale[k]
+        highest = most[k]
+        for e in range(pointers[k], pointers[k + 1]):
+            other = columns[e]
+            value = fabs(upper[e]) * own * scale[other]
+            highest = max(highest, value)
+            most[other] = max(most[other], value)
+        most[k] = highest
 
 
 @native
 def equilibrate(
-    size: i64, sweeps: i64, enough: f64, pointers: i32s, columns: i32s, values: f64s, scale: f64s, most: f64s
+    size: i64, sweeps: i64, pointers: i32s, columns: i32s, values: f64s, scale: f64s, most: f64s
 ) -> None:
     """Scale rows and columns alike until the largest entries of all rows are near 1 (Ruiz 2001).
 
-    ``values`` becomes S K S and ``scale`` the diagonal of S. Rows without entries keep scale 1. Stops when the
-    largest entries were within the factor ``enough`` of 1.
+    ``scale`` comes in as the diagonal of S for a matrix before, or ones; it is kept when it serves this matrix
+    too, and otherwise found from ones (starting from what served another matrix would let rows and columns drift
+    apart).  ``values`` becomes S K S.
     """
-    for k in range(size):
-        scale[k] = 1.0
+    _largest_of_rows(size, pointers, columns, values, scale, most)
+    if _spread(size, most) > STALE:
+        for k in range(size):
+            scale[k] = 1.0
+        for _sweep in range(sweeps):
+            _largest_of_rows(size, pointers, columns, values, scale, most)
+            if _spread(size, most) < GOOD:
+                break
+            _refine(size, most, scale)
     upper = values[size:]
-    for _sweep in range(sweeps):
-        for k in range(size):
-            most[k] = fabs(values[k]) * scale[k] * scale[k]
-        for k in range(size):
-            own = scale[k]
-            highest = most[k]
-            for e in range(pointers[k], pointers[k + 1]):
-                other = columns[e]
-                value = fabs(upper[e]) * own * scale[other]
-                highest = max(highest, value)
-                most[other] = max(most[other], value)
-            most[k] = highest
-        if _refresh(size, most, scale) < enough:
-            break
     for k in range(size):
         own = scale[k]
         values[k] = values[k] * own * own
