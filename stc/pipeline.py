@@ -365,11 +365,36 @@ def load(spec: str | os.PathLike[str], **constants: float) -> Model:
     return Model(read_source(spec), constants)
 
 
+def problem_of(solution: Solution) -> Problem:
+    """The problem that a solution solves, read anew from the text that it carries.
+
+    Raises:
+        SpecError: the text is not a spec.
+    """
+    path = str(Path(solution.directory) / f"{solution.name}.stc") if solution.directory else ""
+    source = Source(f"{solution.name}.stc", solution.source, path)
+    return elaborate(parse(source), solution.overrides, solution.method)
+
+
 def replay(solution: Solution | str | os.PathLike[str], **options: Any) -> Any:
-    """Replays a solution in MuJoCo and judges it: :func:`stc.validate.validate`."""
+    """Replays a solution in MuJoCo and judges it, the spec's own statements between the frames included.
+
+    Args:
+        solution: a solution or its file.
+        **options: of :func:`stc.validate.validate`.
+
+    Returns:
+        A :class:`stc.validate.Report`.
+    """
+    from stc.between import check_statements
     from stc.validate import validate
 
-    return validate(solution, **options)
+    motion = solution if isinstance(solution, Solution) else read(solution)
+    try:
+        statements = check_statements(problem_of(motion), motion) if motion.n else []
+    except StcError:  # a motion from elsewhere, whose text is no spec
+        statements = []
+    return validate(solution, statements=statements, **options)
 
 
 __all__ = [
@@ -378,6 +403,7 @@ __all__ = [
     "elaborate",
     "load",
     "parse",
+    "problem_of",
     "read_source",
     "replay",
     "resample",

@@ -97,18 +97,25 @@ def apply_fields(model: mujoco.MjModel, solution: Solution) -> dict[str, float]:
     Raises:
         ModelError: an unknown path, or a value that is no single number.
     """
+    values = {line.path: single_number(line) for line in lines_of(solution, "set")}
+    set_fields(model, values)
+    return {".".join(path): value for path, value in values.items()}
+
+
+def set_fields(model: mujoco.MjModel, values: Mapping[tuple[str, ...], float]) -> None:
+    """Set model fields by their paths, and let MuJoCo derive its constants anew.
+
+    Raises:
+        ModelError: an unknown path.
+    """
     import mujoco
 
-    values = {}
-    for line in lines_of(solution, "set"):
-        value = single_number(line)
-        if line.path[0] == "option":
-            _set_option(model, line.path, value)
+    for path, value in values.items():
+        if path[0] == "option":
+            _set_option(model, path, value)
         else:
-            _set_field(model, line.path, value)
-        values[line.name] = value
+            _set_field(model, path, value)
     mujoco.mj_setConst(model, mujoco.MjData(model))
-    return values
 
 
 def _set_option(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> None:

@@ -13,14 +13,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.solution import ReplayChannel, Solution
+from stc.solution import Solution
 from stc.validate.metrics import FloatArray
-from stc.validate.model import ModelError, find_object, lines_of, nearest
+from stc.validate.model import ModelError, find_actuator, find_object, lines_of, nearest
 from stc.validate.signals import Signals
 
 if TYPE_CHECKING:
@@ -46,10 +47,7 @@ class Controls(Signals):
         """
         super().__init__(solution, lines_of(solution, "actuator"))
         self.names = [line.name for line in self.lines]
-        self.actuators = [find_object(model, "actuator", name, f"actuator {name}") for name in self.names]
-        for name, index in zip(self.names, self.actuators):
-            if model.actuator_ctrlnum[index] != 1:
-                raise ModelError(f"actuator {name} takes {model.actuator_ctrlnum[index]} controls, not one")
+        self.actuators = [find_actuator(model, name) for name in self.names]
         self.addresses = np.array([model.actuator_ctrladr[index] for index in self.actuators], dtype=np.intp)
 
     def beyond_range(self, model: mujoco.MjModel) -> list[str]:
@@ -75,22 +73,20 @@ class _Target:
     part: int = -1
 
 
-class OuterForces(Signals):
-    """Forces on the model that are not its actuators': ``apply`` or ``contact`` lines."""
+class Attachments:
+    """Where outer forces act on a model, and what they amount to."""
 
-    def __init__(self, model: mujoco.MjModel, solution: Solution, kinds: tuple[str, ...]) -> None:
-        """Tie the lines of the given kinds to the model.
+    def __init__(self, model: mujoco.MjModel, lines: Sequence[tuple[str, tuple[str, ...]]]) -> None:
+        """Find the places of lines given by their kind and path.
 
         Raises:
             ModelError: an unknown path.
         """
-        super().__init__(solution, [line for kind in kinds for line in lines_of(solution, kind)])
-        self._targets = [_target(model, line) for line in self.lines]
+        self.names = [f"{kind} {'.'.join(path)}" for kind, path in lines]
+        self._targets = [_target(model, name, path) for name, (_, path) in zip(self.names, lines)]
 
-    @property
-    def names(self) -> list[str]:
-        """The lines as they are written: ``contact body.base.fx``."""
-        return [f"{line.kind} {line.name}" for line in self.lines]
+    def __len__(self) -> int:
+        return len(self.names)
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData, values: FloatArray) -> None:
         """Set ``qfrc_applied`` to what the forces amount to in the state of ``data``.
@@ -100,7 +96,7 @@ class OuterForces(Signals):
             data: its ``qpos`` counts; kinematics are brought up to date.
             values: (k,) the forces.
         """
-        if not self.lines:
+        if not self.names:
             return
         import mujoco
 
@@ -122,9 +118,23 @@ class OuterForces(Signals):
         data.qfrc_applied[:] += total
 
 
-def _target(model: mujoco.MjModel, line: ReplayChannel) -> _Target:
-    written = f"{line.kind} {line.name}"
-    kind, *rest = line.path
+class OuterForces(Signals):
+    """Forces on the model that are not its actuators': ``apply`` or ``contact`` lines over time."""
+
+    def __init__(self, model: mujoco.MjModel, solution: Solution, kinds: tuple[str, ...]) -> None:
+        """Tie the lines of the given kinds to the model.
+
+        Raises:
+            ModelError: an unknown path.
+        """
+        super().__init__(solution, [line for kind in kinds for line in lines_of(solution, kind)])
+        self._places = Attachments(model, [(line.kind, line.path) for line in self.lines])
+        #: See :meth:`Attachments.apply`.
+        self.apply = self._places.apply
+
+
+def _target(model: mujoco.MjModel, written: str, path: tuple[str, ...]) -> _Target:
+    kind, *rest = path
     if kind not in ("joint", "body", "site"):
         known = nearest(kind, ["joint", "body", "site"])
         raise ModelError(f"{written}: a force acts on a joint, a body or a site, not on {kind}{known}")

@@ -22,6 +22,7 @@ class Metric:
         value: the number; infinite or not a number where the simulation broke down.
         unit: ``m``, ``rad``, ``s``, ``share`` (of one), ``times``, or "" where it has none that is known.
         limit: the largest value that passes, or None for a number that is reported only.
+        at_least: whether the limit is the smallest value that passes instead.
     """
 
     name: str
@@ -29,13 +30,15 @@ class Metric:
     value: float
     unit: str
     limit: float | None = None
+    at_least: bool = False
 
     @property
     def verdict(self) -> str:
         """``pass``, ``fail``, or ``info`` for a metric without a limit."""
         if self.limit is None:
             return "info"
-        return "pass" if self.value <= self.limit else "fail"
+        good = self.value >= self.limit if self.at_least else self.value <= self.limit
+        return "pass" if good else "fail"
 
     def without_limit(self) -> Metric:
         """The same number for information only."""
@@ -49,6 +52,7 @@ class Metric:
             "value": self.value if math.isfinite(self.value) else None,
             "unit": self.unit,
             "limit": self.limit,
+            "at_least": self.at_least,
             "verdict": self.verdict,
         }
 

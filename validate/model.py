@@ -153,27 +153,49 @@ def _require_finite(line: ReplayChannel) -> None:
                 raise ModelError(f"{line.kind} {line.name}: not a finite number at frame {frame}")
 
 
+def find_actuator(model: mujoco.MjModel, name: str) -> int:
+    """The index of an actuator that takes one control.
+
+    Raises:
+        ModelError: there is none of this name, or it takes several.
+    """
+    index = find_object(model, "actuator", name, f"actuator {name}")
+    if model.actuator_ctrlnum[index] != 1:
+        raise ModelError(f"actuator {name} takes {model.actuator_ctrlnum[index]} controls, not one")
+    return index
+
+
+def find_joint(model: mujoco.MjModel, name: str) -> tuple[int, int, str]:
+    """A slide or hinge joint: its index in ``qpos``, its index in ``qvel``, its unit.
+
+    Raises:
+        ModelError: there is none of this name, or it has several coordinates.
+    """
+    import mujoco
+
+    units = {int(mujoco.mjtJoint.mjJNT_SLIDE): "m", int(mujoco.mjtJoint.mjJNT_HINGE): "rad"}
+    index = find_object(model, "joint", name, f"joint {name}")
+    unit = units.get(int(model.jnt_type[index]))
+    if unit is None:
+        raise ModelError(
+            f"joint {name}: a ball or free joint has several coordinates and cannot take one expression; "
+            "build it from slide and hinge joints"
+        )
+    return int(model.jnt_qposadr[index]), int(model.jnt_dofadr[index]), unit
+
+
 def tied_joints(model: mujoco.MjModel, solution: Solution) -> list[Tie]:
     """The joints that the spec's ``joint`` lines speak of, with their velocities.
 
     Raises:
         ModelError: an unknown joint, one with several coordinates, or one whose velocity the solution lacks.
     """
-    import mujoco
-
-    units = {int(mujoco.mjtJoint.mjJNT_SLIDE): "m", int(mujoco.mjtJoint.mjJNT_HINGE): "rad"}
     ties = []
     for line in lines_of(solution, "joint"):
-        index = find_object(model, "joint", line.name, f"joint {line.name}")
-        unit = units.get(int(model.jnt_type[index]))
-        if unit is None:
-            raise ModelError(
-                f"joint {line.name}: a ball or free joint has several coordinates and cannot take one "
-                "expression; build it from slide and hinge joints"
-            )
+        position, velocity, unit = find_joint(model, line.name)
         if line.rate is None:
             raise ModelError(f"joint {line.name}: the solution does not know how fast it moves at the start")
-        ties.append(Tie(line.name, int(model.jnt_qposadr[index]), int(model.jnt_dofadr[index]), unit, line))
+        ties.append(Tie(line.name, position, velocity, unit, line))
     return ties
 
 

@@ -48,4 +48,6 @@ def statement_metrics(checks: Sequence[StatementCheck], method: str) -> list[Met
 
 
 def _subject(check: StatementCheck) -> str:
+    if check.share == 0.0:
+        return "every equation" if check.equality else "every inequality"
     return f"{check.place}: {check.text} at t = {check.time:.4g} s"

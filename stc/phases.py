@@ -1,0 +1,96 @@
+"""The stretches of a motion on which the same equations hold.
+
+A spec may state other equations of motion before and after a contact.  Between two frames the set of
+statements that hold is known from their ranges; neighbouring steps with the same set make one phase.
+Statements on single frames (starts, ends, waypoints) belong to none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from stc.problem import DefinitionRef, Problem, Relation, VariableRef
+from stc.rates import time_derivative
+from stc.symbolic.expr import Expr, substitute, sym, symbols
+
+
+@dataclass(frozen=True, slots=True)
+class Equation:
+    """An equation of the spec as it reads in one phase.
+
+    Attributes:
+        body: what must be zero; ranged definitions replaced by the piece that holds, sides of jumps dropped.
+        relation: the statement that it comes from.
+    """
+
+    body: Expr
+    relation: Relation
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """Frames ``first`` to ``last`` and the equations that hold on every step between them."""
+
+    first: int
+    last: int
+    equations: tuple[Equation, ...]
+
+    def __str__(self) -> str:
+        return f"frames {self.first} to {self.last}"
+
+
+def phases(problem: Problem) -> list[Phase]:
+    """All phases in the order of time; none where the motion has one frame only."""
+    wide = [r for r in problem.relations if r.is_equality and r.range.first < r.range.last]
+    found: list[Phase] = []
+    for first, last in stretches(problem, wide):
+        here = [r for r in wide if r.range.first <= first and last <= r.range.last]
+        equations = tuple(Equation(_difference(problem, r, first), r) for r in here)
+        if found and [e.body for e in found[-1].equations] == [e.body for e in equations]:
+            found[-1] = replace(found[-1], last=last)
+        else:
+            found.append(Phase(first, last, equations))
+    return found
+
+
+def stretches(problem: Problem, relations: Iterable[Relation]) -> list[tuple[int, int]]:
+    """Stretches of frames on which each of some statements holds or does not, and each definition is one piece.
+
+    A definition under range headers means between two frames what it means at the first of them.
+    """
+    pieces = [piece.range for several in problem.definitions.values() for piece in several]
+    cuts = {0, problem.n} | {k for r in relations for k in (r.range.first, r.range.last)}
+    cuts |= {k for r in pieces for k in (r.first, r.last + 1) if k <= problem.n}
+    return list(pairwise(sorted(cuts)))
+
+
+def _difference(problem: Problem, relation: Relation, first: int) -> Expr:
+    """An equation's left side less its right side, as it reads after frame ``first``."""
+    body = relation.body if relation.lower is None else relation.body - relation.lower
+    return resolved(problem, body, first)
+
+
+def resolved(problem: Problem, body: Expr, first: int) -> Expr:
+    """An expression as it reads between frame ``first`` and the next one.
+
+    Ranged definitions become the piece that holds at that frame (the later of two), variables lose the side of
+    a jump.
+    """
+    while True:
+        changes: dict[object, Expr] = {}
+        for key in symbols(body):
+            if isinstance(key, DefinitionRef):
+                holding = [
+                    piece.body
+                    for piece in problem.definitions.get(key.name, ())
+                    if piece.range.first <= first <= piece.range.last
+                ]
+                if holding:
+                    changes[key] = time_derivative(holding[-1], key.order)
+            elif isinstance(key, VariableRef) and key.side:
+                changes[key] = sym(replace(key, side=""))
+        if not changes:
+            return body
+        body = substitute(body, changes)

@@ -1,0 +1,492 @@
+"""Does a spec state its model's equations of motion?  Compared at random states, and by the term where not.
+
+MuJoCo says which accelerations follow from a state and its forces.  The spec says so too, once those of its
+equations are found that are equations of motion (:mod:`stc.studies.spec_equations`): the ones that MuJoCo's
+accelerations satisfy, if these suffice to determine all accelerations; otherwise further ones join until they
+do, and the tables of terms (:mod:`stc.studies.terms`) tell where they differ from the model's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.errors import UsageError
+from stc.phases import Phase, phases
+from stc.problem import ParameterRef, Problem, VariableRef
+from stc.studies.spec_equations import SpecEquations, State, constant_values
+from stc.studies.terms import (
+    DAMPING,
+    FORCE,
+    MASS,
+    PRODUCT,
+    STATIC,
+    Difference,
+    Term,
+    differences,
+    matched,
+    scales,
+)
+from stc.symbolic.expr import evaluate, symbols
+from stc.validate import limits
+from stc.validate.metrics import Metric
+from stc.validate.model import find_model
+from stc.validate.model_equations import ModelEquations
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderResult
+
+FloatArray = NDArray[np.float64]
+
+#: States at which rows are recognised, and at which terms are compared.
+_PROBES, _TABLES = 64, 12
+
+#: An equation holds at MuJoCo's accelerations when it leaves less than this share of its terms.
+_HOLDS = 1e-8
+
+#: Findings that a person is shown.
+_SHOWN = 10
+
+#: Half-widths of the intervals that positions, velocities and forces are drawn from.
+_POSITION, _VELOCITY, _FORCE = np.pi, 4.0, 10.0
+
+
+@dataclass(slots=True, kw_only=True)
+class EquationReport:
+    """A spec's equations of motion against its model's.
+
+    Attributes:
+        spec: name of the spec.
+        model: file name of the model.
+        states: number of random states in each phase.
+        metrics: per phase and joint the largest difference; per kind of term the same.
+        findings: where they differ, the most telling line first; empty if they agree.
+        notes: what a reader should know besides.
+    """
+
+    spec: str
+    model: str
+    states: int
+    metrics: list[Metric] = field(default_factory=list)
+    findings: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def passed(self) -> bool:
+        """Whether something was compared and nothing differs."""
+        verdicts = [metric.verdict for metric in self.metrics]
+        return not self.findings and "pass" in verdicts and "fail" not in verdicts
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as JSON takes it."""
+        return {
+            "passed": self.passed,
+            "spec": self.spec,
+            "model": self.model,
+            "states": self.states,
+            "metrics": [metric.to_dict() for metric in self.metrics],
+            "findings": list(self.findings),
+            "notes": list(self.notes),
+        }
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Rich shows what differs first, then a table of what was compared."""
+        from rich.table import Table
+        from rich.text import Text
+
+        for finding in self.findings[:_SHOWN]:
+            yield Text(finding, style="bold red")
+        if len(self.findings) > _SHOWN:
+            yield Text(f"and {len(self.findings) - _SHOWN} more terms", style="red")
+        title = f"{self.spec} against {self.model} at {self.states} random states"
+        table = Table(title=title, title_justify="left", title_style="bold")
+        for heading in ("metric", "of", "value", "limit", "verdict"):
+            table.add_column(heading, justify="right" if heading in ("value", "limit") else "left")
+        colours = {"pass": "green", "fail": "bold red", "info": "dim"}
+        for metric in self.metrics:
+            table.add_row(
+                metric.name,
+                metric.subject,
+                f"{metric.value:.3g} {metric.unit}",
+                f"{metric.limit:.3g} {metric.unit}",
+                Text(metric.verdict, style=colours[metric.verdict]),
+            )
+        yield table
+        for note in self.notes:
+            yield Text(f"note: {note}", style="yellow")
+        yield Text("passed" if self.passed else "failed", style="bold green" if self.passed else "bold red")
+
+
+def check_equations(
+    problem: Problem, model: str | None = None, *, states: int = limits.EQUATION_STATES, seed: int = 0
+) -> EquationReport:
+    """Compare a spec's equations of motion with those of its model.
+
+    Args:
+        problem: the spec with its numbers.
+        model: another model file than the one that the spec names.
+        states: number of random states per phase.
+        seed: of the random states.
+
+    Raises:
+        UsageError: the spec names no model, or its expressions have no value at random states.
+        ModelError: the model does not fit the replay section.
+    """
+    name = model or problem.model
+    if name is None:
+        raise UsageError(f"{problem.name} names no model", "a `replay:` section ties a spec to its model")
+    folder = [Path(problem.source.path).parent] if problem.source.path else []
+    path = find_model(name, [Path()] if model else folder)
+    rng = np.random.default_rng(seed)
+    numbers = constant_values(problem, _parameters(problem, rng), float(rng.uniform(0.0, 1.0)))
+    lines = {kind: [c for c in problem.replay if c.kind == kind] for kind in ("joint", "actuator", "set")}
+    outer = [c for c in problem.replay if c.kind in ("apply", "contact")]
+    mechanics = ModelEquations(
+        path,
+        {c.path: float(evaluate(c.body, numbers)) for c in lines["set"]},
+        [".".join(c.path) for c in lines["joint"]],
+        [".".join(c.path) for c in lines["actuator"]],
+        [(c.kind, c.path) for c in outer],
+    )
+    report = EquationReport(spec=problem.name, model=path.name, states=states, notes=list(mechanics.notes))
+    done: list[list[object]] = []
+    for phase in _wide_phases(problem):
+        spec = SpecEquations(
+            problem,
+            phase,
+            [c.body for c in lines["joint"]],
+            [c.body for c in (*lines["actuator"], *outer)],
+            numbers,
+        )
+        same = [e.body for e in (*spec.dynamic, *spec.laws)]
+        if same not in done:
+            done.append([*same])
+            _Comparison(spec, mechanics, report, rng).run(states)
+    return report
+
+
+def _wide_phases(problem: Problem) -> list[Phase]:
+    """The phases, but for end frames that central differences do not reach."""
+    reach = 0
+    if problem.method == "central":
+        keys = [k for r in problem.relations for k in symbols(r.body) if isinstance(k, VariableRef)]
+        reach = (max((key.order for key in keys), default=0) + 1) // 2
+    found = [p for p in phases(problem) if p.last > reach and p.first < problem.n - reach]
+    if not found:
+        raise UsageError(f"{problem.name} has a single frame: there is no motion to compare")
+    return found
+
+
+def _parameters(problem: Problem, rng: np.random.Generator) -> dict[str, float]:
+    """A value for every parameter, near its guess."""
+    found = dict.fromkeys(problem.parameters, 1.0)
+    for guess in problem.guesses:
+        if guess.name in found:
+            known = constant_values(problem, found, 0.0)
+            if all(key in known for key in symbols(guess.body)):
+                found[guess.name] = float(evaluate(guess.body, known))
+    moving = {k.name for c in problem.replay for k in symbols(c.body) if isinstance(k, ParameterRef)}
+    moving |= {k.name for r in problem.relations for k in symbols(r.body) if isinstance(k, ParameterRef)}
+    return {
+        name: value * float(rng.uniform(0.8, 1.2)) if name in moving else value
+        for name, value in found.items()
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    """The spec and the model at the same S states, in joint coordinates.
+
+    The spec says ``matrix q'' + offset = 0``, the model ``mass q'' + bias = force``.
+    """
+
+    state: State
+    q: FloatArray
+    qd: FloatArray
+    matrix: FloatArray
+    offset: FloatArray
+    mass: FloatArray
+    bias: FloatArray
+    force: FloatArray
+
+
+class _Comparison:
+    """One phase of one spec."""
+
+    def __init__(
+        self,
+        spec: SpecEquations,
+        model: ModelEquations,
+        report: EquationReport,
+        rng: np.random.Generator,
+    ) -> None:
+        self.spec, self.model, self.report, self.rng = spec, model, report, rng
+        self.k = len(model.joints)
+
+    def run(self, states: int) -> None:
+        if len(self.spec.coordinates) != self.k:
+            names = ", ".join(self.spec.coordinates)
+            raise UsageError(
+                f"the joint lines are expressions of {len(self.spec.coordinates)} variables ({names}) for "
+                f"{self.k} joints",
+                "equations of motion can be compared where there is one variable for each joint",
+            )
+        self._note_skipped()
+        probe = self._sample(_PROBES)
+        true = self._rows_that_hold(probe)
+        rows = self._enough(probe, true)
+        if len(rows) < self.k:
+            self._incomplete(probe, rows)
+            return
+        shares = self._shares(self._sample(states), rows)
+        for joint, share in zip(self.model.joints, shares):
+            self._metric("equations of motion", f"joint {joint}", share)
+        self._compare_terms(rows, bool(np.all(shares <= limits.EQUATIONS)))
+
+    def _metric(self, name: str, subject: str, value: float) -> None:
+        phase = self.spec.phase
+        subject = f"{subject}, {phase}"
+        self.report.metrics.append(Metric(name, subject, float(value), "share", limits.EQUATIONS))
+
+    def _note_skipped(self) -> None:
+        for equation in self.spec.skipped:
+            place = equation.relation.span.location
+            note = f"{place}: not linear in second derivatives, or with values of other frames: not compared"
+            if note not in self.report.notes:
+                self.report.notes.append(note)
+
+    # ------------------------------------------------------------------ states
+
+    def _sample(self, count: int) -> _Sample:
+        """Random states at which everything has a value."""
+        k, m = self.k, len(self.spec.auxiliaries)
+        draws = ((-_POSITION, _POSITION), (0.1, 1.0), (-0.3, 0.3))
+        for low, high in draws:
+            shape = (2 * count, k)
+            state = State(
+                self.rng.uniform(low, high, shape),
+                self.rng.uniform(-_VELOCITY, _VELOCITY, shape),
+                self.rng.uniform(-_FORCE, _FORCE, (2 * count, m)),
+            )
+            with np.errstate(all="ignore"):
+                found = self._at(state)
+            if found is not None and len(found.q) >= count:
+                return found if len(found.q) == count else _first(found, count)
+        raise UsageError(
+            "the equations of motion have no value at random positions",
+            "a square root, a logarithm or a division may be the reason",
+        )
+
+    def _at(self, state: State) -> _Sample | None:
+        """Spec and model at those of the given states where both have values."""
+        linear = self.spec.linear(state)
+        jacobian, rest = self.spec.joint_map(linear.state)
+        q, lines = self.spec.joint_positions(linear.state), self.spec.force_values(linear.state)
+        arrays: Sequence[FloatArray] = (linear.matrix, linear.offset, jacobian, rest, q, lines)
+        good = np.ones(len(q), dtype=bool)
+        for array in arrays:
+            good &= np.isfinite(array.reshape(len(q), -1)).all(axis=1)
+        good[good] &= np.linalg.cond(jacobian[good]) < 1e8
+        if not good.any():
+            return None
+        kept = State(linear.state.x[good], linear.state.v[good], linear.state.z[good])
+        jacobian, rest, q, lines = jacobian[good], rest[good], q[good], lines[good]
+        matrix = linear.matrix[good] @ np.linalg.inv(jacobian)
+        offset = linear.offset[good] - (matrix @ rest[..., None])[..., 0]
+        qd = (jacobian @ kept.v[..., None])[..., 0]
+        mass, bias, force = self._model_at(q, qd, lines)
+        return _Sample(kept, q, qd, matrix, offset, mass, bias, force)
+
+    def _model_at(
+        self, q: FloatArray, qd: FloatArray, lines: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        driven = len(self.model.actuators)
+        mass, bias, force = np.zeros((*q.shape, self.k)), np.zeros_like(q), np.zeros_like(q)
+        for s in range(len(q)):
+            mass[s] = self.model.mass_matrix(q[s])
+            bias[s] = self.model.bias(q[s], qd[s])
+            force[s] = self.model.force(q[s], qd[s], lines[s, :driven], lines[s, driven:])
+        return mass, bias, force
+
+    # ------------------------------------------------------- which rows are meant
+
+    def _rows_that_hold(self, probe: _Sample) -> list[int]:
+        """The equations that MuJoCo's accelerations satisfy at every state."""
+        acceleration = np.linalg.solve(probe.mass, (probe.force - probe.bias)[..., None])[..., 0]
+        parts = probe.matrix * acceleration[:, None, :]
+        left = parts.sum(axis=2) + probe.offset
+        size = np.abs(parts).sum(axis=2) + np.abs(probe.offset)
+        holds = np.abs(left) <= _HOLDS * np.where(size > 0.0, size, 1.0)
+        involved = np.abs(probe.matrix).max(axis=(0, 2)) > 0.0
+        return [int(row) for row in np.flatnonzero(holds.all(axis=0) & involved)]
+
+    def _enough(self, probe: _Sample, true: Sequence[int]) -> list[int]:
+        """k equations that determine all accelerations, the true ones first; fewer if there are not so many."""
+        others = [row for row in range(self.spec.size) if row not in true]
+        others.sort(key=self._standing)
+        chosen: list[int] = []
+        for row in (*true, *others):
+            if _rank(probe.matrix[:8, [*chosen, row]]) > len(chosen):
+                chosen.append(row)
+        return sorted(chosen) if len(chosen) == self.k else chosen
+
+    def _standing(self, row: int) -> int:
+        """How much an equation looks like an equation of motion; the lower the more."""
+        equation = self.spec.dynamic[row]
+        if equation.relation.coordinate:
+            return 0
+        keys = [k for k in symbols(equation.body) if isinstance(k, VariableRef)]
+        names = {key.name for key in keys}
+        if names & set(self.spec.auxiliaries):
+            return 1
+        return 2 if len(keys) > 1 else 3
+
+    def _incomplete(self, probe: _Sample, rows: Sequence[int]) -> None:
+        """Names the joints whose accelerations the spec leaves open."""
+        matrix = probe.matrix[0, list(rows)]
+        _, sizes, directions = np.linalg.svd(matrix) if rows else (None, np.zeros(0), np.eye(self.k))
+        open_ = directions[int((sizes > 1e-10 * max(sizes, default=1.0)).sum()) :]
+        weight = np.abs(open_).max(axis=0)
+        for joint in np.flatnonzero(weight > 0.5 * weight.max()):
+            name = self.model.joints[joint]
+            self.report.findings.append(
+                f"joint {name}: the spec states no equation of motion for it on {self.spec.phase}"
+            )
+            self._metric("equations of motion", f"joint {name}", np.inf)
+
+    # ------------------------------------------------------------------ comparing
+
+    def _shares(self, sample: _Sample, rows: Sequence[int]) -> FloatArray:
+        """(k,) largest difference at the states, as a share of the largest generalised force there."""
+        matrix, offset = sample.matrix[:, rows], sample.offset[:, rows]
+        size = np.abs(matrix).max(axis=2)
+        acceleration = -np.linalg.solve(matrix / size[..., None], (offset / size)[..., None])[..., 0]
+        worst = np.zeros(self.k)
+        for s in range(len(acceleration)):
+            needed = self.model.inverse(sample.q[s], sample.qd[s], acceleration[s])
+            largest = max(
+                float(np.abs(f).max())
+                for f in (needed, sample.bias[s], sample.force[s], sample.mass[s] * acceleration[s])
+            )
+            worst = np.maximum(worst, np.abs(needed - sample.force[s]) / (largest or 1.0))
+        return worst
+
+    def _compare_terms(self, rows: Sequence[int], agree: bool) -> None:
+        """Entry by entry: mass matrix, bias, forces."""
+        terms, spec, model = self._tables(self._sample(_TABLES), rows)
+        equations = [self.spec.dynamic[row] for row in rows]
+        maps = None
+        order = [e.relation.coordinate for e in equations]
+        if sorted(order) == sorted(self.spec.coordinates):
+            by_coordinate = [order.index(name) for name in self.spec.coordinates]
+            spec = spec[:, by_coordinate]
+            maps = self._maps
+        table = matched(spec, model, terms, maps)
+        shares = np.abs(table - model) / scales(model, table, terms)[:, None, :]
+        for kind in (MASS, STATIC, PRODUCT, DAMPING, FORCE):
+            columns = [column for column, term in enumerate(terms) if term.kind == kind]
+            if columns:
+                self._metric(f"{kind}, entry by entry", "all joints", float(shares[:, :, columns].max()))
+        found = differences(table, model, terms, self.model.joints)
+        if agree and not found:
+            return
+        self._report(found, [equations[k].relation.span.location for k in range(len(equations))])
+
+    def _report(self, found: Sequence[Difference], places: Sequence[str]) -> None:
+        phase = self.spec.phase
+        for difference in found:
+            self.report.findings.append(f"{difference} ({phase})")
+        if not found:
+            worst = max(self.report.metrics, key=lambda metric: metric.value)
+            self.report.findings.append(
+                f"{worst.subject}: the accelerations differ, though no single term does at unit velocities"
+            )
+        where = ", ".join(dict.fromkeys(places))
+        note = f"the equations of motion that were compared stand at {where}"
+        if note not in self.report.notes:
+            self.report.notes.append(note)
+
+    def _tables(self, base: _Sample, rows: Sequence[int]) -> tuple[list[Term], FloatArray, FloatArray]:
+        """Both sides taken apart at the positions of some states: (S, k, C) tables and their columns."""
+        x, k, joints = base.state.x, self.k, self.model.joints
+        still = State(x, np.zeros_like(x), np.zeros_like(base.state.z))
+        self._maps = self.spec.joint_map(still)[0]
+        back = np.linalg.inv(self._maps)
+
+        def sides(velocity: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+            """What is left of either side without accelerations, (S, k) each, at joint velocities (k,)."""
+            at = self._at(State(x, back @ velocity, np.broadcast_to(z, base.state.z.shape)))
+            assert at is not None
+            return at.offset[:, rows], at.bias - at.force
+
+        rest = np.zeros(len(self.spec.auxiliaries))
+        zero = sides(np.zeros(k), rest)
+        static = "static force (gravity and springs)" if self.model.has_springs else "gravity"
+        terms = [Term(MASS, "", joint) for joint in joints] + [Term(STATIC, static)]
+        spec = [*np.moveaxis(base.matrix[:, rows], 2, 0), zero[0]]
+        model = [*np.moveaxis(base.mass, 2, 0), zero[1]]
+
+        def column(kind: str, words: str, pair: Sequence[FloatArray]) -> None:
+            terms.append(Term(kind, words))
+            spec.append(pair[0])
+            model.append(pair[1])
+
+        unit = np.eye(k)
+        ahead = [sides(unit[j], rest) for j in range(k)]
+        back_ = [sides(-unit[j], rest) for j in range(k)]
+        for j, name in enumerate(joints):
+            even = [0.5 * (a + b) - z for a, b, z in zip(ahead[j], back_[j], zero)]
+            odd = [0.5 * (a - b) for a, b in zip(ahead[j], back_[j])]
+            column(PRODUCT, f"velocity product {name}'^2", even)
+            column(DAMPING, f"damping by {name}'", odd)
+            for other in range(j):
+                both = sides(unit[j] + unit[other], rest)
+                cross = [c - a - b + z for c, a, b, z in zip(both, ahead[j], ahead[other], zero)]
+                column(PRODUCT, f"velocity product {joints[other]}'*{name}'", cross)
+        for m in range(len(self.spec.auxiliaries)):
+            pull = rest.copy()
+            pull[m] = _FORCE
+            given = [(b - a) / _FORCE for a, b in zip(sides(np.zeros(k), pull), zero)]
+            column(FORCE, f"force of {self._line(m)}", given)
+        return terms, np.stack(spec, axis=2), np.stack(model, axis=2)
+
+    def _line(self, auxiliary: int) -> str:
+        """The replay lines that an auxiliary drives, or its own name."""
+        name = self.spec.auxiliaries[auxiliary]
+        lines = [*(f"actuator {one}" for one in self.model.actuators), *self.model.outer]
+        driven = [
+            line
+            for line, body in zip(lines, self.spec.forces)
+            if any(isinstance(key, VariableRef) and key.name == name for key in symbols(body))
+        ]
+        return " and ".join(driven) if driven else f"{name}, which no replay line hands over"
+
+
+def _rank(rows: FloatArray) -> int:
+    """Rank of rows (S, r, k) at most states, each row scaled."""
+    size = np.abs(rows).max(axis=2, keepdims=True)
+    scaled = np.divide(rows, size, out=np.zeros_like(rows), where=size > 0.0)
+    return int(np.median(np.linalg.matrix_rank(scaled, tol=1e-9)))
+
+
+def _first(sample: _Sample, count: int) -> _Sample:
+    """The first ``count`` states of a sample."""
+    state = State(sample.state.x[:count], sample.state.v[:count], sample.state.z[:count])
+    return _Sample(
+        state,
+        sample.q[:count],
+        sample.qd[:count],
+        sample.matrix[:count],
+        sample.offset[:count],
+        sample.mass[:count],
+        sample.bias[:count],
+        sample.force[:count],
+    )
+
+
+__all__ = ["EquationReport", "check_equations"]

@@ -1,0 +1,300 @@
+"""The order of convergence, observed: solve with n, 2n and 4n frames, replay each, see how fast the drift falls.
+
+A replay integrates the solved forces far more finely than the transcription did, so that its drift is the
+transcription's own error (and that of the model, if the spec's equations are wrong: then it does not fall at
+all).  With half the step an error of order p is 2^p times smaller.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stc.errors import Span, UsageError
+from stc.phases import resolved, stretches
+from stc.pipeline import Model
+from stc.problem import IndexRef, Problem, VariableRef
+from stc.solution import Solution
+from stc.studies.spec_equations import constant_values
+from stc.symbolic.expr import evaluate, symbols
+from stc.validate import limits
+from stc.validate.metrics import Metric
+from stc.validate.replay import replay
+from stc.validate.verdict import open_setup
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderResult
+
+#: A frame number may stand this many frames beside a fixed share of the motion: n/2 + 1, n - 1.
+_BESIDE = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """One of the three solves.
+
+    Attributes:
+        n: number of steps.
+        objective: of the solution.
+        iterations: of the solver.
+        drift: largest open-loop drift over the frames, all joints together, in m and rad.
+        joints: the same for each joint.
+    """
+
+    n: int
+    objective: float
+    iterations: int
+    drift: float
+    joints: Mapping[str, float]
+
+
+@dataclass(slots=True, kw_only=True)
+class OrderReport:
+    """How the replay converges.
+
+    Attributes:
+        spec: name of the spec.
+        method: transcription.
+        levels: coarsest first.
+        metrics: the observed order with its limit, then those of the joints.
+        notes: what a reader should know besides.
+    """
+
+    spec: str
+    method: str
+    levels: list[Level]
+    metrics: list[Metric]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the order was observed and is high enough."""
+        return all(metric.verdict != "fail" for metric in self.metrics)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as JSON takes it."""
+        return {
+            "passed": self.passed,
+            "spec": self.spec,
+            "method": self.method,
+            "levels": [
+                {
+                    "n": level.n,
+                    "objective": level.objective,
+                    "iterations": level.iterations,
+                    "drift": level.drift if math.isfinite(level.drift) else None,
+                }
+                for level in self.levels
+            ],
+            "metrics": [metric.to_dict() for metric in self.metrics],
+            "notes": list(self.notes),
+        }
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Rich shows the levels and the observed order."""
+        from rich.table import Table
+        from rich.text import Text
+
+        table = Table(
+            title=f"{self.spec}, {self.method}: convergence of the replay",
+            title_justify="left",
+            title_style="bold",
+        )
+        for heading in ("n", "objective", "iterations", "drift", "order"):
+            table.add_column(heading, justify="right")
+        for k, level in enumerate(self.levels):
+            order = "" if k == 0 else f"{_order(self.levels[k - 1].drift, level.drift):.2f}"
+            table.add_row(
+                str(level.n), f"{level.objective:.9g}", str(level.iterations), f"{level.drift:.3g}", order
+            )
+        yield table
+        for metric in self.metrics:
+            limit = "" if metric.limit is None else f" (at least {metric.limit:g}: {metric.verdict})"
+            yield Text(f"{metric.name}, {metric.subject}: {metric.value:.2f}{limit}")
+        for note in self.notes:
+            yield Text(f"note: {note}", style="yellow")
+        yield Text("passed" if self.passed else "failed", style="bold green" if self.passed else "bold red")
+
+
+def observe_order(
+    model: Model,
+    method: str | None = None,
+    solve: Callable[..., Solution] | None = None,
+) -> OrderReport:
+    """Solve with n, 2n and 4n frames in the same time, replay each, and compare the drifts.
+
+    Args:
+        model: the spec; its n is that of the coarsest solve.
+        method: transcription instead of the spec's own.
+        solve: used in place of ``model.solve``, with the same arguments (to watch it).
+
+    Raises:
+        UsageError: the spec cannot be refined as it is written (the message says where), it names no model, or
+            a solve does not end optimal.
+    """
+    problem = model.problem(method)
+    if problem.model is None:
+        raise UsageError(f"{problem.name} names no model", "a `replay:` section ties a spec to its model")
+    settings = [{}, *(_refined(model, problem, method, factor) for factor in (2, 4))]
+    solve = solve or model.solve
+    levels: list[Level] = []
+    solution: Solution | None = None
+    for overrides in settings:
+        solution = solve(
+            method=method, tolerance=limits.ORDER_TOLERANCE, warm_start=solution, constants=overrides
+        )
+        if solution.status != "optimal":
+            raise UsageError(
+                f"no order of convergence: with n = {solution.n} the solve ended {solution.status}",
+                solution.message,
+            )
+        levels.append(_level(solution))
+    return _judged(problem, levels)
+
+
+def _level(solution: Solution) -> Level:
+    setup = open_setup(solution)
+    motion = replay(setup)
+    gaps = {}
+    for tie in setup.ties:
+        simulated = motion.positions[:, tie.position]
+        gaps[tie.name] = np.minimum(
+            np.abs(simulated - tie.line.value.before), np.abs(simulated - tie.line.value.after)
+        )
+    together = np.sqrt(sum(gap**2 for gap in gaps.values()))
+    return Level(
+        solution.n,
+        solution.objective,
+        solution.iterations,
+        _largest(np.asarray(together)),
+        {name: _largest(gap) for name, gap in gaps.items()},
+    )
+
+
+def _largest(gap: np.ndarray) -> float:
+    return float(gap.max()) if np.all(np.isfinite(gap)) else math.inf
+
+
+def _order(coarse: float, fine: float) -> float:
+    """The order p for which halving the step takes one drift to the other."""
+    if not (math.isfinite(coarse) and math.isfinite(fine)):
+        return math.nan
+    if fine == 0.0:
+        return math.inf
+    return math.log2(coarse / fine) if coarse > 0.0 else math.nan
+
+
+def _judged(problem: Problem, levels: list[Level]) -> OrderReport:
+    limit = limits.ORDER[problem.method]
+    coarse, fine = levels[-2], levels[-1]
+    report = OrderReport(spec=problem.name, method=problem.method, levels=levels, metrics=[])
+    grids = f"n = {coarse.n} to {fine.n}"
+    if coarse.drift <= limits.ORDER_FLOOR:
+        report.notes.append(
+            f"the drift is {coarse.drift:.1e} already with n = {coarse.n}: rounding hides its order"
+        )
+        report.metrics.append(Metric("order of convergence", grids, math.inf, "", limit, at_least=True))
+        return report
+    value = _order(coarse.drift, fine.drift)
+    report.metrics.append(Metric("order of convergence", grids, value, "", limit, at_least=True))
+    for name, drift in fine.joints.items():
+        if coarse.joints[name] > limits.ORDER_FLOOR:
+            value = _order(coarse.joints[name], drift)
+            report.metrics.append(Metric("order of convergence", f"joint {name}", value, ""))
+    return report
+
+
+# ------------------------------------------------------------------ can it be refined?
+
+
+def _refined(model: Model, problem: Problem, method: str | None, factor: int) -> dict[str, float]:
+    """Constants that give the same motion ``factor`` times as many frames.
+
+    Raises:
+        UsageError: the spec does not say what the same motion would be.
+    """
+    overrides = {"n": float(factor * problem.n)}
+    finer = model.problem(method, **overrides)
+    before, after = _durations(problem), _durations(finer)
+    if not np.allclose(after, before, rtol=1e-9):
+        if "h" not in problem.constants:
+            raise UsageError(
+                f"{problem.name} takes another time with {factor} times as many frames",
+                "give the duration and let h follow from it, as in `T = 2, h = T/n`",
+            )
+        overrides["h"] = problem.constants["h"] / factor
+        finer = model.problem(method, **overrides)
+        if not np.allclose(_durations(finer), before, rtol=1e-9):
+            raise UsageError(f"{problem.name} takes another time with {factor} times as many frames")
+    for term in problem.objective:
+        if not term.integral and term.range.first < term.range.last:
+            raise UsageError(
+                f"{term.span.location}: a plain sum over frames grows with n and converges only at first order",
+                f"write `integral({term.text})`",
+            )
+    for (where, span), (other, _) in zip(_frames(problem), _frames(finer), strict=True):
+        # Frames of the form a*n + b: b is what does not scale.
+        fixed = (factor * where - other) / (factor - 1)
+        if abs(fixed) > _BESIDE + 1e-9:
+            place = span.location if span is not None else problem.name
+            share = f"{where:g}/{problem.n}*n"
+            raise UsageError(
+                f"{place}: frame {where:g} would be frame {other:g} of {finer.n}: it does not keep its share",
+                f"write frame numbers as shares of n, here `{share}`",
+            )
+    return overrides
+
+
+def _durations(problem: Problem) -> np.ndarray:
+    """The time of the whole motion for two choices of the parameters."""
+    found = []
+    for value in (1.0, 1.7):
+        known = constant_values(problem, dict.fromkeys(problem.parameters, value), 0.0)
+        total = 0.0
+        for first, last in stretches(problem, ()):
+            step = resolved(problem, problem.step, first)
+            values = {**known, **_indices(step, first, last)}
+            total += float(np.sum(np.broadcast_to(np.asarray(evaluate(step, values)), (last - first,))))
+        found.append(total)
+    return np.array(found)
+
+
+def _indices(step: Any, first: int, last: int) -> dict[object, Any]:
+    """Values of the index for every step of a stretch, where the step depends on it."""
+    return {key: np.arange(first, last, dtype=float) for key in symbols(step) if isinstance(key, IndexRef)}
+
+
+def _frames(problem: Problem) -> Iterator[tuple[float, Span | None]]:
+    """Every frame number that the spec names, in an order that does not depend on n."""
+    for relation in problem.relations:
+        yield float(relation.range.first), relation.range.span or relation.span
+        yield float(relation.range.last), relation.range.span or relation.span
+        yield from _absolute(relation.body, relation.span)
+    for term in problem.objective:
+        yield float(term.range.first), term.range.span or term.span
+        yield float(term.range.last), term.range.span or term.span
+        yield from _absolute(term.body, term.span)
+    for pieces in problem.definitions.values():
+        for piece in pieces:
+            yield float(piece.range.first), piece.range.span or piece.span
+            yield float(piece.range.last), piece.range.span or piece.span
+    for jump in problem.jumps:
+        yield float(jump.frame), jump.span
+
+
+def _absolute(body: Any, span: Span) -> Iterator[tuple[float, Span | None]]:
+    """Absolute indices such as ``x[20]``."""
+    for key in sorted((k for k in symbols(body) if isinstance(k, VariableRef)), key=_structure):
+        if key.scale == 0:
+            yield float(key.shift), span
+
+
+def _structure(key: VariableRef) -> tuple[str, int, float]:
+    return key.name, key.order, float(key.shift)
+
+
+__all__ = ["Level", "OrderReport", "observe_order"]

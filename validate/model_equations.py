@@ -1,0 +1,129 @@
+"""A model's equations of motion for whoever wants to compare their own: numbers in, numbers out.
+
+The model is set up by what a ``replay:`` section names, without any motion: joints by name, in the caller's
+order, actuators and outer forces by their lines.  With q the joints, v and a their first and second time
+derivatives, u the controls and f the outer forces, the model says
+
+    M(q) a + c(q, v) = Q(q, v, u, f)
+
+where c holds gravity, springs, velocity products and damping, and Q what actuators and outer forces give.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.validate.dynamics import SmoothDynamics
+from stc.validate.fields import set_fields
+from stc.validate.forces import Attachments
+from stc.validate.metrics import FloatArray
+from stc.validate.model import ModelError, find_actuator, find_joint, load_model, names_of
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+class ModelEquations:
+    """The smooth equations of motion of a model, in the caller's order of joints.
+
+    Attributes:
+        joints: names of the joints; k of them, all that the model has.
+        units: ``m`` or ``rad`` per joint.
+        actuators: names of the driven actuators.
+        outer: outer forces as their lines are written: ``apply body.lamp.fx``.
+        has_springs: whether static forces include those of springs.
+        notes: what the model has that equations of motion do not speak of.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        fields: Mapping[tuple[str, ...], float],
+        joints: Sequence[str],
+        actuators: Sequence[str],
+        outer: Sequence[tuple[str, tuple[str, ...]]],
+    ) -> None:
+        """Compile a model and set its fields.
+
+        Raises:
+            ModelError: a name or path that the model does not have, a joint that is not named, or an actuator
+                with a state of its own.
+        """
+        model = load_model(path)
+        set_fields(model, fields)
+        found = [find_joint(model, name) for name in joints]
+        self.joints, self.units = list(joints), [unit for _, _, unit in found]
+        self.actuators = list(actuators)
+        loose = [name for name in names_of(model, "joint") if name not in self.joints]
+        if len(found) != model.nv or model.nq != model.nv:
+            which = f": {', '.join(loose)}" if loose else ""
+            raise ModelError(f"the replay section does not tie every joint of {path.name}{which}")
+        if model.na:
+            raise ModelError(f"{path.name} has actuators with a state of their own: they answer with delay")
+        self._position = np.array([p for p, _, _ in found], dtype=np.intp)
+        self._velocity = np.array([v for _, v, _ in found], dtype=np.intp)
+        driven = [find_actuator(model, name) for name in self.actuators]
+        self._address = np.array([model.actuator_ctrladr[index] for index in driven], dtype=np.intp)
+        self._places = Attachments(model, outer)
+        self.outer = self._places.names
+        self.has_springs = bool(np.any(model.jnt_stiffness != 0.0))
+        self.notes = _leftovers(model)
+        self._dynamics = SmoothDynamics(model)
+        self._controls = np.zeros(model.nu)
+
+    def _put(self, q: FloatArray, v: FloatArray) -> None:
+        data = self._dynamics.data
+        data.qpos[self._position] = q
+        data.qvel[self._velocity] = v
+
+    def mass_matrix(self, q: FloatArray) -> FloatArray:
+        """(k, k) M."""
+        self._put(q, np.zeros(len(q)))
+        return self._dynamics.mass_matrix()[np.ix_(self._velocity, self._velocity)]
+
+    def bias(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """(k,) c."""
+        self._put(q, v)
+        return self._dynamics.bias()[self._velocity]
+
+    def force(self, q: FloatArray, v: FloatArray, u: FloatArray, f: FloatArray) -> FloatArray:
+        """(k,) Q."""
+        self._put(q, v)
+        dynamics = self._dynamics
+        self._controls[self._address] = u
+        dynamics.data.qfrc_applied[:] = 0.0
+        self._places.apply(dynamics.model, dynamics.data, f)
+        return (dynamics.actuation(self._controls) + dynamics.data.qfrc_applied)[self._velocity]
+
+    def inverse(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """(k,) ``mj_inverse``: the generalised force that the motion needs."""
+        self._put(q, v)
+        acceleration = np.zeros(len(a))
+        acceleration[self._velocity] = a
+        return self._dynamics.inverse(acceleration)[self._velocity]
+
+
+def _leftovers(model: mujoco.MjModel) -> list[str]:
+    """What acts in the model besides its smooth equations of motion."""
+    import mujoco
+
+    notes = []
+    dry = [name for name in names_of(model, "joint") if model.dof_frictionloss[_dof(model, name)] != 0.0]
+    if dry:
+        notes.append(f"dry friction is left out of the comparison: {', '.join(dry)}")
+    limited = [
+        name
+        for name in names_of(model, "joint")
+        if model.jnt_limited[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)]
+    ]
+    if limited:
+        notes.append(f"the model's own joint limits are left out of the comparison: {', '.join(limited)}")
+    return notes
+
+
+def _dof(model: mujoco.MjModel, name: str) -> int:
+    return find_joint(model, name)[1]
