@@ -33,9 +33,10 @@ ORDINARY = (1e-2, 1e3)  # magnitudes of variables that are left alone
 
 def relative_violation(values: Floats, lower: Floats, upper: Floats) -> Floats:
     """Violation of ``lower <= values <= upper``, each relative to ``max(1, |bound|)``; nan counts as inf."""
-    below = np.where(np.isfinite(lower), (lower - values) / np.maximum(1.0, np.abs(lower)), 0.0)
-    above = np.where(np.isfinite(upper), (values - upper) / np.maximum(1.0, np.abs(upper)), 0.0)
-    worst = np.maximum(np.maximum(below, above), 0.0)
+    with np.errstate(invalid="ignore"):
+        below = np.where(np.isfinite(lower), (lower - values) / np.maximum(1.0, np.abs(lower)), 0.0)
+        above = np.where(np.isfinite(upper), (values - upper) / np.maximum(1.0, np.abs(upper)), 0.0)
+        worst = np.maximum(np.maximum(below, above), 0.0)
     return np.where(np.isnan(worst), np.inf, worst)
 
 
@@ -147,6 +148,10 @@ class ScaledProblem(Formulation):
     def scaled_multipliers(self, y: Floats) -> Floats:
         """Inverse of :meth:`user_multipliers`."""
         return y / self.row_scale * self.objective_scale
+
+    def scaled_bound_multipliers(self, z: Floats) -> Floats:
+        """Multipliers of the bounds of the scaled variables, (n,), for those of the variables as stated."""
+        return z * self.x_scale * self.objective_scale
 
 
 def _factors(gradients: Floats, nearby: Floats) -> Floats:
