@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stc.solver.active_set import newton_on_active_set
 from stc.solver.interior import ACCEPTABLE, End, Outcome, Tactics, feasible_first, optimise
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats
@@ -17,14 +16,13 @@ from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 from stc.solver.status import Status, advice, sentence
+from stc.solver.warm_start import from_neighbour
 
 __all__ = ["minimize"]
 
 PERTURBATION = 0.1
 RESCALINGS = 3
 UNCHANGED = 1e-9
-WARM_STEPS = 12
-WARM_PATIENCE = 3
 
 
 def minimize(
@@ -103,7 +101,9 @@ class _Solve:
         form = self.form = ScaledProblem(self.nlp, x0, options, self.new_kkt)
         if options.warm_start and self.start.row_multipliers is not None:
             y = form.scaled_multipliers(self.start.row_multipliers)
-            outcome = self._settle(self._warm(form, x0 / form.x_scale, y))
+            z = self.start.bound_multipliers
+            z = np.zeros(form.n) if z is None else form.scaled_bound_multipliers(z)
+            outcome = self._settle(self._warm(form, x0 / form.x_scale, y, z))
         else:
             outcome = self._settle(self._barrier(form, x0, Tactics()))
         for again in (self._feasible_first, self._held_barrier, self._nearby)[: options.retries]:
@@ -114,14 +114,11 @@ class _Solve:
             outcome = self._better(outcome, self._settle(again(form, x0)))
         return self._conclude(outcome)
 
-    def _warm(self, form: ScaledProblem, x: Floats, y: Floats) -> Outcome:
-        """Newton's method on the active set of a scaled start; where it fails, a short barrier path to it."""
-        tolerance = self.options.tolerance
-        point, solved = newton_on_active_set(
-            form, x, y, self.monitor, steps=WARM_STEPS, tolerance=tolerance, patience=WARM_PATIENCE
-        )
+    def _warm(self, form: ScaledProblem, x: Floats, y: Floats, z: Floats) -> Outcome:
+        """Steps from a neighbour's scaled solution; where they do not converge, a short barrier path to it."""
+        point = from_neighbour(form, x, y, z, self.options, self.monitor)
         it = warm_iterate(form, x, y)
-        if solved and point is not None:
+        if point is not None:
             return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it)
         return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=Tactics())
 
@@ -175,7 +172,8 @@ class _Solve:
             before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None
             kkt = outcome.form.kkt
             form = self.form = ScaledProblem(self.nlp, point.x, self.options, lambda *_, kkt=kkt: kkt)
-            outcome = self._warm(form, point.x / form.x_scale, form.scaled_multipliers(point.y))
+            it = warm_iterate(form, point.x / form.x_scale, form.scaled_multipliers(point.y))
+            outcome = optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=Tactics())
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome
