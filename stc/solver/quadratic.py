@@ -36,7 +36,7 @@ PRIMAL_SHIFT = 1e-8
 REFINEMENTS = 2
 BARRIER_STEPS = 30
 FIRST_BARRIER = 0.1
-SMALLEST_BARRIER, LARGEST_BARRIER = 1e-8, 1e-2
+SMALLEST_BARRIER, LARGEST_BARRIER = 1e-8, 1.0
 SHORT, MOST_BLOCKED = 1e-2, 3
 """The barrier method ends when more steps than this were that short."""
 ROUGH = 1e-2
@@ -236,13 +236,13 @@ class QuadraticProgram:
         """Predictor and corrector of S. Mehrotra (SIAM J. Optim. 2, 1992), started next to the multipliers given.
 
         Returns:
-            The best point found and its optimality error.
+            The best point found and its optimality error, infinite where no curvature was positive.
         """
         form = self.form
         model = _Model(form, self.point)
         system = NewtonSystem(model)
         it = best = self._on_central_path(model)
-        smallest = errors_of(model, it, 0.0).total
+        smallest = np.inf
         enough = ROUGH * self.point.error
         blocked = 0
         for _ in range(BARRIER_STEPS):
@@ -266,7 +266,7 @@ class QuadraticProgram:
             if not float(it.gap.min(initial=1.0)) > 0.0:  # rounding put it onto a bound
                 break
             error = errors_of(model, it, 0.0).total
-            if error < smallest:
+            if error < smallest and system.shift == 0.0:
                 smallest, best = error, it
             if error <= self.tolerance or (error > FARTHER * smallest and smallest <= enough):
                 break
@@ -285,7 +285,8 @@ class QuadraticProgram:
         mu = float(np.clip(FIRST_BARRIER * point.error, SMALLEST_BARRIER, LARGEST_BARRIER))
         difference = gap - z
         root = np.sqrt(difference * difference + 4.0 * mu)
-        gap, z = np.maximum(0.5 * (root + difference), 0.5 * mu / root), 0.5 * (root - difference)
+        span = (model.upper - model.lower)[model.index]
+        gap = np.minimum(np.maximum(0.5 * (root + difference), 0.5 * mu / root), 0.5 * span)
         order = np.argsort(-gap)  # of two bounds the nearer one decides
         w[model.index[order]] = (model.bound + model.sign * gap)[order]
         w = push_inside(model, w, 1e-8)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stc.solver.interior import ACCEPTABLE, End, Outcome, Tactics, feasible_first, optimise
+from stc.solver.kkt import KKTSystem, structured_kkt
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
@@ -30,7 +31,7 @@ def minimize(
     options: Options | None = None,
     callback: Callback | None = None,
     start: Start | None = None,
-    new_kkt: Callable[..., object] | None = None,
+    new_kkt: Callable[..., KKTSystem] | None = None,
 ) -> Result:
     """Find a local minimum of ``nlp``.
 
@@ -67,14 +68,12 @@ class _Solve:
         options: Options,
         callback: Callback | None,
         start: Start | None,
-        new_kkt: Callable[..., object] | None,
+        new_kkt: Callable[..., KKTSystem] | None,
     ) -> None:
         self.nlp, self.options = nlp, options
         self.start = start or Start(np.asarray(nlp.x0, dtype=float))
         self.monitor = Monitor(options, callback)
-        if new_kkt is None:
-            from stc.solver.kkt import structured_kkt as new_kkt
-        self.new_kkt = new_kkt
+        self.new_kkt: Callable[..., KKTSystem] = new_kkt or structured_kkt
         self.form: ScaledProblem | None = None
 
     def run(self) -> Result:
@@ -124,7 +123,9 @@ class _Solve:
 
     def _feasible_first(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Find a feasible point before looking at the objective."""
-        return feasible_first(form, cold_iterate(form, x0 / form.x_scale), self.options, self.monitor, Tactics())
+        return feasible_first(
+            form, cold_iterate(form, x0 / form.x_scale), self.options, self.monitor, Tactics()
+        )
 
     def _held_barrier(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Solve each barrier problem before the parameter goes down, and go where the violation may grow."""
@@ -232,4 +233,3 @@ class _Solve:
             text,
             self.monitor.history,
         )
-
