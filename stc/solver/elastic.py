@@ -43,13 +43,26 @@ class ElasticKKT:
         """Factorisations of the underlying system."""
         return self._base.factorizations
 
-    def factorize(self, hess: Floats, jac: Floats, primal: Floats, dual: Floats) -> Inertia:
-        """As the underlying system, (p, q) eliminated; their entries of ``primal`` must be positive."""
+    @property
+    def nnz_factor(self) -> int:
+        """Entries of the underlying factorisation."""
+        return self._base.nnz_factor
+
+    @property
+    def last_residual(self) -> float:
+        """Residual of the underlying system's last solve."""
+        return self._base.last_residual
+
+    def factorize(
+        self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
+    ) -> Inertia:
+        """As the underlying system, (p, q) eliminated; their entries of the primal diagonal must be positive."""
+        jac, primal = jac_values, primal_diagonal
         n, m, k = self._n, self._m, self._jac_entries
         self._column_p, self._column_q = jac[k : k + m], jac[k + m :]
         self._p_inverse, self._q_inverse = 1.0 / primal[n : n + m], 1.0 / primal[n + m :]
-        dual = dual + self._column_p**2 * self._p_inverse + self._column_q**2 * self._q_inverse
-        inertia = self._base.factorize(hess, jac[:k], primal[:n], dual)
+        dual = dual_diagonal + self._column_p**2 * self._p_inverse + self._column_q**2 * self._q_inverse
+        inertia = self._base.factorize(hess_values, jac[:k], primal[:n], dual)
         return type(inertia)(inertia.positive + 2 * m, inertia.negative, inertia.zero)
 
     def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:

@@ -10,7 +10,7 @@ and the Lagrangian is ``f + y.(r - s) - z.gap``.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -19,7 +19,12 @@ from stc.solver.nlp import Floats, Ints, Mask
 if TYPE_CHECKING:
     from stc.solver.kkt.contract import KKTSystem
 
-__all__ = ["Formulation"]
+__all__ = ["Formulation", "summed"]
+
+
+def summed(index: Ints, values: Floats, size: int) -> Floats:
+    """Entry k is the sum of the values whose index is k, (size,)."""
+    return cast("Floats", np.bincount(index, weights=values, minlength=size))
 
 
 class Formulation:
@@ -91,26 +96,24 @@ class Formulation:
 
     def jacobian_times(self, jac: Floats, v: Floats) -> Floats:
         """``J v``, (m,)."""
-        return np.bincount(self.jac_rows, weights=jac * v[self.jac_cols], minlength=self.m)
+        return summed(self.jac_rows, jac * v[self.jac_cols], self.m)
 
     def transpose_times(self, jac: Floats, y: Floats) -> Floats:
         """``J^T y``, (n,)."""
-        return np.bincount(self.jac_cols, weights=jac * y[self.jac_rows], minlength=self.n)
+        return summed(self.jac_cols, jac * y[self.jac_rows], self.n)
 
     def hessian_times(self, hess: Floats, v: Floats) -> Floats:
         """``H v``, (n,), from the lower triangle."""
         below = self.off_diagonal
-        product = np.bincount(self.hess_rows, weights=hess * v[self.hess_cols], minlength=self.n)
-        product += np.bincount(
-            self.hess_cols[below], weights=hess[below] * v[self.hess_rows[below]], minlength=self.n
-        )
+        product = summed(self.hess_rows, hess * v[self.hess_cols], self.n)
+        product += summed(self.hess_cols[below], hess[below] * v[self.hess_rows[below]], self.n)
         if self.extra_diagonal is not None:
             product += self.extra_diagonal * v
         return product
 
     def scatter(self, values: Floats) -> Floats:
         """Sum of ``sign * values`` over the gaps of each entry of ``w``, (n + m,)."""
-        return np.bincount(self.index, weights=self.sign * values, minlength=self.size)
+        return summed(self.index, self.sign * values, self.size)
 
     def gap(self, w: Floats) -> Floats:
         """Distance of ``w`` to each bound, (gaps,); positive inside."""

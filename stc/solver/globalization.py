@@ -121,7 +121,8 @@ class LineSearch:
     ) -> float:
         """Move ``it`` along the step; returns the accepted fraction, 0 when there is none.
 
-        Fractions below ``shortest`` of what the bounds allow are not tried.  The derivatives of ``it`` are current on return when the fraction is positive.
+        Fractions below ``shortest`` of what the bounds allow are not tried.  The derivatives of ``it`` are current
+        on return when the fraction is positive.
         """
         form = self.form
         self._jac = it.jac

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.solver.formulation import Formulation
+from stc.solver.formulation import Formulation, summed
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
 
@@ -64,7 +64,7 @@ class NewtonSystem:
         """
         form = self.form
         self._ratio = it.z / it.gap
-        sigma = np.bincount(form.index, weights=self._ratio, minlength=form.size)
+        sigma = summed(form.index, self._ratio, form.size)
         primal = sigma[: form.n]
         if form.extra_diagonal is not None:
             primal = primal + form.extra_diagonal
@@ -146,7 +146,7 @@ class NewtonSystem:
         return "good" if inertia.negative == form.m else "indefinite"
 
     def solve(self, rhs_w: Floats, c: Floats) -> tuple[Floats, Floats]:
-        """Steps ``(dw, dy)`` with right-hand side ``rhs_w`` (n + m,) of the dual and residual ``c`` (m,) of the rows."""
+        """Steps ``(dw, dy)`` for a right-hand side ``rhs_w`` (n + m,) of the dual part and residual ``c`` (m,)."""
         form = self.form
         n = form.n
         scaled = np.where(form.inequality, self._d * rhs_w[n:], 0.0)
