@@ -17,7 +17,7 @@ import numpy as np
 from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.residuals import Assessment, assess
 
-__all__ = ["assess_point", "estimate_multipliers", "stationary_violation"]
+__all__ = ["assess_point", "estimate_multipliers", "possible_gain", "stationary_violation"]
 
 SLACKS = (1e-8, 1e-6, 1e-4, 1e-2)
 """Distances to a bound, relative to ``max(1, |bound|)``, below which it is tried as active."""
@@ -54,8 +54,8 @@ def estimate_multipliers(nlp: NLP, x: Floats, slack: float = 1e-6) -> Floats:
     return _fit(nlp, x, 1.0, *_active(nlp, x, slack))
 
 
-def stationary_violation(nlp: NLP, x: Floats) -> tuple[float, Floats]:
-    """How far ``x`` (n,) is from being stationary for half the sum of the squared violations of the rows.
+def stationary_violation(nlp: NLP, x: Floats, weights: Floats) -> tuple[float, Floats]:
+    """How far ``x`` (n,) is from being stationary for the sum of the squared violations, ``weights`` (m,) times each.
 
     Returns:
         The largest entry of that function's gradient that no bound of a variable holds back, relative to the
@@ -66,12 +66,30 @@ def stationary_violation(nlp: NLP, x: Floats) -> tuple[float, Floats]:
     off = np.maximum(r - nlp.row_upper, 0.0) - np.maximum(nlp.row_lower - r, 0.0)
     off = np.where(np.isfinite(off), off, 0.0)
     _, jac, _ = nlp.derivatives(x, np.zeros(nlp.m), 0.0)
-    terms = jac * off[nlp.jac_rows]
+    terms = jac * (weights * weights * off)[nlp.jac_rows]
     slope = np.bincount(nlp.jac_cols, weights=terms, minlength=nlp.n)
     slope[(slope > 0.0) & (x <= nlp.x_lower)] = 0.0
     slope[(slope < 0.0) & (x >= nlp.x_upper)] = 0.0
     largest = float(np.abs(terms).max(initial=0.0))
     return (float(np.abs(slope).max(initial=0.0)) / largest if largest > 0.0 else 0.0), off
+
+
+def possible_gain(nlp: NLP, x: Floats, y: Floats, z: Floats) -> float:
+    """What the objective may still gain or owe at ``x`` (n,), to first order, relative to ``max(1, |f|)``.
+
+    Sums the error of every condition times the way to where it would hold: multipliers times the distances to
+    their bounds, and slopes times the sizes of the variables.  Unlike a residual it does not depend on units, and it
+    sees when large multipliers make a residual look small.
+    """
+    f, r = nlp.values(x)
+    away_r = np.where(y > 0.0, nlp.row_upper - r, r - nlp.row_lower)
+    away_x = np.where(z > 0.0, nlp.x_upper - x, x - nlp.x_lower)
+    gain = float(np.abs(np.where(y != 0.0, y * away_r, 0.0)).sum())
+    gain += float(np.abs(np.where(z != 0.0, z * away_x, 0.0)).sum())
+    gradient, jac, _ = nlp.derivatives(x, y, 0.0)
+    lagrangian = gradient + np.bincount(nlp.jac_cols, weights=jac * y[nlp.jac_rows], minlength=nlp.n) + z
+    gain += float(np.abs(lagrangian * x).sum())
+    return gain / max(1.0, abs(f))
 
 
 def _active(nlp: NLP, x: Floats, slack: float) -> tuple[Mask, Mask, Mask, Mask]:

@@ -17,25 +17,29 @@ from typing import Any
 import numpy as np
 
 from stc.errors import UsageError
-from stc.solver.dual_estimate import assess_point, stationary_violation
+from stc.solver.dual_estimate import stationary_violation
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlopt_algorithms import Algorithm, Choice, choose, require
+from stc.solver.nlopt_functions import Functions
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
-from stc.solver.point_result import point_result
-from stc.solver.report import Callback, Result, Start
+from stc.solver.point_result import GAIN, Judgement, judge, point_result
 from stc.solver.rays import falls_without_limit
+from stc.solver.report import Callback, Result, Start
 from stc.solver.scaled_problem import relative_violation
 from stc.solver.status import Status
 
 __all__ = ["minimize_with_nlopt"]
 
 X_TOLERANCE = 1e-12
-CONSTRAINT_TOLERANCE = 1e-9
+GRADIENT_TOLERANCE = 1e-13
 SMALL_STEP = 1e-2
 SEARCH_SHARE = 0.8
 LOCAL_EVALUATIONS = 2000
 STATIONARY = 1e-6
+NEARBY, FARTHER = 1e-3, 0.3
+CLEARLY = 0.99
+EARLY = 1e-2
 
 
 def minimize_with_nlopt(
@@ -66,87 +70,13 @@ def _nlopt() -> Any:
     return nlopt
 
 
-class _Functions:
-    """The problem in NLopt's form: free variables only, each point evaluated once."""
+class _Log(Monitor):
+    """A monitor that also knows of points between iterations."""
 
-    def __init__(self, nlp: NLP, x: Floats) -> None:
-        self.nlp = nlp
-        self.free = np.flatnonzero(nlp.x_lower != nlp.x_upper)
-        self.x = x.copy()
-        bounded = np.isfinite(nlp.row_lower) | np.isfinite(nlp.row_upper)
-        equal = (nlp.row_lower == nlp.row_upper) & bounded
-        self.equal = np.flatnonzero(equal)
-        self.above = np.flatnonzero(~equal & np.isfinite(nlp.row_upper))
-        self.below = np.flatnonzero(~equal & np.isfinite(nlp.row_lower))
-        self.f, self.r = 0.0, np.zeros(nlp.m)
-        self.gradient, self.jac = np.zeros(nlp.n), np.zeros(len(nlp.jac_rows))
-        self._valued = self._derived = b""
-        sign = np.concatenate([np.ones(len(self.above)), -np.ones(len(self.below))])
-        self._equality_entries = self._entries([self.equal], np.ones(len(self.equal)))
-        self._inequality_entries = self._entries([self.above, self.below], sign)
-
-    def _entries(self, parts: list[Any], sign: Floats) -> tuple[Any, Any, Any, Floats]:
-        """Where each Jacobian entry goes in a dense matrix of these rows and the free variables."""
-        nlp = self.nlp
-        column = np.full(nlp.n, -1)
-        column[self.free] = np.arange(len(self.free))
-        source, line = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-        at = 0
-        for part in parts:
-            place = np.full(nlp.m, -1)
-            place[part] = at + np.arange(len(part))
-            mine = np.flatnonzero((place[nlp.jac_rows] >= 0) & (column[nlp.jac_cols] >= 0))
-            source.append(mine)
-            line.append(place[nlp.jac_rows[mine]])
-            at += len(part)
-        entry, row = np.concatenate(source), np.concatenate(line)
-        return entry, row, column[nlp.jac_cols[entry]], sign[row]
-
-    def move(self, z: Floats) -> bool:
-        """Go to free variables ``z``; True when the point is a new one."""
-        key = z.tobytes()
-        if key == self._valued:
-            return False
-        self.x[self.free] = z
-        self.f, r = self.nlp.values(self.x)
-        self.r = r.copy()
-        self._valued = key
-        return True
-
-    def derive(self, z: Floats) -> bool:
-        """Derivatives at ``z``; True when they are new."""
-        self.move(z)
-        key = z.tobytes()
-        if key == self._derived:
-            return False
-        gradient, jac, _ = self.nlp.derivatives(self.x, np.zeros(self.nlp.m), 0.0)
-        self.gradient, self.jac = gradient.copy(), jac.copy()
-        self._derived = key
-        return True
-
-    def equalities(self, out: Floats, matrix: Floats) -> None:
-        """Values and dense Jacobian of the equations."""
-        out[:] = self.r[self.equal] - self.nlp.row_upper[self.equal]
-        if matrix.size:
-            entry, row, col, _ = self._equality_entries
-            matrix[:] = 0.0
-            matrix[row, col] = self.jac[entry]
-
-    def inequalities(self, out: Floats, matrix: Floats) -> None:
-        """Values and dense Jacobian of the inequalities, upper bounds first."""
-        nlp, high, low = self.nlp, self.above, self.below
-        out[: len(high)] = self.r[high] - nlp.row_upper[high]
-        out[len(high) :] = nlp.row_lower[low] - self.r[low]
-        if matrix.size:
-            entry, row, col, sign = self._inequality_entries
-            matrix[:] = 0.0
-            matrix[row, col] = sign * self.jac[entry]
-
-    def violation(self) -> float:
-        """Largest relative violation of a row at the current point."""
-        rows = relative_violation(self.r, self.nlp.row_lower, self.nlp.row_upper)
-        bounds = relative_violation(self.x, self.nlp.x_lower, self.nlp.x_upper)
-        return max(float(rows.max(initial=0.0)), float(bounds.max(initial=0.0)))
+    def note(self, x: Floats, objective: float, violation: float) -> None:
+        """Remember a point if it is the best so far."""
+        if self._is_better(objective, violation):
+            self.best = (violation, objective, x.copy(), np.zeros(0))
 
 
 class _Solve:
@@ -158,13 +88,13 @@ class _Solve:
         self.choice, self.nlp, self.options = choice, nlp, options
         x0 = np.asarray(nlp.x0 if start is None else start.x, dtype=float)
         self.x0 = np.clip(x0, nlp.x_lower, np.maximum(nlp.x_lower, nlp.x_upper))
-        self.monitor = Monitor(options, callback)
+        self.monitor = _Log(options, callback)
         self.deadline = time.perf_counter() + options.time_limit
-        self.functions = _Functions(nlp, self.x0)
-        self.lower, self.upper = nlp.x_lower[self.functions.free], nlp.x_upper[self.functions.free]
+        self.functions = Functions(nlp, self.x0, options.scaling)
         self.ended: Status | None = None
         self.optimal_at: Floats | None = None
         self.word = ""
+        self.restarted = False
 
     def run(self) -> Result:
         nlp = self.nlp
@@ -188,40 +118,53 @@ class _Solve:
         if self.ended in (Status.INTERRUPTED, Status.TIME_LIMIT):
             return best
         self.ended = None
-        return self._optimised(choose("nlopt:slsqp"), best, 1.0)
+        return self._optimised(self._local_choice(), best, 1.0)
+
+    def _local_choice(self) -> Choice:
+        """What finishes or restarts locally: the algorithm itself, or SLSQP after a search."""
+        return choose("nlopt:slsqp") if self.choice.algorithm.search else self.choice
 
     def _concluded(self, x: Floats) -> Result:
         """The result for where the algorithm ended."""
-        options = self.options
         candidates = [x, self._best(x)]
         if self.optimal_at is not None:
             candidates.insert(0, self.optimal_at)
-        judged = [assess_point(self.nlp, one, options.unscaled_tolerance)[1] for one in candidates]
-        errors = [max(j.violation / options.feasibility_tolerance, j.optimality / options.unscaled_tolerance, 1.0)
-                  for j in judged]  # fmt: skip
-        x = candidates[int(np.argmin(errors))]
-        violation = judged[int(np.argmin(errors))].violation
-        if min(errors) <= 1.0:
-            return self._result(Status.OPTIMAL, x)
-        if violation <= options.feasibility_tolerance:
-            if falls_without_limit(self.nlp, x, self.x0, options.feasibility_tolerance):
+        judged = min((judge(self.nlp, one, self.options) for one in candidates), key=lambda j: j.error)
+        x, feasibility = judged.x, self.options.feasibility_tolerance
+        if judged.optimal:
+            return point_result(self.nlp, judged, Status.OPTIMAL, self.monitor)
+        if judged.conditions.violation <= feasibility:
+            if falls_without_limit(self.nlp, x, self.x0, feasibility):
                 return self._result(Status.UNBOUNDED, x)
         elif self.ended is not Status.TIME_LIMIT:
-            nearest, stationary = self._least_violation(x)
+            nearest, verdict = self._least_violation(x)
             if self.ended is Status.INTERRUPTED:
                 return self._result(Status.INTERRUPTED, self._best(x))
-            if stationary:
+            if verdict == "feasible" and not self.restarted:
+                self.restarted, self.ended = True, None
+                return self._concluded(self._optimised(self._local_choice(), nearest, 1.0))
+            if verdict == "stationary":
                 return self._result(Status.INFEASIBLE, nearest)
+        if self.ended is None and not self.restarted:
+            self.restarted = True
+            return self._concluded(self._optimised(self._local_choice(), x, 1.0))
         status = self.ended or Status.FAILED
-        return self._result(status, x, self._failure(x) if status is Status.FAILED else "")
+        message = self._failure(judged) if status is Status.FAILED else ""
+        return point_result(self.nlp, judged, status, self.monitor, message)
 
-    def _failure(self, x: Floats) -> str:
-        _, judged = assess_point(self.nlp, x)
-        return (
-            f"{self.choice.name} {self.word} with a violation of {judged.violation:.1e} and an optimality error "
-            f"of {judged.optimality:.1e}, where {self.options.feasibility_tolerance:.0e} and "
-            f"{self.options.unscaled_tolerance:.0e} count as solved. Try another optimizer: sqp is the default."
-        )
+    def _failure(self, judged: Judgement) -> str:
+        found, options = judged.conditions, self.options
+        if found.violation > options.feasibility_tolerance or found.optimality > options.unscaled_tolerance:
+            figures = (
+                f"a violation of {found.violation:.1e} and an optimality error of {found.optimality:.1e}, where "
+                f"{options.feasibility_tolerance:.0e} and {options.unscaled_tolerance:.0e} count as solved"
+            )
+        else:
+            figures = (
+                "multipliers so large that small residuals prove nothing: the objective may still be off by "
+                f"{judged.error * GAIN * options.unscaled_tolerance:.1e} of its size"
+            )
+        return f"{self.choice.name} {self.word} with {figures}. Try another optimizer: sqp is the default."
 
     # -- running NLopt -----------------------------------------------------------------------------------------
 
@@ -230,7 +173,9 @@ class _Solve:
         functions = self.functions
         size = len(functions.free)
         allowed = int(share * self.options.max_iterations)
-        opt = self._configured(choice.algorithm, size, (allowed + 1) * (size + 1 if not choice.gradient else 30))
+        opt = self._configured(
+            choice.algorithm, size, (allowed + 1) * (size + 1 if not choice.gradient else 30)
+        )
         if choice.local is not None:
             inner = self._configured(choice.local, size, LOCAL_EVALUATIONS)
             inner.set_xtol_rel(1e-9)
@@ -240,62 +185,79 @@ class _Solve:
         opt.set_min_objective(watch.objective)
         nlp = self.nlp
         if len(functions.equal):
-            size_of = np.maximum(1.0, np.abs(nlp.row_upper[functions.equal]))
-            opt.add_equality_mconstraint(watch.guarded(functions.equalities), CONSTRAINT_TOLERANCE * size_of)
+            tolerance = functions.tolerances(nlp.row_upper, functions.equal)
+            opt.add_equality_mconstraint(watch.guarded(functions.equalities), tolerance)
         if len(functions.above) + len(functions.below):
-            bounds = np.concatenate([nlp.row_upper[functions.above], nlp.row_lower[functions.below]])
-            tolerance = CONSTRAINT_TOLERANCE * np.maximum(1.0, np.abs(bounds))
+            above = functions.tolerances(nlp.row_upper, functions.above)
+            tolerance = np.concatenate([above, functions.tolerances(nlp.row_lower, functions.below)])
             opt.add_inequality_mconstraint(watch.guarded(functions.inequalities), tolerance)
-        z = opt.optimize(np.clip(x0[functions.free], self.lower, self.upper))
+        z = opt.optimize(functions.inside(x0))
         outcome = opt.last_optimize_result()
         if outcome == -2 or outcome == -3:
             reason = opt.get_errmsg() or ("out of memory" if outcome == -3 else "it does not say why")
             raise UsageError(f"{choice.name} does not take this problem: {reason}")
         self.word = _WORDS.get(outcome, "stopped")
+        self.ended = self.ended or _LIMITS.get(outcome)
         if watch.error is not None:
             raise watch.error
-        x = x0.copy()
-        x[functions.free] = np.clip(z, self.lower, self.upper)
-        return x if np.isfinite(x).all() else x0
+        return functions.outside(z) if np.isfinite(z).all() else x0
 
     def _configured(self, algorithm: Algorithm, size: int, evaluations: int) -> Any:
         nlopt = _nlopt()
         nlopt.srand(self.options.seed + 1)
         opt = nlopt.opt(getattr(nlopt, algorithm.constant), size)
         opt.set_exceptions_enabled(False)
-        opt.set_lower_bounds(self.lower)
-        opt.set_upper_bounds(self.upper)
+        opt.set_lower_bounds(self.functions.lower)
+        opt.set_upper_bounds(self.functions.upper)
         opt.set_xtol_rel(X_TOLERANCE)
         opt.set_maxeval(evaluations)
+        opt.set_param("tolg", GRADIENT_TOLERANCE)
         left = self.deadline - time.perf_counter()
         if np.isfinite(left):
             opt.set_maxtime(max(left, 1e-3))
         return opt
 
-    def _least_violation(self, x: Floats) -> tuple[Floats, bool]:
-        """Follow the sum of squared violations down from ``x``; where that ends, and whether it is stationary there.
+    def _least_violation(self, x: Floats) -> tuple[Floats, str]:
+        """Follow the sum of squared violations down, from ``x``, the start and points near them.
 
         NLopt cannot tell an infeasible problem from one that it failed on; this can.
+
+        Returns:
+            The point of least violation and ``feasible``, ``stationary`` or ``""``: what it proves.
         """
-        nlp, functions = self.nlp, self.functions
+        rng = np.random.default_rng(self.options.seed)
+        size = np.maximum(1.0, np.abs(x))
+        starts = [x, x + NEARBY * rng.uniform(-1.0, 1.0, len(x)) * size, self.x0]
+        starts += [one + FARTHER * rng.uniform(-1.0, 1.0, len(x)) * size for one in (x, self.x0)]
+        best, least = x, np.inf
+        for one in starts:
+            nearest = self._descended(np.clip(one, self.nlp.x_lower, self.nlp.x_upper))
+            if self.ended in (Status.INTERRUPTED, Status.TIME_LIMIT):
+                return best, ""
+            squares = self.functions.squares()
+            if squares < CLEARLY * least:
+                best, least = nearest, squares
+            if self._violation(best) <= self.options.feasibility_tolerance:
+                return best, "feasible"
+        error, _ = stationary_violation(self.nlp, best, self.functions.row_scale)
+        return best, "stationary" if error <= STATIONARY else ""
+
+    def _descended(self, x: Floats) -> Floats:
+        """Where the sum of squared violations leads from ``x`` (n,)."""
+        functions = self.functions
         opt = self._configured(choose("nlopt:lbfgs").algorithm, len(functions.free), LOCAL_EVALUATIONS)
         watch = _Watch(self, self.choice, opt, self.options.max_iterations)
 
         def squares(z: Floats, slope: Floats) -> float:
             functions.derive(z)
-            over = np.maximum(functions.r - nlp.row_upper, 0.0) - np.maximum(nlp.row_lower - functions.r, 0.0)
             if slope.size:
-                terms = functions.jac * over[nlp.jac_rows]
-                slope[:] = np.bincount(nlp.jac_cols, weights=terms, minlength=nlp.n)[functions.free]
-            return 0.5 * float(over @ over)
+                slope[:] = functions.squares_slope()
+            return functions.squares()
 
         opt.set_min_objective(watch.quiet(squares))
-        z = opt.optimize(np.clip(x[functions.free], self.lower, self.upper))
-        nearest = x.copy()
-        nearest[functions.free] = np.clip(z, self.lower, self.upper)
-        error, _ = stationary_violation(nlp, nearest)
-        violated = self._violation(nearest) > self.options.feasibility_tolerance
-        return nearest, violated and error <= STATIONARY
+        z = opt.optimize(functions.inside(x))
+        functions.derive(z if np.isfinite(z).all() else functions.inside(x))
+        return functions.outside(functions.inside(functions.x))
 
     # -- results -----------------------------------------------------------------------------------------------
 
@@ -307,8 +269,10 @@ class _Solve:
         return x if self.monitor.best is None else self.monitor.best[2]
 
     def _result(self, status: Status, x: Floats, message: str = "") -> Result:
-        return point_result(self.nlp, x, status, self.options, self.monitor, message=message)
+        return point_result(self.nlp, judge(self.nlp, x, self.options), status, self.monitor, message)
 
+
+_LIMITS = {5: Status.ITERATION_LIMIT, 6: Status.TIME_LIMIT}
 
 _WORDS = {
     -1: "failed",
@@ -339,11 +303,11 @@ class _Watch:
         def evaluate() -> float:
             new = functions.derive(z) if slope.size else functions.move(z)
             self._evaluations += 1
-            if new and (slope.size or not self.choice.gradient):
+            if new and (slope.size or self.choice.algorithm.search or not self.choice.gradient):
                 self._count(bool(slope.size))
             if slope.size:
-                slope[:] = functions.gradient[functions.free]
-            return functions.f if np.isfinite(functions.f) else np.inf
+                slope[:] = functions.slope()
+            return functions.objective_scale * functions.f if np.isfinite(functions.f) else np.inf
 
         return self._safely(evaluate, slope, np.inf)
 
@@ -409,10 +373,10 @@ class _Watch:
         optimality = float("nan")
         if whole and step <= SMALL_STEP and violation <= solve.options.feasibility_tolerance:
             if not self.choice.algorithm.search:
-                goal = 0.1 * solve.options.unscaled_tolerance
-                optimality = assess_point(solve.nlp, functions.x, goal)[1].optimality
-                if optimality <= goal and violation <= 0.1 * solve.options.feasibility_tolerance:
-                    solve.optimal_at = functions.x.copy()
+                judged = judge(solve.nlp, functions.x.copy(), solve.options)
+                optimality = judged.conditions.optimality
+                if judged.error <= EARLY:
+                    solve.optimal_at = judged.x
         self._last = functions.x.copy()
         x, f = functions.x, functions.f
         if not whole:

@@ -79,7 +79,7 @@ ALGORITHMS: dict[str, Algorithm] = {
         "augmented Lagrangian of equations, inequalities to the local algorithm",
         equalities=True,
         inequalities=True,
-        local="mma",
+        local="slsqp",
     ),
     "mma": _local("LD_MMA", "method of moving asymptotes (Svanberg)", inequalities=True),
     "ccsaq": _local("LD_CCSAQ", "conservative convex separable quadratics (Svanberg)", inequalities=True),

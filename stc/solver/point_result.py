@@ -2,51 +2,86 @@
 
 from __future__ import annotations
 
-from stc.solver.dual_estimate import assess_point
+from dataclasses import dataclass
+
+from stc.solver.dual_estimate import assess_point, possible_gain
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.report import Result
-from stc.solver.residuals import assess
+from stc.solver.residuals import Assessment, assess
 from stc.solver.status import Status, advice, sentence
 
-__all__ = ["point_result"]
+__all__ = ["Judgement", "judge", "point_result"]
+
+GAIN = 100.0
+"""The first-order gain that is let pass, as a multiple of the tolerance of the optimality error."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """A point, the multipliers that suit it, and how far both are from optimal.
+
+    Attributes:
+        x: variables, (n,).
+        y: row multipliers, (m,).
+        conditions: violation, optimality error and what goes with them.
+        error: the largest of violation, optimality error and possible gain, each over what counts as solved.
+    """
+
+    x: Floats
+    y: Floats
+    conditions: Assessment
+    error: float
+
+    @property
+    def optimal(self) -> bool:
+        """Whether all tolerances are met."""
+        return self.error <= 1.0
+
+
+def judge(nlp: NLP, x: Floats, options: Options, y: Floats | None = None) -> Judgement:
+    """Hold a point ``x`` (n,) against the optimality conditions.
+
+    Without row multipliers ``y`` (m,) those that suit it best are found by least squares.
+    """
+    y, found = assess_point(nlp, x, options.unscaled_tolerance) if y is None else (y, assess(nlp, x, y))
+    gain = possible_gain(nlp, x, y, found.bound_multipliers)
+    error = max(
+        found.violation / options.feasibility_tolerance,
+        found.optimality / options.unscaled_tolerance,
+        gain / (GAIN * options.unscaled_tolerance),
+    )
+    return Judgement(x, y, found, error if error == error else float("inf"))
 
 
 def point_result(
     nlp: NLP,
-    x: Floats,
+    judgement: Judgement,
     status: Status,
-    options: Options,
     monitor: Monitor,
-    y: Floats | None = None,
     message: str = "",
     factorizations: int = 0,
 ) -> Result:
-    """Make a result of ``x`` (n,), and call it optimal when, and only when, it is.
+    """Make a result that is called optimal when, and only when, it is.
 
-    Without row multipliers ``y`` (m,) those that suit the point best are found by least squares.  An end for want
-    of progress becomes ``optimal`` where the conditions hold, and a claim to be optimal becomes ``failed``
-    where they do not; ``infeasible`` and ``unbounded`` are left as they are, for they need certificates of
-    their own.
+    An end for want of progress becomes ``optimal`` where the conditions hold, and a claim to be optimal becomes
+    ``failed`` where they do not; other statuses stay, for they need evidence of their own.
     """
-    y, judged = assess_point(nlp, x, options.unscaled_tolerance) if y is None else (y, assess(nlp, x, y))
-    holds = (
-        judged.violation <= options.feasibility_tolerance and judged.optimality <= options.unscaled_tolerance
-    )
     if status in (Status.OPTIMAL, Status.FAILED):
-        status = Status.OPTIMAL if holds else Status.FAILED
+        status = Status.OPTIMAL if judgement.optimal else Status.FAILED
     if status is Status.OPTIMAL:
         message = ""
+    found = judgement.conditions
     return Result(
         status=status,
-        x=x,
-        row_multipliers=y,
-        bound_multipliers=judged.bound_multipliers,
-        objective=judged.objective,
-        violation=judged.violation,
-        optimality=judged.optimality,
-        scaled_optimality=judged.optimality,
+        x=judgement.x,
+        row_multipliers=judgement.y,
+        bound_multipliers=found.bound_multipliers,
+        objective=found.objective,
+        violation=found.violation,
+        optimality=found.optimality,
+        scaled_optimality=found.optimality,
         iterations=monitor.iterations,
         factorizations=factorizations,
         message=message or f"{sentence(status)} {advice(status)}".strip(),

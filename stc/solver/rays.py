@@ -12,6 +12,7 @@ __all__ = ["falls_without_limit"]
 LENGTHS = tuple(10.0**k for k in range(1, 13))
 PROPORTION = 0.5
 RELATIVE = 1e-8
+FAR = -1e6
 
 
 def falls_without_limit(nlp: NLP, x: Floats, origin: Floats, feasibility: float) -> bool:
@@ -20,30 +21,28 @@ def falls_without_limit(nlp: NLP, x: Floats, origin: Floats, feasibility: float)
     Tried are the ray from ``origin`` through the feasible point ``x`` (n,), and the one along the negative
     gradient, both moved inside the bounds of the variables.  Each goes far beyond anything that a problem can mean.
     """
-    gradient, _, _ = nlp.derivatives(x, np.zeros(nlp.m), 0.0)
+    downhill = -nlp.derivatives(x, np.zeros(nlp.m), 0.0)[0]
     return any(
-        _falls(nlp, x, direction, feasibility) for direction in (x - origin, -gradient.copy()) if direction.any()
+        _falls(nlp, x, direction, feasibility) for direction in (x - origin, downhill) if direction.any()
     )
 
 
 def _falls(nlp: NLP, x: Floats, direction: Floats, feasibility: float) -> bool:
     direction = direction / np.abs(direction).max()
-    last, _ = nlp.values(x)
-    before = last
+    start, _ = nlp.values(x)
+    last, drop = start, 0.0
     size = max(1.0, float(np.abs(x).max(initial=0.0)))
     for length in LENGTHS:
         beyond = np.clip(x + length * size * direction, nlp.x_lower, nlp.x_upper)
         f, rows = nlp.values(beyond)
-        rows = rows.copy()
-        if not np.isfinite(f):
-            return bool(f == -np.inf and before < -1e15)
+        if np.isnan(f) or not last - f > max(0.0, PROPORTION * drop):
+            return False
+        off = relative_violation(rows, nlp.row_lower, nlp.row_upper)
         _, jac, _ = nlp.derivatives(beyond, np.zeros(nlp.m), 0.0)
         terms = np.bincount(nlp.jac_rows, weights=np.abs(jac * beyond[nlp.jac_cols]), minlength=nlp.m)
-        off = relative_violation(rows, nlp.row_lower, nlp.row_upper)
         if np.any(off > feasibility + RELATIVE * terms):
             return False
-        drop = last - f
-        if not drop > 0.0 or (before < last and drop < PROPORTION * 10.0 * (last - before) * 0.1):
-            return False
-        before, last = last, f
-    return last < -1e6 * max(1.0, abs(nlp.values(x)[0]))
+        if np.isneginf(f):
+            return last < FAR * max(1.0, abs(start))
+        last, drop = f, last - f
+    return last < FAR * max(1.0, abs(start))
