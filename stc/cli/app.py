@@ -14,6 +14,7 @@ from stc.cli.options import (
     MaxIterations,
     Method,
     Output,
+    Report,
     Set,
     Spec,
     SpecOrSolution,
@@ -21,6 +22,7 @@ from stc.cli.options import (
     Tolerance,
     WarmStart,
     solve_options,
+    writable_page,
 )
 
 app = typer.Typer(
@@ -72,11 +74,13 @@ def run(
     warm_start: WarmStart = None,
     output: Output = None,
     force: Force = False,
+    report: Report = None,
     json: Json = False,
 ) -> int:
     """Solve a spec, save the motion and validate it in MuJoCo."""
     options = solve_options(settings, method, max_iterations, time_limit, tolerance, warm_start, output)
-    return jobs.run(spec, options, force=force, as_json=json)
+    page = None if report is None else writable_page(report)
+    return jobs.run(spec, options, force=force, page=page, as_json=json)
 
 
 @app.command()
@@ -90,11 +94,13 @@ def validate(
     warm_start: WarmStart = None,
     output: Output = None,
     force: Force = False,
+    report: Report = None,
     json: Json = False,
 ) -> int:
     """Validate a saved motion in MuJoCo, or solve a spec and validate that."""
     options = solve_options(settings, method, max_iterations, time_limit, tolerance, warm_start, output)
-    return jobs.validate(target, options, force=force, as_json=json)
+    page = None if report is None else writable_page(report)
+    return jobs.validate(target, options, force=force, page=page, as_json=json)
 
 
 @app.command()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from stc.errors import Diagnostic
     from stc.solution import Solution
-    from stc.validate import Report
+    from stc.validate.certificate import Certificate
 
 #: Width of what goes into a file or a pipe, where nothing should be cut or wrapped.
 WIDE = 10_000
@@ -51,12 +51,14 @@ def times(solution: Solution) -> str:
     return f"{total:.3f} s ({stages})" if stages else f"{total:.3f} s"
 
 
-def show_report(report: Report) -> None:
-    """What the validation found, below the solution."""
+def show_certificate(certificate: Certificate, page: Path | None) -> None:
+    """What the validation found, below the solution; ``page`` is where it is written to."""
     from rich.console import Console
 
     print()
-    Console(highlight=False, width=None if sys.stdout.isatty() else WIDE).print(report)
+    Console(highlight=False, width=None if sys.stdout.isatty() else WIDE).print(certificate)
+    if page is not None:
+        print(f"certificate: {page}")
 
 
 def print_table(title: str, rows: Sequence[Sequence[str]], header: Sequence[str] = ()) -> None:

@@ -43,15 +43,15 @@ def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     return GOOD if outcome.solution.status == "optimal" else BAD
 
 
-def run(spec: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
-    """Solve, save, validate."""
+def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_json: bool) -> int:
+    """Solve, save, validate; ``page`` is where the certificate goes."""
     outcome = _solved(load(spec, options), options, as_json, save=True)
     if outcome.solution.model is None:
         return _not_validated(outcome, _no_replay(outcome.solution.name), as_json)
-    return _judged(outcome, outcome.solution, force, as_json)
+    return _judged(outcome, outcome.solution, force, page, as_json)
 
 
-def validate(target: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
+def validate(target: str, options: SolveOptions, *, force: bool, page: Path | None, as_json: bool) -> int:
     """Validate a saved solution, or what solving a spec gives; that is saved only if a file is named."""
     if is_solution(target):
         if options != SolveOptions({}):
@@ -60,12 +60,12 @@ def validate(target: str, options: SolveOptions, *, force: bool, as_json: bool) 
 
         path = existing_solution(target)
         # The file and not the solution is handed on: the model may lie beside it.
-        return _judged(Outcome(read(path), path), path, force, as_json)
+        return _judged(Outcome(read(path), path), path, force, page, as_json)
     model = load(target, options)
     if model.problem(options.method).model is None:
         raise UsageError(_no_replay(model.name), "`stc solve` solves it without validation")
     outcome = _solved(model, options, as_json, save=options.output is not None)
-    return _judged(outcome, outcome.solution, force, as_json)
+    return _judged(outcome, outcome.solution, force, page, as_json)
 
 
 def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
@@ -168,22 +168,25 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
     return Outcome(solution, file, model.warnings)
 
 
-def _judged(outcome: Outcome, motion: Solution | Path, force: bool, as_json: bool) -> int:
-    """Replay a motion and show what came of it."""
+def _judged(outcome: Outcome, motion: Solution | Path, force: bool, page: Path | None, as_json: bool) -> int:
+    """Replay a motion and show its certificate."""
     status = outcome.solution.status
     if status != "optimal" and not force:
         reason = f"the solve ended {status}, not optimal; --force replays it all the same"
         return _not_validated(outcome, reason, as_json)
-    from stc.pipeline import replay
+    from stc.certification import certify
 
     if not as_json:
         console.show_solution(outcome.solution, outcome.file)
-    report = replay(motion, force=force)
+    certificate = certify(motion, force=force, equations=True if page is not None else None)
+    if page is not None:
+        certificate.write(page)
     if as_json:
-        record.write({**outcome.record(), "validation": report.to_dict()})
+        written = None if page is None else str(page)
+        record.write({**outcome.record(), "validation": certificate.to_dict(), "report": written})
     else:
-        console.show_report(report)
-    return GOOD if report.passed and status == "optimal" else BAD
+        console.show_certificate(certificate, page)
+    return GOOD if certificate.passed else BAD
 
 
 def _not_validated(outcome: Outcome, reason: str, as_json: bool) -> int:

@@ -58,6 +58,10 @@ Output = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Force = Annotated[bool, typer.Option("--force", help="Replay even what the solver did not call optimal.")]
+Report = Annotated[
+    str | None,
+    typer.Option("--report", metavar="FILE.html", help="Write the certificate as one self-contained page."),
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +190,20 @@ def existing_solution(name: str, option: str = "") -> Path:
         )
     if not path.is_file():
         raise UsageError(f"{prefix}there is no file `{name}`")
+    return path
+
+
+def writable_page(name: str) -> Path:
+    """The path that a certificate is to be written to.
+
+    Raises:
+        UsageError: the suffix is not ``.html``, or a folder is in the way.
+    """
+    path = Path(name)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise UsageError(f"--report {name}: a certificate is a page: *.html")
+    if path.is_dir():
+        raise UsageError(f"--report {name}: that is a folder")
     return path
 
 

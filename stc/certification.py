@@ -1,0 +1,83 @@
+"""From a motion to its certificate: validation, the spec's statements between frames, its equations of motion.
+
+The validation alone reads numbers.  Here the spec that made them is at hand as well, so that a motion which fails
+can be told apart: by the term of the equations of motion that differs from the model's.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from stc.errors import StcError
+from stc.solution import Solution, read
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from stc.studies.equations import EquationReport
+    from stc.validate.certificate import Certificate
+    from stc.validate.metrics import Metric
+    from stc.validate.statements import StatementCheck
+
+
+def certify(
+    motion: Solution | str | os.PathLike[str],
+    model: str | os.PathLike[str] | None = None,
+    *,
+    force: bool = False,
+    equations: bool | None = None,
+    further: Sequence[Metric] = (),
+) -> Certificate:
+    """Validate a motion and keep everything that its certificate shows.
+
+    Args:
+        motion: a solution, or the path of a saved one.
+        model: another model file than the one that the spec names.
+        force: judge a solution that is not optimal as well.
+        equations: whether to compare the spec's equations of motion with the model's; None compares them where
+            the motion fails, to name the joint and the term.
+        further: other measurements to show, such as the observed order of convergence.
+
+    Raises:
+        NotOptimalError: the solution's status is not ``optimal`` and ``force`` is not given.
+        ModelError: there is no model, or a replay line does not fit it.
+        UsageError: a solution file that cannot be used.
+        SolutionError: the solution file is damaged, or time does not increase along the solution.
+    """
+    from stc.validate.certificate import certify as validated
+
+    solution = motion if isinstance(motion, Solution) else read(motion)
+    # The file and not the solution is handed on: the model may lie beside it.
+    certificate = validated(motion, model, force=force, statements=_statements(solution), further=further)
+    if equations or (equations is None and not certificate.passed):
+        compared, why = _equations(solution, certificate.replays.setup.path)
+        certificate.equations = compared
+        if why:
+            certificate.report.notes = [*certificate.report.notes, why]
+    return certificate
+
+
+def _statements(solution: Solution) -> list[StatementCheck]:
+    """The spec's own statements between the frames; none where its text cannot be read any more."""
+    from stc.between import check_statements
+    from stc.pipeline import problem_of
+
+    if not solution.n:
+        return []
+    try:
+        return check_statements(problem_of(solution), solution)
+    except StcError:  # a motion from elsewhere, whose text is no spec
+        return []
+
+
+def _equations(solution: Solution, model: Path) -> tuple[EquationReport | None, str]:
+    """The spec's equations against the model's, or None and why they are not compared."""
+    from stc.pipeline import problem_of
+    from stc.studies.equations import check_equations
+
+    try:
+        return check_equations(problem_of(solution), str(model)), ""
+    except StcError as error:
+        return None, f"the equations of motion are not compared: {str(error).splitlines()[0]}"

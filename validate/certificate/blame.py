@@ -1,0 +1,97 @@
+"""One line that says what is wrong with a motion: which joint, which term.
+
+What was measured is looked at in the order of cause and effect.  An equation of motion that differs from the
+model's explains a residual, a residual explains a drift; so the differing term is told first, and of several
+measurements of one kind the one that leaves its limit farthest behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stc.validate.certificate.table import margin, quantity
+from stc.validate.metrics import Metric
+
+#: Names of metrics by their beginnings, causes before effects; what is not here comes in between.
+_CAUSES = (
+    "constraint violation",
+    "KKT residual",
+    "equations of motion",
+    "mass matrix",
+    "static force",
+    "gravity",
+    "velocity product",
+    "damping",
+    "force, entry",
+    "unexplained impulse",
+    "inverse-dynamics residual",
+)
+_EFFECTS = (
+    "residual between",
+    "inequality",
+    "energy",
+    "external",
+    "tracked",
+    "feedback",
+    "open-loop",
+    "order",
+    "observed",
+)
+
+
+def rank(metric: Metric) -> int:
+    """How near to the cause a metric of this name is: the lower the nearer."""
+    for at, beginning in enumerate(_CAUSES):
+        if metric.name.startswith(beginning):
+            return at
+    for at, beginning in enumerate(_EFFECTS):
+        if metric.name.startswith(beginning):
+            return len(_CAUSES) + 1 + at
+    return len(_CAUSES)
+
+
+def headline(metrics: Sequence[Metric], findings: Sequence[str], compared: bool) -> str:
+    """The verdict in one line.
+
+    Args:
+        metrics: everything that was measured.
+        findings: where the spec's equations of motion differ from the model's, the most telling line first.
+        compared: whether these equations were compared at all.
+    """
+    failed = sorted((m for m in metrics if m.verdict == "fail"), key=lambda m: (rank(m), -(margin(m) or 0.0)))
+    if findings:
+        return findings[0]
+    if not failed:
+        return _all_well(metrics)
+    worst = failed[0]
+    text = (
+        f"{worst.subject}: {worst.name} {quantity(worst, worst.value)}, limit {quantity(worst, worst.limit)}"
+    )
+    if compared and worst.name.startswith("inverse-dynamics"):
+        text += "; the spec's equations are the model's, but this solution does not satisfy them"
+    return text
+
+
+def _all_well(metrics: Sequence[Metric]) -> str:
+    judged = [m for m in metrics if m.verdict == "pass"]
+    if not judged:
+        return "nothing was measured that has a limit"
+    nearest = max(judged, key=lambda m: margin(m) or 0.0)
+    share = 100.0 * (margin(nearest) or 0.0)
+    return (
+        f"{len(judged)} measurements within their limits; nearest to its own is the {nearest.name} of "
+        f"{nearest.subject}, {share:.2g} % of it"
+    )
+
+
+def others(metrics: Sequence[Metric], findings: Sequence[str], most: int = 8) -> list[str]:
+    """What else is wrong, in lines, after the headline."""
+    lines = list(findings[1:])
+    failed = sorted((m for m in metrics if m.verdict == "fail"), key=lambda m: (rank(m), -(margin(m) or 0.0)))
+    start = 0 if findings else 1
+    lines += [
+        f"{m.subject}: {m.name} {quantity(m, m.value)}, limit {quantity(m, m.limit)}" for m in failed[start:]
+    ]
+    if len(lines) > most:
+        lines = [*lines[:most], f"and {len(lines) - most} more"]
+    return lines

@@ -1,0 +1,191 @@
+"""A validated motion with everything that its certificate shows."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from stc.solution import Solution
+from stc.validate import limits
+from stc.validate.certificate import blame, table
+from stc.validate.certificate.staleness import stale
+from stc.validate.metrics import Metric
+from stc.validate.report import Report
+from stc.validate.statements import StatementCheck
+from stc.validate.verdict import Replays, examine
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderResult
+
+
+class ComparedEquations(Protocol):
+    """A spec's equations of motion against its model's, from whoever can evaluate the spec."""
+
+    metrics: list[Metric]
+    findings: list[str]
+    notes: list[str]
+
+
+@dataclass(slots=True)
+class Certificate:
+    """The certificate of one motion.
+
+    Attributes:
+        solution: the motion.
+        report: the validation's measurements.
+        replays: what was simulated.
+        equations: the comparison of the equations of motion, where it was made.
+        further: measurements of others, such as the observed order of convergence.
+        faults: what is wrong besides measurements, one line each: the spec has changed since, for one.
+    """
+
+    solution: Solution
+    report: Report
+    replays: Replays
+    equations: ComparedEquations | None = None
+    further: Sequence[Metric] = ()
+    faults: list[str] = field(default_factory=list)
+
+    @property
+    def metrics(self) -> list[Metric]:
+        """Everything that was measured."""
+        equations = self.equations.metrics if self.equations is not None else []
+        return [
+            *table.solver_metrics(self.solution),
+            *equations,
+            *self.report.metrics,
+            *self.further,
+        ]
+
+    @property
+    def findings(self) -> list[str]:
+        """Where the spec's equations of motion differ from the model's, and what else is no number."""
+        return [*self.faults, *(self.equations.findings if self.equations is not None else [])]
+
+    @property
+    def passed(self) -> bool:
+        """Whether the validation passed, nothing else left its limit and nothing was found."""
+        return (
+            self.report.passed
+            and not self.findings
+            and all(metric.verdict != "fail" for metric in self.metrics)
+            and self.solution.status == "optimal"
+        )
+
+    @property
+    def headline(self) -> str:
+        """The verdict in one line; where it is bad, with the joint and the term."""
+        if self.solution.status != "optimal" and not self.findings:
+            return f"the solve ended {self.solution.status}, not optimal"
+        return blame.headline(self.metrics, self.findings, self.equations is not None)
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader should know besides."""
+        equations = self.equations.notes if self.equations is not None else []
+        return list(dict.fromkeys([*self.report.notes, *equations]))
+
+    def facts(self) -> list[tuple[str, str]]:
+        """What produced the numbers: label and text."""
+        from stc import __version__
+
+        report, solution = self.report, self.solution
+        made = solution.stc_version
+        version = made if made == __version__ else f"{made} solved, {__version__} validated"
+        facts = [
+            ("spec", f"{report.spec}, sha256 {report.spec_sha256[:16]}"),
+            ("motion", f"{report.method}, n = {report.n}, {report.duration:.4g} s"),
+            (
+                "solved",
+                f"{solution.status}, {solution.iterations} iterations, objective {solution.objective:.9g}",
+            ),
+            ("stc", version),
+            ("simulator", report.simulator),
+            ("model", f"{report.model}, sha256 {report.model_sha256[:16]}"),
+            ("integrator", f"{report.integrator}, {report.steps} steps of at most {report.time_step:.3g} s"),
+        ]
+        if solution.overrides:
+            changed = ", ".join(f"{name} = {value:.9g}" for name, value in solution.overrides.items())
+            facts.insert(1, ("changed constants", changed))
+        if report.tracked_by:
+            facts.append(("feedback", report.tracked_by))
+        return facts
+
+    def to_dict(self) -> dict[str, Any]:
+        """The certificate as JSON takes it: the report's keys, with all metrics, and the headline."""
+        found = self.report.to_dict()
+        found["passed"] = self.passed
+        found["headline"] = self.headline
+        found["findings"] = self.findings
+        found["metrics"] = [metric.to_dict() for metric in self.metrics]
+        found["notes"] = self.notes
+        return found
+
+    def write(self, path: str | os.PathLike[str], *, pictures: bool = True) -> Path:
+        """Write the certificate as one HTML page that needs no other file.
+
+        Args:
+            path: of the page; missing folders are made.
+            pictures: whether to render the filmstrip and the video.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        from stc.validate.certificate.page import page
+
+        target = Path(path)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(page(self, pictures=pictures), encoding="utf-8")
+        return target
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Rich shows the table that the page shows, with the verdict below it."""
+        from stc.validate.certificate.terminal import show
+
+        return show(self)
+
+    def __str__(self) -> str:
+        """The table as plain text."""
+        import io
+
+        from rich.console import Console
+
+        stream = io.StringIO()
+        Console(file=stream, width=120, color_system=None, legacy_windows=False).print(self)
+        return stream.getvalue()
+
+
+def certify(
+    solution: Solution | str | os.PathLike[str],
+    model: str | os.PathLike[str] | None = None,
+    *,
+    force: bool = False,
+    time_step: float = limits.TIME_STEP,
+    integrator: str = "rk4",
+    statements: Sequence[StatementCheck] = (),
+    equations: ComparedEquations | None = None,
+    further: Sequence[Metric] = (),
+) -> Certificate:
+    """Validate a motion and keep what its certificate shows.
+
+    Args:
+        solution: a solution, or the path of a saved one.
+        model: another model file than the one that the spec names.
+        force: judge a solution that is not optimal as well.
+        time_step: longest time step of the replay, in seconds.
+        integrator: one of :data:`stc.validate.replay.INTEGRATORS`.
+        statements: how well the spec's statements hold between the nodes.
+        equations: the spec's equations of motion against the model's.
+        further: measurements of others.
+
+    Raises:
+        NotOptimalError, ModelError, UsageError, SolutionError: as :func:`stc.validate.validate`.
+    """
+    report, replays = examine(
+        solution, model, force=force, time_step=time_step, integrator=integrator, statements=statements
+    )
+    motion = replays.setup.solution
+    return Certificate(motion, report, replays, equations, further, stale(motion))

@@ -1,0 +1,119 @@
+"""The rows of a certificate, sorted into sections: the same for the terminal, the page and failing tests."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from stc.solution import Solution
+from stc.validate import limits
+from stc.validate.metrics import Metric
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """Metrics that belong together.
+
+    Attributes:
+        title: what they are about.
+        metrics: in the order in which they were measured, those of one name together.
+    """
+
+    title: str
+    metrics: list[Metric]
+
+    def by_name(self) -> dict[str, list[Metric]]:
+        """The metrics of each name."""
+        found: dict[str, list[Metric]] = {}
+        for metric in self.metrics:
+            found.setdefault(metric.name, []).append(metric)
+        return found
+
+
+#: Which section a metric belongs to, by how its name begins; the first that fits counts.
+_SECTIONS: Sequence[tuple[str, tuple[str, ...]]] = (
+    ("The solver's answer", ("KKT residual", "constraint violation")),
+    (
+        "Equations of motion, spec against model",
+        (
+            "equations of motion",
+            "mass matrix",
+            "static force",
+            "gravity",
+            "velocity product",
+            "damping",
+            "force, entry",
+        ),
+    ),
+    (
+        "Physics, instant by instant",
+        ("inverse-dynamics", "residual between", "energy", "momentum", "angular"),
+    ),
+    ("Contacts and impacts", ("contact", "friction", "unexplained impulse", "normal", "penetration", "slip")),
+    ("Replay, forces alone", ("open-loop", "growth")),
+    ("Replay with feedback", ("tracked", "feedback")),
+    ("Replay with the solved contact forces", ("external",)),
+    ("The spec's statements between the frames", ("inequality", "equation between")),
+    ("Refinement", ("order", "drift at", "observed")),
+)
+_OTHER = "Further measurements"
+
+
+def sections(metrics: Iterable[Metric]) -> list[Section]:
+    """All metrics in sections; what fits nowhere comes last, and nothing is left out."""
+    found: dict[str, list[Metric]] = {title: [] for title, _ in _SECTIONS}
+    found[_OTHER] = []
+    for metric in metrics:
+        found[_section_of(metric)].append(metric)
+    return [Section(title, _together(rows)) for title, rows in found.items() if rows]
+
+
+def _section_of(metric: Metric) -> str:
+    for title, beginnings in _SECTIONS:
+        if metric.name.startswith(beginnings):
+            return title
+    return _OTHER
+
+
+def _together(metrics: Sequence[Metric]) -> list[Metric]:
+    """Metrics of one name in a row, names by their first appearance."""
+    names = list(dict.fromkeys(metric.name for metric in metrics))
+    return sorted(metrics, key=lambda metric: names.index(metric.name))
+
+
+def solver_metrics(solution: Solution) -> list[Metric]:
+    """What the solver says of its own answer, held against limits of the validation."""
+    return [
+        Metric("KKT residual", "solution", solution.optimality, "", limits.KKT_RESIDUAL),
+        Metric("constraint violation", "rows and bounds, scaled", solution.violation, "", limits.VIOLATION),
+    ]
+
+
+def number(value: float) -> str:
+    """Three digits; whole numbers and what is near one as they are, others as powers of ten."""
+    if not math.isfinite(value):
+        return "broke down" if math.isnan(value) else "unbounded" if value > 0 else "-unbounded"
+    if value == 0.0:
+        return "0"
+    if 1e-3 <= abs(value) < 1e4:
+        return f"{value:.3g}"
+    mantissa, _, exponent = f"{value:.2e}".partition("e")
+    return f"{mantissa.rstrip('0').rstrip('.')}e{exponent}"
+
+
+def quantity(metric: Metric, value: float | None) -> str:
+    """A value or limit of a metric with the metric's unit; "" for None."""
+    if value is None:
+        return ""
+    unit = "" if metric.unit == "share" else metric.unit
+    return f"{number(value)} {unit}".strip()
+
+
+def margin(metric: Metric) -> float | None:
+    """The value as a share of its limit; None without a limit that means anything."""
+    if metric.limit is None or not metric.limit > 0.0:
+        return None
+    if not math.isfinite(metric.value):
+        return math.inf
+    return abs(metric.value) / metric.limit
