@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -20,13 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.bundled import find_spec
-from stc.errors import Diagnostic, Source, SpecError, UsageError
+from stc.errors import Diagnostic, Source, SpecError, StcError, UsageError
 from stc.language import read_problem
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.problem import Problem, VariableRef
 from stc.solution import ReplayChannel, Solution, read
-from stc.solver import Options, Result, Start, Status, minimize
+from stc.solver import Options, Result, Start, Status
+from stc.solver.optimizers import DEFAULT, SizeWarning, caution, optimizer_of
 from stc.symbolic.expr import symbols
 from stc.trajectory import Channel
 from stc.transcription import Transcription
@@ -72,6 +74,7 @@ def solve(
     options: Options | None = None,
     start: Start | None = None,
     callback: Callback | None = None,
+    optimizer: str = DEFAULT,
 ) -> tuple[BoundProgram, Result]:
     """Binds constants, compiles what is not compiled, and minimises.
 
@@ -81,16 +84,21 @@ def solve(
         options: of the solver.
         start: decision vector (and multipliers) to start from instead of the guess.
         callback: called after every iteration; returning True stops.
+        optimizer: its name, see :mod:`stc.solver.optimizers`.
 
     Raises:
         SpecError, EvaluationError: the starting point is no place to start from.
+        UsageError: no such optimizer, or one that cannot do what the problem needs.
     """
+    minimizer = optimizer_of(optimizer)
     bound = transcription.bind(constants, None if start is None else start.x)
     if start is not None:
         start = replace(start, x=bound.x0)
     if bound.contradictions:
         return bound, _contradicted(transcription, bound)
-    return bound, minimize(bound, options or Options(), start=start, callback=callback)
+    if remark := caution(optimizer, bound):
+        warnings.warn(remark, SizeWarning, stacklevel=2)
+    return bound, minimizer(bound, options or Options(), start=start, callback=callback)
 
 
 def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
@@ -130,6 +138,7 @@ def collect(
     constants: Mapping[str, float],
     overrides: Mapping[str, float],
     seconds: Mapping[str, float],
+    optimizer: str = DEFAULT,
 ) -> Solution:
     """The solution that a stranger can use: node values, multipliers and replay channels by name."""
     problem = transcription.problem
@@ -152,6 +161,7 @@ def collect(
         optimality=result.optimality,
         iterations=result.iterations,
         factorizations=result.factorizations,
+        optimizer=optimizer,
         seconds=seconds,
         x=result.x,
         row_multipliers=result.row_multipliers,
@@ -282,6 +292,7 @@ class Model:
         time_limit: float | None = None,
         warm_start: Solution | str | os.PathLike[str] | None = None,
         callback: Callback | None = None,
+        optimizer: str = DEFAULT,
         constants: Mapping[str, float] | None = None,
         **overrides: float,
     ) -> Solution:
@@ -294,6 +305,7 @@ class Model:
             time_limit: limit in seconds of wall time.
             warm_start: an earlier solution or its file; resampled where the number of frames differs.
             callback: called with a record after every iteration; returning True stops the solve.
+            optimizer: ``sqp``, ``nlopt:slsqp``, ... instead of the project's own method, see docs/solver.md.
             constants: values of constants by name, for names that clash with the arguments above.
             **overrides: values of constants, such as ``n=120`` or ``g=1.62``.
 
@@ -302,7 +314,7 @@ class Model:
 
         Raises:
             SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
-            UsageError: an unknown constant, method or file.
+            UsageError: an unknown constant, method, optimizer or file, or an optimizer that cannot do it.
         """
         begin = time.perf_counter()
         given = {**self.overrides, **(constants or {}), **overrides}
@@ -324,10 +336,10 @@ class Model:
         if start is not None:
             limits["warm_start"] = start.row_multipliers is not None
         solving = time.perf_counter()
-        bound, result = solve(transcription, problem.constants, Options(**limits), start, callback)
+        bound, result = solve(transcription, problem.constants, Options(**limits), start, callback, optimizer)
         seconds["solve"] = time.perf_counter() - solving
         seconds["total"] = self._parse_seconds + time.perf_counter() - begin
-        return collect(transcription, bound, result, problem.constants, given, seconds)
+        return collect(transcription, bound, result, problem.constants, given, seconds, optimizer)
 
     def _start(
         self,

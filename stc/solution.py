@@ -118,6 +118,7 @@ class Solution:
         optimality: the first-order optimality error that the solver stopped with.
         iterations: number of iterations.
         factorizations: number of factorised KKT systems, inner loops included.
+        optimizer: name of the method that found it.
         seconds: wall time by stage (``parse``, ``derive``, ``compile``, ``solve``, ``total``).
         x: (N,) the unknowns as the solver ordered them.
         row_multipliers: (M,) multipliers of the rows in the solver's order.
@@ -151,6 +152,7 @@ class Solution:
     optimality: float = float("nan")
     iterations: int = 0
     factorizations: int = 0
+    optimizer: str = "sqp"
     seconds: Mapping[str, float] = field(default_factory=dict)
     x: FloatArray = field(default_factory=_no_numbers)
     row_multipliers: FloatArray = field(default_factory=_no_numbers)

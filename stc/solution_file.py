@@ -56,6 +56,7 @@ _PLAIN_FACTS = (
     "optimality",
     "iterations",
     "factorizations",
+    "optimizer",
     "seconds",
     "model",
     "force_frames",
@@ -185,6 +186,7 @@ def _assemble(
         )
         for index, block in enumerate(facts["multipliers"])
     ]
+    facts.setdefault("optimizer", "sqp")  # what files from before there was a choice do not say
     plain = {key: facts[key] for key in _PLAIN_FACTS}
     first, last = plain.pop("force_frames")
     solution = Solution(

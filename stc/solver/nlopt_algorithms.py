@@ -47,20 +47,26 @@ class Algorithm:
     most: int = 0
 
 
-def _local(constant: str, summary: str, **more: bool) -> Algorithm:
-    return Algorithm(constant, summary, **more)
+def _free(constant: str, summary: str, rows: bool = False) -> Algorithm:
+    """An algorithm without derivatives."""
+    return Algorithm(constant, summary, False, rows, rows, dense=True)
 
 
-def _free(constant: str, summary: str, **more: bool) -> Algorithm:
-    return Algorithm(constant, summary, gradient=False, dense=True, **more)
-
-
-def _search(constant: str, summary: str, gradient: bool = False, **more: bool | str | int) -> Algorithm:
-    return Algorithm(constant, summary, gradient=gradient, box=True, search=True, dense=True, **more)  # type: ignore[arg-type]
+def _search(
+    constant: str,
+    summary: str,
+    gradient: bool = False,
+    equalities: bool = False,
+    inequalities: bool = False,
+    local: str = "",
+    most: int = 0,
+) -> Algorithm:
+    """An algorithm that looks at a whole box."""
+    return Algorithm(constant, summary, gradient, equalities, inequalities, True, True, local, True, most)
 
 
 ALGORITHMS: dict[str, Algorithm] = {
-    "slsqp": _local(
+    "slsqp": Algorithm(
         "LD_SLSQP",
         "sequential least-squares quadratic programming (Kraft)",
         equalities=True,
@@ -81,13 +87,13 @@ ALGORITHMS: dict[str, Algorithm] = {
         inequalities=True,
         local="slsqp",
     ),
-    "mma": _local("LD_MMA", "method of moving asymptotes (Svanberg)", inequalities=True),
-    "ccsaq": _local("LD_CCSAQ", "conservative convex separable quadratics (Svanberg)", inequalities=True),
-    "lbfgs": _local("LD_LBFGS", "limited-memory BFGS (Nocedal; Luksan)"),
-    "tnewton": _local("LD_TNEWTON_PRECOND_RESTART", "truncated Newton (Dembo, Steihaug; Luksan)"),
-    "var1": _local("LD_VAR1", "limited-memory variable metric, rank 1 (Vlcek, Luksan)"),
-    "var2": _local("LD_VAR2", "limited-memory variable metric, rank 2 (Vlcek, Luksan)"),
-    "cobyla": _free("LN_COBYLA", "linear interpolation (Powell)", equalities=True, inequalities=True),
+    "mma": Algorithm("LD_MMA", "method of moving asymptotes (Svanberg)", inequalities=True),
+    "ccsaq": Algorithm("LD_CCSAQ", "conservative convex separable quadratics (Svanberg)", inequalities=True),
+    "lbfgs": Algorithm("LD_LBFGS", "limited-memory BFGS (Nocedal; Luksan)"),
+    "tnewton": Algorithm("LD_TNEWTON_PRECOND_RESTART", "truncated Newton (Dembo, Steihaug; Luksan)"),
+    "var1": Algorithm("LD_VAR1", "limited-memory variable metric, rank 1 (Vlcek, Luksan)"),
+    "var2": Algorithm("LD_VAR2", "limited-memory variable metric, rank 2 (Vlcek, Luksan)"),
+    "cobyla": _free("LN_COBYLA", "linear interpolation (Powell)", rows=True),
     "bobyqa": _free("LN_BOBYQA", "quadratic interpolation (Powell)"),
     "neldermead": _free("LN_NELDERMEAD", "simplex (Nelder, Mead; Box)"),
     "sbplx": _free("LN_SBPLX", "simplex on subspaces (Rowan)"),

@@ -15,9 +15,13 @@ from stc.solver.options import Options
 from stc.solver.report import Callback, Result, Start
 from stc.solver.sqp import minimize
 
-__all__ = ["DEFAULT", "Minimizer", "caution", "optimizer_names", "optimizer_of"]
+__all__ = ["DEFAULT", "Minimizer", "SizeWarning", "caution", "optimizer_names", "optimizer_of"]
 
 DEFAULT = "sqp"
+
+
+class SizeWarning(UserWarning):
+    """An optimizer is used on a problem far larger than it is meant for."""
 
 
 class Minimizer(Protocol):
