@@ -50,7 +50,8 @@ GAP = 1e-7
 """Largest sum of gap times multiplier, relative to the objective, which it bounds the error of."""
 TOO_LITTLE = 0.99
 NOTICEABLE = 0.9
-SHORTEST = (0.02, 0.02, 0.0)
+SHORTEST = 0.02
+SHORTER = (10.0, 10.0, 1e3, 1e8)
 
 
 class End(Enum):
@@ -232,17 +233,18 @@ def _advance(it: Iterate, system: NewtonSystem, barrier: BarrierParameter, searc
     A step that only a small fraction of is acceptable tells that the curvature along it is underestimated: it is
     computed anew with a stiffer Hessian, which also turns it.
     """
-    for shortest in SHORTEST:
+    for shorter in (*SHORTER, 0.0):
+        shortest = SHORTEST if shorter else 0.0
         dw, dy, dz = barrier.step(it, system)
         if barrier.changed:
             search.filter.reset()
         if not np.isfinite(dw.sum() + dy.sum()):
             return 0.0
         length = search.search(it, system, barrier.mu, barrier.tau, dw, dy, dz, shortest)
-        if length > 0.0 or not shortest:
+        if length > 0.0 or not shorter:
             return length
         try:
-            system.stiffen(it, dw)
+            system.stiffen(it, dw, shorter)
         except SingularSystem:
             return 0.0
     return 0.0

@@ -28,8 +28,9 @@ GROWTH = 8.0
 DECAY = 1.0 / 3.0
 DUAL_SHIFT = 1e-8
 SMALLEST_SIGMA = 1e-16
-STIFFER = 10.0
 WHOLE = 0.5
+SOFTER = 0.01
+SMALLEST_STIFFNESS = 1e-8
 
 
 class SingularSystem(ArithmeticError):
@@ -92,8 +93,8 @@ class NewtonSystem:
         if self.shift > 0.0:
             self._last_shift = self.shift
 
-    def stiffen(self, it: Iterate, dw: Floats) -> None:
-        """Factorise with a shift that makes a step like ``dw`` (n + m,) many times shorter.
+    def stiffen(self, it: Iterate, dw: Floats, shorter: float) -> None:
+        """Factorise with a shift that makes a step like ``dw`` (n + m,) ``shorter`` times shorter.
 
         Raises:
             SingularSystem: the matrix cannot be factorised.
@@ -102,15 +103,19 @@ class NewtonSystem:
         dx = dw[: form.n]
         curved = form.hessian_times(it.hess, dx) + self._barrier * dx
         curvature = float(dx @ curved) / max(float(dx @ dx), 1e-300) + self.shift
-        self.shift = max(GROWTH * self.shift, STIFFER * abs(curvature), SMALLEST_SHIFT)
+        self.shift = max(GROWTH * self.shift, shorter * abs(curvature), SMALLEST_SHIFT)
         self._last_shift = self._stiffness = self.shift
         while self._try(it, self._primal) != "good":
             self.shift = self._larger_shift()
 
     def relax(self, length: float) -> None:
-        """Let the stiffness go when a step was accepted nearly whole or not at all; ``length`` is its fraction."""
-        if length >= WHOLE or length == 0.0:
+        """Let the stiffness go as steps are accepted nearly whole, at once where none is; ``length`` is the fraction."""
+        if length == 0.0:
             self._stiffness = 0.0
+        elif length >= WHOLE:
+            self._stiffness *= SOFTER
+            if self._stiffness < SMALLEST_STIFFNESS:
+                self._stiffness = 0.0
 
     def tighten(self, it: Iterate) -> None:
         """Halve the shift as often as the inertia stays right, and factorise with the last one."""
