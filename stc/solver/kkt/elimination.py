@@ -257,7 +257,6 @@ def factorize(
                             size_of_pivot = 2
                     if size_of_pivot == 0:
                         exact = False
-                        counts[STRAYED] += 1
                 if size_of_pivot == 0:
                     accepted = needed
                     noise = tiny * growth[row_p]
@@ -349,6 +348,8 @@ def factorize(
                 if waiting <= delay_limit or needed <= LOWEST_THRESHOLD:
                     break
                 needed *= 0.1
+        if not exact:
+            counts[STRAYED] += 1
         held = 0
         for place in range(waiting):
             p = queue[place]

@@ -144,7 +144,7 @@ class FrontalKKT:
         """Factorise the same matrix again with a larger threshold; False when that cannot help."""
         if self._threshold >= HIGHEST_THRESHOLD or self._counts[pivots.ZERO] > 0:
             return False
-        self._threshold = min(10.0 * self._threshold, HIGHEST_THRESHOLD)
+        self._threshold = min(max(10.0 * self._threshold, PIVOT_THRESHOLD), HIGHEST_THRESHOLD)
         self.factorizations += 1
         self._eliminate_all(self._planned)
         return True

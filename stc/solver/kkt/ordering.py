@@ -168,6 +168,10 @@ def order_stage(
     most: f64s,
     row_p: i32s,
     row_q: i32s,
+    candidates: i64,
+    first: i32s,
+    second: i32s,
+    costs: f64s,
     order: i32s,
     kinds: i32s,
     starts: i32s,
@@ -184,6 +188,7 @@ def order_stage(
             (count + 1,).
         capacity: length of ``lists``.
         degree, most, row_p, row_q: work space, (stride,).
+        first, second, costs: work space, (candidates,).
 
     Returns:
         The number of entries in ``lists``, or -1 when they do not fit.
@@ -195,45 +200,46 @@ def order_stage(
     used = 0
     starts[0] = 0
     while done < count:
+        # Among the pivots with few multiplications ...
         least = -1.0
+        found = 0
         for k in range(done, count):
-            p = waiting[k]
-            cost = _one_cost(p, stride, sizes, degree, most)
-            if cost >= 0.0 and (least < 0.0 or cost < least):
-                least = cost
-        for k in range(done, count):
-            p = waiting[k]
+            one = waiting[k]
+            strong = sizes[one * stride + one] >= MARGIN * most[one]
+            cost = _one_cost(one, stride, sizes, degree, most)
+            if cost >= 0.0 and (least < 0.0 or cost <= COMPARED * least + 2.0):
+                least = cost if least < 0.0 else min(least, cost)
+                if found < candidates:
+                    first[found] = one
+                    second[found] = -1
+                    costs[found] = cost
+                    found += 1
             for e in range(done, k):
-                q = waiting[e]
-                if sizes[p * stride + q] != 0.0:
-                    limit = least if least >= 0.0 else PENALTY
-                    cost = _two_cost(p, q, top, stride, sizes, degree, limit)
-                    if cost >= 0.0 and (least < 0.0 or cost < least):
-                        least = cost
+                other = waiting[e]
+                if sizes[one * stride + other] == 0.0:
+                    continue
+                if strong and sizes[other * stride + other] >= MARGIN * most[other]:
+                    continue  # both will do alone
+                limit = COMPARED * least + 2.0 if least >= 0.0 else PENALTY
+                cost = _two_cost(one, other, top, stride, sizes, degree, limit)
+                if cost >= 0.0 and (least < 0.0 or cost <= limit):
+                    least = cost if least < 0.0 else min(least, cost)
+                    if found < candidates:
+                        first[found] = one
+                        second[found] = other
+                        costs[found] = cost
+                        found += 1
+        # ... the one that adds the fewest entries is next.
         best = -1.0
         p = -1
         q = -1
-        if least >= 0.0:
-            limit = COMPARED * least + 2.0
-            for k in range(done, count):
-                one = waiting[k]
-                cost = _one_cost(one, stride, sizes, degree, most)
-                if 0.0 <= cost <= limit:
-                    cost = _added(one, -1, top, stride, sizes, row_p, row_q) + 1e-3 * cost
-                    if best < 0.0 or cost < best:
-                        best = cost
-                        p = one
-                        q = -1
-                for e in range(done, k):
-                    other = waiting[e]
-                    if sizes[one * stride + other] != 0.0:
-                        cost = _two_cost(one, other, top, stride, sizes, degree, limit)
-                        if 0.0 <= cost <= limit:
-                            cost = _added(one, other, top, stride, sizes, row_p, row_q) + 1e-3 * cost
-                            if best < 0.0 or cost < best:
-                                best = cost
-                                p = one
-                                q = other
+        for k in range(found):
+            if costs[k] <= COMPARED * least + 2.0:
+                cost = _added(first[k], second[k], top, stride, sizes, row_p, row_q) + 1e-3 * costs[k]
+                if best < 0.0 or cost < best:
+                    best = cost
+                    p = first[k]
+                    q = second[k]
         kind = 1
         if p < 0:
             kind = UNPLANNED

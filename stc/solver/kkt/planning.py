@@ -23,6 +23,8 @@ Int32s = NDArray[np.int32]
 
 #: Stages of one kind that are looked at.
 SAMPLE = 32
+#: Pivots of about equal cost that are compared.
+CANDIDATES = 500
 
 
 @dataclass(frozen=True)
@@ -197,9 +199,10 @@ class _Walk:
         starts = np.empty(count + 1, dtype=np.int32)
         lists = np.empty((count + 1) * top, dtype=np.int32)
         degree, row_p, row_q = (np.empty(window, dtype=np.int32) for _ in range(3))
+        first, second = np.empty(CANDIDATES, dtype=np.int32), np.empty(CANDIDATES, dtype=np.int32)
         used = order_stage(
             window, top, count, waiting, sizes.reshape(-1), degree, np.empty(window), row_p, row_q,
-            order, kinds, starts, lists.size, lists,
+            first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
         )  # fmt: skip
         self.plans.append(_StagePlan(order, kinds, starts[:-1] + self.listed, np.diff(starts)))
         self.lists.append(lists[:used].copy())

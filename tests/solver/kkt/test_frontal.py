@@ -1,0 +1,190 @@
+"""The structured factorisation: cost that grows with the stages only, and what happens off the plan."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from solver.kkt.kkt_problems import STRUCTURES, Builder, Pattern, Values, generic, sparse_diagonals
+
+from stc.solver.kkt import DenseKKT, FrontalKKT, frontal
+
+
+def regular(rng: np.random.Generator, frames: int, kind: str) -> Pattern:
+    """A motion with the same couplings at every frame, and one complication."""
+    b = Builder(rng)
+    x = [b.variables(3, i) for i in range(frames)]
+    border = b.variables(2, frames - 1) if kind == "parameters" else []
+    for i in range(frames):
+        b.curvature(x[i][:2], 1.0)
+        absolute = x[0][:1] if kind == "absolute" else []
+        b.row(i, [*x[i][:2], *border, *absolute])
+        if i + 1 < frames:
+            b.row(i, [x[i][0], x[i][1], x[i + 1][0]])
+            b.row(i, [x[i][1], x[i][2], x[i + 1][1]])
+        if kind == "five points" and 2 <= i < frames - 2:
+            b.row(i, [x[i + d][2] for d in (-2, -1, 0, 1, 2)])
+        if kind == "mirrored":
+            b.row(i, [x[i][2], x[frames - 1 - i][0]])
+    if kind == "periodic":
+        b.row(frames - 1, [x[0][0], x[-1][0]])
+    if kind == "total":
+        b.row(frames - 1, [v[2] for v in x])
+    return b.pattern()
+
+
+KINDS = ["plain", "parameters", "absolute", "five points", "mirrored", "periodic", "total"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_factor_grows_linearly(kind):
+    rng = np.random.default_rng(1)
+    sizes = []
+    for frames in (100, 200, 400):
+        pattern = regular(rng, frames, kind)
+        kkt = FrontalKKT(*pattern.arguments())
+        values = generic(rng, pattern)
+        kkt.factorize(*values.arguments())
+        rhs = rng.normal(size=pattern.n), rng.normal(size=pattern.m)
+        kkt.solve(*rhs)
+        assert kkt.last_residual < 1e-12
+        sizes.append(kkt.nnz_factor)
+    assert sizes[2] - sizes[1] < 2.3 * (sizes[1] - sizes[0])
+    assert sizes[2] < 120 * 400
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_order_of_entries_and_stage_numbers_do_not_matter(kind):
+    rng = np.random.default_rng(2)
+    p = regular(rng, 20, kind)
+    values = generic(rng, p)
+    rhs = rng.normal(size=p.n), rng.normal(size=p.m)
+    first = FrontalKKT(*p.arguments())
+    inertia = first.factorize(*values.arguments())
+    expected = first.solve(*rhs)
+    at_jac, at_hess = rng.permutation(p.jac_rows.size), rng.permutation(p.hess_rows.size)
+    other = FrontalKKT(
+        p.n,
+        p.m,
+        p.jac_rows[at_jac],
+        p.jac_cols[at_jac],
+        p.hess_rows[at_hess],
+        p.hess_cols[at_hess],
+        7 * p.var_stage - 40,
+        7 * p.row_stage - 40,
+    )
+    assert other.factorize(values.hess[at_hess], values.jac[at_jac], values.primal, values.dual) == inertia
+    for found, wanted in zip(other.solve(*rhs), expected, strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())
+
+
+def test_unknowns_that_must_wait():
+    """Curvature at the last frame only: nothing can be eliminated alone, and rows outnumber variables early."""
+    frames = 60
+    b = Builder(np.random.default_rng(3))
+    x = [b.variables(2, i) for i in range(frames)]
+    b.curvature(x[-1], 1.0)
+    b.row(0, x[0][:1])
+    b.row(0, x[0][1:])
+    for i in range(frames - 1):
+        b.row(i, [x[i][0], x[i][1], x[i + 1][0]])
+        b.row(i, [x[i][1], x[i + 1][1]])
+    pattern = b.pattern()
+    rng = np.random.default_rng(4)
+    values = Values(
+        np.ones(pattern.hess_rows.size),
+        rng.uniform(0.5, 1.5, pattern.jac_rows.size),
+        np.zeros(pattern.n),
+        np.zeros(pattern.m),
+    )
+    kkt = FrontalKKT(*pattern.arguments())
+    assert kkt.factorize(*values.arguments()) == (pattern.n, pattern.m, 0)
+    solution = rng.normal(size=pattern.n + pattern.m)
+    rhs = pattern.matrix(values) @ solution
+    kkt.solve(rhs[: pattern.n], rhs[pattern.n :])
+    assert kkt.last_residual < 1e-12
+    assert kkt.nnz_factor < 60 * frames
+
+
+def test_border_without_curvature_does_not_fill_the_window():
+    """Hardly curved variables that couple with one row over everything would all wait for it."""
+    frames = 1500
+    b = Builder(np.random.default_rng(5))
+    x = [b.variables(1, i)[0] for i in range(frames)]
+    b.row(frames - 1, x)
+    pattern = b.pattern()
+    none = np.zeros(0)
+    kkt = FrontalKKT(*pattern.arguments())
+    inertia = kkt.factorize(none, np.ones(frames), np.full(frames, 1e-5), np.zeros(1))
+    assert inertia == (frames, 1, 0)
+    dx, dy = kkt.solve(np.zeros(frames), np.ones(1))
+    np.testing.assert_allclose(dx, np.full(frames, 1.0 / frames), rtol=1e-9)
+    np.testing.assert_allclose(dy, [-1e-5 / frames], rtol=1e-6)
+    assert kkt.nnz_factor < 200 * frames
+
+
+def test_matrices_that_leave_the_plan():
+    """A plan made for one kind of matrix serves, or makes way, when others come."""
+    rng = np.random.default_rng(6)
+    pattern = STRUCTURES["stencil"](rng, 15)
+    kkt, judge = FrontalKKT(*pattern.arguments()), DenseKKT(*pattern.arguments())
+    for kind in (generic, sparse_diagonals) * 2 + (sparse_diagonals,) * 10 + (generic,) * 10:
+        values = kind(rng, pattern)
+        assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
+        kkt.solve(rng.normal(size=pattern.n), rng.normal(size=pattern.m))
+        assert kkt.last_residual < 1e-11
+
+
+def test_doubtful_solves_raise_the_threshold(monkeypatch):
+    rng = np.random.default_rng(7)
+    pattern = STRUCTURES["chain"](rng, 40)
+    kkt = FrontalKKT(*pattern.arguments())
+    values = sparse_diagonals(rng, pattern)
+    rhs = rng.normal(size=pattern.n), rng.normal(size=pattern.m)
+    kkt.factorize(*values.arguments())
+    expected = kkt.solve(*rhs)
+    assert kkt.factorizations == 1
+    monkeypatch.setattr(frontal, "DOUBTFUL", 0.0)
+    found = kkt.solve(*rhs)
+    # From 0.01 over 0.1 to the highest, each of them a factorisation that counts.
+    assert kkt.factorizations == 3
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8 * np.abs(other).max())
+    kkt.solve(*rhs)
+    assert kkt.factorizations == 3
+
+
+def test_plain_python_gives_the_same():
+    """Without machine code the same functions run as Python: slower, otherwise alike."""
+    script = """
+import sys
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+from solver.kkt.kkt_problems import STRUCTURES, VALUES
+from stc.solver.kkt import FrontalKKT
+for name in ("chain", "bordered", "single"):
+    rng = np.random.default_rng(8)
+    pattern = STRUCTURES[name](rng, 5)
+    kkt = FrontalKKT(*pattern.arguments())
+    for kind in VALUES.values():
+        inertia = kkt.factorize(*kind(rng, pattern).arguments())
+        dx, dy = kkt.solve(rng.normal(size=pattern.n), rng.normal(size=pattern.m))
+        print(*inertia, kkt.last_residual < 1e-12, *(f"{v:.5e}" for v in (np.abs(dx).sum(), np.abs(dy).sum())))
+"""
+    tests = str(Path(__file__).parents[2])
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-c", script, tests],
+            env={**os.environ, "STC_BACKEND": backend},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.split()
+        for backend in ("auto", "python")
+    ]
+    assert outputs[0] == outputs[1]
+    assert len(outputs[0]) == 3 * 4 * 6
