@@ -35,6 +35,13 @@ def syntax(model: Model, method: str | None) -> str:
     return show_syntax(model.tree)
 
 
+def contact(model: Model, method: str | None) -> str:
+    """The spec with its contact sections written out as plain statements."""
+    from stc.language.contact import plain_text
+
+    return plain_text(model.tree, model.overrides).rstrip()
+
+
 def problem(model: Model, method: str | None) -> str:
     """What the spec states, with names looked up and definitions put in."""
     from stc.language.show import show_problem
@@ -166,6 +173,7 @@ def sparsity(model: Model, method: str | None) -> str:
 STAGES: dict[str, Printer] = {
     "tokens": tokens,
     "syntax": syntax,
+    "contact": contact,
     "problem": problem,
     "nlp": nlp,
     "sparsity": sparsity,

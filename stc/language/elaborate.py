@@ -12,6 +12,7 @@ from pathlib import PurePath
 
 from stc.errors import Span, SpecError, UsageError
 from stc.language import checks, syntax
+from stc.language.contact import without_contacts
 from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
@@ -70,6 +71,7 @@ def elaborate_with_recovery(
             f"there is no method `{method}`",
             did_you_mean(method, METHODS) or f"methods are {', '.join(METHODS)}",
         )
+    tree = without_contacts(tree, overrides, diagnostics)
     return _Elaborator(tree, overrides, method, diagnostics).problem()
 
 
@@ -204,7 +206,7 @@ class _Elaborator(Context):
                 bounded = self.relations.split(statement)
                 if self.builder.poisoned or where is None:
                     continue
-                text = statement_text(self.source, statement)
+                text = statement.written or statement_text(self.source, statement)
                 for part in bounded:
                     body = self.settled(part.body, where, statement)
                     found.append(Relation(body, part.lower, part.upper, where, self.span(statement), text))

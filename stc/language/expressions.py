@@ -46,6 +46,9 @@ from stc.symbolic.expr import (
     symbols,
 )
 
+#: Looks like a function, unless a spec declares something of that name.
+MOMENTUM = "momentum"
+
 #: Time derivatives of a higher order are taken for a slip.
 MAX_ORDER = 20
 
@@ -81,6 +84,7 @@ class ExpressionBuilder:
         self.poisoned = False
         self.first_use: dict[tuple[str, int], tuple[int, int]] = {}
         self.integral_definitions: set[str] = set()
+        self.momenta: dict[str, Expr] | None = None
         self._leaves: dict[str, Expr] = {"pi": PI, "t": TIME, "i": INDEX}
         self._derivatives: dict[Expr, Expr] = {}
         self._build: dict[type, Callable[[Any], Expr]] = {
@@ -215,6 +219,8 @@ class ExpressionBuilder:
         function = node.function
         if function in ("before", "after"):
             return self._one_sided(node)
+        if function == MOMENTUM and self.table.kind(MOMENTUM) is None:
+            return self._momentum(node)
         arguments = [self.build(argument) for argument in node.arguments]
         if function in FUNCTIONS:
             if len(arguments) != FUNCTIONS[function]:
@@ -239,6 +245,20 @@ class ExpressionBuilder:
             f"there is no function `{function}`",
             hint or f"functions are {', '.join(FUNCTIONS)}",
         )
+
+    def _momentum(self, node: syntax.Call) -> Expr:
+        """``momentum(q)``: the derivative of the Lagrangian by q'."""
+        arguments = node.arguments
+        if len(arguments) != 1 or not isinstance(arguments[0], syntax.Name):
+            return self.fail(node, "`momentum` takes the name of one coordinate, as in `momentum(x)`")
+        name = arguments[0].name
+        if self.momenta is None:
+            hint = "use it under `constraints:` or `objective:`, where the Lagrangian is known"
+            return self.fail(node, "`momentum` is not known yet within a definition or Lagrangian", hint)
+        if name not in self.momenta:
+            hint = did_you_mean(name, list(self.momenta)) or "it is the derivative of the Lagrangian by `q'`"
+            return self.fail(arguments[0], f"no Lagrangian has `{name}'` in it", hint)
+        return self.momenta[name]
 
     # ------------------------------------------------- sides, primes, indices
 

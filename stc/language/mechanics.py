@@ -31,11 +31,16 @@ def force_name(coordinate: str) -> str:
     return f"force on {coordinate}"
 
 
+def momentum_name(coordinate: str) -> str:
+    """The definition that holds the momentum of a coordinate in several Lagrangians; no spec can declare it."""
+    return f"momentum of {coordinate}"
+
+
 def equations_of_motion(context: Context) -> list[Relation]:
     """The rows that all Lagrangians of a spec stand for; mistakes are noted in the context."""
     everywhere = _forces(context)
     found: list[Relation] = []
-    moved: set[str] = set()
+    momenta: dict[str, list[DefinitionPiece]] = {}
     for block in context.tree.blocks("lagrangian"):
         where = context.range(block)
         energies = [s for s in block.statements if isinstance(s, syntax.Relation)]
@@ -48,8 +53,8 @@ def equations_of_motion(context: Context) -> list[Relation]:
             hint = "an energy of motion has terms such as `m*x'^2/2`"
             context.error(energies[0], "no variable's first derivative appears in this Lagrangian", hint)
         for name in coordinates:
-            moved.add(name)
             momentum = derivative(lagrangian, VariableRef(name, 1))
+            momenta.setdefault(name, []).append(DefinitionPiece(momentum, where, context.span(energies[0])))
             row = sub(context.builder.derivative(momentum, 1), derivative(lagrangian, VariableRef(name)))
             row = sub(row, sum_of(everywhere.get(name, [])))
             if force_name(name) in context.builder.pieces:
@@ -57,8 +62,17 @@ def equations_of_motion(context: Context) -> list[Relation]:
             row = context.settled(row, where, energies[0])
             text = f"equation of motion of {name}"
             found.append(Relation(row, ZERO, ZERO, where, context.span(energies[0]), text, name))
-    _check_forces(context, moved)
+    context.builder.momenta = {name: _momentum(context, name, pieces) for name, pieces in momenta.items()}
+    _check_forces(context, set(momenta))
     return found
+
+
+def _momentum(context: Context, name: str, pieces: list[DefinitionPiece]) -> Expr:
+    """What `momentum(name)` means: one expression, or pieces where Lagrangians stand under range headers."""
+    if len(pieces) == 1 and (pieces[0].range.first, pieces[0].range.last) == (0, context.n):
+        return pieces[0].body
+    context.builder.pieces[momentum_name(name)] = pieces
+    return sym(DefinitionRef(momentum_name(name)))
 
 
 def _moves(lagrangian: Expr, name: str) -> bool:

@@ -301,6 +301,44 @@ class _Parser(ExpressionParser):
         self.end_statement("the force")
         into.append(found)
 
+    def contact_statement(self, into: list[syntax.Statement]) -> None:
+        name = self.name("the name of a contact, as in `sole = foot(x, z, th), half = 0.1, friction = 0.6;`")
+        if self.kind != "=":
+            into.append(self.contact_place(name))
+            return
+        self.advance()
+        kind = self.name("a kind of contact, as in `foot(x, z, th)`")
+        self.expect("(", f"`(` after `{kind.name}`")
+        pose = [self.expression()]
+        while self.kind == ",":
+            self.advance()
+            pose.append(self.expression())
+        self.expect(")", "`)` after the pose of the contact")
+        options: list[tuple[syntax.Name, syntax.Expression | None]] = []
+        while self.kind == ",":
+            self.advance()
+            option = self.name("an option, as in `friction = 0.6`")
+            value: syntax.Expression | None = None
+            if self.kind == "=":
+                self.advance()
+                value = self.expression()
+            options.append((option, value))
+        found = syntax.ContactDeclaration(name.start, self.ends[self.at - 1], name, kind, pose, options)
+        self.end_statement("the contact")
+        into.append(found)
+
+    def contact_place(self, name: syntax.Name) -> syntax.ContactPlace:
+        at: list[syntax.Expression] = []
+        if self.kind == "name" and self.token_text(self.at) == "at":
+            self.advance()
+            at.append(self.expression())
+            if self.kind == ",":
+                self.advance()
+                at.append(self.expression())
+        found = syntax.ContactPlace(name.start, self.ends[self.at - 1], name, at)
+        self.end_statement("the place of the contact")
+        return found
+
     def jumps_statement(self, into: list[syntax.Statement]) -> None:
         start = self.starts[self.at]
         quantities = [self.expression()]

@@ -94,6 +94,13 @@ def show_statement(node: syntax.Statement) -> str:
         return node.name + ";"
     if isinstance(node, syntax.ModelFile):
         return f'model = "{node.path}";'
+    if isinstance(node, syntax.ContactDeclaration):
+        pose = ", ".join(show_expression(part) for part in node.pose)
+        options = [n.name if v is None else f"{n.name} = {show_expression(v)}" for n, v in node.options]
+        return ", ".join([f"{node.name.name} = {node.kind.name}({pose})", *options]) + ";"
+    if isinstance(node, syntax.ContactPlace):
+        at = ", ".join(show_expression(place) for place in node.at)
+        return f"{node.name.name} at {at};" if at else f"{node.name.name};"
     path = ".".join(part if part.isidentifier() else f'"{part}"' for part in node.path)
     return f"{node.kind} {path} = {show_expression(node.value)};"
 

@@ -145,10 +145,14 @@ class Assignment(Node):
 
 @dataclass(slots=True)
 class Relation(Node):
-    """``e``, ``a = b``, ``a <= b``, ``lo <= e <= hi``, ...: operands with the operators between them."""
+    """``e``, ``a = b``, ``a <= b``, ``lo <= e <= hi``, ...: operands with the operators between them.
+
+    ``written`` is the text of a relation that stands for another statement; else it is at its place in the spec.
+    """
 
     operands: list[Expression]
     operators: list[str]
+    written: str = field(default="", compare=False, repr=False)
 
 
 @dataclass(slots=True)
@@ -182,6 +186,24 @@ class Channel(Node):
 
 
 @dataclass(slots=True)
+class ContactDeclaration(Node):
+    """``sole = foot(x, z, th), half = 0.1, soft;`` in `contact:`; an option may lack a value."""
+
+    name: Name
+    kind: Name
+    pose: list[Expression]
+    options: list[tuple[Name, Expression | None]]
+
+
+@dataclass(slots=True)
+class ContactPlace(Node):
+    """``sole at x, z;`` in `contact:`; neither or both of the places may be given, or x alone."""
+
+    name: Name
+    at: list[Expression]
+
+
+@dataclass(slots=True)
 class RangeHeader(Node):
     """``[first, last]:``; ``last`` is None in ``[k]:``."""
 
@@ -189,7 +211,17 @@ class RangeHeader(Node):
     last: Expression | None
 
 
-Statement: TypeAlias = Declaration | Assignment | Relation | JumpList | MethodChoice | ModelFile | Channel
+Statement: TypeAlias = (
+    Declaration
+    | Assignment
+    | Relation
+    | JumpList
+    | MethodChoice
+    | ModelFile
+    | Channel
+    | ContactDeclaration
+    | ContactPlace
+)
 
 
 @dataclass(slots=True)

@@ -33,7 +33,7 @@ SECTIONS: dict[str, SectionKind] = {
     "lagrangian": SectionKind("one expression", ranged=True),
     "forces": SectionKind("`name: expression;`", ranged=True),
     "model": SectionKind("the name of a MuJoCo model", supported=False),
-    "contact": SectionKind("points that touch a surface", ranged=True, supported=False),
+    "contact": SectionKind("what touches the ground, and when", ranged=True),
 }
 
 #: What other tools call the sections.

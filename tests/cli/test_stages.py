@@ -24,6 +24,7 @@ objective: integral(f^2);
 EXPECTED = {
     "tokens": ["1:1", "constants", "prime"],
     "syntax": ["constants:", "x'' = f - g;"],
+    "contact": ["x'' = f - g;"],
     "problem": ["frames 0 to 4", "[0]: x = 0", "integral(f^2)"],
     "nlp": ["decision variables", "quadratic  minimise"],
     "sparsity": ["Jacobian", "Hessian"],

@@ -1,0 +1,347 @@
+"""What a contact stands for: the writing of its plain statements (:mod:`stc.language.contact` reads the section)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from stc.language import syntax
+from stc.language.context import Context
+from stc.language.definition_values import define
+from stc.language.show import show_expression, show_header
+from stc.problem import ConstantRef, FrameRange, VariableRef
+from stc.symbolic.differentiate import derivative
+from stc.symbolic.expr import Expr, render, sum_of, symbols
+
+#: Per kind of contact: the pose that it takes, what its forces are called, and the options that it knows.
+KINDS: Mapping[str, tuple[int, tuple[str, ...], tuple[str, ...]]] = {
+    "foot": (
+        3,
+        ("fx", "fz", "my"),
+        ("half", "reach", "friction", "clearance", "landing", "speed", "spin", "soft"),
+    ),
+    "point": (2, ("fx", "fz"), ("friction", "clearance", "landing", "speed", "soft")),
+    "pin": (2, ("fx", "fz"), ("landing", "speed", "soft")),
+}
+
+#: What a kind cannot do without.
+NEEDED: Mapping[str, tuple[str, ...]] = {"foot": ("half", "friction"), "point": ("friction",), "pin": ()}
+
+
+@dataclass(slots=True)
+class Phase:
+    """Frames on which a contact stands, and where: the texts of place and height, None where x is free."""
+
+    frames: FrameRange
+    header: syntax.RangeHeader
+    x: str | None
+    z: str
+    landing: int = 0
+    """Counts the impacts of this contact from 1; 0 where none begins the phase."""
+
+    @property
+    def first(self) -> str:
+        """The text of the first frame."""
+        return show_expression(self.header.first)
+
+    @property
+    def last(self) -> str:
+        """The text of the last frame."""
+        return show_expression(self.header.last or self.header.first)
+
+
+@dataclass(slots=True)
+class Contact:
+    """One declared contact with its phases in the order of time."""
+
+    name: str
+    kind: str
+    statement: syntax.ContactDeclaration
+    options: dict[str, str]
+    pose: list[str]
+    phases: list[Phase] = field(default_factory=list)
+
+    @property
+    def forces(self) -> list[str]:
+        """The names of its force variables."""
+        return [f"{self.name}_{part}" for part in KINDS[self.kind][1]]
+
+    def impulses(self, phase: Phase) -> list[str]:
+        """The names of the impulses with which a phase begins."""
+        return [f"{self.name}_{part}{phase.landing}" for part in ("jx", "jz", "jm")[: len(self.pose)]]
+
+    @property
+    def soft(self) -> bool:
+        """Whether it lands without an impact."""
+        return "soft" in self.options
+
+
+# ---------------------------------------------------------------- what the mechanics say
+
+
+class Mechanics:
+    """The coordinates of the Lagrangian, what is under `forces:`, and how contacts move with coordinates."""
+
+    def __init__(self, tree: syntax.SpecTree, trial: Context, contacts: Sequence[Contact]) -> None:
+        define(trial, lambda expression: any(_is_integral(part) for part in syntax.walk(expression)))
+        builder = trial.builder
+        energies = [
+            builder.build(statement.operands[0])
+            for block in tree.blocks("lagrangian")
+            for statement in block.statements
+            if isinstance(statement, syntax.Relation)
+        ]
+        self.energy = sum_of(energies)
+        moving = {key.name for key in symbols(self.energy) if isinstance(key, VariableRef) and key.order == 1}
+        variables = trial.table.of_kind("variable")
+        self.coordinates = [name for name in variables if name in moving]
+        self.pose = {c.name: [builder.build(part) for part in c.statement.pose] for c in contacts}
+        used = dict.fromkeys(
+            name
+            for block in tree.blocks("forces")
+            for statement in block.statements
+            if isinstance(statement, syntax.Assignment)
+            for name in _variables_in(builder.build(statement.value))
+        )
+        own = {force for contact in contacts for force in contact.forces}
+        self.drives = [name for name in used if name not in moving and name not in own]
+
+    def share(self, contact: Contact, part: int, coordinate: str) -> str:
+        """How much a part of a contact's pose moves with a coordinate: the text of its derivative, or ''."""
+        moved = derivative(self.pose[contact.name][part], VariableRef(coordinate))
+        text = render(moved)
+        return "" if text == "0" else text
+
+    def weight(self, contact: Contact) -> str:
+        """The force that holds everything up through a contact; '' where it is not made of constants."""
+        if contact.pose[1] not in self.coordinates:
+            return ""
+        down = derivative(self.energy, VariableRef(contact.pose[1]))
+        return render(-down) if all(isinstance(key, ConstantRef) for key in symbols(down)) else ""
+
+
+def _variables_in(e: Expr) -> list[str]:
+    return [key.name for key in symbols(e) if isinstance(key, VariableRef)]
+
+
+def _is_integral(node: syntax.Expression) -> bool:
+    return isinstance(node, syntax.Call) and node.function == "integral"
+
+
+# ------------------------------------------------------------------------- writing it out
+
+
+class Writer:
+    """Writes all contacts of a spec out as sections of plain statements."""
+
+    def __init__(self, contacts: Sequence[Contact], mechanics: Mechanics, n: int) -> None:
+        self.contacts, self.mechanics, self.n = contacts, mechanics, n
+
+    def lines(self) -> Iterator[str]:
+        """The sections, line by line."""
+        yield "variables:"
+        yield f"  {', '.join(force for contact in self.contacts for force in contact.forces)};"
+        impulses = [name for c in self.contacts for p in c.phases if p.landing for name in c.impulses(p)]
+        if impulses:
+            yield "parameters:"
+            yield f"  {', '.join(impulses)};"
+        yield from _section("definitions", self.shares())
+        yield from _section("forces", self.generalised())
+        yield from _section("jumps", self.jumps())
+        yield from _section("guess", self.guesses())
+        yield "constraints:"
+        for contact in self.contacts:
+            yield from self.statements(contact)
+        yield from self.impacts()
+        yield from _section("objective", self.prices())
+
+    def shares(self) -> Iterator[str]:
+        """The share of each flight that is over at frame i."""
+        for contact in self.contacts:
+            for number, (before, after) in enumerate(zip(contact.phases, contact.phases[1:]), 1):
+                first = "i" if before.last == "0" else f"(i - {_term(before.last)})"
+                yield f"  {contact.name}_s{number} = {first}/({after.first} - {_term(before.last)});"
+
+    def generalised(self) -> Iterator[str]:
+        """`q: ...;` per coordinate that a contact moves with."""
+        for coordinate in self.mechanics.coordinates:
+            terms = [t for c in self.contacts for t in self.terms(c, c.forces, coordinate)]
+            if terms:
+                yield f"  {coordinate}: {' + '.join(terms)};"
+
+    def terms(self, contact: Contact, names: Sequence[str], coordinate: str) -> list[str]:
+        """The generalised force or impulse on a coordinate, by virtual work."""
+        found = []
+        for part, name in enumerate(names):
+            share = self.mechanics.share(contact, part, coordinate)
+            if share:
+                found.append(name if share == "1" else f"({share})*{name}")
+        return found
+
+    def switches(self) -> Iterator[tuple[int, str, list[str]]]:
+        """Frames at which a contact ends or begins: number, text, quantities that jump."""
+        drives = self.mechanics.drives
+        for contact in self.contacts:
+            for phase in contact.phases:
+                if phase.frames.first > 0:
+                    speeds = [f"{q}'" for q in self.mechanics.coordinates] if phase.landing else []
+                    all_forces = [force for c in self.contacts for force in c.forces]
+                    yield phase.frames.first, phase.first, [*speeds, *all_forces, *drives]
+                if phase.frames.last < self.n:
+                    others = [force for c in self.contacts if c is not contact for force in c.forces]
+                    yield phase.frames.last, phase.last, [*others, *drives]
+
+    def jumps(self) -> Iterator[str]:
+        """Motors may jump where a contact ends, its forces too where one begins, speeds at an impact."""
+        for _, frame, names in sorted(self.switches(), key=lambda switch: switch[0]):
+            if names:
+                yield f"  [{frame}]: {', '.join(names)};"
+
+    def guesses(self) -> Iterator[str]:
+        """Standing under its weight, flying along a parabola."""
+        for contact in self.contacts:
+            weight = self.mechanics.weight(contact)
+            for phase in contact.phases:
+                lines = [f"{p} = {v};" for p, v in self.at(contact, phase) if p in self.mechanics.coordinates]
+                if weight and contact.kind != "pin":
+                    lines.append(f"{contact.forces[1]} = {weight};")
+                if lines:
+                    yield f"  {show_header(phase.header)} {' '.join(lines)}"
+            for number, (before, after) in enumerate(zip(contact.phases, contact.phases[1:]), 1):
+                lines = []
+                s = f"{contact.name}_s{number}"
+                if contact.pose[0] in self.mechanics.coordinates and before.x and after.x:
+                    lines.append(f"{contact.pose[0]} = {_between(before.x, after.x, s)};")
+                if contact.pose[1] in self.mechanics.coordinates:
+                    hop = f"4*{contact.options['half']}*{s}*(1 - {s})" if "half" in contact.options else "0"
+                    lines.append(f"{contact.pose[1]} = {_plus(_between(before.z, after.z, s), hop)};")
+                if lines:
+                    yield f"  [{before.last}, {after.first}]: {' '.join(lines)}"
+
+    def at(self, contact: Contact, phase: Phase) -> list[tuple[str, str]]:
+        """Each part of the pose that a phase fixes, with its value."""
+        values = [phase.x, phase.z, "0"][: len(contact.pose)]
+        return [(part, value) for part, value in zip(contact.pose, values) if value is not None]
+
+    def statements(self, contact: Contact) -> Iterator[str]:
+        """One contact's constraints, phase by phase and flight by flight."""
+        pose = [_whole(part) for part in contact.pose]
+        previous: Phase | None = None
+        for phase in contact.phases:
+            yield from self.flight(contact, previous, phase)
+            yield f"  {show_header(phase.header)}"
+            yield "    " + " ".join(f"{part}'' = 0;" for part in pose)
+            for line in _cone(contact, contact.forces):
+                yield f"    {line}"
+            yield f"  [{phase.first}]:"
+            yield "    " + " ".join(f"{part} = {value};" for part, value in self.at(contact, phase))
+            if not phase.landing:
+                yield "    " + " ".join(f"{part}' = 0;" for part in pose)
+            else:
+                yield "    " + " ".join(f"after({part}') = 0;" for part in pose)
+                limits = ["speed", "speed", "spin"][: len(pose)]
+                found = [
+                    f"-{contact.options[limit]} <= before({part}') <= {contact.options[limit]};"
+                    for part, limit in zip(pose, limits)
+                    if limit in contact.options
+                ]
+                if found:
+                    yield "    " + " ".join(found)
+            previous = phase
+        yield from self.flight(contact, previous, None)
+
+    def flight(self, contact: Contact, before: Phase | None, after: Phase | None) -> Iterator[str]:
+        """Between two phases, or before the first or after the last: no force, and room below."""
+        first = 0 if before is None else before.frames.last
+        last = self.n if after is None else after.frames.first
+        if first == last:
+            return
+        yield f"  [{before.last if before else 0}, {after.first if after else 'n'}]:"
+        yield "    " + " ".join(f"{force} = 0;" for force in contact.forces)
+        if contact.kind == "pin":
+            return
+        _, z, *angle = (_whole(part) for part in contact.pose)
+        if before is None or after is None:
+            ground = (before or after or contact.phases[0]).z
+        else:
+            s = f"{contact.name}_s{contact.phases.index(after)}"
+            ground = _between(before.z, after.z, s)
+            if "clearance" in contact.options:
+                ground = _plus(ground, f"16*{contact.options['clearance']}*{s}^2*(1 - {s})^2")
+        ends = [f"{z} {sign} {contact.options['half']}*sin({angle[0]})" for sign in "-+"] if angle else [z]
+        for end in ends:
+            yield f"    {end} >= {ground};"
+
+    def prices(self) -> Iterator[str]:
+        """What the speed of landing costs."""
+        for contact in self.contacts:
+            for phase in contact.phases:
+                if phase.landing and "landing" in contact.options:
+                    speeds = [f"before({_whole(part)}')^2" for part in contact.pose[:2]]
+                    if len(contact.pose) > 2:
+                        speeds.append(f"({contact.options['half']}*before({_whole(contact.pose[2])}'))^2")
+                    yield f"  [{phase.first}]: {contact.options['landing']}*({' + '.join(speeds)});"
+
+    def impacts(self) -> Iterator[str]:
+        """Where something lands: impulses within their cones, and the balance of every momentum."""
+        landing: dict[int, list[tuple[Contact, Phase]]] = {}
+        for contact in self.contacts:
+            for phase in contact.phases:
+                if phase.landing:
+                    landing.setdefault(phase.frames.first, []).append((contact, phase))
+        for frame in sorted(landing):
+            yield f"  [{landing[frame][0][1].first}]:"
+            for contact, phase in landing[frame]:
+                for line in _cone(contact, contact.impulses(phase)):
+                    yield f"    {line}"
+            for coordinate in self.mechanics.coordinates:
+                given = [
+                    term
+                    for contact, phase in landing[frame]
+                    for term in self.terms(contact, contact.impulses(phase), coordinate)
+                ]
+                terms = " + ".join([f"before(momentum({coordinate}))", *given])
+                yield f"    after(momentum({coordinate})) = {terms};"
+
+
+def _section(name: str, lines: Iterator[str]) -> Iterator[str]:
+    found = list(lines)
+    if found:
+        yield f"{name}:"
+        yield from found
+
+
+def _whole(text: str) -> str:
+    """A text that can take a prime."""
+    return text if text.isidentifier() else f"({text})"
+
+
+def _cone(contact: Contact, names: Sequence[str]) -> Iterator[str]:
+    """No pulling, friction, and for a foot the centre of pressure within its reach."""
+    if contact.kind == "pin":
+        return
+    along, up, *turning = names
+    yield f"{up} >= 0;"
+    friction = contact.options["friction"]
+    yield f"{along} <= {friction}*{up}; -{along} <= {friction}*{up};"
+    if turning:
+        reach = contact.options.get("reach", contact.options["half"])
+        yield f"{turning[0]} <= {reach}*{up}; -{turning[0]} <= {reach}*{up};"
+
+
+def _plus(first: str, second: str) -> str:
+    """The text of a sum."""
+    return second if first == "0" else first if second == "0" else f"{first} + {second}"
+
+
+def _term(text: str) -> str:
+    return text if text.replace("*", "").replace(".", "").isalnum() else f"({text})"
+
+
+def _between(first: str, last: str, share: str) -> str:
+    """From one text's value to another's."""
+    if first == last:
+        return first
+    if first == "0":
+        return f"{_term(last)}*{share}"
+    return f"{first} + ({last} - {_term(first)})*{share}"
