@@ -73,12 +73,10 @@ def project(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
         return None
     x_lower, x_upper = form.true_x
     row_lower, row_upper = form.true_rows
-    shifted = x - lagrangian
-    x_target = np.clip(shifted, x_lower, x_upper)
-    active_x = (x_target != shifted) | form.held
-    lifted = r + y
-    row_target = np.clip(lifted, row_lower, row_upper)
-    active_rows = (row_target != lifted) | form.equality
+    x_target, active_x = _nearer_bound(x, -lagrangian, x_lower, x_upper)
+    active_x |= form.held
+    row_target, active_rows = _nearer_bound(r, y, row_lower, row_upper)
+    active_rows |= form.equality
     dual = np.where(active_x, 0.0, lagrangian)
     dual_rows = np.where(active_rows, 0.0, y)
     primal = np.where(active_x, x - x_target, 0.0)
@@ -91,6 +89,18 @@ def project(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
     return Projection(
         x, y, f, r, gradient, jac, hess, lagrangian, active_x, x_target, active_rows, row_target, error
     )
+
+
+def _nearer_bound(value: Floats, push: Floats, lower: Floats, upper: Floats) -> tuple[Floats, Mask]:
+    """Where ``value`` ends when pushed and clipped, and which entries are clipped.
+
+    A push away from the bound nearby leaves that bound; it does not reach the one on the other side.
+    """
+    pushed = value + push
+    target = np.clip(pushed, lower, upper)
+    with np.errstate(invalid="ignore"):
+        away = np.where(push > 0.0, value - lower < upper - value, upper - value < value - lower)
+    return target, (target != pushed) & ~(away & (lower < upper))
 
 
 def _largest(v: Floats) -> float:
