@@ -95,7 +95,7 @@ def nearest(name: str, known: Sequence[str]) -> str:
 
 
 def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
-    """The names of all joints, actuators, bodies, geoms, sites or sensors that have one."""
+    """The names of all joints, actuators, bodies, cameras, geoms, sites or sensors that have one."""
     import mujoco
 
     object_type = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
@@ -107,6 +107,7 @@ def _count(model: mujoco.MjModel, kind: str) -> int:
     arrays = {
         "actuator": model.actuator_trntype,
         "body": model.body_parentid,
+        "camera": model.cam_bodyid,
         "geom": model.geom_type,
         "joint": model.jnt_type,
         "sensor": model.sensor_type,

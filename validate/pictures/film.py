@@ -1,0 +1,259 @@
+"""Filmstrips and videos of a motion.
+
+A filmstrip shows the motion at equal intervals of time, tile by tile.  A video shows it frame by frame; short
+motions are slowed down, and what is shown says so.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stc.errors import UsageError
+from stc.validate.metrics import FloatArray
+from stc.validate.pictures import PictureError
+from stc.validate.pictures.motion import paths, simulated_at, solved_at
+from stc.validate.pictures.stage import Image, Stage, Trail
+
+if TYPE_CHECKING:
+    from stc.validate.replay import Replay
+    from stc.validate.setup import Setup
+
+#: Kinds of picture by the ending of the file: still images and videos.
+STILLS = (".png", ".jpg", ".jpeg")
+VIDEOS = (".webp", ".gif", ".mp4")
+
+#: A video of a motion is slowed down until it lasts about so long, in seconds, but not below real time.
+_SHORTEST = 2.4
+
+#: Slow motion is one of these shares of real time.
+_SPEEDS = (1.0, 0.5, 0.25, 0.2, 0.1, 0.05, 0.02, 0.01)
+
+#: The last image of a video stays for this time, in seconds, before it starts again.
+_PAUSE = 0.8
+
+#: Colours of paths: solved, simulated.
+_SOLVED, _SIMULATED = (0.98, 0.62, 0.16, 0.9), (0.25, 0.75, 0.95, 0.9)
+
+#: Opacity of the solved motion where it stands behind a simulated one.
+_GHOST = 0.35
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How pictures are made.
+
+    Attributes:
+        width: of an image, or of a filmstrip's tile, in pixels.
+        height: of the same.
+        camera: one of the model's cameras; None takes the usual one.
+        rate: images per second of a video.
+        speed: share of real time at which a video runs; None chooses.
+        tiles: of a filmstrip.
+        columns: of a filmstrip; None chooses.
+        captions: whether the time is written into the images.
+    """
+
+    width: int = 640
+    height: int = 480
+    camera: str | None = None
+    rate: int = 30
+    speed: float | None = None
+    tiles: int = 6
+    columns: int | None = None
+    captions: bool = True
+
+
+def draw(
+    setup: Setup,
+    path: str | os.PathLike[str],
+    look: Look | None = None,
+    motion: Replay | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Render a motion into a file: a filmstrip for an image's ending, else a video.
+
+    Args:
+        setup: the motion and its model.
+        path: where to; its ending is one of :data:`STILLS` or :data:`VIDEOS`.
+        look: how.
+        motion: a replay to show, the solved motion then being its ghost; None shows the solved motion.
+        progress: told after each image how many of how many are done.
+
+    Raises:
+        UsageError: another ending.
+        ModelError: there is no such camera.
+        PictureError: there is no OpenGL, or no encoder for the video.
+        OSError: the file cannot be written.
+    """
+    target, look = Path(path), look or Look()
+    suffix = target.suffix.lower()
+    if suffix not in (*STILLS, *VIDEOS):
+        raise UsageError(
+            f"cannot tell what {target.name!r} should be: {', '.join(STILLS)} are filmstrips, "
+            f"{', '.join(VIDEOS)} videos"
+        )
+    if suffix in STILLS:
+        filmstrip(setup, look, motion, progress).save(target)
+        return
+    if suffix == ".mp4":
+        _require_av()
+    write = _write_mp4 if suffix == ".mp4" else _write_animation
+    write(target, film(setup, look, motion, progress), look)
+
+
+def filmstrip(
+    setup: Setup,
+    look: Look,
+    motion: Replay | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Any:
+    """The motion at equal intervals, first and last position included, as a Pillow image.  See :func:`draw`."""
+    from PIL import Image as Pillow
+
+    count = max(1, look.tiles)
+    times = np.linspace(setup.solution.time[0], setup.solution.time[-1], count)
+    columns = look.columns or _columns(count)
+    rows = -(-count // columns)
+    gap = max(2, look.width // 160)
+    strip = Pillow.new(
+        "RGB",
+        (columns * (look.width + gap) - gap, rows * (look.height + gap) - gap),
+        (255, 255, 255),
+    )
+    for k, image in enumerate(_images(setup, look, motion, times, 1.0, progress)):
+        strip.paste(
+            Pillow.fromarray(image), (k % columns * (look.width + gap), k // columns * (look.height + gap))
+        )
+    return strip
+
+
+def _columns(count: int) -> int:
+    """Up to four tiles in a row; more are spread over rows of equal length where that is possible."""
+    if count <= 4:
+        return count
+    return next((c for c in (4, 3, 5) if count % c == 0), 4)
+
+
+def film(
+    setup: Setup,
+    look: Look,
+    motion: Replay | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[Image]:
+    """The images of a video, (height, width, 3) each.  See :func:`draw`."""
+    speed = slow_motion(setup.solution.duration) if look.speed is None else look.speed
+    if not speed > 0.0 or look.rate < 1:
+        raise UsageError("speed and rate of a video must be positive")
+    step = speed / look.rate
+    start, end = setup.solution.time[0], setup.solution.time[-1]
+    count = max(2, round((end - start) / step) + 1)
+    times = np.minimum(start + step * np.arange(count), end)
+    times[-1] = end
+    return _images(setup, look, motion, times, speed, progress)
+
+
+def slow_motion(duration: float) -> float:
+    """The share of real time at which a motion of this duration, in seconds, is well seen."""
+    return next((speed for speed in _SPEEDS if duration / speed >= _SHORTEST), _SPEEDS[-1])
+
+
+def _images(
+    setup: Setup,
+    look: Look,
+    motion: Replay | None,
+    times: FloatArray,
+    speed: float,
+    progress: Callable[[int, int], None] | None,
+) -> Iterator[Image]:
+    solved = solved_at(setup, times)
+    shown = solved if motion is None else simulated_at(motion, times)
+    trails = [Trail(points, _SOLVED) for points in paths(setup)]
+    if motion is not None:
+        trails += [Trail(points, _SIMULATED) for points in paths(setup, motion)]
+    with Stage(setup.compiled, look.width, look.height, look.camera, frame=_spread(solved)) as stage:
+        for k, time in enumerate(times):
+            ghosts: Sequence[tuple[FloatArray, float]] = [] if motion is None else [(solved[k], _GHOST)]
+            image = stage.render(shown[k], ghosts, trails)
+            yield _captioned(image, float(time), speed) if look.captions else image
+            if progress is not None:
+                progress(k + 1, len(times))
+
+
+def _spread(positions: FloatArray) -> FloatArray:
+    """Some of the positions, the first and last among them."""
+    return positions[np.unique(np.linspace(0, len(positions) - 1, 25).astype(np.intp))]
+
+
+def _captioned(image: Image, time: float, speed: float) -> Image:
+    """The image with the time in its lower left corner, and the slowness of the motion beside it."""
+    from PIL import Image as Pillow
+    from PIL import ImageDraw, ImageFont
+
+    height = image.shape[0]
+    picture = Pillow.fromarray(image)
+    text = f"{time:.2f} s"
+    if speed != 1.0:
+        text += f"    {_share(speed)} speed"
+    font = ImageFont.load_default(size=max(10, height // 24))
+    at = (height // 28, height - height // 28)
+    brush = ImageDraw.Draw(picture)
+    brush.text(at, text, (255, 255, 255), font, anchor="ls", stroke_width=2, stroke_fill=(40, 40, 48))
+    return np.asarray(picture)
+
+
+def _share(speed: float) -> str:
+    whole = 1.0 / speed
+    return f"1/{whole:g}" if speed < 1.0 and abs(whole - round(whole)) < 1e-9 else f"{speed:g}x"
+
+
+# --- files -------------------------------------------------------------------------------------------------
+
+
+def _write_animation(target: Path, images: Iterator[Image], look: Look) -> None:
+    """An animated WebP or GIF that starts over after a pause."""
+    from PIL import Image as Pillow
+
+    frames = [Pillow.fromarray(image) for image in images]
+    # GIF keeps time in hundredths of a second.
+    each = (
+        max(20, 10 * round(100 / look.rate)) if target.suffix.lower() == ".gif" else round(1000 / look.rate)
+    )
+    durations = [each] * (len(frames) - 1) + [each + round(1000 * _PAUSE)]
+    more: dict[str, Any] = {"quality": 82, "method": 4} if target.suffix.lower() == ".webp" else {}
+    frames[0].save(target, save_all=True, append_images=frames[1:], duration=durations, loop=0, **more)
+
+
+def _require_av() -> Any:
+    try:
+        import av
+    except ImportError:
+        raise PictureError(
+            "an .mp4 takes the library PyAV: pip install 'stc[video]'\n  .webp and .gif work without it"
+        ) from None
+    return av
+
+
+def _write_mp4(target: Path, images: Iterator[Image], look: Look) -> None:
+    """H.264, the last image held for a moment."""
+    av = _require_av()
+    with av.open(str(target), "w") as container:
+        stream = container.add_stream("libx264", rate=look.rate)
+        # The pixel format shares colours between pairs of pixels: sizes are even.
+        stream.width, stream.height = look.width // 2 * 2, look.height // 2 * 2
+        stream.pix_fmt, stream.options = "yuv420p", {"crf": "18"}
+        last: Image | None = None
+        for image in images:
+            last = image[: stream.height, : stream.width]
+            container.mux(
+                stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(last), format="rgb24"))
+            )
+        for _ in range(round(_PAUSE * look.rate) if last is not None else 0):
+            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(last), format="rgb24")
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())

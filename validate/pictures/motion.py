@@ -1,0 +1,84 @@
+"""Where a model is at any time of a motion, solved or simulated, and the paths that its parts take."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.validate.metrics import FloatArray
+
+if TYPE_CHECKING:
+    from stc.validate.replay import Replay
+    from stc.validate.setup import Setup
+
+#: Points of a path.
+_PATH_POINTS = 100
+
+
+def solved_at(setup: Setup, times: FloatArray) -> FloatArray:
+    """(k, nq) the solved motion at some times; joints that are not tied stay where the model has them."""
+    import mujoco
+
+    solution = setup.solution
+    found = np.tile(mujoco.MjData(setup.compiled).qpos, (len(times), 1))
+    positions = setup.reference.positions
+    if solution.n == 0:
+        found[:, positions] = setup.reference.at("after", 0)[0]
+        return found
+    steps = np.clip(np.searchsorted(solution.time, times, side="right") - 1, 0, solution.n - 1)
+    shares = np.clip((times - solution.time[steps]) / np.diff(solution.time)[steps], 0.0, 1.0)
+    for k, (step, share) in enumerate(zip(steps, shares)):
+        found[k, positions] = setup.reference.in_step(int(step), np.array([share]))[0][0]
+    return found
+
+
+def simulated_at(motion: Replay, times: FloatArray) -> FloatArray:
+    """(k, nq) a replay at some times; where it broke down, its last position."""
+    finite = np.isfinite(motion.path).all(axis=1)
+    known, path = motion.time[finite], motion.path[finite]
+    return np.stack([np.interp(times, known, column) for column in path.T], axis=1)
+
+
+def paths(setup: Setup, motion: Replay | None = None) -> list[FloatArray]:
+    """World paths, (k, 3) each, of the sites, geoms and bodies that the spec has compared.
+
+    Where it has none compared they are those of the outermost bodies' centres of mass.
+
+    Args:
+        setup: the motion.
+        motion: a replay of it, to follow that instead.
+    """
+    import mujoco
+
+    places = _places(setup)
+    times = np.linspace(setup.solution.time[0], setup.solution.time[-1], _PATH_POINTS)
+    positions = solved_at(setup, times) if motion is None else simulated_at(motion, times)
+    data = mujoco.MjData(setup.compiled)
+    found: list[list[FloatArray]] = [[] for _ in places]
+    for position in positions:
+        data.qpos[:] = position
+        mujoco.mj_kinematics(setup.compiled, data)
+        mujoco.mj_comPos(setup.compiled, data)
+        for path, (array, index) in zip(found, places):
+            path.append(getattr(data, array)[index].copy())
+    return [np.array(path) for path in found]
+
+
+def _places(setup: Setup) -> Sequence[tuple[str, int]]:
+    """Per point to follow MuJoCo's array of world positions and the index in it, each point once."""
+    import mujoco
+
+    arrays = {"site": "site_xpos", "geom": "geom_xpos", "body": "xpos", "com": "subtree_com"}
+    found: dict[tuple[str, int], None] = {}
+    for output in setup.outputs:
+        kind, *rest = output.line.path
+        if kind in arrays and len(rest) == 2:
+            object_type = "body" if kind == "com" else kind
+            number = getattr(mujoco.mjtObj, f"mjOBJ_{object_type.upper()}")
+            found[arrays[kind], int(mujoco.mj_name2id(setup.compiled, number, rest[0]))] = None
+    if found:
+        return list(found)
+    parents = set(setup.compiled.body_parentid[1:].tolist())
+    return [("xipos", body) for body in range(1, setup.compiled.nbody) if body not in parents]
