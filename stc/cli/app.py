@@ -13,6 +13,8 @@ from stc.cli.options import (
     Json,
     MaxIterations,
     Method,
+    Optimizer,
+    Optimizers,
     Output,
     Report,
     Set,
@@ -54,12 +56,15 @@ def solve(
     max_iterations: MaxIterations = None,
     time_limit: TimeLimit = None,
     tolerance: Tolerance = None,
+    optimizer: Optimizer = None,
     warm_start: WarmStart = None,
     output: Output = None,
     json: Json = False,
 ) -> int:
     """Solve a spec and save the motion."""
-    options = solve_options(settings, method, max_iterations, time_limit, tolerance, warm_start, output)
+    options = solve_options(
+        settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer
+    )
     return jobs.solve(spec, options, as_json=json)
 
 
@@ -71,6 +76,7 @@ def run(
     max_iterations: MaxIterations = None,
     time_limit: TimeLimit = None,
     tolerance: Tolerance = None,
+    optimizer: Optimizer = None,
     warm_start: WarmStart = None,
     output: Output = None,
     force: Force = False,
@@ -84,6 +90,22 @@ def run(
 
 
 @app.command()
+def compare(
+    spec: Spec,
+    optimizers: Optimizers = "sqp,nlopt:slsqp,nlopt:auglag",
+    settings: Set = None,
+    method: Method = None,
+    max_iterations: MaxIterations = None,
+    time_limit: TimeLimit = 60.0,
+    tolerance: Tolerance = None,
+    json: Json = False,
+) -> int:
+    """Solve a spec with several optimizers and print what each of them finds."""
+    options = solve_options(settings, method, max_iterations, time_limit, tolerance, None, None)
+    return jobs.compare(spec, optimizers, options, as_json=json)
+
+
+@app.command()
 def validate(
     target: SpecOrSolution,
     settings: Set = None,
@@ -91,6 +113,7 @@ def validate(
     max_iterations: MaxIterations = None,
     time_limit: TimeLimit = None,
     tolerance: Tolerance = None,
+    optimizer: Optimizer = None,
     warm_start: WarmStart = None,
     output: Output = None,
     force: Force = False,

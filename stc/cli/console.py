@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from stc.errors import Diagnostic
     from stc.solution import Solution
+    from stc.studies.compare import Run
     from stc.validate.certificate import Certificate
 
 #: Width of what goes into a file or a pipe, where nothing should be cut or wrapped.
@@ -41,6 +44,28 @@ def show_solution(solution: Solution, file: Path | None) -> None:
     print_table(f"{solution.name}, {solution.method}, n = {solution.n}", rows)
     if not good and solution.message:
         print(solution.message)
+
+
+def show_comparison(name: str, runs: Sequence[Run]) -> None:
+    """What several optimizers made of one spec: a line for each, and the reason of each that found no optimum."""
+    header = (
+        *("optimizer", "status", "objective", "violation", "optimality"),
+        *("iterations", "evaluations", "seconds"),
+    )
+    rows = []
+    for run in runs:
+        good = run.status == "optimal"
+        status = f"[green]{run.status}[/green]" if good else f"[bold red]{run.status}[/bold red]"
+        if run.status == "refused":
+            rows.append((run.optimizer, status, "", "", "", "", "", ""))
+            continue
+        figures = (f"{run.objective:.10g}", f"{run.violation:.1e}", f"{run.optimality:.1e}")
+        counts = (str(run.iterations), str(run.evaluations), f"{run.seconds:.3f}")
+        rows.append((run.optimizer, status, *figures, *counts))
+    print_table(name, rows, header)
+    for run in runs:
+        if run.status != "optimal":
+            print(f"{run.optimizer}: {run.message}")
 
 
 def times(solution: Solution) -> str:
@@ -92,6 +117,21 @@ def warn(diagnostics: Iterable[Diagnostic]) -> None:
     """Warnings about a spec, on standard error."""
     for one in diagnostics:
         print(one.render(), file=sys.stderr)
+
+
+@contextmanager
+def warnings_as_notes() -> Iterator[None]:
+    """Inside, warnings of the solver appear as notes, at once and each time."""
+
+    def show(message: Warning | str, *_: object, **__: object) -> None:
+        note(str(message))
+
+    with warnings.catch_warnings():
+        from stc.solver.optimizers import SizeWarning
+
+        warnings.simplefilter("always", SizeWarning)
+        warnings.showwarning = show
+        yield
 
 
 def note(text: str) -> None:

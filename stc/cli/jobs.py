@@ -51,6 +51,32 @@ def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_
     return _judged(outcome, outcome.solution, force, page, as_json)
 
 
+def compare(spec: str, optimizers: str, options: SolveOptions, *, as_json: bool) -> int:
+    """Solve with several optimizers; good when any of them found an optimum."""
+    from stc.studies.compare import compare as run_all
+
+    model = load(spec, options)
+    names = [name.strip() for name in optimizers.split(",") if name.strip()]
+    with Watch(model.name) as watch, console.warnings_as_notes():
+        runs = run_all(
+            model,
+            names,
+            method=options.method,
+            tolerance=options.tolerance,
+            max_iterations=options.max_iterations,
+            time_limit=options.time_limit,
+            callback=watch,
+        )
+    console.warn(model.warnings)
+    good = any(run.status == "optimal" for run in runs)
+    if as_json:
+        rows = [run.to_dict() for run in runs]
+        record.write({"status": "ok" if good else "failed", "name": model.name, "optimizers": rows})
+    else:
+        console.show_comparison(model.name, runs)
+    return GOOD if good else BAD
+
+
 def validate(target: str, options: SolveOptions, *, force: bool, page: Path | None, as_json: bool) -> int:
     """Validate a saved solution, or what solving a spec gives; that is saved only if a file is named."""
     if is_solution(target):
@@ -153,7 +179,9 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
     file = options.output
     if save and file is None:
         file = writable_solution(f"{model.name}.npz")
-    with Watch(model.name) as watch:
+    from stc.solver.optimizers import DEFAULT
+
+    with Watch(model.name) as watch, console.warnings_as_notes():
         solution = model.solve(
             method=options.method,
             tolerance=options.tolerance,
@@ -161,6 +189,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
             time_limit=options.time_limit,
             warm_start=options.warm_start,
             callback=watch,
+            optimizer=options.optimizer or DEFAULT,
         )
         if file is not None:
             solution.save(file)

@@ -44,6 +44,15 @@ TimeLimit = Annotated[
 Tolerance = Annotated[
     float | None, typer.Option("--tolerance", metavar="ERROR", help="Largest error that counts as solved.")
 ]
+Optimizer = Annotated[
+    str | None,
+    typer.Option(
+        "--optimizer", metavar="NAME", help="sqp (the default), witkin-kass, nlopt:slsqp, nlopt:auglag, ..."
+    ),
+]
+Optimizers = Annotated[
+    str, typer.Option("--optimizers", metavar="NAME,NAME,...", help="Which to run, in this order.")
+]
 WarmStart = Annotated[
     str | None,
     typer.Option(
@@ -75,6 +84,7 @@ class SolveOptions:
     tolerance: float | None = None
     warm_start: Path | None = None
     output: Path | None = None
+    optimizer: str | None = None
 
 
 def solve_options(
@@ -85,6 +95,7 @@ def solve_options(
     tolerance: float | None,
     warm_start: str | None,
     output: str | None,
+    optimizer: str | None = None,
 ) -> SolveOptions:
     """Check the options of one solve before any work is done.
 
@@ -99,6 +110,8 @@ def solve_options(
         raise UsageError(f"--time-limit must be a positive number of seconds, not {time_limit:g}")
     if tolerance is not None and not 0 < tolerance < 1:
         raise UsageError(f"--tolerance must lie between 0 and 1, not {tolerance:g}")
+    if optimizer is not None:
+        check_optimizer(optimizer)
     return SolveOptions(
         constants(settings),
         method,
@@ -107,6 +120,7 @@ def solve_options(
         tolerance,
         None if warm_start is None else existing_solution(warm_start, "--warm-start"),
         None if output is None else writable_solution(output),
+        optimizer,
     )
 
 
@@ -124,6 +138,17 @@ def check_method(method: str) -> None:
         near = get_close_matches(method, METHODS, n=1)
         hint = f"did you mean `{near[0]}`?" if near else ""
         raise UsageError(f"--method must be one of {', '.join(METHODS)}, not `{method}`", hint)
+
+
+def check_optimizer(name: str) -> None:
+    """Refuse an optimizer that does not exist.
+
+    Raises:
+        UsageError: with the nearest name.
+    """
+    from stc.solver.optimizers import optimizer_of
+
+    optimizer_of(name)
 
 
 def constants(settings: Sequence[str] | None) -> dict[str, float]:

@@ -10,14 +10,18 @@ Whether the point is optimal then depends on the point and not on the word of wh
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from stc.solver.nlp import NLP, Floats, Mask
+from stc.solver.nlp import NLP, Floats, Ints, Mask
 from stc.solver.residuals import Assessment, assess
 
-__all__ = ["assess_point", "estimate_multipliers", "possible_gain", "stationary_violation"]
+__all__ = [
+    "assess_point",
+    "estimate_multipliers",
+    "possible_gain",
+    "signed_least_squares",
+    "stationary_violation",
+]
 
 SLACKS = (1e-8, 1e-6, 1e-4, 1e-2)
 """Distances to a bound, relative to ``max(1, |bound|)``, below which it is tried as active."""
@@ -141,18 +145,67 @@ def _fit(
 
 
 def _bounded_least_squares(
-    rows: Any, cols: Any, values: Floats, shape: tuple[int, int], rhs: Floats, lower: Floats, upper: Floats
+    rows: Ints, cols: Ints, values: Floats, shape: tuple[int, int], rhs: Floats, lower: Floats, upper: Floats
 ) -> Floats:
-    """``min |A s - rhs|`` over ``lower <= s <= upper``; A in coordinate form, every entry once."""
-    from scipy.optimize import lsq_linear
-
-    if shape[0] * shape[1] <= DENSE_ENTRIES:
-        matrix = np.zeros(shape)
-        matrix[rows, cols] = values
-        answer = lsq_linear(matrix, rhs, (lower, upper), method="bvls", tol=1e-14)
-    else:
+    """``min |A s - rhs|`` over ``lower <= s <= upper``, bounds 0 or infinite; A has every entry once."""
+    if shape[0] * shape[1] > DENSE_ENTRIES:
+        from scipy.optimize import lsq_linear
         from scipy.sparse import csr_matrix
 
         sparse = csr_matrix((values, (rows, cols)), shape=shape)
         answer = lsq_linear(sparse, rhs, (lower, upper), method="trf", lsmr_tol="auto", tol=1e-12)
-    return np.asarray(answer.x, dtype=float)
+        return np.asarray(answer.x, dtype=float)
+    flip = np.where(np.isneginf(lower) & (upper == 0.0), -1.0, 1.0)
+    matrix = np.zeros(shape)
+    matrix[rows, cols] = values * flip[cols]
+    free = np.isneginf(lower) & np.isposinf(upper)
+    return flip * signed_least_squares(matrix, rhs, free)
+
+
+def signed_least_squares(matrix: Floats, rhs: Floats, free: Mask) -> Floats:
+    """``min |A s - rhs|`` over ``s >= 0``, entries marked ``free`` of any sign.
+
+    C. L. Lawson and R. J. Hanson, Solving Least Squares Problems, 1974, algorithm NNLS, begun from the entries that
+    are positive without the signs.
+
+    Args:
+        matrix: A, (rows, k).
+        rhs: (rows,).
+        free: (k,).
+    """
+    k = matrix.shape[1]
+    s = np.zeros(k)
+    used = free | (_least_squares(matrix, rhs, np.ones(k, bool)) > 0.0)
+    tolerance = 1e-13 * float(np.linalg.norm(matrix)) * float(np.linalg.norm(rhs))
+    for _ in range(3 * k + 10):
+        s, used = _towards(matrix, rhs, free, s, used)
+        pull = matrix.T @ (rhs - matrix @ s)
+        pull[used] = -np.inf
+        best = int(np.argmax(pull)) if k else 0
+        if not k or pull[best] <= tolerance:
+            break
+        used[best] = True
+    return s
+
+
+def _towards(matrix: Floats, rhs: Floats, free: Mask, s: Floats, used: Mask) -> tuple[Floats, Mask]:
+    """Go to the least-squares solution in the entries used, giving up those that stand in the way at zero."""
+    while True:
+        goal = _least_squares(matrix, rhs, used)
+        wrong = used & ~free & (goal < 0.0)
+        if not wrong.any():
+            return goal, used
+        share = s[wrong] / (s[wrong] - goal[wrong])
+        step = float(share.min())
+        s = s + step * (goal - s)
+        blocked = np.flatnonzero(wrong)[share <= step]
+        s[blocked] = 0.0
+        used = used.copy()
+        used[blocked] = False
+
+
+def _least_squares(matrix: Floats, rhs: Floats, used: Mask) -> Floats:
+    s = np.zeros(matrix.shape[1])
+    if used.any():
+        s[used] = np.linalg.lstsq(matrix[:, used], rhs, rcond=1e-12)[0]
+    return s

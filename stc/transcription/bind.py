@@ -154,7 +154,8 @@ def _once(positions: NDArray[np.int64]) -> list[NDArray[np.int64]]:
 class BoundProgram:
     """A nonlinear program for the solver: :class:`stc.solver.nlp.NLP`.
 
-    Attributes follow that protocol; ``contradictions`` tells whether solving is of any use.
+    Attributes follow that protocol; ``contradictions`` tells whether solving is of any use, ``evaluations`` and
+    ``derivative_evaluations`` count the calls.
     """
 
     def __init__(
@@ -197,6 +198,7 @@ class BoundProgram:
         self._derivatives_call = self._chain(
             kernels, program.derivatives_start, self._derivatives_buffer, values=False
         )
+        self.evaluations = self.derivative_evaluations = 0
         self._rows = np.zeros(self.m)
         self._gradient = np.zeros(self.n)
         self._jacobian = np.zeros(len(program.jacobian))
@@ -218,6 +220,7 @@ class BoundProgram:
 
     def values(self, x: FloatArray) -> tuple[float, FloatArray]:
         """Objective and rows at ``x``; the rows' array is reused by the next call."""
+        self.evaluations += 1
         self.workspace[: self.n] = x
         self._values_call()
         buffer = self._values_buffer
@@ -228,6 +231,7 @@ class BoundProgram:
         self, x: FloatArray, multipliers: FloatArray, objective_factor: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Objective gradient, Jacobian values and Hessian values of the Lagrangian; arrays are reused."""
+        self.derivative_evaluations += 1
         self.workspace[: self.n] = x
         self.workspace[self.n : self.n + self.m] = multipliers
         self.uniform[-1] = objective_factor
