@@ -31,6 +31,8 @@ LARGEST = 1e30
 NEGLIGIBLE = 1e-9
 #: What may fail the test is planned only where nothing else is left: its cost is multiplied by this.
 PENALTY = 1e6
+#: Slots looked at in the search for one pivot, about.
+EFFORT = 30000
 #: Pivots with at most this many times the fewest multiplications are compared by their fill.
 COMPARED = 2.0
 
@@ -158,6 +160,121 @@ def _fill(
 
 
 @native
+def _choose(
+    done: i64, count: i64, waiting: i32s, top: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s,
+    row_p: i32s, row_q: i32s, candidates: i64, first: i32s, second: i32s, costs: f64s,
+) -> i64:  # fmt: skip
+    """The next pivot as ``p * (stride + 1) + q + 1``, q being -1 for a single one; -1 when there is none."""
+    least = -1.0
+    found = 0
+    effort = 0
+    for k in range(done, count):
+        one = waiting[k]
+        strong = sizes[one * stride + one] >= MARGIN * most[one]
+        cost = _one_cost(one, stride, sizes, degree, most)
+        if cost >= 0.0 and (least < 0.0 or cost <= COMPARED * least + 2.0):
+            least = cost if least < 0.0 else min(least, cost)
+            if found < candidates:
+                first[found] = one
+                second[found] = -1
+                costs[found] = cost
+                found += 1
+        for e in range(done, k):
+            other = waiting[e]
+            if sizes[one * stride + other] == 0.0 or effort > EFFORT:
+                continue
+            if strong and sizes[other * stride + other] >= MARGIN * most[other]:
+                continue  # both will do alone
+            limit = COMPARED * least + 2.0 if least >= 0.0 else PENALTY
+            cost = _two_cost(one, other, top, stride, sizes, degree, limit)
+            if cost >= 0.0 and (least < 0.0 or cost <= limit):
+                effort += 2 * top
+                least = cost if least < 0.0 else min(least, cost)
+                if found < candidates:
+                    first[found] = one
+                    second[found] = other
+                    costs[found] = cost
+                    found += 1
+    best = -1.0
+    chosen = -1
+    effort = 0
+    for k in range(found):
+        if costs[k] <= COMPARED * least + 2.0 and effort <= EFFORT:
+            p = first[k]
+            q = second[k]
+            effort += degree[p] * degree[p] // 2
+            if q >= 0:
+                effort += degree[p] * degree[q]
+            cost = _added(p, q, top, stride, sizes, row_p, row_q) + 1e-3 * costs[k]
+            if best < 0.0 or cost < best:
+                best = cost
+                chosen = p * (stride + 1) + q + 1
+    return chosen
+
+
+@native
+def _choose_any(done: i64, count: i64, waiting: i32s, stride: i64, sizes: f64s, most: f64s) -> i64:
+    """The same where every order costs the same: single pivots as long as there are strong ones."""
+    for k in range(done, count):
+        p = waiting[k]
+        if sizes[p * stride + p] >= MARGIN * most[p] and sizes[p * stride + p] > NEGLIGIBLE:
+            return p * (stride + 1)
+    for k in range(done, count):
+        p = waiting[k]
+        q = -1
+        size = NEGLIGIBLE
+        for e in range(done, count):
+            other = waiting[e]
+            if other != p and sizes[p * stride + other] > size:
+                size = sizes[p * stride + other]
+                q = other
+        if q >= 0:
+            return p * (stride + 1) + q + 1
+    return -1
+
+
+@native
+def _fill_pivot(
+    p: i64, q: i64, top: i64, stride: i64, sizes: f64s, most: f64s, row_p: i32s, row_q: i32s
+) -> None:
+    """Add what the elimination of p, and of q when that is no less than 0, leaves behind."""
+    count_p = _column(p, q, top, stride, sizes, row_p)
+    if q < 0:
+        own = max(max(sizes[p * stride + p], MARGIN * most[p]), SMALLEST)
+        _fill(count_p, row_p, count_p, row_p, p, p, 1.0 / own, stride, sizes)
+        return
+    count_q = _column(q, p, top, stride, sizes, row_q)
+    a = sizes[p * stride + p]
+    b = sizes[p * stride + q]
+    c = sizes[q * stride + q]
+    _fill(count_p, row_p, count_q, row_q, p, q, 1.0 / b, stride, sizes)
+    if c != 0.0:
+        _fill(count_p, row_p, count_p, row_p, p, p, c / (b * b), stride, sizes)
+    if a != 0.0:
+        _fill(count_q, row_q, count_q, row_q, q, q, a / (b * b), stride, sizes)
+
+
+@native
+def _drop(p: i64, q: i64, top: i64, stride: i64, sizes: f64s, used: i64, lists: i32s) -> i64:
+    """Take a pivot's rows and columns out and append its column's slots to ``lists``; their new length."""
+    for k in range(top):
+        if k != p and k != q:
+            touched = sizes[p * stride + k] != 0.0
+            if q >= 0:
+                touched = touched or sizes[q * stride + k] != 0.0
+            if touched:
+                lists[used] = k
+                used += 1
+    for k in range(top):
+        sizes[p * stride + k] = 0.0
+        sizes[k * stride + p] = 0.0
+        if q >= 0:
+            sizes[q * stride + k] = 0.0
+            sizes[k * stride + q] = 0.0
+    return used
+
+
+@native
 def order_stage(
     stride: i64,
     top: i64,
@@ -198,92 +315,47 @@ def order_stage(
         most[k] = _largest(k, k, top, stride, sizes)
     done = 0
     used = 0
+    full = False
     starts[0] = 0
     while done < count:
-        # Among the pivots with few multiplications ...
-        least = -1.0
-        found = 0
-        for k in range(done, count):
-            one = waiting[k]
-            strong = sizes[one * stride + one] >= MARGIN * most[one]
-            cost = _one_cost(one, stride, sizes, degree, most)
-            if cost >= 0.0 and (least < 0.0 or cost <= COMPARED * least + 2.0):
-                least = cost if least < 0.0 else min(least, cost)
-                if found < candidates:
-                    first[found] = one
-                    second[found] = -1
-                    costs[found] = cost
-                    found += 1
-            for e in range(done, k):
-                other = waiting[e]
-                if sizes[one * stride + other] == 0.0:
-                    continue
-                if strong and sizes[other * stride + other] >= MARGIN * most[other]:
-                    continue  # both will do alone
-                limit = COMPARED * least + 2.0 if least >= 0.0 else PENALTY
-                cost = _two_cost(one, other, top, stride, sizes, degree, limit)
-                if cost >= 0.0 and (least < 0.0 or cost <= limit):
-                    least = cost if least < 0.0 else min(least, cost)
-                    if found < candidates:
-                        first[found] = one
-                        second[found] = other
-                        costs[found] = cost
-                        found += 1
-        # ... the one that adds the fewest entries is next.
-        best = -1.0
-        p = -1
-        q = -1
-        for k in range(found):
-            if costs[k] <= COMPARED * least + 2.0:
-                cost = _added(first[k], second[k], top, stride, sizes, row_p, row_q) + 1e-3 * costs[k]
-                if best < 0.0 or cost < best:
-                    best = cost
-                    p = first[k]
-                    q = second[k]
-        kind = 1
-        if p < 0:
-            kind = UNPLANNED
-            p = waiting[done]
-        elif q >= 0:
-            kind = 2
-            # The one without diagonal comes second: its zeros stay zeros.
-            if sizes[p * stride + p] < sizes[q * stride + q]:
-                p, q = q, p
-        count_p = _column(p, q, top, stride, sizes, row_p)
         if used + top > capacity:
             return -1
-        if kind == 2:
-            count_q = _column(q, p, top, stride, sizes, row_q)
-            a = sizes[p * stride + p]
-            b = sizes[p * stride + q]
-            c = sizes[q * stride + q]
-            _fill(count_p, row_p, count_q, row_q, p, q, 1.0 / b, stride, sizes)
-            if c != 0.0:
-                _fill(count_p, row_p, count_p, row_p, p, p, c / (b * b), stride, sizes)
-            if a != 0.0:
-                _fill(count_q, row_q, count_q, row_q, q, q, a / (b * b), stride, sizes)
+        if full:
+            chosen = _choose_any(done, count, waiting, stride, sizes, most)
         else:
-            own = max(sizes[p * stride + p], MARGIN * most[p])
-            factor = 1.0 / own if own > 0.0 else 0.0
-            _fill(count_p, row_p, count_p, row_p, p, p, factor, stride, sizes)
-        for k in range(top):
-            if k != p and k != q:
-                touched = sizes[p * stride + k] != 0.0
-                if kind == 2:
-                    touched = touched or sizes[q * stride + k] != 0.0
-                if touched:
-                    lists[used] = k
-                    used += 1
-        for k in range(top):
-            sizes[p * stride + k] = 0.0
-            sizes[k * stride + p] = 0.0
-            if kind == 2:
-                sizes[q * stride + k] = 0.0
-                sizes[k * stride + q] = 0.0
-        for k in range(starts[done], used):
-            slot = lists[k]
-            degree[slot] = _column(slot, slot, top, stride, sizes, row_p)
-            most[slot] = _largest(slot, slot, top, stride, sizes)
+            chosen = _choose(
+                done, count, waiting, top, stride, sizes, degree, most, row_p, row_q, candidates, first, second,
+                costs,
+            )  # fmt: skip
+        kind = 1
+        p = waiting[done]
+        q = -1
+        if chosen < 0:
+            kind = UNPLANNED
+        else:
+            p = chosen // (stride + 1)
+            q = chosen % (stride + 1) - 1
+            if q >= 0:
+                kind = 2
+                # The one without diagonal comes second: its zeros stay zeros.
+                if sizes[p * stride + p] < sizes[q * stride + q]:
+                    p, q = q, p
+        if not full:
+            _fill_pivot(p, q, top, stride, sizes, most, row_p, row_q)
+            # Once a single pivot has coupled all that is left, nothing can be filled any more.
+            coupled = 0
+            for k in range(top):
+                coupled += degree[k] > 0
+            full = kind != 2 and degree[p] == coupled - 1
+        degree[p] = 0
+        if q >= 0:
+            degree[q] = 0
+        used = _drop(p, q, top, stride, sizes, used, lists)
+        if not full:
+            for k in range(starts[done], used):
+                slot = lists[k]
+                degree[slot] = _column(slot, slot, top, stride, sizes, row_p)
+                most[slot] = _largest(slot, slot, top, stride, sizes)
         for member in range(2 if kind == 2 else 1):
             slot = p if member == 0 else q
             for k in range(done, count):

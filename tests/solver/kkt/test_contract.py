@@ -48,7 +48,7 @@ def check(system: KKTSystem, pattern: Pattern, values: Values, rng: np.random.Ge
 @pytest.mark.parametrize("structure", STRUCTURES.values(), ids=STRUCTURES)
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_random_matrices(system, structure, values_of):
-    for seed in range(6):
+    for seed in range(4):
         rng = np.random.default_rng(seed)
         pattern = structure(rng, int(rng.integers(1, 16)))
         kkt = system(*pattern.arguments())
@@ -59,7 +59,7 @@ def test_random_matrices(system, structure, values_of):
 @pytest.mark.parametrize("structure", STRUCTURES.values(), ids=STRUCTURES)
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_inertia_against_fractions(system, structure):
-    for seed in range(6):
+    for seed in range(4):
         rng = np.random.default_rng(100 + seed)
         pattern = structure(rng, 3)
         # Small whole numbers: often singular, and then exactly so.
