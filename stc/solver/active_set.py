@@ -23,7 +23,7 @@ from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats, Mask
 from stc.solver.scaled_problem import ScaledProblem
 
-__all__ = ["Projection", "newton_on_active_set", "project"]
+__all__ = ["Projection", "newton_on_active_set", "project", "smaller_multipliers"]
 
 CONTRACTION = 0.1
 FAST = 1e-2
@@ -31,6 +31,7 @@ FAST = 1e-2
 ACCURATE = 0.1
 DUAL_SHIFT = 1e-9
 PRIMAL_SHIFT = 1e-8
+SAME = 1e-8
 
 
 @dataclass(slots=True)
@@ -194,3 +195,21 @@ def _newton_step(form: ScaledProblem, point: Projection) -> tuple[Floats, Floats
     if not np.isfinite(dx.sum() + dy.sum()):
         return None
     return dx + dx_fixed, dy + dy_inactive
+
+
+def smaller_multipliers(form: ScaledProblem, x: Floats, y: Floats) -> Floats:
+    """Row multipliers (m,) of least norm, nearly, that do not leave a larger error than ``y`` (m,) or 1e-8.
+
+    Where gradients of active constraints depend on one another, multipliers are not unique, and an iteration may
+    end with huge ones that cancel.
+    """
+    point = project(form, x, y)
+    if point is None:
+        return y
+    free, active = ~point.active_x, point.active_rows
+    jac = point.jac * (active[form.jac_rows] & free[form.jac_cols])
+    form.kkt.factorize(np.zeros_like(point.hess), jac, np.ones(form.n), np.where(active, DUAL_SHIFT, 1.0))
+    _, smaller = form.kkt.solve(np.where(free, -point.gradient, 0.0), np.zeros(form.m))
+    smaller = np.where(active, smaller, 0.0)
+    new = project(form, x, smaller)
+    return smaller if new is not None and new.error <= max(point.error, SAME) else y

@@ -43,6 +43,8 @@ NEARLY = 1e-6
 DOUBTFUL = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 HALF = 0.5
+SLOW = 0.1
+MUCH = 1e-6
 LAGGING_STEPS = 3
 LARGEST_MULTIPLIER = 1e8
 MANY_GAPS = 100.0
@@ -127,6 +129,7 @@ def optimise(
     finish = _Finish(form, options, monitor)
     nearest = _Nearest(form)
     fresh = _Refresh()
+    drift = _Drift()
     last = monitor.iterations + tactics.budget
     step = length = 0.0
     stuck = False
@@ -134,6 +137,7 @@ def optimise(
     escapes = 0
     while True:
         parts = errors_of(form, it, 0.0)
+        drift.note(it.f, parts.total)
         if fresh.due(parts, length):
             parts = fresh.multipliers(form, it, parts)
         error = parts.total
@@ -144,11 +148,13 @@ def optimise(
         if is_unbounded(form, it):
             return _outcome(form, End.UNBOUNDED, it, error)
         if not error < LARGEST_ERROR or float(np.abs(it.w).max(initial=0.0)) > FARTHEST:
-            return nearest.outcome(it)
-        done = finish.attempt(it, error)
+            falling = drift.still_falling() and float(np.abs(it.c).max(initial=0.0)) <= ACCEPTABLE
+            return _outcome(form, End.UNBOUNDED, it, error) if falling else nearest.outcome(it)
+        done = None if drift.still_falling() else finish.attempt(it, error)
         if done is not None:
             return Outcome(End.CONVERGED, form, done.x, done.y, done.error, it)
         converged = error <= options.tolerance and float(it.gap @ it.z) <= GAP * max(1.0, abs(it.f))
+        converged = converged and not drift.still_falling()
         stalled = tiny_steps >= STALLED_STEPS or small_steps >= PATIENCE or nearest.waiting >= PATIENCE
         stalled |= monitor.iterations >= last
         if converged or stalled:
@@ -266,6 +272,26 @@ def _record(
     monitor.record(
         x, multipliers, f, violation, error, step, length, mu, shift, "barrier" if own else "restoration"
     )
+
+
+class _Drift:
+    """Tells slow descent along a valley that goes on for ever from convergence.
+
+    Where the gradient fades as the variables grow, the error falls below any tolerance while every step still
+    lowers the objective as much as the one before.
+    """
+
+    def __init__(self) -> None:
+        self._f, self._error = [np.nan, np.nan], [np.inf, np.inf]
+
+    def note(self, f: float, error: float) -> None:
+        """The objective and the error of the next iterate."""
+        self._f, self._error = [self._f[1], f], [self._error[1], error]
+
+    def still_falling(self) -> bool:
+        """True when the last step reduced the error little and the objective much."""
+        slow = self._error[1] > SLOW * self._error[0]
+        return slow and self._f[0] - self._f[1] > MUCH * max(1.0, abs(self._f[1]))
 
 
 class _Refresh:

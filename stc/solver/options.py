@@ -21,7 +21,7 @@ class Options:
         scaling: scale objective, rows and badly scaled variables automatically.
         warm_start: trust the primal-dual start and its active set.
         initial_barrier: barrier parameter of a cold start.
-        retries: how many other ways (feasibility first, a cautious barrier, a start nearby) are tried before a failure
+        retries: how many other ways (feasibility first, a cautious barrier, starts nearby and elsewhere) are tried before a failure
             or local infeasibility is reported.
         seed: seed of the random directions used to leave saddle points and stationary infeasible points.
     """
@@ -34,5 +34,5 @@ class Options:
     scaling: bool = True
     warm_start: bool = False
     initial_barrier: float = 0.1
-    retries: int = 3
+    retries: int = 4
     seed: int = 0

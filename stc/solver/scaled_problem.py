@@ -65,7 +65,11 @@ class ScaledProblem(Formulation):
         row_lower, row_upper = nlp.row_lower * self.row_scale, nlp.row_upper * self.row_scale
         self.true_x = (lower, upper)
         self.true_rows = (row_lower, row_upper)
-        self._set_bounds(*_relaxed(lower, upper), *_relaxed(row_lower, row_upper))
+        below, above = _relaxed(lower, upper)
+        start = x0 / self.x_scale
+        below = below if self._is_defined(np.where(np.isfinite(below), below, start)) else lower
+        above = above if self._is_defined(np.where(np.isfinite(above), above, start)) else upper
+        self._set_bounds(below, above, *_relaxed(row_lower, row_upper))
         self.linear = bool(np.all(nlp.row_linear))
         self.quadratic_program = self.linear and nlp.objective_degree <= 2
         self.kkt = new_kkt(
@@ -78,6 +82,13 @@ class ScaledProblem(Formulation):
             nlp.var_stage,
             nlp.row_stage,
         )
+
+    def _is_defined(self, x: Floats) -> bool:
+        """True where functions and derivatives are finite."""
+        f, r = self.values(x)
+        if not np.isfinite(f + r.sum()):
+            return False
+        return all(bool(np.isfinite(part.sum())) for part in self.derivatives(x, np.ones(self.m)))
 
     def _choose_scales(self, x0: Floats) -> None:
         nlp = self.nlp
@@ -137,7 +148,7 @@ class ScaledProblem(Formulation):
         return x * self.x_scale, f / self.objective_scale, self.violation(x, r)
 
     def user_point(self, x: Floats) -> Floats:
-        """Variables as stated, moved onto the bounds that the relaxation let them pass, (n,)."""
+        """Variables as stated, rounding errors at the bounds removed, (n,)."""
         return np.clip(x * self.x_scale, self.nlp.x_lower, self.nlp.x_upper)
 
     def user_multipliers(self, y: Floats) -> Floats:
@@ -168,7 +179,10 @@ def _factors(gradients: Floats, nearby: Floats) -> Floats:
 
 
 def _relaxed(lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
-    """Inequalities widened by a hair, so that a strict interior exists even where they imply equalities."""
+    """Inequalities widened by a hair, so that a strict interior exists even where they imply equalities.
+
+    Those of variables stay where functions are undefined beyond them.
+    """
     open_ = lower < upper
     below = np.where(open_, lower - RELAXATION * np.maximum(1.0, np.abs(lower)), lower)
     above = np.where(open_, upper + RELAXATION * np.maximum(1.0, np.abs(upper)), upper)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stc.solver.active_set import smaller_multipliers
 from stc.solver.interior import ACCEPTABLE, End, Outcome, Tactics, feasible_first, optimise
 from stc.solver.kkt import KKTSystem, structured_kkt
 from stc.solver.monitor import Monitor, Stopped
@@ -21,9 +22,12 @@ from stc.solver.warm_start import from_neighbour
 
 __all__ = ["minimize"]
 
-PERTURBATION = 0.1
+NEARBY = 0.1
+ELSEWHERE = 3.0
 RESCALINGS = 3
 UNCHANGED = 1e-9
+LARGE_MULTIPLIER = 1e6
+LARGEST_MULTIPLIER = 1e12
 
 
 def minimize(
@@ -105,7 +109,7 @@ class _Solve:
             outcome = self._settle(self._warm(form, x0 / form.x_scale, y, z))
         else:
             outcome = self._settle(self._barrier(form, x0, Tactics()))
-        for again in (self._feasible_first, self._held_barrier, self._nearby)[: options.retries]:
+        for again in (self._feasible_first, self._held_barrier, self._nearby, self._elsewhere)[: options.retries]:
             if outcome.end in (End.CONVERGED, End.UNBOUNDED):
                 break
             if outcome.end is End.STATIONARY_VIOLATION and form.linear:
@@ -132,17 +136,22 @@ class _Solve:
         return self._barrier(form, x0, Tactics(adaptive=False, largest_theta=1e4))
 
     def _nearby(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """Start elsewhere, with patience."""
-        return self._barrier(form, self._perturbed(form, x0), Tactics(budget=self.options.max_iterations))
+        """Start a little off, with patience."""
+        moved = self._perturbed(form, x0, NEARBY)
+        return self._barrier(form, moved, Tactics(budget=self.options.max_iterations))
+
+    def _elsewhere(self, form: ScaledProblem, x0: Floats) -> Outcome:
+        """Start far off."""
+        return self._barrier(form, self._perturbed(form, x0, ELSEWHERE), Tactics())
 
     def _barrier(self, form: ScaledProblem, x0: Floats, tactics: Tactics) -> Outcome:
         it = cold_iterate(form, x0 / form.x_scale)
         return optimise(form, it, self.options.initial_barrier, self.options, self.monitor, tactics=tactics)
 
-    def _perturbed(self, form: ScaledProblem, x0: Floats) -> Floats:
-        """A start near ``x0``, moved at random by a tenth of each variable's size."""
+    def _perturbed(self, form: ScaledProblem, x0: Floats, by: float) -> Floats:
+        """A start near ``x0``, moved at random by a fraction of each variable's size."""
         noise = np.random.default_rng(self.options.seed).uniform(-1.0, 1.0, x0.size)
-        moved = x0 + PERTURBATION * noise * np.maximum(np.abs(x0), form.x_scale)
+        moved = x0 + by * noise * np.maximum(np.abs(x0), form.x_scale)
         moved = np.clip(moved, self.nlp.x_lower, self.nlp.x_upper)
         f, r = self.nlp.values(moved)
         return moved if np.isfinite(f + r.sum()) else x0
@@ -157,12 +166,17 @@ class _Solve:
         for _ in range(RESCALINGS):
             if outcome.end not in (End.CONVERGED, End.STUCK):
                 return outcome
+            form = outcome.form
+            assert isinstance(form, ScaledProblem)
+            if np.abs(outcome.y).max(initial=0.0) > LARGE_MULTIPLIER:
+                outcome.y = smaller_multipliers(form, outcome.x, outcome.y)
             point = self._stated(outcome)
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
                 judged = assess(self.nlp, point.x, point.y)
                 feasible = judged.violation <= self.options.feasibility_tolerance
                 stationary = judged.optimality <= self.options.unscaled_tolerance
-                if feasible and stationary:
+                credible = np.abs(outcome.y).max(initial=0.0) <= LARGEST_MULTIPLIER
+                if feasible and stationary and credible:
                     outcome.end = End.CONVERGED
                     return outcome
             if outcome.end is End.STUCK:
