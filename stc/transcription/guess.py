@@ -1,7 +1,7 @@
 """The starting point: pinned values, written guesses, straight lines in between.
 
-Where a variable is pinned (its bounds coincide) it starts there.  Elsewhere a written guess counts; without one
-the start is linear between the pinned frames, constant outside them, 0 where nothing is pinned.  Derivatives
+Where a variable is pinned (its bounds coincide) it starts there.  Elsewhere values given from outside count, then
+a written guess; without either the start is linear between the pinned frames, constant outside them, 0 where nothing is pinned.  Derivatives
 that are unknowns of their own start from differences of these values.
 """
 
@@ -12,7 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.errors import Diagnostic, SpecError
+from stc.errors import Diagnostic, SpecError, UsageError
+from stc.guess_file import GivenValues, NodeValues
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef
 from stc.symbolic.expr import evaluate, symbols
 from stc.transcription.grid import Grid, Nodes
@@ -32,6 +33,7 @@ def starting_point(
     constants: Mapping[str, float],
     lower: FloatArray,
     upper: FloatArray,
+    given: GivenValues | None = None,
 ) -> FloatArray:
     """The decision vector to start from, inside its bounds. (layout.size,)
 
@@ -43,6 +45,10 @@ def starting_point(
     for guess in problem.guesses:
         if guess.name in layout.parameters:
             x[layout.parameters[guess.name]] = float(evaluate(guess.body, dict(values)))
+    for name, at in layout.parameters.items():
+        number = None if given is None else given.parameter(name)
+        if number is not None:
+            x[at] = number
     parameters = list(layout.parameters.values())
     x[parameters] = np.clip(x[parameters], lower[parameters], upper[parameters])
     values.update({ParameterRef(name): x[p] for name, p in layout.parameters.items()})
@@ -64,13 +70,37 @@ def starting_point(
     written = _written(problem, grid, values, time)
     for name, order, before, after, middle in layout.slots():
         if order == 0:
-            frames, mids = _start_of(before, after, middle, lower, upper, written.get(name), time)
+            frames, mids = _start_of(
+                before, after, middle, lower, upper, _known(name, written, given, time), time
+            )
         else:
             frames, mids = _slope(frames, mids, time, grid.jump)
+            known = None if given is None else given.values(name, order, time)
+            if known is not None:
+                frames = _over(frames[0], known[0]), _over(frames[1], known[1])
+                mids = _over(mids, known[2])
         x[before], x[after] = frames[0], frames[1]
         if len(middle):
             x[middle] = mids
     return np.clip(x, lower, upper)
+
+
+def check_names(given: GivenValues, problem: Problem) -> None:
+    """Refuse values for names that the spec does not have (a solution may have some, but not only such).
+
+    Raises:
+        UsageError: with the nearest name.
+    """
+    known = [*problem.variables, *problem.parameters]
+    unknown = [name for name in given.names() if name.rstrip("'") not in known]
+    if not unknown or (not given.strict and len(unknown) < len(list(given.names()))):
+        return
+    from difflib import get_close_matches
+
+    name = unknown[0]
+    near = get_close_matches(name.rstrip("'"), known, n=1, cutoff=0.5)
+    hint = f"did you mean `{near[0]}`?" if near else f"it has {', '.join(known) or 'none'}"
+    raise UsageError(f"the guess names `{name}`, which is no variable or parameter of {problem.name}", hint)
 
 
 def _written(
@@ -98,13 +128,34 @@ def _written(
     return result
 
 
+def _known(
+    name: str,
+    written: Mapping[str, tuple[FloatArray, FloatArray]],
+    given: GivenValues | None,
+    time: FloatArray,
+) -> NodeValues | None:
+    """What the spec and the outside say of a variable, the outside first."""
+    outside = None if given is None else given.values(name, 0, time)
+    if name not in written:
+        return outside
+    frames, mids = written[name]
+    if outside is None:
+        return frames, frames, mids
+    return _over(frames, outside[0]), _over(frames, outside[1]), _over(mids, outside[2])
+
+
+def _over(values: FloatArray, better: FloatArray) -> FloatArray:
+    """The better values where they are numbers."""
+    return np.where(np.isnan(better), values, better)
+
+
 def _start_of(
     before: NDArray[np.int64],
     after: NDArray[np.int64],
     middle: NDArray[np.int64],
     lower: FloatArray,
     upper: FloatArray,
-    written: tuple[FloatArray, FloatArray] | None,
+    known: NodeValues | None,
     time: FloatArray,
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
     """Values of a variable: ((before, after) at frames, at midpoints)."""
@@ -113,11 +164,11 @@ def _start_of(
     pins = np.flatnonzero(pinned_before | pinned_after)
     value = np.where(pinned_before, lower[before], np.where(pinned_after, lower[after], 0.0))
     line = np.interp(time, time[pins], value[pins]) if len(pins) else np.zeros(n + 1)
-    line_mids = 0.5 * (line[:-1] + line[1:])
-    if written is not None:
-        line = np.where(np.isnan(written[0]), line, written[0])
-        line_mids = np.where(np.isnan(written[1]), 0.5 * (line[:-1] + line[1:]), written[1])
-    frames = np.where(pinned_before, lower[before], line), np.where(pinned_after, lower[after], line)
+    left, right, line_mids = line, line, 0.5 * (line[:-1] + line[1:])
+    if known is not None:
+        left, right = _over(line, known[0]), _over(line, known[1])
+        line_mids = _over(0.5 * (right[:-1] + left[1:]), known[2])
+    frames = np.where(pinned_before, lower[before], left), np.where(pinned_after, lower[after], right)
     if len(middle):
         pinned = lower[middle] == upper[middle]
         line_mids = np.where(pinned, lower[middle], line_mids)

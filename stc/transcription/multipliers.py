@@ -2,35 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.solution import MultiplierBlock
-from stc.transcription.grid import AFTER, BEFORE, Nodes
+from stc.transcription.grid import AFTER, BEFORE, IntArray, Nodes
 from stc.transcription.statements import LINK
 from stc.transcription.transcription import Transcription
 
 FloatArray = NDArray[np.float64]
 
 
-def multiplier_blocks(
-    transcription: Transcription, row_multipliers: FloatArray, bound_multipliers: FloatArray
-) -> list[MultiplierBlock]:
-    """One block per statement with rows, per link and per bounded variable that has a multiplier."""
-    blocks: dict[tuple[str, str], list[tuple[Nodes, FloatArray]]] = {}
+Statement = tuple[str, str]
+"""Kind (``row`` or ``link``) and text of what rows come from."""
+
+
+def rows_by_statement(transcription: Transcription) -> dict[Statement, tuple[Nodes, IntArray, IntArray]]:
+    """Nodes, row numbers and relations, (k,) each and in order of time, of every statement with rows."""
     problem = transcription.problem
+    parts: dict[Statement, list[tuple[Nodes, IntArray, IntArray]]] = {}
     for group in transcription.program.groups:
         for r, row in enumerate(group.rows):
-            values = row_multipliers[group.row_ids[r]]
+            ids = group.row_ids[r]
             if row.label:
-                blocks.setdefault(("link", row.label), []).append((row.nodes, values))
+                parts.setdefault(("link", row.label), []).append((row.nodes, ids, row.relation))
                 continue
             for owner in np.unique(row.relation):
                 mine = row.relation == owner
                 assert owner != LINK
                 text = problem.relations[int(owner)].text
-                blocks.setdefault(("row", text), []).append((row.nodes[mine], values[mine]))
-    result = [_block(kind, label, parts) for (kind, label), parts in blocks.items()]
+                parts.setdefault(("row", text), []).append((row.nodes[mine], ids[mine], row.relation[mine]))
+    found = {}
+    for statement, several in parts.items():
+        position = np.concatenate([nodes.position for nodes, _, _ in several])
+        side = np.concatenate([nodes.side for nodes, _, _ in several])
+        order = np.argsort(4 * position + side, kind="stable")
+        ids, owner = (np.concatenate([part[k] for part in several])[order] for k in (1, 2))
+        found[statement] = Nodes(position[order], side[order]), ids, owner
+    return found
+
+
+def bound_nodes(transcription: Transcription) -> Iterator[tuple[str, Nodes, IntArray]]:
+    """Name, nodes in order of time, and positions in the decision vector, of every variable and parameter."""
     layout = transcription.layout
     for name, order, before, after, middle in layout.slots():
         frames = np.arange(len(before))
@@ -40,20 +55,28 @@ def multiplier_blocks(
         side = np.concatenate(
             [np.where(two, BEFORE, 0), np.full(two.sum(), AFTER), np.zeros(len(middle), int)]
         )
+        along = np.argsort(4 * where + side, kind="stable")
+        yield name + "'" * order, Nodes(where[along], side[along]), position[along]
+    for name, at in layout.parameters.items():
+        yield name, Nodes(np.zeros(1, np.int64), np.zeros(1, np.int64)), np.array([at])
+
+
+def multiplier_blocks(
+    transcription: Transcription, row_multipliers: FloatArray, bound_multipliers: FloatArray
+) -> list[MultiplierBlock]:
+    """One block per statement with rows, per link and per bounded variable that has a multiplier."""
+    result = [
+        _block(kind, label, nodes, row_multipliers[ids])
+        for (kind, label), (nodes, ids, _) in rows_by_statement(transcription).items()
+    ]
+    for label, nodes, position in bound_nodes(transcription):
         values = bound_multipliers[position]
         if values.any():
-            result.append(_block("bound", name + "'" * order, [(Nodes(where, side), values)]))
-    for name, at in layout.parameters.items():
-        if bound_multipliers[at]:
-            nodes = Nodes(np.zeros(1, np.int64), np.zeros(1, np.int64))
-            result.append(_block("bound", name, [(nodes, bound_multipliers[[at]])]))
+            result.append(_block("bound", label, nodes, values))
     return result
 
 
-def _block(kind: str, label: str, parts: list[tuple[Nodes, FloatArray]]) -> MultiplierBlock:
-    position = np.concatenate([n.position for n, _ in parts])
-    side = np.concatenate([n.side for n, _ in parts])
-    values = np.concatenate([v for _, v in parts])
-    order = np.argsort(4 * position + side, kind="stable")
-    sides = np.array([0, -1, 1], np.int8)[side[order]]
-    return MultiplierBlock(kind, label, position[order] / 2.0, sides, values[order])
+def _block(kind: str, label: str, nodes: Nodes, values: FloatArray) -> MultiplierBlock:
+    return MultiplierBlock(
+        kind, label, nodes.position / 2.0, np.array([0, -1, 1], np.int8)[nodes.side], values
+    )

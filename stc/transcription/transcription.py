@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from stc.codegen.kernel import Backend, KernelSet, compile_tapes
 from stc.codegen.tape import Tape
 from stc.errors import EvaluationError, Span
-from stc.problem import Problem, VariableRef
+from stc.guess_file import GivenValues
+from stc.problem import ConstantRef, Problem, VariableRef
 from stc.symbolic.expr import Expr, symbols
 from stc.transcription.assemble import Program, assemble
 from stc.transcription.bind import BoundProgram, Numbers, evaluate_bounds
@@ -53,17 +54,23 @@ class Transcription:
         self.seconds["compile"] = time.perf_counter() - begin
 
     def bind(
-        self, constants: Mapping[str, float] | None = None, start: FloatArray | None = None
+        self,
+        constants: Mapping[str, float] | None = None,
+        start: FloatArray | None = None,
+        guess: GivenValues | None = None,
+        check: bool = True,
     ) -> BoundProgram:
         """The nonlinear program for these constants (default: the problem's own).
 
         Args:
             constants: values for all constants; none of the structural ones may differ from the problem's.
             start: (layout.size,) decision vector to start from instead of the guess; moved inside the bounds.
+            guess: values from outside that the guess takes over.
+            check: whether the starting point has to be one where every function is defined.
 
         Raises:
             SpecError: a step is not positive at the starting point.
-            EvaluationError: a function is undefined at the starting point.
+            EvaluationError: a function is undefined at the starting point, if that is to be checked.
         """
         if self.kernels is None:
             self.compile()
@@ -75,7 +82,7 @@ class Transcription:
         if start is None:
             low, high = bounds.lower, np.maximum(bounds.lower, bounds.upper)
             x0 = starting_point(
-                self.problem, self.grid, self.layout, self.steps, coefficients, constants, low, high
+                self.problem, self.grid, self.layout, self.steps, coefficients, constants, low, high, guess
             )
         else:
             x0 = np.clip(start, bounds.lower, np.maximum(bounds.lower, bounds.upper))
@@ -88,9 +95,17 @@ class Transcription:
             self.kernels,
             constants,
         )
-        if not bound.contradictions:
+        if check and not bound.contradictions:
             self._check_start(bound)
         return bound
+
+    def steps_fit(self, constants: Mapping[str, float]) -> bool:
+        """Whether every step that no parameter changes is positive for these constants."""
+        if self.steps.free or not self.grid.n:
+            return True
+        values: dict[object, float] = {ConstantRef(name): value for name, value in constants.items()}
+        lengths = self.steps.lengths(self.steps.coefficients(constants), values)
+        return bool(np.all(np.isfinite(lengths) & (lengths > 0.0)))
 
     def recovery(self, x: FloatArray, constants: Mapping[str, float] | None = None) -> Recovery:
         """Reads node values off a decision vector."""

@@ -1,0 +1,220 @@
+"""Starting values from outside: a table of numbers, or an earlier solution, asked for at the frames of a motion.
+
+``.csv``
+    A heading line with names, then numbers.  A column ``t`` (seconds) or ``frame`` says where each row stands;
+    without either the rows are spread evenly over the motion.  All other columns are variables, derivatives
+    (``x'``) or parameters (the first number counts).  Empty cells are skipped.  Two rows with the same ``t``
+    state a jump.
+``.npz``
+    NumPy arrays under the same names; a single number is a parameter.
+Either may also be a saved solution, whose frames then keep their share of the motion.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import zipfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.errors import UsageError
+from stc.solution import Solution, read
+
+__all__ = ["GivenValues", "SolutionValues", "TableValues", "read_guess"]
+
+FloatArray = NDArray[np.float64]
+NodeValues = tuple[FloatArray, FloatArray, FloatArray]
+"""Values at the frames before (n+1,) and after (n+1,) a jump there, and at midpoints (n,); NaN is no value."""
+
+#: Names of the columns that say where a row stands.
+PLACES = ("t", "time", "frame")
+
+#: How far, as a share of the table, the two sides of a jump are looked up beside it.
+APART = 1e-9
+
+
+class GivenValues(Protocol):
+    """Starting values by name.  ``strict`` tells whether a name that the spec does not have is a mistake."""
+
+    strict: bool
+
+    def names(self) -> Iterable[str]:
+        """All names, derivatives with their primes."""
+
+    def parameter(self, name: str) -> float | None:
+        """One number, or None where there is none of this name."""
+
+    def values(self, name: str, order: int, time: FloatArray) -> NodeValues | None:
+        """A variable (or derivative of it) at the frames of a motion.
+
+        Args:
+            time: (n+1,) of each frame, in seconds.
+        """
+
+
+@dataclass(slots=True)
+class TableValues:
+    """Columns of numbers.
+
+    Attributes:
+        columns: name to (k,) numbers; NaN where one is missing.
+        place: ``t``, ``frame`` or ``""`` for rows that are spread evenly.
+        at: (k,) where each row stands, not falling.
+    """
+
+    columns: Mapping[str, FloatArray]
+    place: str = ""
+    at: FloatArray = field(default_factory=lambda: np.zeros(0))
+    strict: bool = True
+
+    def names(self) -> Iterable[str]:
+        return self.columns
+
+    def parameter(self, name: str) -> float | None:
+        column = self.columns.get(name)
+        known = column[np.isfinite(column)] if column is not None else np.zeros(0)
+        return float(known[0]) if len(known) else None
+
+    def values(self, name: str, order: int, time: FloatArray) -> NodeValues | None:
+        column = self.columns.get(name + "'" * order)
+        if column is None:
+            return None
+        n = len(time) - 1
+        known = np.isfinite(column)
+        if not known.any():
+            return None
+        if len(column) == 1:
+            return np.full(n + 1, column[0]), np.full(n + 1, column[0]), np.full(n, column[0])
+        frames: FloatArray = np.arange(n + 1.0)
+        if self.place == "t":
+            frames = time
+        elif not self.place:
+            frames = frames / max(n, 1)
+        at = self.at if self.place else np.linspace(0.0, 1.0, len(column))
+        at, column = at[known], column[known]
+        aside = APART * max(float(at[-1] - at[0]), 1e-300) if (np.diff(at) == 0).any() else 0.0
+        mids = 0.5 * (frames[:-1] + frames[1:])
+        return (
+            np.interp(frames - aside, at, column),
+            np.interp(frames + aside, at, column),
+            np.interp(mids, at, column),
+        )
+
+
+@dataclass(slots=True)
+class SolutionValues:
+    """A solution's own curves, by frame index, so that phases keep their share of the frames."""
+
+    solution: Solution
+    strict: bool = False
+
+    def names(self) -> Iterable[str]:
+        return self.solution.names
+
+    def parameter(self, name: str) -> float | None:
+        return self.solution.parameters.get(name)
+
+    def values(self, name: str, order: int, time: FloatArray) -> NodeValues | None:
+        if (name, order) not in self.solution.trajectories:
+            return None
+        n = len(time) - 1
+        share = self.solution.n / n if n else 0.0
+        key = name + "'" * order
+        frames, mids = np.arange(n + 1) * share, (np.arange(n) + 0.5) * share
+        return (
+            np.asarray(self.solution.at_frame(frames, "before")[key]),
+            np.asarray(self.solution.at_frame(frames, "after")[key]),
+            np.asarray(self.solution.at_frame(mids)[key]) if n else np.zeros(0),
+        )
+
+
+def read_guess(path: str | os.PathLike[str]) -> GivenValues:
+    """Read starting values from a ``.csv`` or ``.npz`` file.
+
+    Raises:
+        UsageError: no such file, another kind of file, or what is in it is no table of numbers.
+        SolutionError: a damaged solution.
+    """
+    source = Path(path)
+    suffix = source.suffix.lower()
+    if suffix not in (".csv", ".npz"):
+        raise UsageError(f"a guess is read from a .csv or .npz file, not from `{source.name}`")
+    if not source.is_file():
+        raise UsageError(f"there is no file `{source}` to read a guess from")
+    try:
+        return _read_csv(source) if suffix == ".csv" else _read_npz(source)
+    except (OSError, ValueError, zipfile.BadZipFile, EOFError, csv.Error) as error:
+        raise UsageError(f"no guess can be read from `{source}`: {error}") from None
+
+
+def _read_npz(source: Path) -> GivenValues:
+    with np.load(source, allow_pickle=False) as archive:
+        if "facts" in archive.files:
+            return SolutionValues(read(source))
+        columns: dict[str, FloatArray] = {}
+        for name in archive.files:
+            values = np.asarray(archive[name])
+            if values.dtype.kind not in "fiub" or values.ndim > 1:
+                raise UsageError(f"`{name}` in `{source}` is no list of numbers (shape {values.shape})")
+            columns[name] = np.atleast_1d(values).astype(float)
+    return table(columns, str(source))
+
+
+def _read_csv(source: Path) -> GivenValues:
+    text = source.read_text(encoding="utf-8-sig")
+    if text.startswith("# facts"):
+        return SolutionValues(read(source))
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if len(lines) < 2:
+        raise UsageError(f"`{source}` holds no table: a line of names and lines of numbers are needed")
+    mark = next((mark for mark in (",", ";", "\t") if mark in lines[0]), ",")
+    heading, *rows = csv.reader(lines, delimiter=mark)
+    names = [name.strip() for name in heading]
+    if len(set(names)) < len(names) or not all(names):
+        raise UsageError(f"the heading of `{source}` has an empty name, or one name twice")
+    table_rows = []
+    for number, row in enumerate(rows, start=2):
+        if len(row) != len(names):
+            raise UsageError(f"row {number} of `{source}` has {len(row)} entries for {len(names)} names")
+        table_rows.append(
+            [_number(cell, name, number, source) for cell, name in zip(row, names, strict=True)]
+        )
+    numbers = np.array(table_rows)
+    return table({name: numbers[:, k] for k, name in enumerate(names)}, str(source))
+
+
+def _number(cell: str, name: str, row: int, source: Path) -> float:
+    if not cell.strip():
+        return float("nan")
+    try:
+        return float(cell)
+    except ValueError:
+        raise UsageError(f"row {row} of `{source}` has `{cell.strip()}` for {name}: no number") from None
+
+
+def table(columns: Mapping[str, Any], where: str = "the guess") -> TableValues:
+    """Starting values from arrays of equal length (and single numbers) by name; ``t`` or ``frame`` places them.
+
+    Raises:
+        UsageError: lengths differ, or a place is missing.
+    """
+    arrays = {name: np.atleast_1d(np.asarray(values, dtype=float)) for name, values in columns.items()}
+    place = next((name for name in PLACES if name in arrays), "")
+    values = {name: column for name, column in arrays.items() if name not in PLACES}
+    if not place:
+        return TableValues(values)
+    at = arrays[place]
+    wrong = next((name for name, c in values.items() if len(c) not in (1, len(at))), None)
+    if wrong is not None:
+        raise UsageError(f"in {where}, {wrong} has {len(values[wrong])} numbers and {place} has {len(at)}")
+    if not np.isfinite(at).all():
+        raise UsageError(f"in {where}, {place} has a gap")
+    order = np.argsort(at, kind="stable")
+    values = {name: column[order] if len(column) == len(at) else column for name, column in values.items()}
+    return TableValues(values, "frame" if place == "frame" else "t", at[order])
