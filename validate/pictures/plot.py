@@ -1,0 +1,197 @@
+"""Plots of a motion over time: joints, outputs, controls and outer forces, solved against replayed, and paths.
+
+Drawn by Matplotlib, which every installation has: pictures are how people judge motions, and a plotting command
+that first asks for another installation is one that nobody uses.  It is imported only when something is drawn.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stc.errors import UsageError
+from stc.validate import limits
+from stc.validate.certificate.curves import Line, Panel, panels
+from stc.validate.metrics import FloatArray
+from stc.validate.pictures.motion import paths
+from stc.validate.verdict import Replays
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Kinds of file.
+PLOTS = (".png", ".svg", ".pdf")
+
+#: Solved (broad, for the others to lie on), replayed, tracked; then what has no replay: controls, and the parts
+#: of a force.  The hues are Okabe and Ito's, which everyone can tell apart.
+_COLOURS = {"solved": "#9aa7b8", "replayed": "#d55e00", "tracked": "#0072b2"}
+_ALONE = "#1f2937"
+_PARTS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+_STYLES: dict[str, Any] = {"solved": "-", "replayed": (0, (5, 2)), "tracked": (0, (1, 1.3))}
+_WIDTHS = {"solved": 5.0, "replayed": 1.7, "tracked": 1.7}
+
+#: Size of one plot in inches, and the resolution of a PNG in dots per inch.
+_PLOT, _DPI = (4.2, 2.5), 150
+
+_TITLES = {"joint": "joint", "output": "", "actuator": "actuator", "apply": "force on", "contact": "contact on"}
+
+
+def save_plot(replays: Replays, path: str | os.PathLike[str]) -> None:
+    """Draw everything about a motion into a file.
+
+    Args:
+        replays: the motion and what was simulated.
+        path: where to; its ending is one of :data:`PLOTS`.
+
+    Raises:
+        UsageError: another ending.
+        OSError: the file cannot be written.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in PLOTS:
+        raise UsageError(f"cannot draw {target.name!r}: a plot is saved as {', '.join(PLOTS)}")
+    import matplotlib
+
+    with matplotlib.rc_context({"svg.hashsalt": "stc", "svg.fonttype": "none", "font.size": 9}):
+        metadata = {"Date": None} if target.suffix.lower() == ".svg" else None
+        figure(replays).savefig(target, dpi=_DPI, metadata=metadata)
+
+
+def figure(replays: Replays) -> Figure:
+    """All plots of a motion as one Matplotlib figure."""
+    from matplotlib.figure import Figure
+
+    found = panels(replays)
+    ways = _paths(replays)
+    count = len(found) + bool(ways)
+    columns = 2 if count in (2, 4) else min(3, max(1, count))
+    rows = -(-count // columns)
+    made = Figure(figsize=(columns * _PLOT[0], rows * _PLOT[1] + 0.75), layout="constrained")
+    axes = np.atleast_1d(made.subplots(rows, columns, squeeze=False)).ravel()
+    for one, panel in zip(axes, found):
+        _draw(one, panel, replays)
+    if ways:
+        _draw_paths(axes[len(found)], ways)
+    for one in axes[count:]:
+        one.set_visible(False)
+    solution = replays.setup.solution
+    made.suptitle(
+        f"{solution.name}: {solution.method}, n = {solution.n}, {solution.duration:.4g} s", fontweight="bold"
+    )
+    _legend(made, found, replays)
+    return made
+
+
+def _legend(made: Figure, found: Sequence[Panel], replays: Replays) -> None:
+    """What the lines are, once for all plots."""
+    from matplotlib.lines import Line2D
+
+    kinds = [kind for kind in _COLOURS if any(line.kind == kind for panel in found for line in panel.lines)]
+    words = {
+        "solved": "solved",
+        "replayed": "replayed by MuJoCo, forces alone",
+        "tracked": f"replayed with feedback ({replays.tracked_by})",
+    }
+    handles = [
+        Line2D([], [], color=_COLOURS[kind], linestyle=_STYLES[kind], linewidth=_WIDTHS[kind], label=words[kind])
+        for kind in kinds
+    ]
+    made.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+
+
+def _draw(axes: Axes, panel: Panel, replays: Replays) -> None:
+    alone = all(line.kind == "solved" for line in panel.lines)
+    parts = alone and len(panel.lines) > 1
+    for k, line in enumerate(panel.lines):
+        values = _shown(line, panel)
+        if not np.any(np.isfinite(values)):
+            continue
+        colour = _PARTS[k % len(_PARTS)] if parts else _ALONE if alone else _COLOURS[line.kind]
+        axes.plot(
+            line.time,
+            values,
+            color=colour,
+            linestyle=_STYLES[line.kind],
+            linewidth=1.7 if alone else _WIDTHS[line.kind],
+            label=line.label or None,
+        )
+    if parts:
+        axes.legend(frameon=False, fontsize=8, ncols=3)
+    title = f"{_TITLES.get(panel.group, panel.group)} {panel.name}".strip()
+    gaps = [np.abs(line.value[np.isfinite(line.value)]).max(initial=0.0) for line in panel.differences[:1]]
+    axes.set_title(title, loc="left", fontsize=9, fontweight="bold")
+    if gaps:
+        axes.set_title(f"drift {gaps[0]:.1e} {panel.unit}", loc="right", fontsize=8, color=_drift(gaps[0], replays))
+    axes.set_ylabel(panel.unit)
+    axes.set_xlabel("s")
+    _style(axes)
+
+
+def _drift(gap: float, replays: Replays) -> str:
+    """The colour of a drift: as plain text within its limit, else as the replay's line."""
+    method = replays.setup.solution.method
+    return "#4b5563" if gap <= limits.OPEN_LOOP_DRIFT[method] else _COLOURS["replayed"]
+
+
+def _shown(line: Line, panel: Panel) -> FloatArray:
+    """Values cut where a simulation that ran away would flatten everything else."""
+    solved = panel.lines[0].value
+    low, high = float(np.min(solved)), float(np.max(solved))
+    room = max(high - low, 1e-9)
+    if line.kind == "solved":
+        return line.value
+    return np.where((line.value > low - room) & (line.value < high + room), line.value, np.nan)
+
+
+def _paths(replays: Replays) -> list[tuple[str, FloatArray]]:
+    """Where the ends go: kind and (k, 3) points, solved and replayed."""
+    setup = replays.setup
+    if setup.solution.n == 0:
+        return []
+    found = [("solved", points) for points in paths(setup)]
+    found += [("replayed", points) for points in paths(setup, replays.open_loop)]
+    if replays.tracked is not None:
+        found += [("tracked", points) for points in paths(setup, replays.tracked)]
+    moved = [points for kind, points in found if kind == "solved" and np.ptp(points, axis=0).max() > 1e-6]
+    return found if moved else []
+
+
+def _draw_paths(axes: Axes, ways: Sequence[tuple[str, FloatArray]]) -> None:
+    """Paths in the plane that they fill most."""
+    solved = np.concatenate([points for kind, points in ways if kind == "solved"])
+    spread = np.ptp(solved, axis=0)
+    first, second = sorted(np.argsort(-spread)[:2].tolist()) if spread.min() < spread.max() else (0, 2)
+    low, high = solved.min(axis=0), solved.max(axis=0)
+    room = float(spread.max())
+    for kind, points in ways:
+        inside = ((points > low - room) & (points < high + room)).all(axis=1)
+        shown = np.where(inside[:, None], points, np.nan)
+        axes.plot(
+            shown[:, first], shown[:, second], color=_COLOURS[kind], linestyle=_STYLES[kind], linewidth=_WIDTHS[kind]
+        )
+        if kind == "solved":
+            start, end = points[0, [first, second]], points[-1, [first, second]]
+            axes.plot(*start, "o", color=_ALONE, markersize=6, markerfacecolor="white", zorder=5)
+            axes.plot(*end, "o", color=_ALONE, markersize=6, zorder=5)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_title("path, from \N{WHITE CIRCLE} to \N{BLACK CIRCLE}", loc="left", fontsize=9, fontweight="bold")
+    axes.set_xlabel(f"{'xyz'[first]}, m")
+    axes.set_ylabel(f"{'xyz'[second]}, m")
+    _style(axes)
+
+
+def _style(axes: Axes) -> None:
+    axes.grid(color="#e5e7eb", linewidth=0.7)
+    axes.set_axisbelow(True)
+    axes.locator_params(axis="x", nbins=6)
+    axes.locator_params(axis="y", nbins=6)
+    axes.tick_params(labelsize=8, length=3, width=0.6)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color("#9ca3af")
