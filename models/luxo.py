@@ -44,6 +44,9 @@ RANGES = {"hip": (-1.6, 1.6), "elbow": (0.15, 2.6), "neck": (-0.5, 2.4)}
 FRICTION = 0.66
 """Of sole and floor: a tenth more than what motions may count on, so that rounding does not start a slip."""
 
+STIFF = (0.0004, 1.0)
+"""MuJoCo's `solref` of sole and floor: a contact that settles within four time steps, critically damped."""
+
 
 @dataclass(frozen=True, slots=True)
 class Bodies:
@@ -265,6 +268,7 @@ def _lamp(found: Bodies, *base_joints: Element) -> Element:
             pos=(0.0, 0.0, BASE[2] / 2),
             size=tuple(length / 2 for length in BASE),
             friction=(FRICTION, 0.005, 0.0001),
+            solref=STIFF,
         ),
         seen("luxo_base", "enamel"),
         seen("luxo_pad", "rubber"),
@@ -283,7 +287,7 @@ def _document(name: str, comment: str, found: Bodies, *base_joints: Element) -> 
         stage.sun(),
         stage.camera("side", (0.2, -2.3, 0.42), (0.0, 1.0, -0.05), 25.0),
         stage.camera("portrait", (1.02, -1.36, 0.50), (-0.56, 0.80, -0.15), 27.0),
-        stage.floor(contype=1.0, conaffinity=1.0, friction="0.66 0.005 0.0001"),
+        stage.floor(contype=1.0, conaffinity=1.0, friction="0.66 0.005 0.0001", solref="0.0004 1"),
         _lamp(found, *base_joints),
     )
     return document(

@@ -45,6 +45,24 @@ UNSTABLE_GROWTH: Final = 20.0
 #: The growth is looked for between so many instants at most.
 GROWTH_INSTANTS: Final = 60
 
+# --- motions on the ground, MuJoCo's own contacts supplying the forces ----------------------------------------
+
+#: RMS of the base's error as a share of its way, and of the joints' in rad: open loop and tracked.
+CONTACT_BASE: Final = 1e-3
+CONTACT_JOINTS: Final = 5e-3
+CONTACT_TRACKED_BASE: Final = 5e-3
+CONTACT_TRACKED_JOINTS: Final = 5e-3
+
+#: The same at the last frame, open loop.
+CONTACT_END_BASE: Final = 1e-3
+CONTACT_END_JOINTS: Final = 2e-2
+
+#: Largest drift of a joint where the solved contact forces act in place of the model's contacts, phase by phase.
+EXTERNAL_DRIFT: Final[ByMethod] = {"hermite-simpson": 1e-3, "trapezoidal": 1e-1, "central": 1e-1}
+
+#: Largest share of its torque that the feedback may supply on the ground.
+CONTACT_FEEDBACK_SHARE: Final = 5e-2
+
 # --- feedback ------------------------------------------------------------------------------------------------
 
 #: Longest time, in seconds, for which one gain of the regulator holds.

@@ -11,6 +11,7 @@ from pathlib import Path
 from stc.errors import StcError
 from stc.solution import Solution, read
 from stc.validate import limits
+from stc.validate.contact import contact_metrics, friction_note, time_step_for
 from stc.validate.energy import energy_balance
 from stc.validate.impacts import velocity_jumps
 from stc.validate.inverse import inverse_dynamics
@@ -137,6 +138,7 @@ def run_replays(
     Raises:
         UsageError: a time step or integrator that cannot be used.
     """
+    time_step = time_step_for(setup, time_step)
     found = Replays(setup, replay(setup, time_step, integrator))
     if found.open_loop.broke_at is not None:
         found.notes.append(f"the simulation left all bounds by t = {found.open_loop.broke_at:g} s")
@@ -177,7 +179,7 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
     metrics = _open_loop_metrics(replays)
     metrics += _tracked_metrics(replays)
     if replays.external is not None:
-        limit = limits.OPEN_LOOP_DRIFT[solution.method]
+        limit = limits.EXTERNAL_DRIFT[solution.method]
         metrics += [m for m in _drifts("external drift", setup, replays.external, limit) if m.limit]
     metrics += _physics_metrics(setup)
     metrics += statement_metrics(statements, solution.method)
@@ -205,8 +207,15 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
 
 def _open_loop_metrics(replays: Replays) -> list[Metric]:
     """Open-loop drift and how small errors grow; the note on instability belongs to them."""
-    limit = limits.OPEN_LOOP_DRIFT[replays.setup.solution.method]
-    metrics = _drifts("open-loop drift", replays.setup, replays.open_loop, limit)
+    setup = replays.setup
+    if len(setup.contact):
+        metrics = contact_metrics("open-loop", setup, replays.open_loop)
+        drifts = _drifts("open-loop drift", setup, replays.open_loop, 0.0)
+        metrics += [metric.without_limit() for metric in drifts]
+        replays.notes.append(friction_note(setup))
+    else:
+        limit = limits.OPEN_LOOP_DRIFT[setup.solution.method]
+        metrics = _drifts("open-loop drift", setup, replays.open_loop, limit)
     factor = replays.growth
     if factor is None:
         return metrics
@@ -227,15 +236,19 @@ def _tracked_metrics(replays: Replays) -> list[Metric]:
         return []
     setup, tracked = replays.setup, replays.tracked
     method = setup.solution.method
-    metrics = _drifts("tracked drift", setup, tracked, limits.TRACKED_DRIFT[method])
-    metrics = [metric for metric in metrics if metric.limit is not None]
+    share_limit = limits.FEEDBACK_SHARE[method]
+    if len(setup.contact):
+        metrics = contact_metrics("tracked", setup, tracked)
+        share_limit = limits.CONTACT_FEEDBACK_SHARE
+    else:
+        metrics = _drifts("tracked drift", setup, tracked, limits.TRACKED_DRIFT[method])
+        metrics = [metric for metric in metrics if metric.limit is not None]
     largest = float(tracked.total.max(initial=0.0))
     for name, feedback, total in zip(setup.controls.names, tracked.feedback, tracked.total):
         # An actuator that the motion hardly uses is measured against the strongest one's thousandth part.
         base = max(float(total), 1e-3 * largest)
         share = float(feedback) / base if base > 0.0 else 0.0
-        limit = limits.FEEDBACK_SHARE[method]
-        metrics.append(Metric("feedback share", f"actuator {name}", share, "share", limit))
+        metrics.append(Metric("feedback share", f"actuator {name}", share, "share", share_limit))
     return metrics
 
 
