@@ -137,7 +137,7 @@ def optimise(
     escapes = 0
     while True:
         parts = errors_of(form, it, 0.0)
-        drift.note(it.f, parts.total)
+        drift.note(it.f, parts.dual)
         if fresh.due(parts, length):
             parts = fresh.multipliers(form, it, parts)
         error = parts.total
@@ -282,15 +282,15 @@ class _Drift:
     """
 
     def __init__(self) -> None:
-        self._f, self._error = [np.nan, np.nan], [np.inf, np.inf]
+        self._f, self._dual = [np.nan, np.nan], [np.inf, np.inf]
 
-    def note(self, f: float, error: float) -> None:
-        """The objective and the error of the next iterate."""
-        self._f, self._error = [self._f[1], f], [self._error[1], error]
+    def note(self, f: float, dual: float) -> None:
+        """The objective and the dual error of the next iterate."""
+        self._f, self._dual = [self._f[1], f], [self._dual[1], dual]
 
     def still_falling(self) -> bool:
-        """True when the last step reduced the error little and the objective much."""
-        slow = self._error[1] > SLOW * self._error[0]
+        """True when the last step reduced the dual error little and the objective much."""
+        slow = self._dual[1] > SLOW * self._dual[0]
         return slow and self._f[0] - self._f[1] > MUCH * max(1.0, abs(self._f[1]))
 
 
