@@ -170,6 +170,7 @@ class BoundProgram:
     ) -> None:
         self.program = program
         self.bounds = bounds
+        self.numbers = numbers
         self.n, self.m = program.size, program.row_count
         self.x0 = x0
         idle = np.ones(self.n, bool)

@@ -26,7 +26,10 @@ LINK = -1
 
 @dataclass(slots=True)
 class Row:
-    """``lower <= body <= upper`` at every node; None is no bound.  ``relation`` indexes Problem.relations."""
+    """``lower <= body <= upper`` at every node; None is no bound.  ``relation`` indexes Problem.relations.
+
+    ``also`` lists what other relations state the very same row: pairs of relation and node.
+    """
 
     body: Expr
     lower: Expr | None
@@ -34,6 +37,7 @@ class Row:
     nodes: Nodes
     relation: IntArray
     label: str = ""
+    also: set[tuple[int, int]] = field(default_factory=set)
 
 
 @dataclass(slots=True)
@@ -199,13 +203,15 @@ class Sorter:
             self.rows[key] = Row(body, lower, upper, nodes, np.full(len(nodes), relation), label)
             return
         known = 4 * row.nodes.position + row.nodes.side
-        new = ~np.isin(4 * nodes.position + nodes.side, known)
+        code = 4 * nodes.position + nodes.side
+        new = ~np.isin(code, known)
+        row.also.update((relation, int(k)) for k in code[~new])
         if new.any():
             together = join([row.nodes, nodes])
-            code = 4 * together.position + together.side
+            order = 4 * together.position + together.side
             owner = np.full(len(together), relation)
-            owner[np.searchsorted(code, known)] = row.relation
-            self.rows[key] = Row(body, lower, upper, together, owner, row.label)
+            owner[np.searchsorted(order, known)] = row.relation
+            self.rows[key] = Row(body, lower, upper, together, owner, row.label, row.also)
 
     def _distinct(self, row: Row) -> Row:
         """Drops nodes at which the very same row stands already: the other side of a jump, absolute indices."""
@@ -219,9 +225,15 @@ class Sorter:
             table.append(row.nodes.position)
         if not table:
             table = [np.zeros(len(row.nodes), np.int64)]
-        _, first = np.unique(np.array(table), axis=1, return_index=True)
+        _, first, same = np.unique(np.array(table), axis=1, return_index=True, return_inverse=True)
+        code = 4 * row.nodes.position + row.nodes.side
+        kept = code[first[same.reshape(-1)]]
+        dropped = np.flatnonzero(kept != code)
+        standing = dict(zip(code[dropped].tolist(), kept[dropped].tolist()))
+        also = {(relation, standing.get(k, k)) for relation, k in row.also}
+        also.update((int(row.relation[k]), int(kept[k])) for k in dropped)
         first = np.sort(first)
-        return Row(row.body, row.lower, row.upper, row.nodes[first], row.relation[first], row.label)
+        return Row(row.body, row.lower, row.upper, row.nodes[first], row.relation[first], row.label, also)
 
     def _plain(self, number: int, term: ObjectiveTerm) -> None:
         first, last = term.range.first, term.range.last
