@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 from stc.validate.certificate import blame, table
 from stc.validate.certificate.curves import Panel, panels
 from stc.validate.certificate.listing import Line, listing
-from stc.validate.certificate.pictures import PictureError, Pictures, encoded, render
+from stc.validate.certificate.pictures import Pictures, encoded, render
 from stc.validate.certificate.plots import draw
 from stc.validate.metrics import Metric
+from stc.validate.pictures import PictureError
 
 if TYPE_CHECKING:
     from stc.validate.certificate.certificate import Certificate
@@ -145,7 +146,7 @@ def _pictures(certificate: Certificate) -> str:
     try:
         found = render(certificate.replays)
     except PictureError as error:
-        return f"{heading}<p class='note'>No pictures: {escape(str(error))}</p></section>\n"
+        return f"{heading}<p class='note'>No pictures: {escape(' '.join(str(error).split()))}</p></section>\n"
     return f"{heading}{_player(certificate, found)}{_strip(found)}</section>\n"
 
 
@@ -154,8 +155,8 @@ def _player(certificate: Certificate, found: Pictures) -> str:
     last = len(found.frames) - 1
     slowness = found.slowness
     pace = f"{slowness:.3g} times slower than life" if slowness > 1.05 else "in real time"
-    ghost = "; the solved motion is the translucent one" if found.ghost else ""
-    caption = f"MuJoCo's replay ({found.replay}), {pace}{ghost}."
+    ghost = ", translucent and orange the solved motion" if found.ghost else ""
+    caption = f"MuJoCo's replay ({found.replay}), {pace}; blue its path{ghost}."
     alt = escape(f"{certificate.report.spec} as MuJoCo replays it")
     return (
         "<figure class='player'>\n<picture>"

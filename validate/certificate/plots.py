@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 #: Stand-in colours and the page's variables for them.
 _INK, _GRID = "#000001", "#000002"
 _LINES = {"solved": "#000011", "replayed": "#000012", "tracked": "#000013"}
-_PARTS = ("#000011", "#000014", "#000015", "#000016", "#000017", "#000018")
+_PARTS = ("#000019", "#000014", "#000015", "#000016", "#000017", "#000018")
 _VARIABLES = {
     _INK: "--ink",
     _GRID: "--grid",
@@ -35,6 +35,7 @@ _VARIABLES = {
     "#000016": "--part3",
     "#000017": "--part4",
     "#000018": "--part5",
+    "#000019": "--alone",
 }
 
 #: Width of a plot and heights with and without a plot of differences, in inches.
@@ -108,18 +109,18 @@ def _panel(panel: Panel, key: str) -> str:
 
 
 def _lines(axes: Axes, lines: Sequence[Line]) -> None:
-    styles = {"solved": "-", "replayed": (0, (4, 2)), "tracked": (0, (1, 1.5))}
-    plain = all(line.kind == "solved" for line in lines)
+    """Draw curves, the solved one broad where others lie on it."""
+    styles: dict[str, Any] = {"solved": "-", "replayed": (0, (5, 2)), "tracked": (0, (1, 1.3))}
+    alone = all(line.kind == "solved" for line in lines)
     for k, line in enumerate(lines):
         if not np.any(np.isfinite(line.value)):
             continue
-        colour = _PARTS[k % len(_PARTS)] if plain else _LINES[line.kind]
-        style: Any = "-" if plain else styles[line.kind]
         axes.plot(
             line.time,
             _within(line.value, lines),
-            color=colour,
-            linestyle=style,
+            color=_PARTS[k % len(_PARTS)] if alone else _LINES[line.kind],
+            linestyle="-" if alone else styles[line.kind],
+            linewidth=4.0 if line.kind == "solved" and not alone else 1.4,
             label=line.label or line.kind,
         )
 
