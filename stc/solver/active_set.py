@@ -18,13 +18,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stc.solver.iterate import multiplier_scale
+from stc.solver.formulation import Formulation
+from stc.solver.iterate import Iterate, multiplier_scale
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats, Mask
 from stc.solver.scaled_problem import ScaledProblem
 
-__all__ = ["Projection", "newton_on_active_set", "project", "smaller_multipliers"]
+__all__ = ["Finish", "Projection", "newton_on_active_set", "project", "smaller_multipliers"]
 
+NEAR = 1e-2
+RETREAT = 0.1
+FINISHING_STEPS = 8
 CONTRACTION = 0.1
 FAST = 1e-2
 """Contraction that makes one more step worth its while: it gains two digits or more."""
@@ -167,6 +171,25 @@ def newton_on_active_set(
         )
         point = new
     return point, certified and point.error <= tolerance
+
+
+class Finish:
+    """Tries :func:`newton_on_active_set` once an iterate is near enough, ever more rarely when that fails."""
+
+    def __init__(self, form: Formulation, tolerance: float, monitor: Monitor) -> None:
+        self._form, self._tolerance, self._monitor = form, tolerance, monitor
+        self._threshold = NEAR
+
+    def attempt(self, it: Iterate, error: float) -> Projection | None:
+        """The solution, or None."""
+        form = self._form
+        if not isinstance(form, ScaledProblem) or error > self._threshold:
+            return None
+        point, solved = newton_on_active_set(
+            form, it.w[: form.n], it.y, self._monitor, steps=FINISHING_STEPS, tolerance=self._tolerance
+        )
+        self._threshold = RETREAT * min(self._threshold, error)
+        return point if solved else None
 
 
 def _newton_step(form: ScaledProblem, point: Projection) -> tuple[Floats, Floats] | None:

@@ -56,6 +56,7 @@ class BarrierParameter:
         self.changed = False
         self._largest = np.inf
         self._short = 0
+        self._error = 1.0
         self._accepted = Filter(np.inf)
         if form.gaps == 0:
             self.mu = 0.0
@@ -64,13 +65,15 @@ class BarrierParameter:
         """Note the length of the last step: several very short ones in a row call for more centring."""
         self._short = self._short + 1 if length < SHORT else 0
 
-    def update(self, it: Iterate, stuck: bool) -> None:
+    def update(self, it: Iterate, error: float, stuck: bool) -> None:
         """Decide the mode for this iterate and, in the held mode, the parameter.
 
         Args:
+            error: the KKT error of the iterate.
             stuck: the last step was below rounding error or was refused.
         """
         self.changed = False
+        self._error = min(1.0, error)
         if self.form.gaps == 0:
             return
         average = float(it.gap @ it.z) / self.form.gaps
@@ -80,7 +83,7 @@ class BarrierParameter:
             if self._short >= MANY:
                 self._short = 0
                 self.free = False
-                mu = max(average, RECENTRE * min(1.0, errors_of(self.form, it, 0.0).total))
+                mu = max(average, RECENTRE * self._error)
                 self._set(min(mu, max(self._largest, average)))
                 return
             if not stuck and self._progress(it):
@@ -101,7 +104,7 @@ class BarrierParameter:
             stuck = False
 
     def _progress(self, it: Iterate) -> bool:
-        margin = MARGIN * min(1.0, errors_of(self.form, it, 0.0).total)
+        margin = MARGIN * self._error
         return self._accepted.accepts(it.theta + margin, it.f + margin)
 
     def _set(self, mu: float) -> None:
@@ -120,7 +123,7 @@ class BarrierParameter:
         average = float(it.gap @ it.z) / form.gaps
         centring = system.centring(average / it.gap)
         sigma = self._best_centring(it, affine, centring, average)
-        floor = max(self.smallest, ERROR_FRACTION * min(1.0, errors_of(form, it, 0.0).total))
+        floor = max(self.smallest, ERROR_FRACTION * self._error)
         self._set(float(np.clip(sigma * average, floor, max(floor, self._largest))))
         self.changed = True
         sigma = self.mu / average

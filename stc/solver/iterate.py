@@ -44,6 +44,11 @@ class Iterate:
     hess: Floats
     dual: Floats
 
+    def become(self, other: Iterate) -> None:
+        """Take over every quantity of another iterate."""
+        for name in self.__slots__:
+            setattr(self, name, getattr(other, name))
+
 
 @dataclass(frozen=True, slots=True)
 class Errors:

@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.formulation import Formulation
-from stc.solver.iterate import Iterate
+from stc.solver.iterate import Errors, Iterate, errors_of, evaluate
 from stc.solver.nlp import Floats
 
-__all__ = ["least_squares_multipliers"]
+__all__ = ["LaggingMultipliers", "least_squares_multipliers"]
 
 LARGEST = 1e3
+LARGEST_LATER = 1e8
+NEARLY = 1e-6
+HALF = 0.5
+LAGGING_STEPS = 3
 DUAL_SHIFT = 1e-8  # against dependent rows, relative to the square of the largest gradient entry
 
 
@@ -32,3 +36,33 @@ def least_squares_multipliers(form: Formulation, it: Iterate, largest: float = L
     if not np.isfinite(y.sum()) or np.abs(y).max(initial=0.0) > largest:
         return np.zeros(form.m)
     return y
+
+
+class LaggingMultipliers:
+    """Replaces the row multipliers where Newton's method leaves them behind.
+
+    Where the rows' gradients vanish in the limit, the multipliers grow without bound and each Newton step leaves
+    a constant share of the dual error, while the rows are met better and better.
+    """
+
+    def __init__(self) -> None:
+        self._dual = np.inf
+        self._waited = 0
+
+    def due(self, errors: Errors, length: float) -> bool:
+        """True after several whole steps that met the rows without reducing the dual error."""
+        lagging = errors.primal <= NEARLY and errors.dual > max(HALF * self._dual, 10.0 * errors.primal)
+        self._waited = self._waited + 1 if lagging and length == 1.0 else 0
+        self._dual = errors.dual
+        return self._waited >= LAGGING_STEPS
+
+    def renew(self, form: Formulation, it: Iterate, errors: Errors) -> Errors:
+        """Give ``it`` its least-squares multipliers if they are better; the errors then."""
+        self._waited = 0
+        y = least_squares_multipliers(form, it, LARGEST_LATER)
+        other = evaluate(form, it.w, y, it.z)
+        new = errors_of(form, other, 0.0)
+        if not new.total < HALF * errors.total:
+            return errors
+        it.become(other)
+        return new

@@ -109,7 +109,7 @@ class NewtonSystem:
             self.shift = self._larger_shift()
 
     def relax(self, length: float) -> None:
-        """Let the stiffness go as steps are accepted nearly whole, at once where none is; ``length`` is the fraction."""
+        """Let the stiffness go as steps are accepted nearly whole, and at once where none is (``length`` 0)."""
         if length == 0.0:
             self._stiffness = 0.0
         elif length >= WHOLE:

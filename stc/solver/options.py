@@ -21,8 +21,8 @@ class Options:
         scaling: scale objective, rows and badly scaled variables automatically.
         warm_start: trust the primal-dual start and its active set.
         initial_barrier: barrier parameter of a cold start.
-        retries: how many other ways (feasibility first, a cautious barrier, starts nearby and elsewhere) are tried before a failure
-            or local infeasibility is reported.
+        retries: how many other ways (feasibility first, a cautious barrier, starts nearby and elsewhere) are tried
+            before a failure or local infeasibility is reported.
         seed: seed of the random directions used to leave saddle points and stationary infeasible points.
     """
 

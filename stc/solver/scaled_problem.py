@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.solver.formulation import Formulation
-from stc.solver.nlp import NLP, Floats
+from stc.solver.nlp import NLP, Floats, Ints
 from stc.solver.options import Options
 
 if TYPE_CHECKING:
@@ -70,6 +70,10 @@ class ScaledProblem(Formulation):
         below = below if self._is_defined(np.where(np.isfinite(below), below, start)) else lower
         above = above if self._is_defined(np.where(np.isfinite(above), above, start)) else upper
         self._set_bounds(below, above, *_relaxed(row_lower, row_upper))
+        self._stated_bounds = (
+            _units(self.true_rows, (nlp.row_lower, nlp.row_upper), 1.0 / self.row_scale),
+            _units(self.true_x, (nlp.x_lower, nlp.x_upper), self.x_scale),
+        )
         self.linear = bool(np.all(nlp.row_linear))
         self.quadratic_program = self.linear and nlp.objective_degree <= 2
         self.kkt = new_kkt(
@@ -139,10 +143,13 @@ class ScaledProblem(Formulation):
 
     def violation(self, x: Floats, r: Floats) -> float:
         """Largest violation in the user's units of rows ``r`` (m,) and of the bounds of ``x`` (n,), scaled both."""
-        nlp = self.nlp
-        rows = relative_violation(r / self.row_scale, nlp.row_lower, nlp.row_upper)
-        bounds = relative_violation(x * self.x_scale, nlp.x_lower, nlp.x_upper)
-        return max(float(rows.max(initial=0.0)), float(bounds.max(initial=0.0)))
+        worst = 0.0
+        for values, (below, low, low_unit, above, high, high_unit) in zip((r, x), self._stated_bounds):
+            if below.size:
+                worst = max(worst, float(((low - values[below]) * low_unit).max()))
+            if above.size:
+                worst = max(worst, float(((values[above] - high) * high_unit).max()))
+        return worst if np.isfinite(r.sum()) else np.inf
 
     def user_view(self, x: Floats, f: float, r: Floats) -> tuple[Floats, float, float]:
         return x * self.x_scale, f / self.objective_scale, self.violation(x, r)
@@ -162,6 +169,19 @@ class ScaledProblem(Formulation):
     def scaled_bound_multipliers(self, z: Floats) -> Floats:
         """Multipliers of the bounds of the scaled variables, (n,), for those of the variables as stated."""
         return z * self.x_scale * self.objective_scale
+
+
+def _units(
+    scaled: tuple[Floats, Floats], stated: tuple[Floats, Floats], unit: Floats
+) -> tuple[Ints, Floats, Floats, Ints, Floats, Floats]:
+    """Which entries have a lower bound, that bound scaled, and what turns a violation of it into the user's
+    relative one; the same for the upper bounds.
+    """
+    below, above = np.flatnonzero(np.isfinite(stated[0])), np.flatnonzero(np.isfinite(stated[1]))
+    low, high = (
+        unit[at] / np.maximum(1.0, np.abs(side[at])) for at, side in ((below, stated[0]), (above, stated[1]))
+    )
+    return below, scaled[0][below], low, above, scaled[1][above], high
 
 
 def _factors(gradients: Floats, nearby: Floats) -> Floats:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from stc.solver.active_set import smaller_multipliers
-from stc.solver.interior import ACCEPTABLE, End, Outcome, Tactics, feasible_first, optimise
+from stc.solver.interior import feasible_first, optimise
 from stc.solver.kkt import KKTSystem, structured_kkt
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
+from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.report import Callback, Result, Start
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem
@@ -109,7 +110,9 @@ class _Solve:
             outcome = self._settle(self._warm(form, x0 / form.x_scale, y, z))
         else:
             outcome = self._settle(self._barrier(form, x0, Tactics()))
-        for again in (self._feasible_first, self._held_barrier, self._nearby, self._elsewhere)[: options.retries]:
+        for again in (self._feasible_first, self._held_barrier, self._nearby, self._elsewhere)[
+            : options.retries
+        ]:
             if outcome.end in (End.CONVERGED, End.UNBOUNDED):
                 break
             if outcome.end is End.STATIONARY_VIOLATION and form.linear:

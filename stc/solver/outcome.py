@@ -1,0 +1,60 @@
+"""How one attempt at a problem is made, and how it ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from stc.solver.formulation import Formulation
+from stc.solver.iterate import Iterate
+from stc.solver.nlp import Floats
+
+__all__ = ["ACCEPTABLE", "End", "Outcome", "Tactics"]
+
+ACCEPTABLE = 1e-6
+"""A KKT error that may count as solved where rounding errors allow no better."""
+
+
+class End(Enum):
+    """Why the iteration ended."""
+
+    CONVERGED = "converged"
+    STOPPED = "stopped"  # by the caller's condition
+    STATIONARY_VIOLATION = "stationary violation"
+    UNBOUNDED = "unbounded"
+    STUCK = "stuck"
+
+
+@dataclass(frozen=True, slots=True)
+class Tactics:
+    """What differs from one attempt to the next.
+
+    Attributes:
+        adaptive: choose the barrier parameter freely while that makes progress.
+        largest_theta: admissible violation, relative to that of the start or to 1.
+        budget: steps after which the attempt ends.
+    """
+
+    adaptive: bool = True
+    largest_theta: float = 30.0
+    budget: int = 500
+
+
+@dataclass(slots=True)
+class Outcome:
+    """Where and why the iteration ended.
+
+    Attributes:
+        end: why.
+        form: the formulation that was solved.
+        x, y: the point, (n,) and (m,), in the formulation's scale.
+        error: KKT error there.
+        iterate: the last iterate of the barrier.
+    """
+
+    end: End
+    form: Formulation
+    x: Floats
+    y: Floats
+    error: float
+    iterate: Iterate

@@ -1,0 +1,89 @@
+"""Watches a sequence of iterates: which was best, whether it stalls, whether it drifts away."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stc.solver.formulation import Formulation
+from stc.solver.iterate import Iterate
+from stc.solver.outcome import ACCEPTABLE, End, Outcome
+
+__all__ = ["Drift", "Nearest", "Stall"]
+
+NOTICEABLE = 0.9
+PATIENCE = 15
+TINY_STEPS = 3
+SMALL_STEP = 1e-9
+SLOW = 0.1
+MUCH = 1e-6
+
+
+class Nearest:
+    """The iterate with the smallest error so far.
+
+    Attributes:
+        error: its error.
+        waited: True when that error is acceptable and many steps have not improved it.
+    """
+
+    def __init__(self, form: Formulation) -> None:
+        self._form = form
+        self.error = np.inf
+        self._waiting = 0
+        self._x = self._y = np.zeros(0)
+
+    def note(self, it: Iterate, error: float) -> None:
+        """The next iterate and its error."""
+        if error < NOTICEABLE * self.error:
+            self._waiting = 0
+        elif self.error <= ACCEPTABLE:
+            self._waiting += 1
+        if error < self.error:
+            self.error, self._x, self._y = error, it.w[: self._form.n], it.y
+
+    @property
+    def waited(self) -> bool:
+        """See the class."""
+        return self._waiting >= PATIENCE
+
+    def outcome(self, it: Iterate) -> Outcome:
+        """The end of an iteration that got stuck, at that iterate; ``it`` is the last one."""
+        return Outcome(End.STUCK, self._form, self._x, self._y, self.error, it)
+
+
+class Stall:
+    """Counts steps that move nothing any more."""
+
+    def __init__(self) -> None:
+        self._tiny = self._small = 0
+
+    def note(self, size: float, tiny: bool) -> None:
+        """The relative size of a step; ``tiny``: below rounding error, and no change of the barrier explains it."""
+        self._tiny = self._tiny + 1 if tiny else 0
+        self._small = self._small + 1 if size <= SMALL_STEP else 0
+
+    @property
+    def stalled(self) -> bool:
+        """True after several such steps in a row."""
+        return self._tiny >= TINY_STEPS or self._small >= PATIENCE
+
+
+class Drift:
+    """Tells slow descent along a valley that goes on for ever from convergence.
+
+    Where the gradient fades as the variables grow, the error falls below any tolerance while every step still
+    lowers the objective as much as the one before.
+    """
+
+    def __init__(self) -> None:
+        self._f, self._dual = [np.nan, np.nan], [np.inf, np.inf]
+
+    def note(self, f: float, dual: float) -> None:
+        """The objective and the dual error of the next iterate."""
+        self._f, self._dual = [self._f[1], f], [self._dual[1], dual]
+
+    @property
+    def falling(self) -> bool:
+        """True when the last step reduced the dual error little and the objective much."""
+        slow = self._dual[1] > SLOW * self._dual[0]
+        return slow and self._f[0] - self._f[1] > MUCH * max(1.0, abs(self._f[1]))
