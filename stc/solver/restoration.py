@@ -18,7 +18,7 @@ from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
 from stc.solver.scaled_problem import ScaledProblem
 
-__all__ = ["Acceptance", "PRICE", "back_from", "elastic_start"]
+__all__ = ["PRICE", "Acceptance", "back_from", "elastic_start"]
 
 PRICE = 1.0
 BARRIER_FRACTION = 1e-3
