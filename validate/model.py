@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,12 +65,26 @@ def find_model(name: str, folders: Iterable[str | Path]) -> Path:
     raise ModelError(f"there is no model {name}: looked {' and '.join(places)}{known}")
 
 
+def require_mujoco() -> None:
+    """Import MuJoCo, which looks for OpenGL as it is imported.
+
+    Raises:
+        ModelError: it cannot be imported.
+    """
+    try:
+        import mujoco  # noqa: F401
+    except Exception as error:
+        why = f"; MUJOCO_GL={os.environ['MUJOCO_GL']} may be the reason" if "MUJOCO_GL" in os.environ else ""
+        raise ModelError(f"MuJoCo cannot be imported ({' '.join(str(error).split())}){why}") from error
+
+
 def load_model(path: Path) -> mujoco.MjModel:
     """Compile a model file.
 
     Raises:
         ModelError: MuJoCo does not accept it; the message carries MuJoCo's own.
     """
+    require_mujoco()
     import mujoco
 
     try:

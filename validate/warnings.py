@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from stc.validate.model import require_mujoco
+
 
 @contextmanager
 def caught_warnings() -> Iterator[list[str]]:
     """Collect what MuJoCo warns of, each kind once, as one-line texts in the list that is handed out."""
+    require_mujoco()
     import mujoco
 
     found: list[str] = []

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from stc import __version__
-from stc.cli import jobs
+from stc.cli import jobs, pictures, studies
 from stc.cli.options import (
     Force,
     Json,
@@ -16,6 +16,7 @@ from stc.cli.options import (
     Optimizer,
     Optimizers,
     Output,
+    PictureOutput,
     Report,
     Set,
     Spec,
@@ -118,12 +119,26 @@ def validate(
     output: Output = None,
     force: Force = False,
     report: Report = None,
+    equations: Annotated[
+        bool,
+        typer.Option(
+            "--equations", help="Compare the spec's equations of motion with the model's, term by term."
+        ),
+    ] = False,
+    order: Annotated[
+        bool,
+        typer.Option(
+            "--order", help="Solve with n, 2n and 4n frames and observe how fast the replay converges."
+        ),
+    ] = False,
     json: Json = False,
 ) -> int:
     """Validate a saved motion in MuJoCo, or solve a spec and validate that."""
     options = solve_options(settings, method, max_iterations, time_limit, tolerance, warm_start, output)
     page = None if report is None else writable_page(report)
-    return jobs.validate(target, options, force=force, page=page, as_json=json)
+    if page is None and (equations or order):
+        return studies.run(target, options, equations=equations, order=order, as_json=json)
+    return jobs.validate(target, options, force=force, page=page, order=order, as_json=json)
 
 
 @app.command()
@@ -143,6 +158,52 @@ def show(
     """Print what one stage makes of a spec: tokens, syntax, problem, operations, machine code, ..."""
     options = solve_options(settings, method, None, None, None, None, None)
     return jobs.show(spec, stage, options)
+
+
+@app.command()
+def plot(
+    target: SpecOrSolution,
+    output: PictureOutput,
+    settings: Set = None,
+    method: Method = None,
+    force: Force = False,
+    json: Json = False,
+) -> int:
+    """Draw joints, torques and paths over time, solved against replayed, as .png, .svg or .pdf."""
+    options = solve_options(settings, method, None, None, None, None, None)
+    return pictures.plot(target, output, options, force=force, as_json=json)
+
+
+@app.command()
+def render(
+    target: SpecOrSolution,
+    output: PictureOutput,
+    settings: Set = None,
+    method: Method = None,
+    show: Annotated[
+        str,
+        typer.Option(
+            "--show", metavar="MOTION", help="solved, replayed or tracked; the last two over the first."
+        ),
+    ] = "solved",
+    camera: Annotated[
+        str | None, typer.Option("--camera", metavar="NAME", help="One of the model's cameras, as it stands.")
+    ] = None,
+    size: Annotated[
+        str, typer.Option("--size", metavar="WIDTHxHEIGHT", help="Of an image or tile, in pixels.")
+    ] = "640x480",
+    tiles: Annotated[int, typer.Option("--tiles", metavar="COUNT", help="Images of a filmstrip.")] = 6,
+    rate: Annotated[int, typer.Option("--rate", metavar="COUNT", help="Images of a video per second.")] = 30,
+    speed: Annotated[
+        float | None, typer.Option("--speed", metavar="SHARE", help="Of real time; 0.1 is slow motion.")
+    ] = None,
+    force: Force = False,
+    json: Json = False,
+) -> int:
+    """Render the motion, no screen needed: a filmstrip (.png, .jpg) or a video (.webp, .gif, .mp4)."""
+    options = solve_options(settings, method, None, None, None, None, None)
+    look = pictures.look(size, camera, rate, speed, tiles)
+    return pictures.render(target, output, look, show, options, force=force, as_json=json)
 
 
 @app.command("list")

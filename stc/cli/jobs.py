@@ -18,6 +18,7 @@ from stc.errors import Diagnostic, UsageError
 if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.solution import Solution
+    from stc.validate.metrics import Metric
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +78,29 @@ def compare(spec: str, optimizers: str, options: SolveOptions, *, as_json: bool)
     return GOOD if good else BAD
 
 
-def validate(target: str, options: SolveOptions, *, force: bool, page: Path | None, as_json: bool) -> int:
-    """Validate a saved solution, or what solving a spec gives; that is saved only if a file is named."""
+def validate(
+    target: str, options: SolveOptions, *, force: bool, page: Path | None, order: bool, as_json: bool
+) -> int:
+    """Validate a saved solution, or what solving a spec gives; that is saved only if a file is named.
+
+    With ``order`` the observed order of convergence is one of the measurements.
+    """
+    outcome, motion = solved(target, options, as_json)
+    further: Sequence[Metric] = ()
+    if order:
+        from stc.cli import studies
+
+        model, method = studies.subject(target, options)
+        further = studies.observe_order(model, method, options).metrics
+    return _judged(outcome, motion, force, page, as_json, further)
+
+
+def solved(target: str, options: SolveOptions, as_json: bool) -> tuple[Outcome, Solution | Path]:
+    """A saved solution, or what solving a spec gives, and what is to be handed on for its validation.
+
+    Raises:
+        UsageError: options of a solve for what is solved already, or a spec that names no model.
+    """
     if is_solution(target):
         if options != SolveOptions({}):
             raise UsageError(f"`{target}` is solved already: the options of a solve do not apply to it")
@@ -86,12 +108,12 @@ def validate(target: str, options: SolveOptions, *, force: bool, page: Path | No
 
         path = existing_solution(target)
         # The file and not the solution is handed on: the model may lie beside it.
-        return _judged(Outcome(read(path), path), path, force, page, as_json)
+        return Outcome(read(path), path), path
     model = load(target, options)
     if model.problem(options.method).model is None:
         raise UsageError(_no_replay(model.name), "`stc solve` solves it without validation")
     outcome = _solved(model, options, as_json, save=options.output is not None)
-    return _judged(outcome, outcome.solution, force, page, as_json)
+    return outcome, outcome.solution
 
 
 def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
@@ -197,7 +219,14 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
     return Outcome(solution, file, model.warnings)
 
 
-def _judged(outcome: Outcome, motion: Solution | Path, force: bool, page: Path | None, as_json: bool) -> int:
+def _judged(
+    outcome: Outcome,
+    motion: Solution | Path,
+    force: bool,
+    page: Path | None,
+    as_json: bool,
+    further: Sequence[Metric] = (),
+) -> int:
     """Replay a motion and show its certificate."""
     status = outcome.solution.status
     if status != "optimal" and not force:
@@ -207,7 +236,7 @@ def _judged(outcome: Outcome, motion: Solution | Path, force: bool, page: Path |
 
     if not as_json:
         console.show_solution(outcome.solution, outcome.file)
-    certificate = certify(motion, force=force, equations=True if page is not None else None)
+    certificate = certify(motion, force=force, equations=True if page is not None else None, further=further)
     if page is not None:
         certificate.write(page)
     if as_json:

@@ -65,6 +65,12 @@ Output = Annotated[
         "-o", "--output", metavar="FILE", help="Where the solution goes: .npz or .csv; default NAME.npz."
     ),
 ]
+PictureOutput = Annotated[
+    str,
+    typer.Option(
+        "-o", "--output", metavar="FILE", help="Where the picture goes; its ending says what it is."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Force = Annotated[bool, typer.Option("--force", help="Replay even what the solver did not call optimal.")]
 Report = Annotated[

@@ -103,8 +103,8 @@ class EquationReport:
             yield Text(finding, style="bold red")
         if len(self.findings) > _SHOWN:
             yield Text(f"and {len(self.findings) - _SHOWN} more terms", style="red")
-        title = f"{self.spec} against {self.model} at {self.states} random states"
-        table = Table(title=title, title_justify="left", title_style="bold")
+        yield Text(f"{self.spec} against {self.model} at {self.states} random states", style="bold")
+        table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="bold")
         for heading in ("metric", "of", "value", "limit", "verdict"):
             table.add_column(heading, justify="right" if heading in ("value", "limit") else "left")
         colours = {"pass": "green", "fail": "bold red", "info": "dim"}
@@ -112,8 +112,8 @@ class EquationReport:
             table.add_row(
                 metric.name,
                 metric.subject,
-                f"{metric.value:.3g} {metric.unit}",
-                f"{metric.limit:.3g} {metric.unit}",
+                f"{metric.value:.3g}",
+                f"{metric.limit:.3g}",
                 Text(metric.verdict, style=colours[metric.verdict]),
             )
         yield table

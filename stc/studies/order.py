@@ -100,21 +100,26 @@ class OrderReport:
         from rich.text import Text
 
         table = Table(
-            title=f"{self.spec}, {self.method}: convergence of the replay",
-            title_justify="left",
-            title_style="bold",
+            box=None,
+            pad_edge=False,
+            padding=(0, 3, 0, 0),
+            header_style="bold",
         )
+        yield Text(f"{self.spec}, {self.method}: convergence of the replay", style="bold")
         for heading in ("n", "objective", "iterations", "drift", "order"):
             table.add_column(heading, justify="right")
         for k, level in enumerate(self.levels):
-            order = "" if k == 0 else f"{_order(self.levels[k - 1].drift, level.drift):.2f}"
+            coarse = self.levels[k - 1].drift
+            seen = k > 0 and coarse > limits.ORDER_FLOOR
+            order = f"{_order(coarse, level.drift):.2f}" if seen else ""
             table.add_row(
                 str(level.n), f"{level.objective:.9g}", str(level.iterations), f"{level.drift:.3g}", order
             )
         yield table
         for metric in self.metrics:
             limit = "" if metric.limit is None else f" (at least {metric.limit:g}: {metric.verdict})"
-            yield Text(f"{metric.name}, {metric.subject}: {metric.value:.2f}{limit}")
+            value = f"{metric.value:.2f}" if metric.value < math.inf else "too fine to be seen"
+            yield Text(f"{metric.name}, {metric.subject}: {value}{limit}")
         for note in self.notes:
             yield Text(f"note: {note}", style="yellow")
         yield Text("passed" if self.passed else "failed", style="bold green" if self.passed else "bold red")

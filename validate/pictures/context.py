@@ -9,9 +9,13 @@ from __future__ import annotations
 import importlib
 import os
 import platform
-from typing import Any
+import warnings
+from typing import TYPE_CHECKING, Any
 
 from stc.validate.pictures import PictureError
+
+if TYPE_CHECKING:
+    import mujoco
 
 _HINT = (
     "without a screen it takes Mesa's EGL (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri) or, with "
@@ -19,23 +23,26 @@ _HINT = (
 )
 
 
-def make_context(width: int, height: int) -> Any:
-    """A current OpenGL context to render into.
+def make_context(model: mujoco.MjModel, width: int, height: int) -> tuple[Any, mujoco.MjrContext]:
+    """A current OpenGL context to render into, and MuJoCo's resources for a model in it.
 
     ``MUJOCO_GL`` decides where it is set; else, on Linux, the backends without a screen come first.
 
     Raises:
         PictureError: there is none; the message says what to install.
     """
+    import mujoco
+
     problems = []
     for backend in _backends():
         try:
-            context = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
-            context.make_current()
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                context = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
+                context.make_current()
+                return context, mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_150)
         except Exception as error:  # each backend fails in its own way: missing libraries, displays, drivers
             problems.append(f"{backend}: {' '.join(str(error).split()) or type(error).__name__}")
-        else:
-            return context
     raise PictureError(f"no OpenGL to render with ({'; '.join(problems)})\n  {_HINT}")
 
 

@@ -38,7 +38,13 @@ _WIDTHS = {"solved": 5.0, "replayed": 1.7, "tracked": 1.7}
 #: Size of one plot in inches, and the resolution of a PNG in dots per inch.
 _PLOT, _DPI = (4.2, 2.5), 150
 
-_TITLES = {"joint": "joint", "output": "", "actuator": "actuator", "apply": "force on", "contact": "contact on"}
+_TITLES = {
+    "joint": "joint",
+    "output": "",
+    "actuator": "actuator",
+    "apply": "force on",
+    "contact": "contact on",
+}
 
 
 def save_plot(replays: Replays, path: str | os.PathLike[str]) -> None:
@@ -98,7 +104,9 @@ def _legend(made: Figure, found: Sequence[Panel], replays: Replays) -> None:
         "tracked": f"replayed with feedback ({replays.tracked_by})",
     }
     handles = [
-        Line2D([], [], color=_COLOURS[kind], linestyle=_STYLES[kind], linewidth=_WIDTHS[kind], label=words[kind])
+        Line2D(
+            [], [], color=_COLOURS[kind], linestyle=_STYLES[kind], linewidth=_WIDTHS[kind], label=words[kind]
+        )
         for kind in kinds
     ]
     made.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
@@ -126,7 +134,9 @@ def _draw(axes: Axes, panel: Panel, replays: Replays) -> None:
     gaps = [np.abs(line.value[np.isfinite(line.value)]).max(initial=0.0) for line in panel.differences[:1]]
     axes.set_title(title, loc="left", fontsize=9, fontweight="bold")
     if gaps:
-        axes.set_title(f"drift {gaps[0]:.1e} {panel.unit}", loc="right", fontsize=8, color=_drift(gaps[0], replays))
+        axes.set_title(
+            f"drift {gaps[0]:.1e} {panel.unit}", loc="right", fontsize=8, color=_drift(gaps[0], replays)
+        )
     axes.set_ylabel(panel.unit)
     axes.set_xlabel("s")
     _style(axes)
@@ -172,14 +182,20 @@ def _draw_paths(axes: Axes, ways: Sequence[tuple[str, FloatArray]]) -> None:
         inside = ((points > low - room) & (points < high + room)).all(axis=1)
         shown = np.where(inside[:, None], points, np.nan)
         axes.plot(
-            shown[:, first], shown[:, second], color=_COLOURS[kind], linestyle=_STYLES[kind], linewidth=_WIDTHS[kind]
+            shown[:, first],
+            shown[:, second],
+            color=_COLOURS[kind],
+            linestyle=_STYLES[kind],
+            linewidth=_WIDTHS[kind],
         )
         if kind == "solved":
             start, end = points[0, [first, second]], points[-1, [first, second]]
             axes.plot(*start, "o", color=_ALONE, markersize=6, markerfacecolor="white", zorder=5)
             axes.plot(*end, "o", color=_ALONE, markersize=6, zorder=5)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_title("path, from \N{WHITE CIRCLE} to \N{BLACK CIRCLE}", loc="left", fontsize=9, fontweight="bold")
+    axes.set_title(
+        "path, from \N{WHITE CIRCLE} to \N{BLACK CIRCLE}", loc="left", fontsize=9, fontweight="bold"
+    )
     axes.set_xlabel(f"{'xyz'[first]}, m")
     axes.set_ylabel(f"{'xyz'[second]}, m")
     _style(axes)

@@ -67,8 +67,7 @@ class Stage:
         self._camera = usual_camera(self.model, camera)
         if frame is not None and camera is None:
             fit(self.model, self._camera, frame, width / height)
-        self._gl = make_context(width, height)
-        self._context = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_150)
+        self._gl, self._context = make_context(self.model, width, height)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._scene = mujoco.MjvScene(self.model, maxgeom=_GEOMS)
         self._option = mujoco.MjvOption()

@@ -1,0 +1,127 @@
+"""What ``stc plot`` and ``stc render`` do."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stc.cli import GOOD, jobs, record
+from stc.cli.options import SolveOptions
+from stc.errors import UsageError
+
+if TYPE_CHECKING:
+    from stc.validate.pictures.film import Look
+    from stc.validate.setup import Setup
+
+#: Motions that can be rendered.
+_MOTIONS = ("solved", "replayed", "tracked")
+
+
+def plot(target: str, output: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
+    """Draw a motion over time."""
+    from stc.validate.pictures.plot import PLOTS, save_plot
+    from stc.validate.verdict import run_replays
+
+    file = _writable(output, PLOTS)
+    setup = _setup(target, options, force, as_json)
+    save_plot(run_replays(setup), file)
+    return _done(setup, file, as_json)
+
+
+def render(
+    target: str, output: str, look: Look, show: str, options: SolveOptions, *, force: bool, as_json: bool
+) -> int:
+    """Render a motion as a filmstrip or a video."""
+    from stc.validate.pictures.film import STILLS, VIDEOS, draw
+    from stc.validate.verdict import run_replays
+
+    if show not in _MOTIONS:
+        raise UsageError(f"--show must be one of {', '.join(_MOTIONS)}, not `{show}`")
+    file = _writable(output, (*STILLS, *VIDEOS))
+    setup = _setup(target, options, force, as_json)
+    motion = None
+    if show != "solved":
+        replays = run_replays(setup, tracked=show == "tracked")
+        motion = replays.tracked if show == "tracked" else replays.open_loop
+        if motion is None:
+            raise UsageError(
+                f"{setup.solution.name} has nothing to track it with: no actuator moves one joint"
+            )
+    with _Counter() as counter:
+        draw(setup, file, look, motion, counter)
+    return _done(setup, file, as_json)
+
+
+def look(size: str, camera: str | None, rate: int, speed: float | None, tiles: int) -> Look:
+    """How to render, from what was written on the command line.
+
+    Raises:
+        UsageError: a value that cannot be meant.
+    """
+    from stc.validate.pictures.film import Look
+
+    width, _, height = size.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal() and 16 <= min(int(width), int(height))):
+        raise UsageError(f"--size wants WIDTHxHEIGHT in pixels, such as 960x720, not `{size}`")
+    if max(int(width), int(height)) > 8192:
+        raise UsageError(f"--size {size}: images are at most 8192 pixels wide and high")
+    if rate < 1 or tiles < 1:
+        raise UsageError("--rate and --tiles must be at least 1")
+    if speed is not None and not speed > 0.0:
+        raise UsageError(f"--speed must be positive, not {speed:g}")
+    return Look(int(width), int(height), camera, rate, speed, tiles)
+
+
+def _setup(target: str, options: SolveOptions, force: bool, as_json: bool) -> Setup:
+    """The motion with its model."""
+    from stc.validate.verdict import open_setup
+
+    return open_setup(jobs.solved(target, options, as_json)[1], force=force)
+
+
+def _done(setup: Setup, file: Path, as_json: bool) -> int:
+    if as_json:
+        record.write({**record.of_solution(setup.solution), "picture": str(file)})
+    else:
+        print(f"{file} written")
+    return GOOD
+
+
+def _writable(name: str, endings: tuple[str, ...]) -> Path:
+    """The path that a picture is to be saved under; missing folders are made.
+
+    Raises:
+        UsageError: another ending, or something is in the way.
+    """
+    path = Path(name)
+    if path.suffix.lower() not in endings:
+        raise UsageError(f"-o {name}: this picture is saved as {', '.join(endings)}")
+    if path.is_dir():
+        raise UsageError(f"-o {name}: that is a folder")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"-o {name}: {error.strerror or error}") from None
+    return path
+
+
+class _Counter:
+    """A line that counts rendered images, on a terminal only."""
+
+    def __init__(self) -> None:
+        self._shown = sys.stderr.isatty()
+        self._last = 0.0
+
+    def __enter__(self) -> _Counter:
+        return self
+
+    def __call__(self, done: int, total: int) -> None:
+        if self._shown and (done == total or time.monotonic() - self._last > 0.2):
+            self._last = time.monotonic()
+            print(f"\r{done} of {total} images", end="", file=sys.stderr, flush=True)
+
+    def __exit__(self, *_: object) -> None:
+        if self._shown and self._last:
+            print("\r" + " " * 40 + "\r", end="", file=sys.stderr, flush=True)
