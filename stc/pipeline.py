@@ -377,15 +377,28 @@ def load(spec: str | os.PathLike[str], **constants: float) -> Model:
     return Model(read_source(spec), constants)
 
 
+def source_of(solution: Solution, beside: Path | None = None) -> Source:
+    """The spec's text that a solution carries, as it would be read from its folder.
+
+    Args:
+        solution: any.
+        beside: folder of the solution's file, where the spec's own is not known.
+    """
+    folder = Path(solution.directory) if solution.directory else beside
+    return Source(
+        f"{solution.name}.stc",
+        solution.source,
+        "" if folder is None else str(folder / f"{solution.name}.stc"),
+    )
+
+
 def problem_of(solution: Solution) -> Problem:
     """The problem that a solution solves, read anew from the text that it carries.
 
     Raises:
         SpecError: the text is not a spec.
     """
-    path = str(Path(solution.directory) / f"{solution.name}.stc") if solution.directory else ""
-    source = Source(f"{solution.name}.stc", solution.source, path)
-    return elaborate(parse(source), solution.overrides, solution.method)
+    return elaborate(parse(source_of(solution)), solution.overrides, solution.method)
 
 
 def replay(solution: Solution | str | os.PathLike[str], **options: Any) -> Any:
@@ -420,5 +433,6 @@ __all__ = [
     "replay",
     "resample",
     "solve",
+    "source_of",
     "transcribe",
 ]
