@@ -23,7 +23,7 @@ def measure(spec: str, n: int) -> dict[str, float]:
     import stc
 
     model = stc.load(spec)
-    problem, transcription = model.transcription(n=n)
+    _, transcription = model.transcription(n=n)
     begin = time.perf_counter()
     transcription.compile()
     compiled = time.perf_counter() - begin

@@ -86,7 +86,9 @@ def test_energy_grows_by_the_power_of_the_forces(seed):
     step = 1e-5
     rate = (total(step) - total(-step)) / (2 * step)
     power = v["f"] * v["r'"] - 0.2 * v["s'"] ** 2
-    assert sum(found[q] * v[q + "'"] for q in ("r", "p", "s")) == pytest.approx(rate - power, rel=1e-6, abs=1e-6)
+    assert sum(found[q] * v[q + "'"] for q in ("r", "p", "s")) == pytest.approx(
+        rate - power, rel=1e-6, abs=1e-6
+    )
 
 
 def test_forces_add_up_and_ranged_ones_act_on_top():
