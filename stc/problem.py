@@ -198,7 +198,8 @@ class Problem:
     whose values shaped this object (ranges, indices, exponents): changing one of those means elaborating
     again, changing any other does not.  ``step`` is the time from a frame to the next, in constants,
     parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared.
-    ``definitions`` holds those that stand under range headers; ``macros`` the values of all others, which occur in no other expression by name.
+    ``definitions`` holds those that stand under range headers; ``macros`` the values of all
+    others, which occur in no other expression by name.
     """
 
     name: str
