@@ -22,7 +22,9 @@ from numpy.typing import NDArray
 
 from stc.bundled import find_spec
 from stc.errors import Diagnostic, Source, SpecError, StcError, UsageError
+from stc.guess_file import GivenValues, SolutionValues, read_guess
 from stc.language import read_problem
+from stc.language.constant_values import constant_values
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.problem import Problem, VariableRef
@@ -34,8 +36,10 @@ from stc.trajectory import Channel
 from stc.transcription import Transcription
 from stc.transcription import transcribe as _transcribe
 from stc.transcription.bind import BoundProgram
+from stc.transcription.guess import check_names
 from stc.transcription.multipliers import multiplier_blocks
 from stc.transcription.recover import Recovery
+from stc.transcription.resample import resample_multipliers
 from stc.transcription.schemes import METHODS, stencil_reach
 
 if TYPE_CHECKING:
@@ -200,36 +204,6 @@ def _force_frames(problem: Problem) -> tuple[int, int]:
     return reach, problem.n - reach
 
 
-def resample(solution: Solution, transcription: Transcription, x: FloatArray) -> FloatArray:
-    """A decision vector that follows an earlier solution, whatever its number of frames.
-
-    Args:
-        solution: of the same or a similar spec; what it does not have stays as in ``x``.
-        transcription: of the problem to start.
-        x: (size,) the values for what is missing.
-    """
-    layout, n = transcription.layout, transcription.grid.n
-    result = x.copy()
-    share = solution.n / n if n else 0.0
-    frames, mids = np.arange(n + 1) * share, (np.arange(n) + 0.5) * share
-    before, after = solution.at_frame(frames, "before"), solution.at_frame(frames, "after")
-    middle = solution.at_frame(mids) if n else {}
-    for name, order, at_before, at_after, at_mid in layout.slots():
-        key = name + "'" * order
-        if key not in before or name in solution.parameters:
-            continue
-        values = [(at_after, after[key]), (at_before, before[key])]
-        if len(at_mid):
-            values.append((at_mid, middle[key]))
-        for position, value in values:
-            good = np.isfinite(value)
-            result[position[good]] = np.asarray(value)[good]
-    for name, at in layout.parameters.items():
-        if name in solution.parameters and np.isfinite(solution.parameters[name]):
-            result[at] = solution.parameters[name]
-    return result
-
-
 class Model:
     """A spec, ready to be solved with other numbers, methods and frame counts.
 
@@ -248,6 +222,7 @@ class Model:
         self._parse_seconds = time.perf_counter() - begin
         self.warnings: tuple[Diagnostic, ...] = ()
         self._transcriptions: dict[object, Transcription] = {}
+        self._own_method = ""
 
     def _parsed(self) -> SpecTree:
         try:
@@ -276,12 +251,38 @@ class Model:
 
     def transcription(self, method: str | None = None, **constants: float) -> tuple[Problem, Transcription]:
         """The problem and its transcription, an earlier one where only numbers have changed."""
+        known = self._known(method, {**self.overrides, **constants})
+        if known is not None:
+            return known
         problem = self.problem(method, **constants)
         self.warnings = tuple(problem.warnings)
+        if method is None:
+            self._own_method = problem.method
         key = (problem.method, tuple((name, problem.constants[name]) for name in sorted(problem.structural)))
         if key not in self._transcriptions:
             self._transcriptions[key] = transcribe(problem)
         return problem, self._transcriptions[key]
+
+    def _known(
+        self, method: str | None, overrides: Mapping[str, float]
+    ) -> tuple[Problem, Transcription] | None:
+        """A transcription at hand that fits these constants, without elaborating them."""
+        wanted = method or self._own_method
+        if not any(known.problem.method == wanted for known in self._transcriptions.values()):
+            return None
+        values = constant_values(self.tree, overrides)
+        for known in self._transcriptions.values():
+            problem = known.problem
+            fits = problem.method == wanted and values.keys() == problem.constants.keys()
+            # Steps that are not positive are a mistake that elaboration explains.
+            if (
+                fits
+                and all(values[k] == problem.constants[k] for k in problem.structural)
+                and known.steps_fit(values)
+            ):
+                self.warnings = tuple(problem.warnings)
+                return replace(problem, constants=values), known
+        return None
 
     def solve(
         self,
@@ -291,6 +292,7 @@ class Model:
         max_iterations: int | None = None,
         time_limit: float | None = None,
         warm_start: Solution | str | os.PathLike[str] | None = None,
+        guess: GivenValues | str | os.PathLike[str] | None = None,
         callback: Callback | None = None,
         optimizer: str = DEFAULT,
         constants: Mapping[str, float] | None = None,
@@ -303,7 +305,10 @@ class Model:
             tolerance: of the optimality conditions.
             max_iterations: limit on iterations.
             time_limit: limit in seconds of wall time.
-            warm_start: an earlier solution or its file; resampled where the number of frames differs.
+            warm_start: an earlier solution or its file, whose multipliers and active set are used too; resampled
+                where the number of frames differs.
+            guess: values to start from, or a file of them (see :mod:`stc.guess_file`); what it does not name
+                keeps the spec's own guess.
             callback: called with a record after every iteration; returning True stops the solve.
             optimizer: ``sqp``, ``nlopt:slsqp``, ... instead of the project's own method, see docs/solver.md.
             constants: values of constants by name, for names that clash with the arguments above.
@@ -317,9 +322,10 @@ class Model:
             UsageError: an unknown constant, method, optimizer or file, or an optimizer that cannot do it.
         """
         begin = time.perf_counter()
+        parse_seconds, self._parse_seconds = self._parse_seconds, 0.0  # counts for the first solve only
         given = {**self.overrides, **(constants or {}), **overrides}
         problem, transcription = self.transcription(method, **given)
-        seconds = {"parse": self._parse_seconds + time.perf_counter() - begin}
+        seconds = {"parse": parse_seconds + time.perf_counter() - begin}
         seconds["derive"] = transcription.seconds.pop("derive", 0.0)
         seconds["parse"] = max(0.0, seconds["parse"] - seconds["derive"])
         if transcription.kernels is None:
@@ -332,35 +338,53 @@ class Model:
             limits["max_iterations"] = max_iterations
         if time_limit is not None:
             limits["time_limit"] = time_limit
-        start = self._start(warm_start, transcription, problem)
+        if warm_start is not None and guess is not None:
+            raise UsageError("a solve starts from a solution or from a guess, not from both")
+        start: Start | None = None
+        if warm_start is not None:
+            start = self._start(warm_start, transcription, problem)
+        elif guess is not None:
+            values = guess if not isinstance(guess, str | os.PathLike) else read_guess(guess)
+            check_names(values, problem)
+            start = Start(transcription.bind(problem.constants, guess=values).x0)
         if start is not None:
             limits["warm_start"] = start.row_multipliers is not None
         solving = time.perf_counter()
         bound, result = solve(transcription, problem.constants, Options(**limits), start, callback, optimizer)
         seconds["solve"] = time.perf_counter() - solving
-        seconds["total"] = self._parse_seconds + time.perf_counter() - begin
-        return collect(transcription, bound, result, problem.constants, given, seconds, optimizer)
+        seconds["total"] = parse_seconds + time.perf_counter() - begin
+        solution = collect(transcription, bound, result, problem.constants, given, seconds, optimizer)
+        solution.origin = self
+        return solution
 
     def _start(
         self,
-        warm_start: Solution | str | os.PathLike[str] | None,
+        warm_start: Solution | str | os.PathLike[str],
         transcription: Transcription,
         problem: Problem,
-    ) -> Start | None:
-        if warm_start is None:
-            return None
+    ) -> Start:
+        """Where to start from an earlier solution; with multipliers where it was optimal."""
         earlier = warm_start if isinstance(warm_start, Solution) else read(warm_start)
         program = transcription.program
         same = (
             len(earlier.x) == program.size
             and len(earlier.row_multipliers) == program.row_count
+            and len(earlier.bound_multipliers) == program.size
             and earlier.n == problem.n
             and earlier.method == problem.method
         )
+        optimal = earlier.status == "optimal"
         if same and np.isfinite(earlier.x).all():
-            return Start(earlier.x, earlier.row_multipliers, earlier.bound_multipliers)
-        guess = transcription.bind(problem.constants).x0
-        return Start(resample(earlier, transcription, guess))
+            return (
+                Start(earlier.x, earlier.row_multipliers, earlier.bound_multipliers)
+                if optimal
+                else Start(earlier.x)
+            )
+        bound = transcription.bind(problem.constants, guess=SolutionValues(earlier), check=False)
+        if not optimal or not earlier.multipliers:
+            return Start(bound.x0)
+        lengths = transcription.recovery(bound.x0, problem.constants).lengths
+        return Start(bound.x0, *resample_multipliers(earlier, transcription, bound, lengths))
 
 
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:
@@ -375,6 +399,26 @@ def load(spec: str | os.PathLike[str], **constants: float) -> Model:
         UsageError: no such spec.
     """
     return Model(read_source(spec), constants)
+
+
+def model_of(solution: Solution) -> Model:
+    """The model that made a solution; for one from a file, made from the text that it carries.
+
+    Raises:
+        SpecError: the text is not a spec.
+    """
+    if solution.origin is None:
+        path = str(Path(solution.directory) / f"{solution.name}.stc") if solution.directory else ""
+        solution.origin = Model(Source(f"{solution.name}.stc", solution.source, path))
+    model: Model = solution.origin
+    return model
+
+
+def resolve(solution: Solution, **changes: Any) -> Solution:
+    """Solves a solution's spec again with other constants, from there: :meth:`stc.solution.Solution.resolve`."""
+    constants = {**solution.overrides, **changes.pop("constants", {})}
+    changes = {"method": solution.method, "warm_start": solution, **changes}
+    return model_of(solution).solve(constants=constants, **changes)
 
 
 def source_of(solution: Solution, beside: Path | None = None) -> Source:
@@ -431,7 +475,7 @@ __all__ = [
     "problem_of",
     "read_source",
     "replay",
-    "resample",
+    "resolve",
     "solve",
     "source_of",
     "transcribe",

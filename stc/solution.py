@@ -13,6 +13,7 @@ import hashlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
@@ -131,6 +132,7 @@ class Solution:
             derivatives the frames where the widest stencil fits.
         sha256: hash of ``source`` (hexadecimal); computed.
         stc_version: version of the program that made the solution.
+        origin: the :class:`stc.pipeline.Model` that made it; None for one that was read from a file.
 
     Raises:
         SolutionError: shapes, method or status contradict each other.
@@ -163,6 +165,7 @@ class Solution:
     force_frames: tuple[int, int] | None = None
     sha256: str = ""
     stc_version: str = ""
+    origin: Any = None
 
     def __post_init__(self) -> None:
         self.time = np.array(self.time, dtype=np.float64)
@@ -352,6 +355,23 @@ class Solution:
         for channel in self.trajectories.values():
             mask |= channel.before != channel.after
         return np.flatnonzero(mask)
+
+    def resolve(self, **changes: Any) -> Solution:
+        """Solve the same spec again with other constants, starting from this solution and its multipliers.
+
+        Where only numbers change, nothing is parsed, differentiated or compiled again; where the number of
+        frames or the method does, the motion and its multipliers are resampled.  A solution from a file works
+        as well: its spec is read anew from the text that it carries, once.
+
+        Args:
+            **changes: values of constants such as ``g=1.62``, and whatever else
+                :meth:`stc.pipeline.Model.solve` takes.
+
+        Raises:
+            SpecError, UsageError: as :meth:`stc.pipeline.Model.solve`.
+        """
+        # By name: nothing here is imported from the layers above.
+        return import_module("stc.pipeline").resolve(self, **changes)
 
     def save(self, path: Path) -> None:
         """Write the solution to ``path``: ``.npz`` (NumPy arrays) or ``.csv`` (text), both complete.

@@ -1,8 +1,8 @@
 """The starting point: pinned values, written guesses, straight lines in between.
 
-Where a variable is pinned (its bounds coincide) it starts there.  Elsewhere values given from outside count, then
-a written guess; without either the start is linear between the pinned frames, constant outside them, 0 where nothing is pinned.  Derivatives
-that are unknowns of their own start from differences of these values.
+Where a variable is pinned (its bounds coincide) it starts there.  Elsewhere values given from outside count,
+then a written guess; without either the start is linear between the pinned frames, constant outside them, 0 where
+nothing is pinned.  Derivatives that are unknowns of their own start from differences of these values.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """An earlier solution's multipliers on other frames, statement by statement.
 
-Frames keep their share of the motion, so that phases stay phases.  What a statement on a stretch of frames costs is a density in time: each of
-its rows carries the share of the time around its node, so that twice as many rows have half the multiplier each.
-A statement on a single frame, and the link of a step (whose multiplier is the costate), have values of their own
-that do not depend on the step.
+Frames keep their share of the motion, so that phases stay phases.  What a statement on a stretch of frames costs
+is a density in time: each of its rows carries the share of the time around its node, so that twice as many rows
+have half the multiplier each.  A statement on a single frame, and the link of a step (whose multiplier is the
+costate), have values of their own that do not depend on the step.
 """
 
 from __future__ import annotations
@@ -25,17 +25,21 @@ FloatArray = NDArray[np.float64]
 
 #: How far, as a share of the motion, the two sides of a jump are held apart for interpolation.
 APART = 1e-9
-MOST_OFF = 1e3
+
+SAME, MOST_OFF = 0.2, 1e3
+"""Objectives whose logarithms differ by less count as equal; a ratio beyond the other says nothing."""
 
 
 def resample_multipliers(
-    solution: Solution, transcription: Transcription, lengths: FloatArray
+    solution: Solution, transcription: Transcription, bound: BoundProgram, lengths: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Multipliers of rows (m,) and bounds (size,) that follow an earlier solution's; 0 for what it does not have.
 
     Args:
-        lengths: (n,) duration of every step of the motion to start.
+        bound: the program to start, its ``x0`` following the same solution.
+        lengths: (n,) duration of every step there.
     """
+    problem = transcription.problem
     n, program = transcription.grid.n, transcription.program
     rows, bounds = np.zeros(program.row_count), np.zeros(program.size)
     if not n or not solution.n:
@@ -47,30 +51,25 @@ def resample_multipliers(
     for (kind, label), (nodes, ids, owner) in rows_by_statement(transcription).items():
         strands = earlier.get((kind, label), [])
         turn = occurrence(nodes)
-        wide = _is_wide(transcription.problem, owner)
+        wide = _is_wide(problem, owner)
         for k, strand in enumerate(strands):
             mine = turn == k
             density = np.full(mine.sum(), k > 0) if kind == "link" else wide[mine]
             rows[ids[mine]] = strand.at(nodes[mine], n, lengths, density)
     for label, nodes, position in bound_nodes(transcription):
+        owners = bound.bounds.lower_from[position], bound.bounds.upper_from[position]
+        wide = _is_wide(problem, np.maximum(*owners)) & (len(nodes) > 1)
         for strand in earlier.get(("bound", label), [])[:1]:
-            bounds[position] = strand.at(nodes, n, lengths, np.full(len(nodes), len(nodes) > 1))
-    return rows, bounds
-
-
-def fitted(bound: BoundProgram, rows: FloatArray, bounds: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Both kinds of multipliers times the one factor that balances the objective's gradient best.
-
-    It corrects what the densities cannot know: an objective that is a plain sum over frames grows with n.
-    """
-    gradient, jac, _ = bound.derivatives(bound.x0, rows, 1.0)
-    pull = np.bincount(bound.jac_cols, weights=jac * rows[bound.jac_rows], minlength=bound.n) + bounds
-    loose = (bound.x_lower < bound.x_upper) & np.isfinite(pull) & np.isfinite(gradient)
-    size = float(pull[loose] @ pull[loose])
-    factor = -float(gradient[loose] @ pull[loose]) / size if size > 0.0 else 1.0
-    if not 1.0 / MOST_OFF < factor < MOST_OFF:
-        return rows, bounds
+            bounds[position] = strand.at(nodes, n, lengths, wide)
+    factor = _objective_ratio(solution, bound)
     return factor * rows, factor * bounds
+
+
+def _objective_ratio(solution: Solution, bound: BoundProgram) -> float:
+    """How many times larger the objective has become: one that is a plain sum grows with the number of frames."""
+    objective, _ = bound.values(bound.x0)
+    ratio = objective / solution.objective if solution.objective else 1.0
+    return ratio if 1.0 / MOST_OFF < ratio < MOST_OFF and abs(np.log(ratio)) > SAME else 1.0
 
 
 def _is_wide(problem: Problem, owner: IntArray) -> NDArray[np.bool_]:
@@ -119,8 +118,17 @@ class _Strand:
         """The multipliers at other nodes. (len(nodes),)"""
         share = _shares(nodes, n)
         simpson = bool(nodes.is_midpoint.any())
-        spread = np.interp(share, self.share, self.density) * node_weights(nodes, lengths, simpson)
-        return np.where(density, spread, np.interp(share, self.share, self.value))
+        spread = self._between(share, self.density) * node_weights(nodes, lengths, simpson)
+        return np.where(density, spread, self._between(share, self.value))
+
+    def _between(self, share: FloatArray, values: FloatArray) -> FloatArray:
+        """Linear between nodes; 0 beside a node without a multiplier: what holds on one frame holds there alone."""
+        last = len(values) - 1
+        right = np.clip(np.searchsorted(self.share, share), 0, last)
+        left = np.clip(right - 1, 0, last)
+        here = np.abs(self.share[right] - share) <= APART
+        idle = (values[left] == 0.0) | (values[right] == 0.0)
+        return np.where(here, values[right], np.where(idle, 0.0, np.interp(share, self.share, values)))
 
 
 def _strands(block: MultiplierBlock, n: int, lengths: FloatArray) -> list[_Strand]:
