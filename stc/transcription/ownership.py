@@ -103,6 +103,13 @@ class Ownership:
             rows[row] |= any(wanted[k] for k in others)
         return np.asarray(rows)
 
+    def rows_of(self, relation: int) -> NDArray[np.bool_]:
+        """(m,) rows that a relation states, alone or with others."""
+        rows = self.row_owner == relation
+        for row, others in self._others.items():
+            rows[row] |= relation in others
+        return np.asarray(rows)
+
     def bounds_kept(self, kept: Iterable[int], size: int) -> tuple[FloatArray, FloatArray]:
         """(size,) bounds of the unknowns when only these relations stand; they may cross."""
         wanted = set(kept)

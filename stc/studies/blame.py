@@ -1,0 +1,261 @@
+"""Why a solve did not end optimal, in the spec's own words.
+
+Infeasible: the statements that cannot hold together, each needed for the conflict, with the frame and the amount
+of its residual.  Ended early or stuck: the statements, frames and values that stand out.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.studies.conflict import Conflict, find_conflict
+from stc.studies.relaxation import needed_relaxation
+from stc.studies.standouts import dependent_rows, largest_residuals, undefined_nearby
+from stc.transcription.bind import BoundProgram, Contradiction
+from stc.transcription.ownership import Ownership, Place
+from stc.transcription.statements import LINK
+
+if TYPE_CHECKING:
+    from stc.pipeline import Model
+    from stc.solution import Solution
+
+FloatArray = NDArray[np.float64]
+
+__all__ = ["Blame", "Culprit", "blame"]
+
+#: Statements listed under one heading.
+MOST = 6
+
+#: Characters of a statement that are shown in a line.
+LONGEST = 70
+
+
+@dataclass(frozen=True, slots=True)
+class Culprit:
+    """A statement that takes part in what went wrong.
+
+    Attributes:
+        kind: ``conflict``, ``residual``, ``dependent`` or ``undefined``.
+        statement: its text, or what the transcription calls a row of its own.
+        file, line, column: where it stands; "" and 0 for the transcription's rows.
+        frame: the frame that stands out, a half more at midpoints; None in a problem without frames.
+        side: ``before`` or ``after`` where that frame jumps.
+        residual: by how much it is missed there, in its own units: positive above, negative below; None where that
+            is not the point.
+        text: all of this in one line, as people read it.
+    """
+
+    kind: str
+    statement: str
+    file: str
+    line: int
+    column: int
+    frame: float | None
+    side: str
+    residual: float | None
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Blame:
+    """What is to blame.
+
+    Attributes:
+        status: how the solve ended.
+        summary: one or two sentences.
+        culprits: the statements, those of a conflict first.
+        minimal: for a conflict, whether leaving out any one statement lets the others hold; None without one.
+        solves: feasibility problems solved to find out.
+        seconds: that it took.
+    """
+
+    status: str
+    summary: str
+    culprits: list[Culprit] = field(default_factory=list)
+    minimal: bool | None = None
+    solves: int = 0
+    seconds: float = 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields by name."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        return "\n".join([self.summary, *(f"  {one.text}" for one in self.culprits)])
+
+
+def blame(model: Model, solution: Solution, time_limit: float = 10.0) -> Blame | None:
+    """Says why a solve of ``model`` ended as ``solution`` did.
+
+    Args:
+        model: the spec.
+        solution: what solving it gave.
+        time_limit: seconds that the search for a minimal conflict may take.
+
+    Returns:
+        The statements to blame, or None for a solution that is optimal, unbounded or was interrupted.
+
+    Raises:
+        SpecError, UsageError: the model is of another spec than the solution.
+    """
+    if solution.status in ("optimal", "unbounded", "interrupted"):
+        return None
+    begin = time.perf_counter()
+    problem, transcription = model.transcription(solution.method, **solution.overrides)
+    bound = transcription.bind(problem.constants)
+    with np.errstate(all="ignore"):
+        found = _Search(Ownership(transcription, bound), bound, solution).run(time_limit)
+    return Blame(
+        solution.status,
+        found.summary,
+        found.culprits,
+        found.minimal,
+        found.solves,
+        time.perf_counter() - begin,
+    )
+
+
+class _Search:
+    """Looks at one failed solve."""
+
+    def __init__(self, ownership: Ownership, bound: BoundProgram, solution: Solution) -> None:
+        self.ownership, self.bound, self.solution = ownership, bound, solution
+        self.problem = ownership.problem
+        good = len(solution.x) == bound.n and np.isfinite(solution.x).all()
+        self.x = solution.x if good else bound.x0
+        self.y = solution.row_multipliers if good else np.zeros(bound.m)
+
+    def run(self, time_limit: float) -> Blame:
+        self.deadline = time.perf_counter() + 1.5 * time_limit
+        if self.bound.contradictions:
+            return self._contradiction(self.bound.contradictions[0])
+        if self.solution.status == "infeasible":
+            conflict = find_conflict(self.bound, self.ownership, self.x, self.y, time_limit)
+            if conflict is not None:
+                return self._conflict(conflict)
+        return self._standouts()
+
+    # -- infeasible --------------------------------------------------------------------------------------------
+
+    def _contradiction(self, found: Contradiction) -> Blame:
+        relations = [k for k in dict.fromkeys(found.relations) if k >= 0]
+        culprits = []
+        place = Place(found.frame) if found.frame >= 0 and self.problem.n else None
+        for relation in relations:
+            others = set(relations) - {relation}
+            left = self.deadline - time.perf_counter()
+            lack = needed_relaxation(self.bound, self.ownership, others, relation, self.x, left)
+            gap = found.gap if lack is None else lack.amount
+            culprits.append(self._culprit("conflict", relation, place, gap, f"misses by {abs(gap):.4g}"))
+        count = (
+            "This statement cannot hold" if len(culprits) == 1 else "These statements cannot hold together"
+        )
+        return Blame("", f"{count}: {found.message}.", culprits, minimal=True)
+
+    def _conflict(self, conflict: Conflict) -> Blame:
+        culprits = [self._conflicting(relation, conflict) for relation in conflict.relations]
+        several = len(culprits) > 1
+        if not several:
+            summary = "This statement cannot hold, whatever the others say:"
+        elif conflict.minimal:
+            summary = f"These {len(culprits)} statements cannot hold together; without any one of them the others can:"
+        else:
+            summary = (
+                f"These {len(culprits)} statements cannot hold together; time was too short to tell whether each "
+                "of them is needed for that:"
+            )
+        return Blame("", summary, culprits, conflict.minimal, conflict.solves)
+
+    def _conflicting(self, relation: int, conflict: Conflict) -> Culprit:
+        """A statement of a conflict with what it lacks when the others hold."""
+        others = set(conflict.relations) - {relation}
+        left = self.deadline - time.perf_counter()
+        lack = needed_relaxation(self.bound, self.ownership, others, relation, conflict.x, left)
+        if lack is None:
+            return self._culprit("conflict", relation, None, None, "")
+        place = lack.place if self.problem.n else None
+        note = f"misses by {abs(lack.amount):.4g}"
+        culprit = self._culprit("conflict", relation, place, lack.amount, note)
+        return replace(culprit, text=f"{culprit.text} when the others hold") if others else culprit
+
+    # -- stuck or out of time ----------------------------------------------------------------------------------
+
+    def _standouts(self) -> Blame:
+        culprits, parts = [], []
+        undefined = undefined_nearby(self.bound, self.x)
+        if len(undefined):
+            parts.append("close to the last point these statements have no value or no slope")
+            culprits += [
+                self._row_culprit("undefined", int(row), None, "") for row in self._first_of_each(undefined)
+            ]
+        large = largest_residuals(self.bound, self.x)
+        if large:
+            parts.append("these are missed most")
+            residuals = dict(large)
+            for row in self._first_of_each(np.array([row for row, _ in large])):
+                off = residuals[int(row)]
+                culprits.append(self._row_culprit("residual", int(row), off, f"misses by {abs(off):.4g}"))
+        dependent = dependent_rows(self.bound, self.x)
+        if len(dependent):
+            parts.append("these depend on each other there, so that they cannot be told apart")
+            culprits += [
+                self._row_culprit("dependent", int(row), None, "") for row in self._first_of_each(dependent)
+            ]
+        if self.solution.status == "infeasible":
+            parts.insert(0, "no minimal set of conflicting statements was found in time")
+        if not parts:
+            return Blame("", "No statement stands out where the solve ended.")
+        summary = "; ".join(parts)
+        return Blame("", f"{summary[0].upper()}{summary[1:]}:", culprits)
+
+    def _first_of_each(self, rows: Any) -> list[int]:
+        """The first row of every statement, in the order given, a handful of them."""
+        seen: dict[object, int] = {}
+        for row in rows:
+            owner = int(self.ownership.row_owner[row])
+            seen.setdefault(owner if owner != LINK else self.ownership.label(int(row)), int(row))
+        return list(seen.values())[:MOST]
+
+    def _row_culprit(self, kind: str, row: int, residual: float | None, note: str) -> Culprit:
+        owner = int(self.ownership.row_owner[row])
+        place = self.ownership.place(row) if self.problem.n else None
+        if owner == LINK:
+            name = self.ownership.label(row)
+            return self._written(kind, name, "", 0, 0, place, residual, note)
+        return self._culprit(kind, owner, place, residual, note)
+
+    # -- words -------------------------------------------------------------------------------------------------
+
+    def _culprit(
+        self, kind: str, relation: int, place: Place | None, residual: float | None, note: str
+    ) -> Culprit:
+        stated = self.problem.relations[relation]
+        span = stated.span
+        return self._written(
+            kind, stated.text, span.source.name, span.line, span.column, place, residual, note
+        )
+
+    def _written(
+        self,
+        kind: str,
+        statement: str,
+        file: str,
+        line: int,
+        column: int,
+        place: Place | None,
+        residual: float | None,
+        note: str,
+    ) -> Culprit:
+        short = statement if len(statement) <= LONGEST else f"{statement[: LONGEST - 3]}..."
+        head = f"{file}:{line}:{column}: `{short}`" if file else f"({short})"
+        if kind in ("undefined", "dependent"):
+            note = {"undefined": "undefined or without slope", "dependent": "dependent"}[kind]
+        tail = " ".join(part for part in (note, f"at {place}" if place is not None else "") if part)
+        frame, side = (None, "") if place is None else (place.frame, place.side)
+        text = f"{head} {tail}".rstrip()
+        return Culprit(kind, statement, file, line, column, frame, side, residual, text)
