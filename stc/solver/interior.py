@@ -113,7 +113,7 @@ class _Loop:
         smallest = self.options.tolerance / 11.0 / max(1.0, form.gaps / MANY_GAPS)
         self.barrier = BarrierParameter(form, mu, smallest, self.tactics.adaptive)
         self.search = LineSearch(form, self.it.theta, self.tactics.largest_theta)
-        self.nearest = Nearest(form)
+        self.nearest = Nearest(form, self.it)
         self.stall = Stall()
         self.stuck = False
 
@@ -123,10 +123,15 @@ class _Loop:
             end = self._end()
             if end is not None:
                 return end
-            if self._converged() or self._stalled():
+            if self._converged():
                 if self._leave_saddle():
                     continue
-                return self._outcome(End.CONVERGED) if self._converged() else self._give_up()
+                return self._outcome(End.CONVERGED)
+            if self._stalled():
+                self.nearest.return_to(self.it)
+                if self._leave_saddle():
+                    continue
+                return self._give_up()
             self.barrier.update(self.it, self.error, self.stuck)
             try:
                 self.system.factorize(self.it, self.barrier.mu)

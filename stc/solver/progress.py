@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from stc.solver.formulation import Formulation
@@ -26,11 +28,11 @@ class Nearest:
         waited: True when that error is acceptable and many steps have not improved it.
     """
 
-    def __init__(self, form: Formulation) -> None:
+    def __init__(self, form: Formulation, it: Iterate) -> None:
         self._form = form
         self.error = np.inf
         self._waiting = 0
-        self._x = self._y = np.zeros(0)
+        self._it = it
 
     def note(self, it: Iterate, error: float) -> None:
         """The next iterate and its error."""
@@ -39,16 +41,22 @@ class Nearest:
         elif self.error <= ACCEPTABLE:
             self._waiting += 1
         if error < self.error:
-            self.error, self._x, self._y = error, it.w[: self._form.n], it.y
+            self.error, self._it = error, copy(it)  # the arrays of an iterate are replaced, never changed
 
     @property
     def waited(self) -> bool:
         """See the class."""
         return self._waiting >= PATIENCE
 
+    def return_to(self, it: Iterate) -> None:
+        """Make ``it`` that iterate again where its error is acceptable."""
+        if self.error <= ACCEPTABLE:
+            it.become(self._it)
+
     def outcome(self, it: Iterate) -> Outcome:
         """The end of an iteration that got stuck, at that iterate; ``it`` is the last one."""
-        return Outcome(End.STUCK, self._form, self._x, self._y, self.error, it)
+        n = self._form.n
+        return Outcome(End.STUCK, self._form, self._it.w[:n], self._it.y, self.error, it)
 
 
 class Stall:
