@@ -7,8 +7,9 @@ from typing import Annotated
 import typer
 
 from stc import __version__
-from stc.cli import jobs, pictures, studies
+from stc.cli import exports, jobs, pictures, studies
 from stc.cli.options import (
+    Explain,
     Force,
     Json,
     MaxIterations,
@@ -60,11 +61,12 @@ def solve(
     optimizer: Optimizer = None,
     warm_start: WarmStart = None,
     output: Output = None,
+    explain: Explain = False,
     json: Json = False,
 ) -> int:
     """Solve a spec and save the motion."""
     options = solve_options(
-        settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer
+        settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer, explain
     )
     return jobs.solve(spec, options, as_json=json)
 
@@ -85,7 +87,9 @@ def run(
     json: Json = False,
 ) -> int:
     """Solve a spec, save the motion and validate it in MuJoCo."""
-    options = solve_options(settings, method, max_iterations, time_limit, tolerance, warm_start, output)
+    options = solve_options(
+        settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer
+    )
     page = None if report is None else writable_page(report)
     return jobs.run(spec, options, force=force, page=page, as_json=json)
 
@@ -134,7 +138,9 @@ def validate(
     json: Json = False,
 ) -> int:
     """Validate a saved motion in MuJoCo, or solve a spec and validate that."""
-    options = solve_options(settings, method, max_iterations, time_limit, tolerance, warm_start, output)
+    options = solve_options(
+        settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer
+    )
     page = None if report is None else writable_page(report)
     if page is None and (equations or order):
         return studies.run(target, options, equations=equations, order=order, as_json=json)
@@ -204,6 +210,40 @@ def render(
     options = solve_options(settings, method, None, None, None, None, None)
     look = pictures.look(size, camera, rate, speed, tiles)
     return pictures.render(target, output, look, show, options, force=force, as_json=json)
+
+
+@app.command()
+def export(
+    target: SpecOrSolution,
+    kind: Annotated[str, typer.Option("--format", metavar="FORMAT", help=exports.HELP)],
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="Where it goes; by default named after the spec."
+        ),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            "--rate", metavar="HZ", help="Instants per second of tables (default: frames) and glTF (60)."
+        ),
+    ] = None,
+    time_step: Annotated[
+        float | None,
+        typer.Option(
+            "--time-step", metavar="SECONDS", help="Longest step of the controls; default: the model's."
+        ),
+    ] = None,
+    settings: Set = None,
+    method: Method = None,
+    force: Force = False,
+    json: Json = False,
+) -> int:
+    """Write a motion for other programs: tables, MuJoCo keyframes and controls with gains, glTF."""
+    options = solve_options(settings, method, None, None, None, None, None)
+    return exports.export(
+        target, kind, output, options, rate=rate, time_step=time_step, force=force, as_json=json
+    )
 
 
 @app.command("list")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stc.cli import BAD, GOOD, console, record
+from stc.cli import BAD, GOOD, console, reasons, record
 from stc.cli.live import Watch
 from stc.cli.options import SolveOptions, existing_solution, is_solution, writable_solution
 from stc.errors import Diagnostic, UsageError
@@ -18,20 +18,37 @@ from stc.errors import Diagnostic, UsageError
 if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.solution import Solution
+    from stc.studies.blame import Blame
+    from stc.studies.explain import Explanation
     from stc.validate.metrics import Metric
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """A solution with where it is saved (None: nowhere) and the warnings about its spec."""
+    """A solution with where it is saved (None: nowhere), the warnings about its spec, and the reasons known."""
 
     solution: Solution
     file: Path | None
     warnings: Sequence[Diagnostic] = ()
+    blame: Blame | None = None
+    explanation: Explanation | None = None
 
     def record(self) -> record.Record:
         """What ``--json`` prints of it."""
-        return record.of_solution(self.solution, None if self.file is None else str(self.file), self.warnings)
+        known = record.of_solution(
+            self.solution, None if self.file is None else str(self.file), self.warnings
+        )
+        known["blame"] = None if self.blame is None else self.blame.to_dict()
+        known.update({} if self.explanation is None else self.explanation.to_dict())
+        return known
+
+    def show(self) -> None:
+        """What people see of it."""
+        console.show_solution(self.solution, self.file)
+        if self.blame is not None:
+            reasons.show_blame(self.blame)
+        if self.explanation is not None:
+            reasons.show_explanation(self.explanation)
 
 
 def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
@@ -40,7 +57,7 @@ def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     if as_json:
         record.write(outcome.record())
     else:
-        console.show_solution(outcome.solution, outcome.file)
+        outcome.show()
     return GOOD if outcome.solution.status == "optimal" else BAD
 
 
@@ -216,7 +233,15 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         if file is not None:
             solution.save(file)
     console.warn(model.warnings)
-    return Outcome(solution, file, model.warnings)
+    if solution.status != "optimal":
+        found = reasons.find_blame(model, solution, options.explain, options.time_limit)
+        return Outcome(solution, file, model.warnings, found)
+    return Outcome(
+        solution,
+        file,
+        model.warnings,
+        explanation=reasons.find_explanation(model, solution) if options.explain else None,
+    )
 
 
 def _judged(
@@ -235,7 +260,7 @@ def _judged(
     from stc.certification import certify
 
     if not as_json:
-        console.show_solution(outcome.solution, outcome.file)
+        outcome.show()
     certificate = certify(motion, force=force, equations=True if page is not None else None, further=further)
     if page is not None:
         certificate.write(page)
@@ -252,7 +277,7 @@ def _not_validated(outcome: Outcome, reason: str, as_json: bool) -> int:
     if as_json:
         record.write({**outcome.record(), "validation": None})
     else:
-        console.show_solution(outcome.solution, outcome.file)
+        outcome.show()
     console.note(f"not validated: {reason}")
     return BAD
 

@@ -71,6 +71,13 @@ PictureOutput = Annotated[
         "-o", "--output", metavar="FILE", help="Where the picture goes; its ending says what it is."
     ),
 ]
+Explain = Annotated[
+    bool,
+    typer.Option(
+        "--explain",
+        help="Also tell what holds the solution back and what each statement costs, or who is to blame.",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Force = Annotated[bool, typer.Option("--force", help="Replay even what the solver did not call optimal.")]
 Report = Annotated[
@@ -91,6 +98,7 @@ class SolveOptions:
     warm_start: Path | None = None
     output: Path | None = None
     optimizer: str | None = None
+    explain: bool = False
 
 
 def solve_options(
@@ -102,6 +110,7 @@ def solve_options(
     warm_start: str | None,
     output: str | None,
     optimizer: str | None = None,
+    explain: bool = False,
 ) -> SolveOptions:
     """Check the options of one solve before any work is done.
 
@@ -127,6 +136,7 @@ def solve_options(
         None if warm_start is None else existing_solution(warm_start, "--warm-start"),
         None if output is None else writable_solution(output),
         optimizer,
+        explain,
     )
 
 

@@ -1,0 +1,85 @@
+"""Why a solve ended as it did, for people: statements to blame, and what statements cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from stc.cli import console
+
+if TYPE_CHECKING:
+    from stc.pipeline import Model
+    from stc.solution import Solution
+    from stc.studies.blame import Blame
+    from stc.studies.explain import Explanation, Sensitivity
+
+#: Seconds for finding who is to blame: unasked, and when the user wants an explanation.
+UNASKED, ASKED = 3.0, 60.0
+
+#: Statements listed in a table.
+MOST = 15
+
+#: Characters of a statement in a table.
+LONGEST = 50
+
+
+def find_blame(model: Model, solution: Solution, asked: bool, time_limit: float | None) -> Blame | None:
+    """The statements to blame for a solve that did not end optimal; None where there is nothing to tell."""
+    from stc.studies.blame import blame
+
+    seconds = ASKED if asked else UNASKED
+    return blame(model, solution, seconds if time_limit is None else min(seconds, time_limit))
+
+
+def find_explanation(model: Model, solution: Solution) -> Explanation | None:
+    """Active inequalities and sensitivities of an optimal solution; None for any other."""
+    if solution.status != "optimal":
+        return None
+    from stc.studies.explain import explain
+
+    return explain(model, solution)
+
+
+def show_blame(blame: Blame) -> None:
+    """The statements to blame, a line each."""
+    print(blame)
+
+
+def show_explanation(explanation: Explanation) -> None:
+    """Two tables: what holds the solution back, and what giving way by one unit would change."""
+    from stc.studies.explain import frames_in_words
+
+    print()
+    active = [
+        (console.escape(_short(one.statement)), one.end, frames_in_words(one.frames), _place(one))
+        for one in explanation.active[:MOST]
+    ]
+    _table("Active inequalities", active, ("statement", "end", "frames", "place"), len(explanation.active))
+    print()
+    rows: list[Sequence[str]] = []
+    for one in explanation.sensitivities[:MOST]:
+        there = "" if one.frame is None else f"{one.change_there:.4g} at {one.frame:g}"
+        rows.append((console.escape(_short(one.statement)), one.end, f"{one.change:.6g}", there, _place(one)))
+    _table(
+        "Change of the objective, per unit that a statement gives way (an equation: that its right side grows)",
+        rows,
+        ("statement", "end", "change", "most of it", "place"),
+        len(explanation.sensitivities),
+    )
+
+
+def _table(title: str, rows: Sequence[Sequence[str]], header: tuple[str, ...], count: int) -> None:
+    if not rows:
+        print(f"{title}: none")
+        return
+    console.print_table(title, rows, header)
+    if count > len(rows):
+        print(f"and {count - len(rows)} more; --json lists all")
+
+
+def _short(statement: str) -> str:
+    return statement if len(statement) <= LONGEST else f"{statement[: LONGEST - 3]}..."
+
+
+def _place(one: Sensitivity) -> str:
+    return console.escape(f"{one.file}:{one.line}:{one.column}")
