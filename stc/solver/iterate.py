@@ -110,9 +110,9 @@ def errors_of(form: Formulation, it: Iterate, mu: float) -> Errors:
 def push_inside(form: Formulation, w: Floats, push: float) -> Floats:
     """``w`` (n + m,) moved inside its bounds by ``push``, relative to the bound's size or the bounds' distance."""
     lower, upper = form.lower, form.upper
+    below, above = np.isfinite(lower), np.isfinite(upper)
+    low, high = np.where(below, lower, 0.0), np.where(above, upper, 0.0)
     span = upper - lower
-    below = lower + np.minimum(push * np.maximum(1.0, np.abs(lower)), push * span)
-    above = upper - np.minimum(push * np.maximum(1.0, np.abs(upper)), push * span)
-    below = np.where(np.isfinite(lower), below, -np.inf)
-    above = np.where(np.isfinite(upper), above, np.inf)
-    return np.clip(w, below, above)
+    low += push * np.minimum(np.maximum(1.0, np.abs(low)), span)
+    high -= push * np.minimum(np.maximum(1.0, np.abs(high)), span)
+    return np.clip(w, np.where(below, low, -np.inf), np.where(above, high, np.inf))

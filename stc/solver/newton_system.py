@@ -156,6 +156,8 @@ class NewtonSystem:
         n = form.n
         scaled = np.where(form.inequality, self._d * rhs_w[n:], 0.0)
         dx, dy = form.kkt.solve(rhs_w[:n], scaled - c)
+        if form.any_held:
+            dx[form.held] = 0.0
         dw = np.empty(form.size)
         dw[:n] = dx
         dw[n:] = np.where(form.inequality, form.jacobian_times(self._jac, dx) + c, 0.0)
