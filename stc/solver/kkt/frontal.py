@@ -10,6 +10,7 @@ from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.elimination import FACTORS_FULL, factorize
 from stc.solver.kkt.entries import checked_values
 from stc.solver.kkt.planning import Plan, plan_elimination
+from stc.solver.kkt.singularity import confirm_zeros
 from stc.solver.kkt.staging import assign_stages
 from stc.solver.kkt.substitution import REPORT, solve
 from stc.solver.kkt.values import any_nonzero, equilibrate, load
@@ -34,7 +35,7 @@ REFINEMENTS = 10
 RESIDUAL = 1e-14
 #: Matrices in a row that may contradict the plan before it is made anew.
 PATIENCE = 3
-#: A plan has failed when more than this share of the stages left it, or the factor has this many times its size.
+#: A plan has failed when more than this share of the stages left it, or the factor is this many times larger.
 STRAYED_SHARE = 0.25
 FILLED = 1.25
 #: Slots for delayed unknowns, to begin with.
@@ -70,7 +71,6 @@ class FrontalKKT:
         self.pivot_threshold = PIVOT_THRESHOLD
         self._couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
         size = n + m
-        self._stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
         self._structural_diagonal = np.zeros(size, dtype=bool)
         self._structural_diagonal[self._couplings.hess_variable] = True
         self._contradictions = 0
@@ -79,6 +79,7 @@ class FrontalKKT:
         self._rhs, self._result = np.zeros(size), np.zeros(size)
         self._values = np.zeros(size + self._couplings.first.size)
         self._scale, self._most, self._inverse = np.zeros(size), np.zeros(size), np.zeros(3 * size)
+        self._zeros = np.zeros(size)
         self._vectors = [np.zeros(size) for _ in range(3)]
         self._slot = np.zeros(size, dtype=np.int32)
         self._pivots = np.zeros(2 * size, dtype=np.int32)
@@ -88,7 +89,15 @@ class FrontalKKT:
         self._capacity = 0
         self._held_slots = HELD_SLOTS
         self._next_review = 0
-        self._arrange()
+        self._nnz_at_first = 0
+        self._plans_made = 0
+        self._plan: Plan | None = None
+        self._factorized = False
+        stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
+        self._staging = assign_stages(stage, n, self._couplings.first, self._couplings.second)
+        # By stages only: the order inside them is planned when there are values.
+        rank = np.zeros(size, dtype=np.int32)
+        self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, rank))
 
     def factorize(
         self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
@@ -100,6 +109,7 @@ class FrontalKKT:
             (primal_diagonal, self.n, "primal_diagonal"),
             (dual_diagonal, self.m, "dual_diagonal"),
         )
+        self._factorized = False
         self._hess[:] = hess
         self._jac[:] = jac
         self._primal[:] = primal
@@ -111,8 +121,10 @@ class FrontalKKT:
         self._equilibrate()
         self._threshold = self.pivot_threshold
         self._eliminate_all(planned)
+        if self._nnz_at_first == 0:
+            self._nnz_at_first = self.nnz_factor
+        self._factorized = True
         counts = self._counts
-        self.nnz_factor = int(counts[pivots.FACTORS])
         return Inertia(
             int(counts[pivots.POSITIVE]),
             int(counts[pivots.NEGATIVE]),
@@ -121,7 +133,7 @@ class FrontalKKT:
 
     def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
         """See ``KKTSystem.solve``."""
-        if self.factorizations == 0:
+        if not self._factorized:
             raise ValueError("factorize before solving")
         n = self.n
         rhs_x, rhs_y = checked_values((rhs_x, n, "rhs_x"), (rhs_y, self.m, "rhs_y"))
@@ -132,13 +144,6 @@ class FrontalKKT:
             self._solve()
         self.last_residual = float(self._report[0])
         return self._result[:n].copy(), self._result[n:].copy()
-
-    def _arrange(self) -> None:
-        """Arrange the entries by stages, without an order inside them yet."""
-        self._staging = assign_stages(self._stage, self.n, self._couplings.first, self._couplings.second)
-        rank = np.zeros(self.n + self.m, dtype=np.int32)
-        self._plan: Plan | None = None
-        self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, rank))
 
     def _raise_threshold(self) -> bool:
         """Factorise the same matrix again with a larger threshold; False when that cannot help."""
@@ -163,6 +168,8 @@ class FrontalKKT:
         has_diagonal[a.order] |= self._values[:size] != 0.0
         self._contradictions = 0
         self._next_review = 2 * self.factorizations
+        self._nnz_at_first = 0
+        self._plans_made += 1
         self._equilibrate()
         self._plan = plan_elimination(self._couplings, self._staging, a, self._values, has_diagonal)
         self._capacity = max(self._capacity, self._plan.nnz + self._plan.nnz // 8 + 256)
@@ -171,13 +178,18 @@ class FrontalKKT:
         return True
 
     def _plan_failed(self) -> bool:
-        """Whether the last factorisation strayed so far from the plan that another one is worth its time."""
+        """Whether the last factorisation shows that another plan is worth its time.
+
+        The first one may have been made for values unlike all later ones, an initial guess without curvature
+        say; a later one only ages, which shows in the fill.
+        """
         assert self._plan is not None
         if self.factorizations <= self._next_review:
             return False
-        strayed = self._counts[pivots.STRAYED] > STRAYED_SHARE * self._staging.stages
-        filled = self.nnz_factor > FILLED * self._plan.nnz
-        return bool(strayed or filled)
+        if self._plans_made == 1:
+            strayed = self._counts[pivots.STRAYED] > STRAYED_SHARE * self._staging.stages
+            return bool(strayed or self.nnz_factor > FILLED * self._plan.nnz)
+        return self.nnz_factor > FILLED * self._nnz_at_first
 
     def _use(self, arrangement: Arrangement) -> None:
         """Adopt an arrangement of the entries."""
@@ -213,6 +225,8 @@ class FrontalKKT:
             if shortage:
                 self._enlarge(shortage)
                 self._bind()
+        self._confirm_zeros()
+        self.nnz_factor = int(self._counts[pivots.FACTORS])
 
     def _enlarge(self, shortage: int) -> None:
         """Make room for what did not fit."""
@@ -249,6 +263,10 @@ class FrontalKKT:
             plan.state, plan.state_starts, plan.state_rows, plan.state_columns, self._window, spread_1, spread_2,
             self._slot, owner, growth, queue, found_1, found_2, found_12, values_1, values_2, first, second,
             self._pivots, self._starts, self._indices, self._factors, self._inverse, self._counts,
+        )  # fmt: skip
+        self._confirm_zeros = confirm_zeros.bind(
+            size, self.n, REPLACEMENT, a.order, a.pointers, a.columns, self._values, self._pivots, self._starts,
+            self._indices, self._factors, self._inverse, self._zeros, *self._vectors[:2], self._counts,
         )  # fmt: skip
         self._solve = solve.bind(
             size, REFINEMENTS, RESIDUAL, a.pointers, a.columns, self._values, self._scale, a.order,

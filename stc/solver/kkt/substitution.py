@@ -5,7 +5,7 @@ from __future__ import annotations
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.solver.kkt.values import residual
 
-__all__ = ["REPORT", "solve"]
+__all__ = ["REPORT", "solve", "substitute"]
 
 #: Length of ``report``: relative residual, refinements made.
 REPORT = 2
@@ -14,7 +14,7 @@ LARGEST_GAIN = 1e6
 
 
 @native(fast=True)
-def _substitute(
+def substitute(
     count: i64, pivots: i32s, starts: i64s, indices: i32s, factors: f64s, inverse: f64s, x: f64s
 ) -> None:
     """Overwrite ``x`` with the solution of L D L^T x = x."""
@@ -105,7 +105,7 @@ def solve(
     relative = 1.0
     steps = 0
     while norm > 0.0:
-        _substitute(count, pivots, starts, indices, factors, inverse, change)
+        substitute(count, pivots, starts, indices, factors, inverse, change)
         for k in range(size):
             solution[k] += change[k]
         remaining = residual(size, pointers, columns, values, scaled_rhs, solution, result)

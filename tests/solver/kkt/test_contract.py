@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.linalg
-from solver.kkt.kkt_problems import STRUCTURES, VALUES, Pattern, Values, exact_inertia, generic
+from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, Pattern, Values, exact_inertia, generic
 
 from stc.solver.kkt import DenseKKT, FrontalKKT, Inertia, KKTSystem
 
@@ -154,6 +154,40 @@ def test_repeated_rows_are_zero_pivots(system, copies):
     outside = np.concatenate(kkt.solve(rng.normal(size=pattern.n), rng.normal(size=pattern.m)))
     assert np.isfinite(outside).all()
     assert kkt.last_residual > 1e-9
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("growth", [0.7, 1.3])
+def test_a_row_that_follows_from_all_others(system, growth):
+    """States driven from a pinned start leave nothing for a row at the end to say; errors grow on the way."""
+    rng = np.random.default_rng(15)
+    frames, width = 30, 4
+    b = Builder(rng)
+    x = [b.variables(width, i) for i in range(frames)]
+    entries: list[float] = []
+    for k in range(width):
+        b.row(0, [x[0][k]])
+        entries.append(1.0)
+    for i in range(frames - 1):
+        step = growth * np.linalg.qr(rng.normal(size=(width, width)))[0]
+        for k in range(width):
+            b.row(i, [x[i + 1][k], *x[i]])
+            entries.extend([1.0, *-step[k]])
+    b.row(frames - 1, x[-1])
+    entries.extend(rng.normal(size=width))
+    pairs = list(b.jac)
+    stages = np.array(b.var_stage, dtype=np.int32), np.array(b.row_stage, dtype=np.int32)
+    index = np.array(pairs, dtype=np.int32)
+    none = np.zeros(0, dtype=np.int32)
+    rows, cols = index[:, 0].copy(), index[:, 1].copy()
+    n, m = frames * width, frames * width + 1
+    kkt = system(n, m, rows, cols, none, none, *stages)
+    for _ in range(3):
+        primal = 10.0 ** rng.uniform(-3, 3, n)
+        inertia = kkt.factorize(np.zeros(0), np.array(entries), primal, np.zeros(m))
+        assert inertia == (n, m - 1, 1)
+        # Any softening of the rows makes it regular.
+        assert kkt.factorize(np.zeros(0), np.array(entries), primal, np.full(m, 1e-6)) == (n, m, 0)
 
 
 @pytest.mark.parametrize("system", SYSTEMS)

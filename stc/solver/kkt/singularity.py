@@ -1,0 +1,134 @@
+"""Small pivots under suspicion: is the matrix singular there?
+
+Rounding errors pass from pivot to pivot, so what is zero in exact arithmetic may be left as a number far above the
+rounding unit.  The vector z with L^T z = e_k has
+
+    K z = L D e_k        z^T K z = d_k
+
+so a small pivot with a long z belongs to a tiny eigenvalue: d_k / |z|^2 estimates it, and |K z| / |z|, formed with K
+itself and not with what elimination left of it, bounds it.
+"""
+
+from __future__ import annotations
+
+from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
+from stc.solver.kkt.pivots import NEGATIVE, PIVOTS, POSITIVE, ZERO
+from stc.solver.kkt.values import residual
+
+__all__ = ["confirm_zeros"]
+
+#: Pivots of the equilibrated matrix below this are suspected ...
+SUSPECT = 1e-8
+#: ... this many of them at most,
+CHECKS = 24
+#: and zero when the estimate of the eigenvalue is no more than this ...
+NULL = 1e-13
+#: ... and its bound no more than this.
+BOUND = 1e-10
+
+
+@native
+def _is_null(
+    k: i64, p: i64, d: f64, size: i64, pivots: i32s, starts: i64s, indices: i32s, factors: f64s, pointers: i32s,
+    columns: i32s, values: f64s, zeros: f64s, z: f64s, image: f64s,
+) -> i64:  # fmt: skip
+    """Whether position ``p`` of pivot ``k``, with diagonal entry ``d`` in D, stands for an eigenvalue zero."""
+    for i in range(size):
+        z[i] = 0.0
+    z[p] = 1.0
+    square = 1.0
+    for back in range(k):
+        e = k - 1 - back
+        one = pivots[2 * e]
+        other = pivots[2 * e + 1]
+        begin = starts[2 * e]
+        length = starts[2 * e + 2] - begin
+        own = indices[begin:]
+        column = factors[starts[2 * e + 1] :]
+        total = 0.0
+        if other < 0:
+            for i in range(length):
+                total -= column[i] * z[own[i]]
+        else:
+            total_other = 0.0
+            for i in range(length):
+                value = z[own[i]]
+                total -= column[2 * i] * value
+                total_other -= column[2 * i + 1] * value
+            z[other] = total_other
+            square += total_other * total_other
+        z[one] = total
+        square += total * total
+    if fabs(d) > NULL * square:
+        return 0
+    bound = residual(size, pointers, columns, values, zeros, z, image) / sqrt(square)
+    return bound <= BOUND
+
+
+@native
+def confirm_zeros(
+    size: i64,
+    variables: i64,
+    replacement: f64,
+    order: i32s,
+    pointers: i32s,
+    columns: i32s,
+    values: f64s,
+    pivots: i32s,
+    starts: i64s,
+    indices: i32s,
+    factors: f64s,
+    inverse: f64s,
+    zeros: f64s,
+    z: f64s,
+    image: f64s,
+    counts: i64s,
+) -> None:
+    """Count pivots as zero, and replace them, where the matrix is singular to working precision.
+
+    The arguments are those of ``factorize`` in stc.solver.kkt.elimination and what it left; ``zeros`` (N,) is
+    zero, ``z`` and ``image`` (N,) are work space.
+    """
+    checks = 0
+    for k in range(counts[PIVOTS]):
+        p = pivots[2 * k]
+        q = pivots[2 * k + 1]
+        a = inverse[3 * k]
+        b = 0.0
+        c = 0.0
+        largest = fabs(a)
+        if q < 0:
+            if largest * SUSPECT <= 1.0:
+                continue
+        else:
+            b = inverse[3 * k + 1]
+            c = inverse[3 * k + 2]
+            largest = max(max(largest, fabs(b)), fabs(c))
+            if largest > SUSPECT * fabs(a * c - b * b):  # D = [[c, -b], [-b, a]] / (a c - b^2)
+                continue
+        if checks >= CHECKS:
+            return
+        checks += 1
+        d = 1.0 / a if q < 0 else largest / (a * c - b * b)
+        null = _is_null(
+            k, p, d, size, pivots, starts, indices, factors, pointers, columns, values, zeros, z, image
+        )
+        if null != 0 and q >= 0:
+            null = _is_null(
+                k, q, d, size, pivots, starts, indices, factors, pointers, columns, values, zeros, z, image
+            )
+        if null == 0:
+            continue
+        inverse[3 * k] = 1.0 / (replacement if order[p] < variables else -replacement)
+        if q < 0:
+            counts[POSITIVE if d > 0.0 else NEGATIVE] -= 1
+            counts[ZERO] += 1
+        else:
+            if a * c < b * b:
+                counts[POSITIVE] -= 1
+                counts[NEGATIVE] -= 1
+            else:
+                counts[POSITIVE if a > 0.0 else NEGATIVE] -= 2
+            counts[ZERO] += 2
+            inverse[3 * k + 1] = 0.0
+            inverse[3 * k + 2] = 1.0 / (replacement if order[q] < variables else -replacement)
