@@ -140,8 +140,8 @@ class _Solve:
             nearest, verdict = self._least_violation(x)
             if self.ended is Status.INTERRUPTED:
                 return self._result(Status.INTERRUPTED, self._best(x))
-            if verdict == "feasible" and not self.restarted:
-                self.restarted, self.ended = True, None
+            if verdict == "feasible" and not self.restarted and self.ended is None:
+                self.restarted = True
                 return self._concluded(self._optimised(self._local_choice(), nearest, 1.0))
             if verdict == "stationary":
                 return self._result(Status.INFEASIBLE, nearest)
@@ -190,7 +190,11 @@ class _Solve:
         if len(functions.above) + len(functions.below):
             above = functions.tolerances(nlp.row_upper, functions.above)
             tolerance = np.concatenate([above, functions.tolerances(nlp.row_lower, functions.below)])
-            opt.add_inequality_mconstraint(watch.guarded(functions.inequalities), tolerance)
+            if choice.algorithm.row_by_row:
+                for k, allowance in enumerate(tolerance):
+                    opt.add_inequality_constraint(watch.row(k), allowance)
+            else:
+                opt.add_inequality_mconstraint(watch.guarded(functions.inequalities), tolerance)
         z = opt.optimize(functions.inside(x0))
         outcome = opt.last_optimize_result()
         if outcome == -2 or outcome == -3:
@@ -328,12 +332,28 @@ class _Watch:
 
         return rows
 
+    def row(self, k: int) -> Callable[[Floats, Floats], float]:
+        """One inequality for NLopt, without derivatives."""
+        functions = self.solve.functions
+        values = np.zeros(len(functions.above) + len(functions.below))
+
+        def one(z: Floats, slope: Floats) -> float:
+            def evaluate() -> float:
+                functions.move(z)
+                functions.inequalities(values, np.zeros(0))
+                return float(values[k])
+
+            return self._safely(evaluate, slope, 0.0)
+
+        return one
+
     def quiet(self, function: Callable[[Floats, Floats], float]) -> Callable[[Floats, Floats], float]:
         """Another objective, which is watched for limits and not logged."""
 
         def evaluate(z: Floats, slope: Floats) -> float:
             def inner() -> float:
-                self.solve.monitor.check()
+                if time.perf_counter() > self.solve.deadline:
+                    raise Stopped(Status.TIME_LIMIT)
                 value = function(z, slope)
                 return value if np.isfinite(value) else np.inf
 

@@ -33,6 +33,7 @@ class Algorithm:
         local: the algorithm for subproblems when none is named, "" where there are no subproblems.
         search: looks at the whole box; its best point is then finished by SLSQP.
         most: largest number of variables, 0 for any.
+        row_by_row: takes inequalities one at a time only.
     """
 
     constant: str
@@ -45,6 +46,7 @@ class Algorithm:
     local: str = ""
     search: bool = False
     most: int = 0
+    row_by_row: bool = False
 
 
 def _free(constant: str, summary: str, rows: bool = False) -> Algorithm:
@@ -60,9 +62,12 @@ def _search(
     inequalities: bool = False,
     local: str = "",
     most: int = 0,
+    row_by_row: bool = False,
 ) -> Algorithm:
     """An algorithm that looks at a whole box."""
-    return Algorithm(constant, summary, gradient, equalities, inequalities, True, True, local, True, most)
+    return Algorithm(
+        constant, summary, gradient, equalities, inequalities, True, True, local, True, most, row_by_row
+    )
 
 
 ALGORITHMS: dict[str, Algorithm] = {
@@ -105,7 +110,9 @@ ALGORITHMS: dict[str, Algorithm] = {
     "esch": _search("GN_ESCH", "evolution (Silva Santos)"),
     "mlsl": _search("G_MLSL_LDS", "multi-level single linkage (Rinnooy Kan, Timmer)", local="lbfgs"),
     "stogo": _search("GD_STOGO", "branch and bound with gradients (Madsen, Zertchaninov)", gradient=True),
-    "ags": _search("GN_AGS", "space-filling curve (Strongin, Sergeyev)", inequalities=True, most=10),
+    "ags": _search(
+        "GN_AGS", "space-filling curve (Strongin, Sergeyev)", inequalities=True, most=10, row_by_row=True
+    ),
 }
 
 
