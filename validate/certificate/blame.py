@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stc.validate.certificate.table import margin, quantity
+from stc.validate.certificate.table import bound, margin, quantity
 from stc.validate.metrics import Metric
 
 #: Names of metrics by their beginnings, causes before effects; what is not here comes in between.
@@ -35,7 +35,6 @@ _EFFECTS = (
     "feedback",
     "open-loop",
     "order",
-    "observed",
 )
 
 
@@ -64,9 +63,7 @@ def headline(metrics: Sequence[Metric], findings: Sequence[str], compared: bool)
     if not failed:
         return _all_well(metrics)
     worst = failed[0]
-    text = (
-        f"{worst.subject}: {worst.name} {quantity(worst, worst.value)}, limit {quantity(worst, worst.limit)}"
-    )
+    text = f"{worst.subject}: {worst.name} {quantity(worst, worst.value)}, limit {bound(worst)}"
     if compared and worst.name.startswith("inverse-dynamics"):
         text += "; the spec's equations are the model's, but this solution does not satisfy them"
     return text
@@ -89,9 +86,7 @@ def others(metrics: Sequence[Metric], findings: Sequence[str], most: int = 8) ->
     lines = list(findings[1:])
     failed = sorted((m for m in metrics if m.verdict == "fail"), key=lambda m: (rank(m), -(margin(m) or 0.0)))
     start = 0 if findings else 1
-    lines += [
-        f"{m.subject}: {m.name} {quantity(m, m.value)}, limit {quantity(m, m.limit)}" for m in failed[start:]
-    ]
+    lines += [f"{m.subject}: {m.name} {quantity(m, m.value)}, limit {bound(m)}" for m in failed[start:]]
     if len(lines) > most:
         lines = [*lines[:most], f"and {len(lines) - most} more"]
     return lines

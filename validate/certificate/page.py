@@ -117,7 +117,8 @@ def _row(metric: Metric) -> str:
             else max(0.0, 100.0 * (1.0 + math.log10(share or 1e-99) / 6))
         )
         bar = f"<span class='bar' aria-hidden='true'><i style='width:{width:.0f}%'></i></span>"
-    limit = _exponents(table.quantity(metric, metric.limit), "≤&#8239;") if metric.limit is not None else ""
+    sign = "≥&#8239;" if metric.at_least else "≤&#8239;"
+    limit = _exponents(table.quantity(metric, metric.limit), sign) if metric.limit is not None else ""
     return (
         f"<tr class='{metric.verdict}'><th scope='row'>{escape(metric.subject)}</th>"
         f"<td>{_exponents(table.quantity(metric, metric.value))}</td><td>{limit}{bar}</td>"

@@ -55,7 +55,7 @@ _SECTIONS: Sequence[tuple[str, tuple[str, ...]]] = (
     ("Replay with feedback", ("tracked", "feedback")),
     ("Replay with the solved contact forces", ("external",)),
     ("The spec's statements between the frames", ("inequality", "equation between")),
-    ("Refinement", ("order", "drift at", "observed")),
+    ("Refinement", ("order of convergence",)),
 )
 _OTHER = "Further measurements"
 
@@ -110,10 +110,17 @@ def quantity(metric: Metric, value: float | None) -> str:
     return f"{number(value)} {unit}".strip()
 
 
+def bound(metric: Metric) -> str:
+    """The limit with its unit, and with a sign where it is the least that passes; "" for none."""
+    return (
+        ("≥ " if metric.at_least else "") + quantity(metric, metric.limit) if metric.limit is not None else ""
+    )
+
+
 def margin(metric: Metric) -> float | None:
-    """The value as a share of its limit; None without a limit that means anything."""
+    """How much of what the limit allows is used: above one it is broken; None without a limit that means anything."""
     if metric.limit is None or not metric.limit > 0.0:
         return None
-    if not math.isfinite(metric.value):
-        return math.inf
-    return abs(metric.value) / metric.limit
+    if metric.at_least:
+        return metric.limit / metric.value if metric.value > 0.0 else math.inf
+    return abs(metric.value) / metric.limit if math.isfinite(metric.value) else math.inf

@@ -35,7 +35,7 @@ def show(certificate: Certificate) -> Iterator[Any]:
                     Text(f"  {name}" if not k else ""),
                     Text(metric.subject),
                     table.quantity(metric, metric.value),
-                    table.quantity(metric, metric.limit),
+                    table.bound(metric),
                     Text(metric.verdict, style=_COLOURS[metric.verdict]),
                 )
     yield rows

@@ -1,0 +1,47 @@
+"""What ``stc export`` does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from stc.cli import GOOD, jobs, record
+from stc.cli.options import SolveOptions
+from stc.errors import UsageError
+
+#: Help for the option that names the format.
+HELP = "npz, csv, keyframes, controls or gltf."
+
+
+def export(
+    target: str,
+    kind: str,
+    output: str | None,
+    options: SolveOptions,
+    *,
+    rate: float | None,
+    time_step: float | None,
+    force: bool,
+    as_json: bool,
+) -> int:
+    """Write a motion in another format."""
+    from stc.solution import Solution
+    from stc.validate.export import FORMATS
+    from stc.validate.export import export as write
+
+    if kind not in FORMATS:
+        raise UsageError(f"unknown format `{kind}`", f"the formats are {', '.join(FORMATS)}")
+    outcome, motion = jobs.solved(target, options, as_json)
+    status = outcome.solution.status
+    if status != "optimal" and not force:
+        raise UsageError(
+            f"the motion is not exported: its solve ended {status}, not optimal",
+            "--force exports it all the same",
+        )
+    # A file is handed on as such: the model may lie beside it.
+    subject: Solution | Path = motion
+    file = write(subject, kind, output, rate=rate, time_step=time_step)
+    if as_json:
+        record.write({"status": "ok", "name": outcome.solution.name, "format": kind, "file": str(file)})
+    else:
+        print(f"{file} written")
+    return GOOD

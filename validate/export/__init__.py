@@ -1,0 +1,102 @@
+"""A motion for other programs: tables, MuJoCo's own files, and an animation for Blender and the web.
+
+========= ============ =========================================================================================
+format    file         holds
+========= ============ =========================================================================================
+csv       ``.csv``     time and every variable and derivative, a row per instant (:mod:`stc.validate.export.table`)
+npz       ``.npz``     the same as NumPy arrays
+keyframes ``.xml``     the model with the spec's numbers in it and a keyframe per frame, its assets beside it
+                       (:mod:`stc.validate.export.keyframes`)
+controls  ``.npz``     what a MuJoCo program applies step by step, the states it should meet, and tracking gains
+                       (:mod:`stc.validate.export.controls`)
+gltf      ``.glb``     the moving model as a glTF animation (:mod:`stc.validate.export.gltf`)
+========= ============ =========================================================================================
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from stc.errors import UsageError
+from stc.solution import Solution, read
+
+#: Formats and the suffix of their files.
+FORMATS = {"csv": ".csv", "npz": ".npz", "keyframes": ".xml", "controls": ".npz", "gltf": ".glb"}
+
+#: What distinguishes a file from the solution it comes from, where no name is given.
+_ENDINGS = {
+    "csv": "_motion",
+    "npz": "_motion",
+    "keyframes": "_keyframes",
+    "controls": "_controls",
+    "gltf": "",
+}
+
+
+def default_name(solution: Solution, kind: str) -> str:
+    """The file name of an export for which none was given."""
+    return f"{solution.name}{_ENDINGS[kind]}{FORMATS[kind]}"
+
+
+def export(
+    motion: Solution | str | os.PathLike[str],
+    kind: str,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    model: str | os.PathLike[str] | None = None,
+    rate: float | None = None,
+    time_step: float | None = None,
+) -> Path:
+    """Write a motion in another format.
+
+    Args:
+        motion: a solution, or the path of a saved one.
+        kind: one of :data:`FORMATS`.
+        path: of the file; by default one in the working directory that is named after the spec.
+        model: another model file than the one that the spec names.
+        rate: instants per second of tables and animations; by default the frames of a table, and 60 for an
+            animation.
+        time_step: longest time step of the control sequence, in seconds; by default that of the model.
+
+    Returns:
+        The path of the file.
+
+    Raises:
+        UsageError: an unknown format, a suffix that is not the format's, or a rate or time step that is not positive.
+        ModelError: there is no model, or it cannot be written as asked.
+        SolutionError: the solution is damaged.
+    """
+    if kind not in FORMATS:
+        raise UsageError(f"unknown format `{kind}`", f"the formats are {', '.join(FORMATS)}")
+    for name, value in (("rate", rate), ("time step", time_step)):
+        if value is not None and not value > 0.0:
+            raise UsageError(f"the {name} must be positive, not {value:g}")
+    solution = motion if isinstance(motion, Solution) else read(motion)
+    solution.require_increasing_times()
+    target = Path(default_name(solution, kind) if path is None else path)
+    if target.suffix.lower() != FORMATS[kind]:
+        raise UsageError(f"{target}: the format {kind} is written to *{FORMATS[kind]}")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if kind in ("csv", "npz"):
+        from stc.validate.export import table
+
+        table.write(solution, target, rate)
+        return target
+    from stc.validate.setup import prepare
+
+    beside = [] if isinstance(motion, Solution) else [Path(motion).parent]
+    setup = prepare(solution, model, beside)
+    if kind == "gltf":
+        from stc.validate.export import gltf
+
+        gltf.write(setup, target, rate or 60.0)
+    elif kind == "keyframes":
+        from stc.validate.export import keyframes
+
+        keyframes.write(setup, target, time_step)
+    else:
+        from stc.validate.export import controls
+
+        controls.write(setup, target, time_step)
+    return target

@@ -1,0 +1,119 @@
+"""What a MuJoCo program needs to play a motion: controls for every time step, and the gains that track it.
+
+The file holds NumPy arrays for a model with nq positions, nv velocities and nu controls, over K equal steps:
+
+==================  ================  =====================================================================
+``timestep``        ()                seconds, to put into ``model.opt.timestep``
+``time``            (K+1,)            seconds, from the start of the motion
+``ctrl``            (K, nu)           controls to hold during each step
+``qpos``, ``qvel``  (K+1, nq or nv)   the solved motion
+``qfrc_applied``    (K, nv)           forces of ``apply`` lines; only where the spec has any
+``gain``            (K, nu, 2 nv)     feedback, where there is one: add ``gain[k] @ concatenate([qpos[k] - data.qpos,
+                                      qvel[k] - data.qvel])`` to the control (models without quaternions)
+==================  ================  =====================================================================
+
+Each control is that of the middle of its step, so that holding it errs by the square of the step only.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from stc.validate.linearisation import linearise
+from stc.validate.metrics import FloatArray
+from stc.validate.pictures.motion import solved_at
+from stc.validate.setup import Setup
+from stc.validate.tracking import Feedback, proportional, regulator
+
+
+def steps(setup: Setup, time_step: float | None = None) -> tuple[int, float]:
+    """Number and duration, in seconds, of the equal steps that the motion is cut into."""
+    wanted = float(setup.compiled.opt.timestep) if time_step is None else time_step
+    count = max(1, math.ceil(setup.solution.duration / wanted - 1e-9))
+    return count, setup.solution.duration / count
+
+
+def sequence(setup: Setup, time_step: float | None = None) -> dict[str, FloatArray]:
+    """The arrays of the file; see the module's table."""
+    model, solution = setup.compiled, setup.solution
+    count, length = steps(setup, time_step)
+    edges = solution.time[0] + length * np.arange(count + 1)
+    edges[-1] = solution.time[-1]
+    middles = 0.5 * (edges[:-1] + edges[1:])
+    frames = np.clip(np.searchsorted(solution.time, middles, side="right") - 1, 0, max(0, solution.n - 1))
+    found = {
+        "timestep": np.array(length),
+        "time": edges - edges[0],
+        "ctrl": np.zeros((count, model.nu)),
+        "qpos": solved_at(setup, edges),
+        "qvel": _velocities(setup, edges),
+    }
+    law = _law(setup)
+    if law is not None and model.nq == model.nv:
+        found["gain"] = np.zeros((count, model.nu, 2 * model.nv))
+        order = np.concatenate([setup.reference.velocities, model.nv + setup.reference.velocities])
+    if len(setup.applied):
+        found["qfrc_applied"] = np.zeros((count, model.nv))
+        positions = solved_at(setup, middles)
+    durations = np.diff(solution.time)
+    addresses = setup.controls.addresses
+    for frame in np.unique(frames) if solution.n else ():
+        mine = np.flatnonzero(frames == frame)
+        shares = (middles[mine] - solution.time[frame]) / durations[frame]
+        found["ctrl"][np.ix_(mine, addresses)] = setup.controls.in_step(int(frame), shares)
+        if "gain" in found and law is not None:
+            found["gain"][np.ix_(mine, addresses, order)] = law.gains(int(frame), shares)
+        if len(setup.applied):
+            found["qfrc_applied"][mine] = _generalised(
+                setup, positions[mine], setup.applied.in_step(int(frame), shares)
+            )
+    return found
+
+
+def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
+    """Write the arrays; see the module's table."""
+    with path.open("wb") as stream:
+        np.savez(stream, **sequence(setup, time_step))  # type: ignore[arg-type]
+
+
+def _law(setup: Setup) -> Feedback | None:
+    """The feedback that tracks the motion: the regulator where there can be one, else proportional-derivative."""
+    if not setup.solution.n or not len(setup.controls):
+        return None
+    if setup.all_tied and not setup.compiled.na and not len(setup.contact):
+        law = regulator(setup, linearise(setup))
+        if law is not None:
+            return law
+    return proportional(setup)
+
+
+def _velocities(setup: Setup, times: FloatArray) -> FloatArray:
+    """(k, nv) solved velocities; joints that are not tied have none."""
+    solution, reference = setup.solution, setup.reference
+    found = np.zeros((len(times), setup.compiled.nv))
+    if solution.n == 0:
+        found[:, reference.velocities] = reference.at("after", 0)[1]
+        return found
+    frames = np.clip(np.searchsorted(solution.time, times, side="right") - 1, 0, solution.n - 1)
+    shares = np.clip((times - solution.time[frames]) / np.diff(solution.time)[frames], 0.0, 1.0)
+    for frame in np.unique(frames):
+        mine = np.flatnonzero(frames == frame)
+        found[np.ix_(mine, reference.velocities)] = reference.in_step(int(frame), shares[mine])[1]
+    return found
+
+
+def _generalised(setup: Setup, positions: FloatArray, forces: FloatArray) -> FloatArray:
+    """(k, nv) what outer forces amount to at the solved positions."""
+    import mujoco
+
+    model = setup.model()
+    data = mujoco.MjData(model)
+    found = np.zeros((len(positions), model.nv))
+    for k, position in enumerate(positions):
+        data.qpos[:] = position
+        setup.applied.apply(model, data, forces[k])
+        found[k] = data.qfrc_applied
+    return found

@@ -1,0 +1,225 @@
+"""The model of a motion as MJCF with a keyframe per frame, complete with what the spec set in it.
+
+The model's own text is kept and numbers are put into it with all their digits; MuJoCo's writer keeps six.
+Included files become part of the text, and the assets are copied beside it, so that file and folder can be moved.
+What was written is read back and compared with the model that the validation used.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.validate.export.controls import steps
+from stc.validate.metrics import FloatArray
+from stc.validate.model import ModelError, load_model
+from stc.validate.setup import Setup
+
+if TYPE_CHECKING:
+    import mujoco
+
+#: Fields of a compiled model that must come back as they were, up to rounding.
+_COMPARED = (
+    "body_mass",
+    "body_inertia",
+    "body_ipos",
+    "body_pos",
+    "body_gravcomp",
+    "dof_damping",
+    "dof_armature",
+    "dof_frictionloss",
+    "jnt_limited",
+    "jnt_range",
+    "jnt_stiffness",
+    "qpos_spring",
+    "geom_friction",
+    "actuator_gear",
+)
+
+
+def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
+    """Write the model with its keyframes.
+
+    Args:
+        setup: the motion and its model.
+        path: of the file; assets go into a folder beside it.
+        time_step: longest time step, in seconds; the file asks for the one that the control sequence has.
+
+    Raises:
+        ModelError: the model's text cannot carry what the spec set in it.
+    """
+    root = ET.parse(setup.path).getroot()
+    _include(root, setup.path.parent)
+    _collect_assets(root, setup.path, path)
+    _set_fields(root, setup)
+    option = _child(root, "option")
+    option.set("timestep", repr(steps(setup, time_step)[1]))
+    for old in root.findall("keyframe"):
+        root.remove(old)
+    root.append(_keyframes(setup))
+    ET.indent(root)
+    path.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+    _check(load_model(path), setup, path)
+
+
+def _keyframes(setup: Setup) -> ET.Element:
+    """One key per frame: time, positions, velocities, controls."""
+    solution = setup.solution
+    made = ET.Element("keyframe")
+    for frame in range(solution.n + 1):
+        part = "after" if frame < solution.n else "before"
+        position, velocity = setup.reference.at(part, frame)[:2]
+        qpos, qvel = np.array(setup.compiled.qpos0), np.zeros(setup.compiled.nv)
+        qpos[setup.reference.positions], qvel[setup.reference.velocities] = position, velocity
+        ctrl = np.zeros(setup.compiled.nu)
+        ctrl[setup.controls.addresses] = setup.controls.at(part, frame)
+        key = ET.SubElement(made, "key", name=f"frame{frame}", time=repr(float(solution.time[frame])))
+        for name, values in (("qpos", qpos), ("qvel", qvel), ("ctrl", ctrl)):
+            if len(values):
+                key.set(name, _text(values))
+    return made
+
+
+def _text(values: FloatArray) -> str:
+    return " ".join(repr(float(value)) for value in np.atleast_1d(values))
+
+
+def _child(parent: ET.Element, tag: str) -> ET.Element:
+    """The last child with a tag, which is what counts in MJCF; a new one if there is none."""
+    found = parent.findall(tag)
+    return found[-1] if found else ET.SubElement(parent, tag)
+
+
+def _include(element: ET.Element, folder: Path) -> None:
+    """Put the contents of included files where they are included."""
+    for index, child in reversed(list(enumerate(element))):
+        if child.tag == "include":
+            inner = ET.parse(folder / child.get("file", "")).getroot()
+            element.remove(child)
+            for offset, grandchild in enumerate(inner):
+                element.insert(index + offset, grandchild)
+    if any(child.tag == "include" for child in element):
+        _include(element, folder)
+    for child in element:
+        _include(child, folder)
+
+
+def _collect_assets(root: ET.Element, model: Path, target: Path) -> None:
+    """Copy the files that the model names into one folder, and name them there."""
+    folders = dict.fromkeys(("meshdir", "texturedir"), "")
+    for compiler in root.findall("compiler"):
+        shared = compiler.attrib.pop("assetdir", None)
+        for name in folders:
+            folders[name] = compiler.attrib.pop(name, shared if shared is not None else folders[name])
+        compiler.attrib.pop("strippath", None)
+    files = [e for e in root.iter() if "file" in e.attrib]
+    folder = target.with_name(f"{target.stem}_assets")
+    for element in files:
+        if element.tag not in ("mesh", "texture", "hfield", "skin"):
+            raise ModelError(
+                f"{model.name}: a model with <{element.tag} file=...> cannot be exported as keyframes"
+            )
+        directory = folders["texturedir" if element.tag == "texture" else "meshdir"]
+        source = model.parent / directory / element.attrib["file"]
+        if not element.get("name"):
+            element.set("name", source.stem)
+        folder.mkdir(parents=True, exist_ok=True)
+        copy = folder / source.name
+        shutil.copyfile(source, copy)
+        element.set("file", f"{folder.name}/{copy.name}")
+
+
+# ------------------------------------------------------------------------------------------- what the spec set
+
+
+def _set_fields(root: ET.Element, setup: Setup) -> None:
+    """Put the values of the spec's ``set`` lines into the text."""
+    model = setup.compiled
+    degrees = all(c.get("angle", "degree") == "degree" for c in root.findall("compiler"))
+    for path in setup.fields:
+        kind, name, *_ = path.split(".")
+        if kind == "option":
+            value = getattr(model.opt, name)
+            _child(root, "option").set(name, _text(np.asarray(value, dtype=float)))
+        elif kind == "body":
+            _set_body(root, model, name)
+        elif kind == "joint":
+            _set_joint(root, model, name, path.split(".")[2], degrees)
+        elif kind == "geom":
+            _named(root, "geom", name).set("friction", _text(model.geom_friction[model.geom(name).id]))
+        elif kind == "actuator":
+            _actuator(root, name).set("gear", _text(model.actuator_gear[model.actuator(name).id]))
+
+
+def _set_body(root: ET.Element, model: mujoco.MjModel, name: str) -> None:
+    element, body = _named(root, "body", name), int(model.body(name).id)
+    element.set("pos", _text(model.body_pos[body]))
+    if model.body_gravcomp[body] or element.get("gravcomp"):
+        element.set("gravcomp", _text(model.body_gravcomp[body]))
+    inertial = element.find("inertial")
+    if inertial is None:
+        inertial = ET.Element("inertial")
+        element.insert(0, inertial)
+    inertial.attrib.clear()
+    inertial.set("pos", _text(model.body_ipos[body]))
+    inertial.set("quat", _text(model.body_iquat[body]))
+    inertial.set("mass", _text(model.body_mass[body]))
+    inertial.set("diaginertia", _text(model.body_inertia[body]))
+
+
+def _set_joint(root: ET.Element, model: mujoco.MjModel, name: str, field: str, degrees: bool) -> None:
+    import mujoco
+
+    element, index = _named(root, "joint", name), int(model.joint(name).id)
+    hinge = int(model.jnt_type[index]) == int(mujoco.mjtJoint.mjJNT_HINGE)
+    scale = math.degrees(1.0) if degrees and hinge else 1.0
+    if field in ("lower", "upper"):
+        # A range would limit the joint unless told otherwise; MuJoCo takes one that limits nothing as it is.
+        limited = bool(model.jnt_limited[index])
+        element.set("limited", "true" if limited else "false")
+        element.set("range", _text((scale if limited else 1.0) * model.jnt_range[index]))
+    elif field == "springref":
+        element.set("springref", _text(scale * model.qpos_spring[model.jnt_qposadr[index]]))
+    elif field == "stiffness":
+        element.set("stiffness", _text(model.jnt_stiffness[index]))
+    else:
+        element.set(field, _text(getattr(model, f"dof_{field}")[model.jnt_dofadr[index]]))
+
+
+def _named(root: ET.Element, tag: str, name: str) -> ET.Element:
+    for element in root.iter(tag):
+        if element.get("name") == name:
+            return element
+    raise ModelError(f"the model's text has no {tag} {name}: it cannot carry what the spec sets there")
+
+
+def _actuator(root: ET.Element, name: str) -> ET.Element:
+    found: Iterator[ET.Element] = (
+        e for part in root.findall("actuator") for e in part if e.get("name") == name
+    )
+    element = next(found, None)
+    if element is None:
+        raise ModelError(f"the model's text has no actuator {name}: it cannot carry what the spec sets there")
+    return element
+
+
+def _check(written: mujoco.MjModel, setup: Setup, path: Path) -> None:
+    """Compare what was written with what was meant."""
+    wanted = setup.compiled
+    for name in _COMPARED:
+        a, b = np.asarray(getattr(written, name)), np.asarray(getattr(wanted, name))
+        scale = float(np.abs(b).max(initial=0.0)) or 1.0
+        if a.shape != b.shape or not np.allclose(a, b, rtol=1e-9, atol=1e-12 * scale):
+            raise ModelError(
+                f"{path}: the model that was written differs in {name} from the one of the motion"
+            )
+    if not np.allclose(written.opt.gravity, wanted.opt.gravity, rtol=1e-12, atol=0.0):
+        raise ModelError(
+            f"{path}: the model that was written differs in its gravity from the one of the motion"
+        )
