@@ -188,8 +188,10 @@ class Writer:
                     all_forces = [force for c in self.contacts for force in c.forces]
                     yield phase.frames.first, phase.first, [*speeds, *all_forces, *drives]
                 if phase.frames.last < self.n:
-                    others = [force for c in self.contacts if c is not contact for force in c.forces]
-                    yield phase.frames.last, phase.last, [*others, *drives]
+                    # pressure and friction fade until a foot lifts off; what holds a pin can let go at once
+                    jumping = [c for c in self.contacts if c is not contact or c.kind == "pin"]
+                    forces = [force for c in jumping for force in c.forces]
+                    yield phase.frames.last, phase.last, [*forces, *drives]
 
     def jumps(self) -> Iterator[str]:
         """Motors may jump where a contact ends, its forces too where one begins, speeds at an impact."""
