@@ -1,0 +1,253 @@
+"""Plots, filmstrips and videos: what is in them, and what is said where they cannot be made."""
+
+from __future__ import annotations
+
+import copy
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from closed_form_motions import smooth_particle, waypoint_spline
+
+from stc import models
+from stc.errors import UsageError
+from stc.solution import Solution
+from stc.validate import ModelError
+from stc.validate.pictures import PictureError
+from stc.validate.pictures.camera import fit, usual_camera
+from stc.validate.pictures.film import Look, draw, filmstrip, slow_motion
+from stc.validate.pictures.motion import paths, simulated_at, solved_at
+from stc.validate.pictures.plot import figure, save_plot
+from stc.validate.pictures.stage import Stage, Trail
+from stc.validate.replay import replay
+from stc.validate.setup import Setup, prepare
+from stc.validate.verdict import run_replays
+
+SMALL = Look(width=64, height=48, tiles=5, rate=6)
+
+
+def solution(**more: object) -> Solution:
+    x, y = waypoint_spline()
+    return smooth_particle("hermite-simpson", np.linspace(0, 2, 21), x, y, **more)
+
+
+@pytest.fixture(scope="module")
+def setup(tmp_path_factory: pytest.TempPathFactory) -> Setup:
+    """The particle in a coarser light, which renders ten times faster."""
+    bundled = models.locate("particle")
+    assert bundled is not None
+    text = bundled.read_text().replace('shadowsize="4096" offsamples="8"', 'shadowsize="256" offsamples="0"')
+    assert "256" in text
+    folder = tmp_path_factory.mktemp("model")
+    (folder / "particle.xml").write_text(text)
+    return prepare(solution(directory=str(folder)))
+
+
+def red(image: np.ndarray) -> tuple[float, float]:
+    """Where the orange ball is: mean row and column of its pixels."""
+    pixels = image.astype(int)
+    rows, columns = np.nonzero((pixels[..., 0] > 120) & (pixels[..., 0] > pixels[..., 2] + 60))
+    assert len(rows)
+    return float(rows.mean()), float(columns.mean())
+
+
+# ------------------------------------------------------------------ positions and paths
+
+
+def test_positions_are_those_of_the_solved_curve(setup: Setup) -> None:
+    x, y = waypoint_spline()
+    times = np.array([0.0, 0.33, 1.0, 1.77, 2.0])
+    np.testing.assert_allclose(
+        solved_at(setup, times), np.stack([x[0](times), y[0](times)], axis=1), atol=1e-12
+    )
+    motion = replay(setup)
+    np.testing.assert_allclose(simulated_at(motion, times), solved_at(setup, times), atol=1e-6)
+
+
+def test_paths_follow_what_is_compared_or_else_the_outermost_bodies(setup: Setup) -> None:
+    (path,) = paths(setup)
+    x, y = waypoint_spline()
+    times = np.linspace(0, 2, len(path))
+    np.testing.assert_allclose(path, np.stack([x[0](times), 0 * times, y[0](times)], axis=1), atol=1e-12)
+
+
+def test_short_motions_are_slowed_down() -> None:
+    assert slow_motion(3.0) == 1.0
+    assert slow_motion(2.0) == 0.5
+    assert slow_motion(0.2) == 0.05
+
+
+# ------------------------------------------------------------------ rendering
+
+
+def test_the_ball_is_where_the_motion_has_it(setup: Setup) -> None:
+    """From left to right, and higher in the image where it is higher in the world."""
+    positions = solved_at(setup, np.linspace(0, 2, 5))
+    with Stage(setup.compiled, 96, 72, frame=positions) as stage:
+        images = [stage.render(position) for position in positions]
+    assert images[0].shape == (72, 96, 3)
+    places = np.array([red(image) for image in images])
+    assert np.all(np.diff(places[:, 1]) > 4)
+    assert np.argmin(places[:, 0]) == np.argmax(positions[:, 1])
+
+
+def test_ghosts_and_trails_are_drawn(setup: Setup) -> None:
+    start, end = solved_at(setup, np.array([0.0, 2.0]))
+    line = np.array([[0.5, 0.0, 0.2], [1.5, 0.0, 0.9]])
+    with Stage(setup.compiled, 96, 72) as stage:
+        plain = stage.render(start)
+        ghosted = stage.render(start, [(end, 0.5)])
+        trailed = stage.render(start, (), [Trail(line, (0.0, 1.0, 0.0, 1.0), 3.0)])
+    changed = np.abs(ghosted.astype(int) - plain).max(axis=2) > 12
+    assert changed.any()
+    assert np.nonzero(changed)[1].mean() > red(plain)[1] + 10
+    green = (
+        trailed.astype(int)[..., 1]
+        - trailed.astype(int)[..., 0]
+        - (plain.astype(int)[..., 1] - plain[..., 0])
+    )
+    assert (green > 60).sum() > 10
+
+
+def test_a_filmstrip_has_its_tiles(setup: Setup) -> None:
+    told = []
+    strip = filmstrip(setup, SMALL, None, lambda done, total: told.append((done, total)))
+    assert told == [(k + 1, 5) for k in range(5)]
+    assert strip.size == (5 * 66 - 2, 48)
+    four = filmstrip(setup, Look(width=64, height=48, tiles=4, columns=2))
+    assert four.size == (2 * 66 - 2, 2 * 50 - 2)
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg", "webp", "gif"])
+def test_pictures_are_written(setup: Setup, tmp_path: Path, ending: str) -> None:
+    from PIL import Image
+
+    file = tmp_path / f"motion.{ending}"
+    draw(setup, file, SMALL)
+    with Image.open(file) as image:
+        if ending in ("webp", "gif"):
+            assert image.size == (64, 48)
+            assert image.n_frames == 25  # at half speed
+            assert image.info["loop"] == 0
+        else:
+            assert image.size == (5 * 66 - 2, 48)
+
+
+def test_a_video_is_h264(setup: Setup, tmp_path: Path) -> None:
+    import av
+
+    file = tmp_path / "motion.mp4"
+    draw(setup, file, Look(width=65, height=49, rate=5, speed=1.0), replay(setup))
+    with av.open(str(file)) as container:
+        stream = container.streams.video[0]
+        assert (stream.codec_context.name, stream.width, stream.height) == ("h264", 64, 48)
+        frames = sum(1 for _ in container.decode(video=0))
+    assert frames == 11 + 4  # two seconds, and a pause at the end
+
+
+def test_what_cannot_be_drawn_is_said(setup: Setup, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"\.png, \.jpg, \.jpeg are filmstrips"):
+        draw(setup, tmp_path / "motion.bmp", SMALL)
+    with pytest.raises(ModelError, match="the model has no camera top; known: side"):
+        draw(setup, tmp_path / "motion.png", Look(camera="top"))
+    with pytest.raises(UsageError, match="speed and rate of a video must be positive"):
+        draw(setup, tmp_path / "motion.gif", Look(speed=0.0))
+    with pytest.raises(UsageError, match=r"a plot is saved as \.png, \.svg, \.pdf"):
+        save_plot(run_replays(setup), tmp_path / "motion.gif")
+
+
+def test_an_mp4_without_its_library_is_explained(
+    setup: Setup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(PictureError, match=r"pip install 'stc\[video\]'"):
+        draw(setup, tmp_path / "motion.mp4", SMALL)
+
+
+@pytest.mark.parametrize("backend", ["glfw", "off"])
+def test_no_opengl_is_a_sentence_and_no_traceback(tmp_path: Path, backend: str) -> None:
+    solution().save(tmp_path / "motion.npz")
+    environment = {
+        key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "stc", "render", "motion.npz", "-o", "motion.png"],
+        cwd=tmp_path,
+        env={**environment, "MUJOCO_GL": backend},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert ("no OpenGL to render with" if backend == "glfw" else "rendering is switched off") in done.stderr
+    assert not (tmp_path / "motion.png").exists()
+
+
+def test_the_camera_holds_the_whole_motion(setup: Setup) -> None:
+    """Every corner of every box, projected by hand, lies inside the image, and some near its edge."""
+    model = copy.copy(setup.compiled)
+    camera = usual_camera(model)
+    aspect = 4 / 3
+    positions = solved_at(setup, np.linspace(0, 2, 25))
+    fit(model, camera, positions, aspect)
+    azimuth, elevation = np.radians(camera.azimuth), np.radians(camera.elevation)
+    ahead = np.array(
+        [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)]
+    )
+    right = np.cross(ahead, [0, 0, 1]) / np.linalg.norm(np.cross(ahead, [0, 0, 1]))
+    up = np.cross(right, ahead)
+    eye = camera.lookat - camera.distance * ahead
+    half = np.tan(np.radians(model.vis.global_.fovy) / 2)
+    extent = 0.0
+    for x, z in positions:
+        for corner in 0.07 * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T:
+            ray = np.array([x, 0, z]) + corner - eye
+            depth = ray @ ahead
+            extent = max(extent, abs(ray @ right) / (depth * half * aspect), abs(ray @ up) / (depth * half))
+    assert 0.75 < extent <= 0.81
+
+
+# ------------------------------------------------------------------ plots
+
+
+def test_a_plot_has_every_joint_and_control(setup: Setup) -> None:
+    made = figure(run_replays(setup))
+    shown = [axes for axes in made.axes if axes.get_visible()]
+    titles = [axes.get_title(loc="left") for axes in shown]
+    assert titles[:4] == ["joint x", "joint z", "actuator fx", "actuator fz"]
+    assert titles[4].startswith("path")
+    x, _ = waypoint_spline()
+    solved, replayed, tracked = shown[0].get_lines()
+    np.testing.assert_allclose(solved.get_ydata(), x[0](np.asarray(solved.get_xdata())), atol=1e-9)
+    np.testing.assert_allclose(replayed.get_ydata(), solved.get_ydata(), atol=1e-9)
+    np.testing.assert_allclose(tracked.get_ydata(), solved.get_ydata(), atol=1e-9)
+    (legend,) = made.legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "solved",
+        "replayed by MuJoCo, forces alone",
+        "replayed with feedback (LQR)",
+    ]
+
+
+def test_plots_are_written_and_an_svg_is_the_same_each_time(setup: Setup, tmp_path: Path) -> None:
+    replays = run_replays(setup)
+    for ending in ("png", "pdf"):
+        save_plot(replays, tmp_path / f"plot.{ending}")
+        assert (tmp_path / f"plot.{ending}").stat().st_size > 5000
+    save_plot(replays, tmp_path / "a.svg")
+    save_plot(replays, tmp_path / "b.svg")
+    text = (tmp_path / "a.svg").read_text()
+    assert text == (tmp_path / "b.svg").read_text()
+    assert "joint x" in text
+
+
+def test_a_replay_that_runs_away_does_not_flatten_the_plot() -> None:
+    wild = solution()
+    wild.replay[2].value.after[:] += 1e4
+    made = figure(run_replays(prepare(wild)))
+    low, high = made.axes[0].get_ylim()
+    assert high - low < 10
