@@ -8,8 +8,9 @@ it does if the spec's own accelerations change.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,18 +29,34 @@ FloatArray = NDArray[np.float64]
 FACTOR = 1.01
 
 
-@dataclass(frozen=True)
+@dataclass
 class Mutant:
-    """A spec with a mistake.
+    """A spec with a mistake; made when it is looked at.
 
-    ``matters`` tells whether the accelerations change; ``rows`` which equations of motion, by number, the mistake
-    is in (empty where it was made in the text).
+    ``rows`` tells which equations of motion, by number, the mistake is in (empty where it was made in the text).
     """
 
     what: str
-    problem: Problem
-    matters: bool
+    build: Callable[[], Problem]
+    numbers: list[int]
+    truth: FloatArray
     rows: frozenset[int] = frozenset()
+
+    @cached_property
+    def problem(self) -> Problem | None:
+        """The problem, or None where the language itself refuses it."""
+        try:
+            return self.build()
+        except SpecError:
+            return None
+
+    @property
+    def matters(self) -> bool:
+        """Whether the accelerations change."""
+        assert self.problem is not None
+        found = accelerations(self.problem, self.numbers)
+        scale = float(np.abs(self.truth).max())
+        return found is None or not np.allclose(self.truth, found, rtol=1e-9, atol=1e-9 * scale)
 
 
 def accelerations(problem: Problem, numbers: Sequence[int], seed: int = 1) -> FloatArray | None:
@@ -64,13 +81,13 @@ def accelerations(problem: Problem, numbers: Sequence[int], seed: int = 1) -> Fl
     return np.asarray(-np.linalg.solve(linear.matrix[:, rows], linear.offset[:, rows, None])[..., 0])
 
 
-def differ(a: FloatArray, b: FloatArray | None) -> bool:
-    return b is None or not np.allclose(a, b, rtol=1e-9, atol=1e-9 * float(np.abs(a).max()))
-
-
 def equations_of_motion(problem: Problem) -> list[int]:
-    """Numbers of the relations that are equations of motion: equations with second derivatives all the way."""
-    return [
+    """Numbers of the relations that are equations of motion.
+
+    These are the ones made from energies; where there are none, all equations with second derivatives.
+    """
+    made = [number for number, relation in enumerate(problem.relations) if relation.coordinate]
+    return made or [
         number
         for number, relation in enumerate(problem.relations)
         if relation.is_equality
@@ -86,33 +103,39 @@ def in_rows(problem: Problem) -> Iterator[Mutant]:
     assert truth is not None
     for number in numbers:
         for what, body in _changed(problem, problem.relations[number].body):
-            relations = list(problem.relations)
-            relations[number] = replace(relations[number], body=body)
-            mutant = replace(problem, relations=relations)
-            matters = differ(truth, accelerations(mutant, numbers))
-            yield Mutant(f"row {number}: {what}", mutant, matters, frozenset([number]))
+            build = partial(_with_row, problem, number, body)
+            yield Mutant(f"row {number}: {what}", build, numbers, truth, frozenset([number]))
 
 
-def _changed(problem: Problem, body: Expr) -> Iterator[tuple[str, Expr]]:
-    for key in symbols(body):
-        if isinstance(key, ConstantRef):
-            value = problem.constants[key.name]
-            node = next(e for e in reachable([body]) if e.op == "sym" and e.payload == key)
-            yield f"{key.name} wrong by 1 %", _swap(body, node, num(value * FACTOR or 0.01))
-    exponents = {e.args[1] for e in reachable([body]) if e.op == "pow"}
-    for node in reachable([body]):
-        if node.op == "num" and node not in exponents and node.payload != 0.0:
-            yield f"{node.payload:g} wrong by 1 %", _swap(body, node, num(node.payload * FACTOR))
+def _with_row(problem: Problem, number: int, body: Callable[[], Expr]) -> Problem:
+    relations = list(problem.relations)
+    relations[number] = replace(relations[number], body=body())
+    return replace(problem, relations=relations)
+
+
+def _changed(problem: Problem, body: Expr) -> Iterator[tuple[str, Callable[[], Expr]]]:
+    nodes = reachable([body])
+    exponents = {e.args[1] for e in nodes if e.op == "pow"}
+
+    def swap(node: Expr, new: Expr) -> Callable[[], Expr]:
+        return lambda: _swap(body, node, new)
+
+    for node in nodes:
+        if node.op == "sym" and isinstance(node.payload, ConstantRef):
+            value = problem.constants[node.payload.name]
+            yield f"{node.payload.name} wrong by 1 %", swap(node, num(value * FACTOR or 0.01))
+        elif node.op == "num" and node not in exponents and node.payload != 0.0:
+            yield f"{node.payload:g} wrong by 1 %", swap(node, num(node.payload * FACTOR))
         elif node.op in ("add", "sub"):
             a, b = node.args
-            yield f"sign of {b}", _swap(body, node, a - b if node.op == "add" else a + b)
-            yield f"without {b}", _swap(body, node, a)
-            yield f"without {a}", _swap(body, node, b if node.op == "add" else -b)
+            yield f"sign of {b}", swap(node, a - b if node.op == "add" else a + b)
+            yield f"without {b}", swap(node, a)
+            yield f"without {a}", swap(node, b if node.op == "add" else -b)
         elif node.op == "neg":
-            yield f"sign of {node}", _swap(body, node, node.args[0])
+            yield f"sign of {node}", swap(node, node.args[0])
         elif node.op in ("sin", "cos"):
             other = rebuild("cos" if node.op == "sin" else "sin", node.args)
-            yield f"{node.op} for {other.op}", _swap(body, node, other)
+            yield f"{node.op} for {other.op}", swap(node, other)
 
 
 def _swap(body: Expr, old: Expr, new: Expr) -> Expr:
@@ -131,11 +154,11 @@ def in_text(source: Source, problem: Problem) -> Iterator[Mutant]:
     truth = accelerations(problem, numbers)
     assert truth is not None
     for what, text in _edits(source, problem):
-        try:
-            mutant = elaborate(parse(Source(source.name, text, source.path)))
-        except SpecError:
-            continue  # the language itself refuses it: a unit of its own kind of test
-        yield Mutant(what, mutant, differ(truth, accelerations(mutant, numbers)))
+        yield Mutant(what, partial(_read, Source(source.name, text, source.path)), numbers, truth)
+
+
+def _read(source: Source) -> Problem:
+    return elaborate(parse(source))
 
 
 def _edits(source: Source, problem: Problem) -> Iterator[tuple[str, str]]:
