@@ -137,7 +137,7 @@ class _Loop:
                 self.system.factorize(self.it, self.barrier.mu)
             except SingularSystem:
                 return self._give_up()
-            if self._advance():
+            if self._advance() and not self.stall.blocked(self.length, self.it.theta):
                 continue
             end = self._restore()
             if end is not None:

@@ -17,6 +17,10 @@ PATIENCE = 15
 TINY_STEPS = 3
 SMALL_STEP = 1e-9
 SLOW = 0.1
+SHORT = 1e-2
+SHORT_STEPS = 5
+HALF = 0.5
+NEARLY_FEASIBLE = 1e-4
 MUCH = 1e-6
 
 
@@ -63,12 +67,20 @@ class Stall:
     """Counts steps that move nothing any more."""
 
     def __init__(self) -> None:
-        self._tiny = self._small = 0
+        self._tiny = self._small = self._short = 0
+        self._theta = np.inf
 
     def note(self, size: float, tiny: bool) -> None:
         """The relative size of a step; ``tiny``: below rounding error, and no change of the barrier explains it."""
         self._tiny = self._tiny + 1 if tiny else 0
         self._small = self._small + 1 if size <= SMALL_STEP else 0
+
+    def blocked(self, length: float, theta: float) -> bool:
+        """True after several very short steps in a row that did not even halve the violation ``theta``."""
+        if length >= SHORT or theta < HALF * self._theta:
+            self._short, self._theta = 0, theta
+        self._short += 1
+        return self._short > SHORT_STEPS and theta > NEARLY_FEASIBLE
 
     @property
     def stalled(self) -> bool:
