@@ -99,6 +99,11 @@ ENERGY_BALANCE: Final[ByMethod] = {"hermite-simpson": 1e-4, "trapezoidal": 2e-2,
 #: Largest part of an impulse that no contact gives, as a share of the motion's largest momentum.
 VELOCITY_JUMP: Final = 1e-9
 
+#: Largest share of the model's friction that a solved contact force may use, and the largest typical difference
+#: between MuJoCo's contact forces and the solved ones, as a share of the largest solved one.
+FRICTION_CONE: Final = 1.0 + 1e-6
+CONTACT_FORCE: Final = 2e-2
+
 #: Largest violation of an inequality of the spec between the nodes, as a share of what it compares.
 INEQUALITY_BETWEEN: Final[ByMethod] = {"hermite-simpson": 2e-2, "trapezoidal": 5e-2, "central": 5e-2}
 

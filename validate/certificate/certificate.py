@@ -11,6 +11,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 from stc.solution import Solution
 from stc.validate import limits
 from stc.validate.certificate import blame, table
+from stc.validate.certificate.contact_forces import (
+    ContactForces,
+    contact_force_metrics,
+    contact_forces,
+)
 from stc.validate.certificate.staleness import stale
 from stc.validate.metrics import Metric
 from stc.validate.report import Report
@@ -40,6 +45,7 @@ class Certificate:
         equations: the comparison of the equations of motion, where it was made.
         further: measurements of others, such as the observed order of convergence.
         faults: what is wrong besides measurements, one line each: the spec has changed since, for one.
+        ground: the contact forces, solved and as MuJoCo found them.
     """
 
     solution: Solution
@@ -48,6 +54,7 @@ class Certificate:
     equations: ComparedEquations | None = None
     further: Sequence[Metric] = ()
     faults: list[str] = field(default_factory=list)
+    ground: Sequence[ContactForces] = ()
 
     @property
     def metrics(self) -> list[Metric]:
@@ -188,4 +195,6 @@ def certify(
         solution, model, force=force, time_step=time_step, integrator=integrator, statements=statements
     )
     motion = replays.setup.solution
-    return Certificate(motion, report, replays, equations, further, stale(motion))
+    ground = contact_forces(replays)
+    report.metrics = [*report.metrics, *contact_force_metrics(ground)]
+    return Certificate(motion, report, replays, equations, further, stale(motion), ground)

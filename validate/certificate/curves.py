@@ -18,7 +18,7 @@ _POINTS = 400
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One curve: ``kind`` is ``solved``, ``replayed`` or ``tracked``; times and values are (k,)."""
+    """One curve: ``kind`` is ``solved``, ``replayed``, ``tracked`` or ``cone``; times and values are (k,)."""
 
     kind: str
     time: FloatArray

@@ -54,7 +54,7 @@ class Mark:
 
 
 @dataclass(slots=True)
-class Line:
+class TextLine:
     """One line of the spec."""
 
     number: int
@@ -62,9 +62,9 @@ class Line:
     marks: list[Mark] = field(default_factory=list)
 
 
-def listing(solution: Solution) -> list[Line]:
+def listing(solution: Solution) -> list[TextLine]:
     """The whole text with marks at the first lines of statements that have multipliers."""
-    lines = [Line(k + 1, text) for k, text in enumerate(solution.source.splitlines())]
+    lines = [TextLine(k + 1, text) for k, text in enumerate(solution.source.splitlines())]
     statements = list(_statements(solution))
     for block in solution.multipliers:
         if block.kind == "link":

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.validate.certificate import blame, table
-from stc.validate.certificate.curves import Panel, panels
-from stc.validate.certificate.listing import Line, listing
+from stc.validate.certificate.contact_forces import ContactForces
+from stc.validate.certificate.curves import Line, Panel, panels
+from stc.validate.certificate.listing import TextLine, listing
 from stc.validate.certificate.pictures import Pictures, encoded, render
 from stc.validate.certificate.plots import draw
 from stc.validate.metrics import Metric
@@ -29,6 +30,11 @@ _GROUPS = {
     "apply": "Applied forces",
     "contact": "Contact forces",
 }
+
+_CONTACT_KEY = (
+    "<p class='key'><span class='solved'>solved</span><span class='replayed'>MuJoCo's contacts, forces alone</span>"
+    "<span class='cone'>edge of the friction cone</span></p>"
+)
 
 
 def page(certificate: Certificate, *, pictures: bool = True) -> str:
@@ -189,6 +195,8 @@ def _strip(found: Pictures) -> str:
 
 def _plots(certificate: Certificate) -> str:
     found = panels(certificate.replays)
+    if certificate.ground:
+        found = [panel for panel in found if panel.group != "contact"] + _ground(certificate.ground)
     if not found:
         return ""
     by_group: dict[str, list[str]] = {}
@@ -200,9 +208,24 @@ def _plots(certificate: Certificate) -> str:
     key += "<span class='tracked'>replayed with feedback</span></p>" if tracked else "</p>"
     parts = []
     for group, figures in by_group.items():
-        legend = key if group in ("joint", "output") else ""
+        legend = {"joint": key, "output": key, "contact": _CONTACT_KEY if certificate.ground else ""}.get(
+            group, ""
+        )
         parts.append(f"<h3>{_GROUPS[group]}</h3>{legend}<div class='plots'>{''.join(figures)}</div>")
     return f"<section aria-labelledby='plots'>\n<h2 id='plots'>Over time</h2>\n{''.join(parts)}</section>\n"
+
+
+def _ground(forces: Sequence[ContactForces]) -> list[Panel]:
+    """Every part of every contact force, solved and found, in the friction cone."""
+    found = []
+    for one in forces:
+        for part, solved in one.solved.items():
+            lines = [Line("solved", one.time, solved), Line("replayed", one.time, one.found[part])]
+            if part in ("fx", "fy") and one.friction is not None and "fz" in one.solved:
+                cone = one.friction * one.solved["fz"]
+                lines += [Line("cone", one.time, cone), Line("cone", one.time, -cone)]
+            found.append(Panel("contact", f"{one.body} {part}", "N" if part[0] == "f" else "N m", lines, []))
+    return found
 
 
 def _title(panel: Panel) -> str:
@@ -213,7 +236,7 @@ def _title(panel: Panel) -> str:
 # ------------------------------------------------------------------------------------------------------- spec
 
 
-def _spec(lines: list[Line]) -> str:
+def _spec(lines: list[TextLine]) -> str:
     largest = max((abs(mark.value) for line in lines for mark in line.marks), default=0.0)
     rows = []
     for line in lines:

@@ -22,11 +22,12 @@ if TYPE_CHECKING:
 
 #: Stand-in colours and the page's variables for them.
 _INK, _GRID = "#000001", "#000002"
-_LINES = {"solved": "#000011", "replayed": "#000012", "tracked": "#000013"}
+_LINES = {"solved": "#000011", "replayed": "#000012", "tracked": "#000013", "cone": "#000003"}
 _PARTS = ("#000019", "#000014", "#000015", "#000016", "#000017", "#000018")
 _VARIABLES = {
     _INK: "--ink",
     _GRID: "--grid",
+    "#000003": "--quiet",
     "#000011": "--solved",
     "#000012": "--replayed",
     "#000013": "--tracked",
@@ -85,7 +86,7 @@ def _panel(panel: Panel, key: str) -> str:
     else:
         axes = [figure.subplots(1, 1)]
         _lines(axes[0], panel.lines)
-        if len(panel.lines) > 1:
+        if all(line.kind == "solved" for line in panel.lines) and len(panel.lines) > 1:
             legend = axes[0].legend(frameon=False, fontsize=8, ncols=3, loc="best")
             for text in legend.get_texts():
                 text.set_color(_INK)
@@ -110,7 +111,7 @@ def _panel(panel: Panel, key: str) -> str:
 
 def _lines(axes: Axes, lines: Sequence[Line]) -> None:
     """Draw curves, the solved one broad where others lie on it."""
-    styles: dict[str, Any] = {"solved": "-", "replayed": (0, (5, 2)), "tracked": (0, (1, 1.3))}
+    styles: dict[str, Any] = {"solved": "-", "replayed": (0, (5, 2)), "tracked": (0, (1, 1.3)), "cone": "-"}
     alone = all(line.kind == "solved" for line in lines)
     for k, line in enumerate(lines):
         if not np.any(np.isfinite(line.value)):
@@ -120,7 +121,7 @@ def _lines(axes: Axes, lines: Sequence[Line]) -> None:
             _within(line.value, lines),
             color=_PARTS[k % len(_PARTS)] if alone else _LINES[line.kind],
             linestyle="-" if alone else styles[line.kind],
-            linewidth=4.0 if line.kind == "solved" and not alone else 1.4,
+            linewidth=0.8 if line.kind == "cone" else 4.0 if line.kind == "solved" and not alone else 1.4,
             label=line.label or line.kind,
         )
 
