@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stc.errors import Span, UsageError
+from stc.errors import Span, StcError, UsageError
 from stc.phases import resolved, stretches
 from stc.pipeline import Model
 from stc.problem import IndexRef, Problem, VariableRef
@@ -163,7 +164,8 @@ def observe_order(
 
 def _level(solution: Solution) -> Level:
     setup = open_setup(solution)
-    motion = replay(setup)
+    # On the ground the solved forces act in place of MuJoCo's contacts: those would hide the order.
+    motion = replay(setup, external=bool(len(setup.contact)))
     gaps = {}
     for tie in setup.ties:
         simulated = motion.positions[:, tie.position]
@@ -219,13 +221,39 @@ def _judged(problem: Problem, levels: list[Level]) -> OrderReport:
 def _refined(model: Model, problem: Problem, method: str | None, factor: int) -> dict[str, float]:
     """Constants that give the same motion ``factor`` times as many frames.
 
+    That is n itself, or a constant from which n and the other frame numbers of the spec follow, as in
+    ``k = 2, n = 60*k``.
+
     Raises:
         UsageError: the spec does not say what the same motion would be.
     """
-    overrides = {"n": float(factor * problem.n)}
+    for term in problem.objective:
+        if not term.integral and term.range.first < term.range.last:
+            raise UsageError(
+                f"{term.span.location}: a plain sum over frames grows with n and converges only at first order",
+                f"write `integral({term.text})`",
+            )
+    try:
+        return _checked(model, problem, method, factor, "n")
+    except UsageError as error:
+        for name in sorted(problem.structural - {"n"}):
+            with suppress(StcError):
+                return _checked(model, problem, method, factor, name)
+        raise error from None
+
+
+def _checked(model: Model, problem: Problem, method: str | None, factor: int, name: str) -> dict[str, float]:
+    """``name`` times the factor, and what else keeps the motion the same.
+
+    Raises:
+        UsageError: another duration, frame numbers that do not keep their share, or another number of frames.
+    """
+    overrides = {name: factor * problem.constants[name]}
     finer = model.problem(method, **overrides)
-    before, after = _durations(problem), _durations(finer)
-    if not np.allclose(after, before, rtol=1e-9):
+    if finer.n != factor * problem.n:
+        raise UsageError(f"{name} does not decide the number of frames")
+    before = _durations(problem)
+    if not np.allclose(_durations(finer), before, rtol=1e-9):
         if "h" not in problem.constants:
             raise UsageError(
                 f"{problem.name} takes another time with {factor} times as many frames",
@@ -235,21 +263,17 @@ def _refined(model: Model, problem: Problem, method: str | None, factor: int) ->
         finer = model.problem(method, **overrides)
         if not np.allclose(_durations(finer), before, rtol=1e-9):
             raise UsageError(f"{problem.name} takes another time with {factor} times as many frames")
-    for term in problem.objective:
-        if not term.integral and term.range.first < term.range.last:
-            raise UsageError(
-                f"{term.span.location}: a plain sum over frames grows with n and converges only at first order",
-                f"write `integral({term.text})`",
-            )
-    for (where, span), (other, _) in zip(_frames(problem), _frames(finer), strict=True):
+    ours, theirs = list(_frames(problem)), list(_frames(finer))
+    if len(ours) != len(theirs):
+        raise UsageError(f"{problem.name} states something else with {factor} times as many frames")
+    for (where, span), (other, _) in zip(ours, theirs):
         # Frames of the form a*n + b: b is what does not scale.
         fixed = (factor * where - other) / (factor - 1)
         if abs(fixed) > _BESIDE + 1e-9:
             place = span.location if span is not None else problem.name
-            share = f"{where:g}/{problem.n}*n"
             raise UsageError(
                 f"{place}: frame {where:g} would be frame {other:g} of {finer.n}: it does not keep its share",
-                f"write frame numbers as shares of n, here `{share}`",
+                f"write frame numbers as shares of n, here `{where:g}/{problem.n}*n`",
             )
     return overrides
 

@@ -73,6 +73,12 @@ def test_a_step_that_is_a_number_is_refined_with_n() -> None:
     assert fixed.metrics[0].value == pytest.approx(given.metrics[0].value, rel=1e-6)
 
 
+def test_a_constant_may_decide_all_frame_numbers() -> None:
+    model = spec("[m8]: y >= 0.1;", number=("n = 8, T = 1", "k = 2, m8 = 2*k, n = 4*k, T = 1"))
+    report = observe_order(model, "trapezoidal")
+    assert [level.n for level in report.levels] == [8, 16, 32]
+
+
 def test_a_motion_that_is_exact_shows_no_order() -> None:
     """The cubic spline: Hermite-Simpson and the replay hold it to rounding."""
     report = observe_order(spec(objective="integral(x''^2 + y''^2)"))
