@@ -25,6 +25,7 @@ _CAUSES = (
     "force, entry",
     "unexplained impulse",
     "inverse-dynamics residual",
+    "friction used",
 )
 _EFFECTS = (
     "residual between",
