@@ -29,13 +29,16 @@ STILLS = (".png", ".jpg", ".jpeg")
 VIDEOS = (".webp", ".gif", ".mp4")
 
 #: A video of a motion is slowed down until it lasts about so long, in seconds, but not below real time.
-_SHORTEST = 2.4
+_SHORTEST = 2.0
 
 #: Slow motion is one of these shares of real time.
 _SPEEDS = (1.0, 0.5, 0.25, 0.2, 0.1, 0.05, 0.02, 0.01)
 
 #: The last image of a video stays for this time, in seconds, before it starts again.
 _PAUSE = 0.8
+
+#: Of more images than this, shadows are drawn with so many pixels at most: they take half of the time.
+_FEW, _SHADOWS = 16, 2048
 
 #: Colours of paths: solved, simulated.
 _SOLVED, _SIMULATED = (0.98, 0.62, 0.16, 0.9), (0.25, 0.75, 0.95, 0.9)
@@ -176,7 +179,10 @@ def _images(
     trails = [Trail(points, _SOLVED) for points in paths(setup)]
     if motion is not None:
         trails += [Trail(points, _SIMULATED) for points in paths(setup, motion)]
-    with Stage(setup.compiled, look.width, look.height, look.camera, frame=_spread(solved)) as stage:
+    model = setup.model()
+    if len(times) > _FEW:
+        model.vis.quality.shadowsize = min(int(model.vis.quality.shadowsize), _SHADOWS)
+    with Stage(model, look.width, look.height, look.camera, frame=_spread(solved)) as stage:
         for k, time in enumerate(times):
             ghosts: Sequence[tuple[FloatArray, float]] = [] if motion is None else [(solved[k], _GHOST)]
             image = stage.render(shown[k], ghosts, trails)
