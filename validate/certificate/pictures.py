@@ -25,6 +25,9 @@ SIZE, STRIP = (480, 300), 8
 #: Pictures of an animation per second, and fewest and most of them.
 _RATE, _FEWEST, _MOST = 20.0, 30, 60
 
+#: Resolution of shadows.
+_SHADOWS = 2048
+
 #: How far apart solved and simulated coordinates must be, in m or rad, for the solved motion to be drawn too.
 _GHOST_FROM, _GHOST_OPACITY = 1e-3, 0.35
 
@@ -108,7 +111,10 @@ def render(replays: Replays) -> Pictures:
         trails += [Trail(points, _SOLVED) for points in paths(setup)]
     some = solved[np.unique(np.linspace(0, count - 1, 25).astype(np.intp))]
     frames = []
-    with Stage(setup.compiled, *SIZE, frame=some) as stage:
+    model = setup.model()
+    # Most of this is rendered in software, where fine shadows take most of the time and hardly show at this size.
+    model.vis.quality.shadowsize = min(int(model.vis.quality.shadowsize), _SHADOWS)
+    with Stage(model, *SIZE, frame=some) as stage:
         for k in range(count):
             ghosts = [(solved[k], _GHOST_OPACITY)] if ghost else []
             frames.append(Image.fromarray(stage.render(simulated[k], ghosts, trails)))
