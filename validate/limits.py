@@ -99,6 +99,9 @@ ENERGY_BALANCE: Final[ByMethod] = {"hermite-simpson": 1e-4, "trapezoidal": 2e-2,
 #: Largest part of an impulse that no contact gives, as a share of the motion's largest momentum.
 VELOCITY_JUMP: Final = 1e-9
 
+#: Largest departure from the conservation of momentum in flight, as a share of the momentum that moves.
+FLIGHT: Final[ByMethod] = {"hermite-simpson": 5e-3, "trapezoidal": 1e-1, "central": 1e-1}
+
 #: Largest share of the model's friction that a solved contact force may use, and the largest typical difference
 #: between MuJoCo's contact forces and the solved ones, as a share of the largest solved one.
 FRICTION_CONE: Final = 1.0 + 1e-6

@@ -25,6 +25,8 @@ _CAUSES = (
     "force, entry",
     "unexplained impulse",
     "inverse-dynamics residual",
+    "momentum in flight",
+    "angular momentum",
     "friction used",
 )
 _EFFECTS = (

@@ -16,6 +16,7 @@ from stc.validate.certificate.contact_forces import (
     contact_force_metrics,
     contact_forces,
 )
+from stc.validate.certificate.momentum import momentum_metrics
 from stc.validate.certificate.staleness import stale
 from stc.validate.metrics import Metric
 from stc.validate.report import Report
@@ -196,5 +197,5 @@ def certify(
     )
     motion = replays.setup.solution
     ground = contact_forces(replays)
-    report.metrics = [*report.metrics, *contact_force_metrics(ground)]
+    report.metrics = [*report.metrics, *momentum_metrics(replays.setup), *contact_force_metrics(ground)]
     return Certificate(motion, report, replays, equations, further, stale(motion), ground)

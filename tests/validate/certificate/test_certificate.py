@@ -19,6 +19,7 @@ from stc.validate import Metric
 from stc.validate.certificate import Certificate, blame, table
 from stc.validate.certificate.contact_forces import contact_forces
 from stc.validate.certificate.listing import listing
+from stc.validate.certificate.momentum import flights
 
 
 def spec(name: str) -> str:
@@ -231,6 +232,47 @@ def test_a_push_beyond_the_friction_is_found(tmp_path: Path) -> None:
     assert used.verdict == "fail"
     assert not certificate.passed
     assert certificate.headline.startswith("body block: friction used")
+
+
+THROWN = """<mujoco><option gravity="0 0 -10"/><worldbody>
+  <body name="block">
+    <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+    <joint name="turn" type="hinge" axis="0 1 0"/>
+    <inertial pos="0 0 0" mass="2" diaginertia="0.5 0.5 0.5"/><geom type="sphere" size="0.1"/>
+    <body name="tail" pos="0.2 0 0"><joint name="tail" type="hinge" axis="0 1 0"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="0.25 0.25 0.25"/><geom type="sphere" size="0.1"/></body>
+  </body></worldbody>
+  <actuator><motor name="tail" joint="tail"/></actuator></mujoco>"""
+
+THROW = """
+constants: n = 12, T = 0.6, h = T/n;
+variables: x, z, th, a, u, fz;
+definitions: xt = x + 0.2*cos(th); zt = z - 0.2*sin(th);
+lagrangian: (x'^2 + z'^2) + 0.25*th'^2 - 20*z; (xt'^2 + zt'^2)/2 + 0.125*(th' + a')^2 - 10*zt;
+forces: z: fz; a: u; th: SPIN;
+constraints:
+  [0, 4]: fz = 60; [5, n]: fz = 0;
+  [0]: x; z; th; a; z'; x' = 1; th' = 0.3; a';
+  [0, n]: u = 0.2;
+method: hermite-simpson;
+replay:
+  model = "thrown.xml"; joint x = x; joint z = z; joint turn = th; joint tail = a; actuator tail = u;
+  contact body.block.fz = fz;
+"""
+
+
+@pytest.mark.parametrize(("spin", "conserved"), [("0", True), ("0.5", False)])
+def test_momentum_in_flight(tmp_path: Path, spin: str, conserved: bool) -> None:
+    """Thrown upwards, a body with a tail keeps its angular momentum, unless a torque comes from nowhere."""
+    (tmp_path / "thrown.xml").write_text(THROWN)
+    (tmp_path / "thrown.stc").write_text(THROW.replace("SPIN", spin))
+    certificate = certify(stc.load(tmp_path / "thrown.stc").solve())
+    (flight,) = flights(certificate.replays.setup)
+    assert (flight.first, flight.last) == (5, 12)
+    assert flight.linear < 1e-5
+    assert flight.angular < 1e-5 if conserved else flight.angular > 0.1
+    failed = {metric.name for metric in certificate.metrics if metric.verdict == "fail"}
+    assert ("angular momentum in flight, change" in failed) is not conserved
 
 
 def test_solve_spec_and_certify_motion_are_fixtures(
