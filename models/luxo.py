@@ -203,6 +203,7 @@ MATERIALS = [
     material("steel", (0.74, 0.76, 0.79), 0.9, 0.8),
     material("brass", (0.85, 0.66, 0.30), 0.9, 0.8),
     material("rubber", (0.08, 0.08, 0.09), 0.1, 0.1),
+    material("step", (0.36, 0.40, 0.46), 0.2, 0.2),
 ]
 
 
@@ -281,13 +282,35 @@ def _lamp(found: Bodies, *base_joints: Element) -> Element:
     )
 
 
-def _document(name: str, comment: str, found: Bodies, *base_joints: Element) -> str:
+STEP = (0.5, 0.6, 1.0)
+"""Length, width and height of the step; its body stands in the middle of its upper face, which specs put into place."""
+
+
+def _step() -> Element:
+    """A block whose upper face is another floor."""
+    block = element(
+        "geom",
+        name="step",
+        type="box",
+        pos=(0.0, 0.0, -STEP[2] / 2),
+        size=tuple(length / 2 for length in STEP),
+        friction=(FRICTION, 0.005, 0.0001),
+        solref=STIFF,
+        material="step",
+    )
+    return element("body", block, name="step", pos=(1.0, 0.0, 0.1))
+
+
+def _document(
+    name: str, comment: str, found: Bodies, *base_joints: Element, scenery: tuple[Element, ...] = ()
+) -> str:
     world = element(
         "worldbody",
         stage.sun(),
         stage.camera("side", (0.2, -2.3, 0.42), (0.0, 1.0, -0.05), 25.0),
         stage.camera("portrait", (1.02, -1.36, 0.50), (-0.56, 0.80, -0.15), 27.0),
         stage.floor(contype=1.0, conaffinity=1.0, friction="0.66 0.005 0.0001", solref="0.0004 1"),
+        *scenery,
         _lamp(found, *base_joints),
     )
     return document(
@@ -304,7 +327,7 @@ def _document(name: str, comment: str, found: Bodies, *base_joints: Element) -> 
 
 
 def describe() -> Description:
-    """The lamp with its base free (``luxo.xml``) and with its base fixed (``luxo_fixed.xml``)."""
+    """The lamp with its base free (``luxo.xml``, ``luxo_step.xml``) and with its base fixed (``luxo_fixed.xml``)."""
     found = bodies()
     free = (
         slide("x", axis=(1.0, 0.0, 0.0)),
@@ -320,6 +343,13 @@ def describe() -> Description:
         documents={
             "luxo.xml": _document(
                 "luxo", f"The lamp, standing free in the x-z plane.\n{written}", found, *free
+            ),
+            "luxo_step.xml": _document(
+                "luxo_step",
+                f"The lamp, standing free, and a step.\n{written}",
+                found,
+                *free,
+                scenery=(_step(),),
             ),
             "luxo_fixed.xml": _document("luxo_fixed", f"The lamp with its base fixed.\n{written}", found),
         },

@@ -141,8 +141,10 @@ def _contacts(tree: syntax.SpecTree, trial: Context, diagnostics: Diagnostics) -
                 where = ranges.frames(block.header)
                 if where is not None:
                     places = [show_expression(place) for place in statement.at]
-                    x, z = (places[0] if places else None), (places[1] if len(places) > 1 else "0")
-                    found[name].phases.append(Phase(where, block.header, x, z))
+                    if len(places) > len(found[name].pose):
+                        _fail(diagnostics, statement, f"a {found[name].kind} takes no angle")
+                    x, (z, angle) = (places[0] if places else None), [*places[1:], "0", "0"][:2]
+                    found[name].phases.append(Phase(where, block.header, x, z, angle))
     for contact in found.values():
         _order(contact, diagnostics)
     return list(found.values())

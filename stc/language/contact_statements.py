@@ -30,12 +30,13 @@ NEEDED: Mapping[str, tuple[str, ...]] = {"foot": ("half", "friction"), "point": 
 
 @dataclass(slots=True)
 class Phase:
-    """Frames on which a contact stands, and where: the texts of place and height, None where x is free."""
+    """Frames on which a contact stands, and where: the texts of place, height and angle; None where x is free."""
 
     frames: FrameRange
     header: syntax.RangeHeader
     x: str | None
     z: str
+    angle: str
     landing: int = 0
     """Counts the impacts of this contact from 1; 0 where none begins the phase."""
 
@@ -217,12 +218,14 @@ class Writer:
                 if contact.pose[1] in self.mechanics.coordinates:
                     hop = f"4*{contact.options['half']}*{s}*(1 - {s})" if "half" in contact.options else "0"
                     lines.append(f"{contact.pose[1]} = {_plus(_between(before.z, after.z, s), hop)};")
+                if len(contact.pose) > 2 and contact.pose[2] in self.mechanics.coordinates:
+                    lines.append(f"{contact.pose[2]} = {_between(before.angle, after.angle, s)};")
                 if lines:
                     yield f"  [{before.last}, {after.first}]: {' '.join(lines)}"
 
     def at(self, contact: Contact, phase: Phase) -> list[tuple[str, str]]:
         """Each part of the pose that a phase fixes, with its value."""
-        values = [phase.x, phase.z, "0"][: len(contact.pose)]
+        values = [phase.x, phase.z, phase.angle][: len(contact.pose)]
         return [(part, value) for part, value in zip(contact.pose, values) if value is not None]
 
     def statements(self, contact: Contact) -> Iterator[str]:

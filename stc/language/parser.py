@@ -332,7 +332,7 @@ class _Parser(ExpressionParser):
         if self.kind == "name" and self.token_text(self.at) == "at":
             self.advance()
             at.append(self.expression())
-            if self.kind == ",":
+            while self.kind == "," and len(at) < 3:
                 self.advance()
                 at.append(self.expression())
         found = syntax.ContactPlace(name.start, self.ends[self.at - 1], name, at)

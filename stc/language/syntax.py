@@ -197,7 +197,7 @@ class ContactDeclaration(Node):
 
 @dataclass(slots=True)
 class ContactPlace(Node):
-    """``sole at x, z;`` in `contact:`; neither or both of the places may be given, or x alone."""
+    """``sole at x, z, angle;`` in `contact:`; any number of them may be given, from the left."""
 
     name: Name
     at: list[Expression]

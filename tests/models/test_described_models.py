@@ -11,7 +11,7 @@ import pytest
 from stc import models
 from stc.models import build, luxo
 
-MODELS = ["luxo.xml", "luxo_fixed.xml", "arm.xml", "cart_pole.xml"]
+MODELS = ["luxo.xml", "luxo_fixed.xml", "luxo_step.xml", "arm.xml", "cart_pole.xml"]
 
 
 def load(name: str) -> mujoco.MjModel:
@@ -57,7 +57,8 @@ def test_only_sole_and_floor_touch(name: str) -> None:
     touching = {
         model.geom(k).name for k in range(model.ngeom) if model.geom_contype[k] or model.geom_conaffinity[k]
     }
-    assert touching == ({"floor", "foot"} if name.startswith("luxo") else set())
+    expected = {"floor", "foot"} if name.startswith("luxo") else set()
+    assert touching == (expected | {"step"} if name == "luxo_step.xml" else expected)
 
 
 def test_the_lamp_weighs_what_its_design_says() -> None:

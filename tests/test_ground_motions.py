@@ -1,0 +1,113 @@
+"""Motions on the ground and of the free segment: solved from their own files and repeated by MuJoCo.
+
+The quick ones run always; the others with ``pytest -m nightly``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stc
+from stc.solution import Solution
+from stc.validate import validate
+from stc.validate.report import Report
+
+pytestmark = pytest.mark.slow
+
+FRICTION = 0.6
+OTHERS = ["luxo_hurdle", "luxo_step_up", "luxo_step_down", "luxo_heavy", "luxo_moon", "luxo_two_jumps"]
+
+
+def value(report: Report, name: str, subject: str) -> float:
+    return next(m.value for m in report.metrics if (m.name, m.subject) == (name, subject))
+
+
+def solved(name: str) -> Solution:
+    found = stc.load(name).solve()
+    assert found.status == "optimal"
+    return found
+
+
+@pytest.fixture(scope="module")
+def jump() -> Solution:
+    return solved("luxo_jump")
+
+
+def test_the_lamp_jumps_open_loop(jump: Solution, tmp_path: Path) -> None:
+    jump.save(tmp_path / "jump.npz")
+    report = validate(tmp_path / "jump.npz")
+    assert value(report, "open-loop error on the ground, RMS", "base") <= 1e-3
+    assert value(report, "open-loop error on the ground, RMS", "joints") <= 5e-3
+    assert value(report, "open-loop error on the ground, at the end", "base") <= 1e-3
+    assert value(report, "open-loop error on the ground, at the end", "joints") <= 2e-2
+    assert value(report, "tracked error on the ground, RMS", "base") <= 1e-3
+    assert value(report, "tracked error on the ground, RMS", "joints") <= 1e-3
+    for joint in ("hip", "elbow", "neck"):
+        assert value(report, "feedback share", f"actuator {joint}") <= 0.02
+    assert max(m.value for m in report.metrics if m.name == "inverse-dynamics residual") <= 1e-8
+
+
+def check_ground(motion: Solution, takeoff: int, touchdown: int) -> None:
+    """The ground pushes, never pulls, within its cone; nothing acts in flight; the foot lands gently and stays."""
+    stance = np.r_[0:takeoff, touchdown : motion.n + 1]
+    up, along, turn = motion["sole_fz"], motion["sole_fx"], motion["sole_my"]
+    assert up[stance].min() >= -1e-6
+    assert np.all(np.abs(along[stance]) <= FRICTION * up[stance] + 1e-6)
+    assert np.all(np.abs(turn[stance]) <= 0.1 * up[stance] + 1e-6)
+    assert np.abs(up[takeoff + 1 : touchdown]).max() <= 1e-6
+    assert motion["sole_jz1"] >= -1e-8
+    assert abs(motion["sole_jx1"]) <= FRICTION * motion["sole_jz1"] + 1e-6
+    speed = np.hypot(motion.before["x'"][touchdown], motion.before["z'"][touchdown])
+    assert speed <= 0.6
+    for name in ("x", "z"):
+        assert np.ptp(motion[name][:takeoff]) <= 1e-8
+        assert np.ptp(motion[name][touchdown:]) <= 1e-8
+
+
+def test_the_ground_does_only_what_a_ground_can(jump: Solution) -> None:
+    check_ground(jump, 40, 72)
+
+
+def test_in_flight_momentum_changes_by_weight_alone(jump: Solution) -> None:
+    masses = [jump.constants[f"m{k}"] for k in range(4)]
+    lengths = {name: jump.constants[name] for name in ("lb", "l1", "l2", "d0", "d1", "d2", "d3")}
+    p1 = jump["th"] + jump["a1"]
+    p2, p3 = p1 + jump["a2"], p1 + jump["a2"] + jump["a3"]
+    hip = jump["z"] + lengths["lb"] * np.cos(jump["th"])
+    elbow = hip + lengths["l1"] * np.cos(p1)
+    neck = elbow + lengths["l2"] * np.cos(p2)
+    heights = [
+        jump["z"] + lengths["d0"] * np.cos(jump["th"]),
+        hip + lengths["d1"] * np.cos(p1),
+        elbow + lengths["d2"] * np.cos(p2),
+        neck + lengths["d3"] * np.cos(p3),
+    ]
+    centre = sum(m * z for m, z in zip(masses, heights)) / sum(masses)
+    time, flight = jump.time[40:73], centre[40:73]
+    parabola = np.polyfit(time, flight, 2)
+    assert 2 * parabola[0] == pytest.approx(-jump.constants["g"], rel=1e-4)
+    assert np.abs(np.polyval(parabola, time) - flight).max() <= 1e-5  # the error of the transcription
+
+
+@pytest.mark.parametrize("name", ["segment_to_pose", "segment_flip", "segment_swing"])
+def test_the_segment_goes_where_it_should(name: str, tmp_path: Path) -> None:
+    solved(name).save(tmp_path / "segment.npz")
+    report = validate(tmp_path / "segment.npz")
+    assert report.passed, [m for m in report.metrics if m.verdict == "fail"]
+    if name != "segment_swing":
+        for joint in ("x", "z"):
+            assert value(report, "open-loop drift, largest", f"joint {joint}") <= 2e-7
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_jumps_are_repeated_by_the_simulator(name: str, tmp_path: Path) -> None:
+    solved(name).save(tmp_path / "motion.npz")
+    report = validate(tmp_path / "motion.npz")
+    assert value(report, "tracked error on the ground, RMS", "base") <= 5e-3
+    assert value(report, "tracked error on the ground, RMS", "joints") <= 5e-3
+    for joint in ("hip", "elbow", "neck"):
+        assert value(report, "feedback share", f"actuator {joint}") <= 0.05
