@@ -58,7 +58,7 @@ CONTACT_END_BASE: Final = 1e-3
 CONTACT_END_JOINTS: Final = 2e-2
 
 #: Largest drift of a joint where the solved contact forces act in place of the model's contacts, phase by phase.
-EXTERNAL_DRIFT: Final[ByMethod] = {"hermite-simpson": 1e-3, "trapezoidal": 1e-1, "central": 1e-1}
+EXTERNAL_DRIFT: Final[ByMethod] = {"hermite-simpson": 5e-3, "trapezoidal": 1e-1, "central": 1e-1}
 
 #: Largest share of its torque that the feedback may supply on the ground.
 CONTACT_FEEDBACK_SHARE: Final = 5e-2
