@@ -101,9 +101,12 @@ def _active(nlp: NLP, x: Floats, slack: float) -> tuple[Mask, Mask, Mask, Mask]:
     _, r = nlp.values(x)
     marks = []
     for value, lower, upper in ((r, nlp.row_lower, nlp.row_upper), (x, nlp.x_lower, nlp.x_upper)):
+        equal = lower == upper
         with np.errstate(invalid="ignore"):
-            marks.append(np.isfinite(lower) & (value - lower <= slack * np.maximum(1.0, np.abs(lower))))
-            marks.append(np.isfinite(upper) & (upper - value <= slack * np.maximum(1.0, np.abs(upper))))
+            low = value - lower <= slack * np.maximum(1.0, np.abs(lower))
+            high = upper - value <= slack * np.maximum(1.0, np.abs(upper))
+        marks.append(np.isfinite(lower) & (equal | low))
+        marks.append(np.isfinite(upper) & (equal | high))
     return marks[0], marks[1], marks[2], marks[3]
 
 

@@ -18,6 +18,7 @@ from stc.solver.sqp import minimize
 __all__ = ["DEFAULT", "Minimizer", "SizeWarning", "caution", "optimizer_names", "optimizer_of"]
 
 DEFAULT = "sqp"
+WITKIN_KASS = "witkin-kass"
 
 
 class SizeWarning(UserWarning):
@@ -51,6 +52,10 @@ def optimizer_of(name: str) -> Minimizer:
 
         choose(name)
         return partial(minimize_with_nlopt, name)
+    if name in (WITKIN_KASS, f"{WITKIN_KASS}:printed"):
+        from stc.solver.witkin_kass import minimize_witkin_kass
+
+        return partial(minimize_witkin_kass, variant=name.partition(":")[2])
     from difflib import get_close_matches
 
     names = optimizer_names()
@@ -66,7 +71,7 @@ def optimizer_names() -> list[str]:
     """Every optimizer, without the choices of local algorithms that some of them have."""
     from stc.solver.nlopt_algorithms import ALGORITHMS
 
-    return [DEFAULT, *(f"nlopt:{name}" for name in ALGORITHMS)]
+    return [DEFAULT, WITKIN_KASS, f"{WITKIN_KASS}:printed", *(f"nlopt:{name}" for name in ALGORITHMS)]
 
 
 def caution(name: str, nlp: NLP) -> str:

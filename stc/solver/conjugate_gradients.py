@@ -1,0 +1,79 @@
+"""Linear systems by conjugate gradients, from products alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from stc.solver.nlp import Floats
+
+__all__ = ["Answer", "conjugate_gradients"]
+
+Product = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What conjugate gradients came to.
+
+    Attributes:
+        x: the last iterate; of a singular consistent system, without a preconditioner, the shortest solution.
+        residual: length of what is missing, relative to the right-hand side.
+        iterations: products with the matrix.
+        indefinite: True when a direction of negative curvature ended it.
+    """
+
+    x: Floats
+    residual: float
+    iterations: int
+    indefinite: bool
+
+
+def conjugate_gradients(
+    product: Product,
+    rhs: Floats,
+    tolerance: float,
+    diagonal: Floats | None = None,
+    check: Callable[[], None] | None = None,
+) -> Answer:
+    """Solve ``A x = rhs`` for a symmetric positive (semi)definite A.
+
+    M. R. Hestenes and E. Stiefel, Methods of conjugate gradients for solving linear systems, 1952.
+
+    Args:
+        product: v to A v.
+        rhs: (k,).
+        tolerance: residual at which to stop, relative to the right-hand side.
+        diagonal: (k,) positive preconditioner.
+        check: called now and then; may raise to stop.
+    """
+    x, residual = np.zeros_like(rhs), rhs.copy()
+    length = float(np.linalg.norm(rhs))
+    if length == 0.0:
+        return Answer(x, 0.0, 0, False)
+    best, least = x.copy(), 1.0
+    direction = pull = residual if diagonal is None else residual / diagonal
+    energy = float(residual @ pull)
+    limit = 10 * rhs.size + 100
+    for k in range(1, limit + 1):
+        image = product(direction)
+        curvature = float(direction @ image)
+        if curvature <= 0.0:
+            noise = 1e-14 * float(np.linalg.norm(direction)) * float(np.linalg.norm(image))
+            return Answer(best, least, k, curvature < -noise)
+        step = energy / curvature
+        x = x + step * direction
+        residual = residual - step * image
+        size = float(np.linalg.norm(residual)) / length
+        if size < least:
+            best, least = x, size
+        if size <= tolerance or not np.isfinite(size):
+            return Answer(best, least, k, False)
+        pull = residual if diagonal is None else residual / diagonal
+        before, energy = energy, float(residual @ pull)
+        direction = pull + (energy / before) * direction
+        if check is not None and k % 64 == 0:
+            check()
+    return Answer(best, least, limit, False)
