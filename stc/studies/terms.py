@@ -70,7 +70,10 @@ class Difference:
 def differences(
     spec: FloatArray, model: FloatArray, terms: Sequence[Term], joints: Sequence[str]
 ) -> list[Difference]:
-    """Where two tables differ, the largest difference first.
+    """Where two tables differ, first the entry that differs most for the size of its kind in its own row.
+
+    A wrong inertia somewhere in a chain adds the same to the rows of all joints before it; it weighs most in the
+    row of the joint that carries least.
 
     Args:
         spec: (S, k, C) the spec's table at S states, its rows in the order of the joints.
@@ -78,16 +81,20 @@ def differences(
         terms: the columns.
         joints: names of the rows.
     """
-    shares = np.abs(spec - model) / scales(model, spec, terms)[:, None, :]
+    gaps = np.abs(spec - model)
+    shares = gaps / scales(model, spec, terms)[:, None, :]
     found = []
     for row, joint in enumerate(joints):
         for column, term in enumerate(terms):
             at = int(np.argmax(shares[:, row, column]))
             share = float(shares[at, row, column])
             if not share <= TOLERANCE:
+                kind = [c for c, other in enumerate(terms) if other.kind == term.kind]
+                size = float(np.abs(model[:, row, kind]).max())
+                weight = float(gaps[at, row, column]) / size if size > 0.0 else share
                 values = float(spec[at, row, column]), float(model[at, row, column])
-                found.append(Difference(joint, term.of(joint), term.kind, *values, share))
-    return sorted(found, key=lambda d: -d.share)
+                found.append((weight, Difference(joint, term.of(joint), term.kind, *values, share)))
+    return [difference for _, difference in sorted(found, key=lambda pair: -pair[0])]
 
 
 def scales(model: FloatArray, spec: FloatArray, terms: Sequence[Term]) -> FloatArray:

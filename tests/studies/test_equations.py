@@ -117,6 +117,15 @@ def test_a_finding_shows_both_values() -> None:
     ]
 
 
+def test_a_wrong_inertia_in_a_chain_is_named_where_it_sits() -> None:
+    """The arm's forearm: both joints carry it, the elbow carries nothing else."""
+    text = specs.locate("arm_reach")
+    assert text is not None
+    wrong = text.read_text().replace("I2/2", "1.01*I2/2")
+    assert wrong != text.read_text()
+    assert check(wrong).findings[0].startswith("joint elbow: mass matrix entry (elbow, ")
+
+
 def test_laws_between_forces_are_obeyed() -> None:
     """A motor with damping and a spring of its own: what acts is what the actuator line says."""
     rows = CART.replace("= u", "= f") + POLE + "f = u; u = -k*x - 2*x' + 5*sin(t);"
@@ -184,7 +193,8 @@ def test_absolute_angles_are_compared_joint_by_joint() -> None:
     """
     assert check(text).passed
     report = check(text.replace("I2/2*q'^2", "I2/2*(q' - p')^2"))
-    assert report.findings[0].startswith("joint shoulder: mass matrix entry (shoulder, ")
+    assert report.findings[0].startswith("joint elbow: mass matrix entry (elbow, shoulder)")
+    assert len(report.findings) == 3  # and (shoulder, elbow), (shoulder, shoulder)
     assert (
         check(text.replace("forces: p: u - v;", "forces: p: u;"))
         .findings[0]
