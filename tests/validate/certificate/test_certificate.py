@@ -79,7 +79,7 @@ FAULTS = {
         "x2 = l1*cos(a1)",
         "x2 = 1.05*l1*cos(a1)",
         "shoulder|elbow",
-        "mass matrix|gravity",
+        "mass matrix|gravity|velocity product",
     ),
     "sign of a torque": ("arm_reach", "a1: u1;", "a1: -u1;", "shoulder", "force of actuator shoulder"),
     "damping that is not there": ("arm_reach", "a2: u2;", "a2: u2 - 0.1*a2';", "elbow", "damping"),
@@ -96,7 +96,7 @@ FAULTS = {
         "  joint elbow = a2;",
         "joint shoulder = a2;\n  joint elbow = a1;",
         "shoulder|elbow",
-        "mass matrix|force|gravity",
+        "mass matrix|force|gravity|velocity product",
     ),
     "gravity of another place": (
         "arm_reach",
