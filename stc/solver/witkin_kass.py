@@ -123,6 +123,7 @@ class _Solve:
         self.below = np.flatnonzero(nlp.hess_rows != nlp.hess_cols)
         self.sigma = FIRST_SIGMA
         self.penalty = self.merit = 0.0
+        self.flat = False
         self.y = np.zeros(nlp.m)
 
     def run(self) -> Result:
@@ -145,7 +146,7 @@ class _Solve:
         while True:
             judged = self._judged(point)
             self._record(point, judged, step, length)
-            if judged.error <= EARLY:
+            if judged.error <= EARLY or (self.flat and judged.optimal):
                 return point_result(self.nlp, judged, Status.OPTIMAL, self.monitor)
             if rest >= PATIENCE or point.f < LOW:
                 return self._stuck(point, judged)
@@ -230,7 +231,8 @@ class _Solve:
 
     def _adapt(self, promised: float, gained: float) -> None:
         """Trust the objective's curvature more where the gain is as promised, and less where it is not."""
-        if promised <= NEGLIGIBLE * max(1.0, abs(self.merit)):
+        self.flat = promised <= NEGLIGIBLE * max(1.0, abs(self.merit))
+        if self.flat:  # gains drown in rounding errors
             return
         if gained > GOOD * promised:
             self.sigma = max(SMALLEST_SIGMA, SHRINK * self.sigma)
