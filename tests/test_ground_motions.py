@@ -13,7 +13,9 @@ import pytest
 import stc
 from stc.solution import Solution
 from stc.validate import validate
+from stc.validate.replay import replay
 from stc.validate.report import Report
+from stc.validate.verdict import open_setup
 
 pytestmark = pytest.mark.slow
 
@@ -111,3 +113,27 @@ def test_other_jumps_are_repeated_by_the_simulator(name: str, tmp_path: Path) ->
     assert value(report, "tracked error on the ground, RMS", "joints") <= 5e-3
     for joint in ("hip", "elbow", "neck"):
         assert value(report, "feedback share", f"actuator {joint}") <= 0.05
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("method", "least"), [("hermite-simpson", 3.3), ("trapezoidal", 1.8)])
+def test_steps_converge_with_their_order_in_every_phase(jump: Solution, method: str, least: float) -> None:
+    """The solved contact forces act in place of the floor; each phase starts from the solved state."""
+    drifts, last = [], jump
+    for k in (2, 4, 8):
+        last = stc.load("luxo_jump").solve(k=k, method=method, warm_start=last)
+        assert last.status == "optimal"
+        setup = open_setup(last)
+        motion = replay(setup, 1e-4, external=True)
+        phases = [slice(1, 20 * k + 1), slice(20 * k + 1, 36 * k + 1), slice(36 * k + 1, 60 * k + 1)]
+        drifts.append(
+            [
+                max(
+                    float(np.abs(motion.positions[phase, tie.position] - tie.line.value.before[phase]).max())
+                    for tie in setup.ties
+                )
+                for phase in phases
+            ]
+        )
+    orders = np.log2(np.array(drifts[1]) / np.array(drifts[2]))
+    assert orders.min() >= least
