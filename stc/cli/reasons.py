@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from stc.studies.explain import Explanation, Sensitivity
 
 #: Seconds for finding who is to blame: unasked, and when the user wants an explanation.
-UNASKED, ASKED = 3.0, 60.0
+UNASKED, ASKED = 2.0, 60.0
 
 #: Statements listed in a table.
 MOST = 15

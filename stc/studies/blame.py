@@ -136,8 +136,15 @@ class _Search:
             return self._contradiction(self.bound.contradictions[0])
         if self.solution.status == "infeasible":
             conflict = find_conflict(self.bound, self.ownership, self.x, self.y, time_limit)
-            if conflict is not None:
+            if conflict is not None and conflict.relations:
                 return self._conflict(conflict)
+            if conflict is not None:
+                return Blame(
+                    "",
+                    "All statements can hold together: a point that meets them was found with the objective left "
+                    "aside. Try another guess.",
+                    solves=conflict.solves,
+                )
         return self._standouts()
 
     # -- infeasible --------------------------------------------------------------------------------------------

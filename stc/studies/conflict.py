@@ -82,9 +82,9 @@ class Conflict:
     """Statements that cannot hold together.
 
     Attributes:
-        relations: indices into ``Problem.relations``.
+        relations: indices into ``Problem.relations``; none where all statements can hold together after all.
         minimal: whether it is certain that each is needed; False when time ran out or a test said nothing.
-        x: (N,) where they are violated least, as far as the solver can tell.
+        x: (N,) where they are violated least, as far as the solver can tell; or a point that meets all.
         weights: (M,) multipliers of the rows there: which of them pull, and which way.
         solves: feasibility problems that were solved.
     """
@@ -106,6 +106,7 @@ class _Filter:
         self.deadline = time.perf_counter() + time_limit
         self.solves = 0
         self.least: dict[frozenset[int], Result] = {}
+        self.feasible = bound.x0
 
     def infeasible(self, kept: set[int]) -> bool | None:
         """Whether statements cannot hold together; None where the solver could not tell."""
@@ -121,6 +122,7 @@ class _Filter:
             if result is None:
                 continue
             if result.violation <= Options().feasibility_tolerance:
+                self.feasible = result.x
                 return False
             if result.status is Status.INFEASIBLE and (found is None or result.violation < found.violation):
                 found = result
@@ -155,7 +157,7 @@ def find_conflict(
         time_limit: seconds for all feasibility problems together.
 
     Returns:
-        The conflict, or None where the statements turn out to be feasible or nothing could be told in time.
+        The conflict, or None where nothing could be told in time.
     """
     with np.errstate(all="ignore"):
         return _find(bound, ownership, x, row_multipliers, time_limit)
@@ -172,8 +174,12 @@ def _find(
     candidates = whole
     if heavy and heavy != whole and search.infeasible(heavy):
         candidates = heavy
-    elif search.infeasible(whole) is not True:
-        return None
+    else:
+        verdict = search.infeasible(whole)
+        if verdict is None:
+            return None
+        if not verdict:
+            return Conflict((), True, search.feasible, np.zeros(bound.m), search.solves)
     minimal = True
     needed = set(candidates)
     for relation in sorted(candidates, key=lambda k: (weight.get(k, 0.0), -k)):
@@ -208,9 +214,7 @@ def _weights(bound: BoundProgram, ownership: Ownership, x: FloatArray, y: FloatA
     size = np.zeros(bound.m)
     np.maximum.at(size, bound.jac_rows, np.abs(jac))
     pull = np.bincount(bound.jac_cols, weights=jac * y[bound.jac_rows], minlength=bound.n)
-    for row in np.flatnonzero(y):
-        for relation in ownership.owners_of(int(row)):
-            weight[relation] = max(weight.get(relation, 0.0), float(abs(y[row]) * size[row]))
+    weight.update(ownership.largest_by_relation(np.abs(y) * size))
     for entry in ownership.bounds:
         held = float(np.abs(pull[entry.position]).max(initial=0.0))
         if held > 0.0:

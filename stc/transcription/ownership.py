@@ -64,9 +64,10 @@ class Ownership:
                 ids = group.row_ids[r]
                 self.row_owner[ids] = row.relation
                 self.row_nodes[0][ids], self.row_nodes[1][ids] = row.nodes.position, row.nodes.side
-                at = dict(zip((4 * row.nodes.position + row.nodes.side).tolist(), ids.tolist()))
-                for relation, code in row.also:
-                    self._others.setdefault(at[code], set()).add(relation)
+                if row.also:
+                    at = dict(zip((4 * row.nodes.position + row.nodes.side).tolist(), ids.tolist()))
+                    for relation, code in row.also:
+                        self._others.setdefault(at[code], set()).add(relation)
         numbers = bound.numbers
         self.bounds = [
             entry
@@ -121,10 +122,14 @@ class Ownership:
                 np.minimum.at(upper, entry.position, high)
         return lower, upper
 
-    def owners_of(self, row: int) -> set[int]:
-        """Every relation that states a row; empty for a link."""
-        first = int(self.row_owner[row])
-        return (self._others.get(row, set()) | {first}) - {LINK}
+    def largest_by_relation(self, amount: FloatArray) -> dict[int, float]:
+        """The largest of some amounts of the rows, (m,), for every relation that states one with any."""
+        most = np.zeros(len(self.problem.relations) + 1)
+        np.maximum.at(most, self.row_owner, amount)
+        for row, others in self._others.items():
+            for relation in others:
+                most[relation] = max(most[relation], amount[row])
+        return {int(k): float(most[k]) for k in np.flatnonzero(most[:-1])}
 
     def place(self, row: int) -> Place:
         """Where a row stands."""
