@@ -28,8 +28,8 @@ FloatArray = NDArray[np.float64]
 
 __all__ = ["Blame", "Culprit", "blame"]
 
-#: Statements listed under one heading.
-MOST = 6
+#: Statements listed under one heading, and lines in all.
+MOST, MOST_LINES = 6, 20
 
 #: Characters of a statement that are shown in a line.
 LONGEST = 70
@@ -86,7 +86,10 @@ class Blame:
         return asdict(self)
 
     def __str__(self) -> str:
-        return "\n".join([self.summary, *(f"  {one.text}" for one in self.culprits)])
+        lines = [self.summary, *(f"  {one.text}" for one in self.culprits[:MOST_LINES])]
+        if len(self.culprits) > MOST_LINES:
+            lines.append(f"  and {len(self.culprits) - MOST_LINES} more")
+        return "\n".join(lines)
 
 
 def blame(model: Model, solution: Solution, time_limit: float = 10.0) -> Blame | None:
@@ -165,7 +168,13 @@ class _Search:
         return Blame("", f"{count}: {found.message}.", culprits, minimal=True)
 
     def _conflict(self, conflict: Conflict) -> Blame:
-        culprits = [self._conflicting(relation, conflict) for relation in conflict.relations]
+        ranked = list(conflict.relations)
+        culprits = []
+        for k, relation in enumerate(ranked):
+            left = (self.deadline - time.perf_counter()) / (len(ranked) - k)
+            culprits.append(self._conflicting(relation, conflict, left))
+        if conflict.minimal:  # each is as much to blame as the others: in the order of the text
+            culprits = [culprit for _, culprit in sorted(zip(ranked, culprits), key=lambda pair: pair[0])]
         several = len(culprits) > 1
         if not several:
             summary = "This statement cannot hold, whatever the others say:"
@@ -173,16 +182,15 @@ class _Search:
             summary = f"These {len(culprits)} statements cannot hold together; without any one of them the others can:"
         else:
             summary = (
-                f"These {len(culprits)} statements cannot hold together; time was too short to tell whether each "
-                "of them is needed for that:"
+                f"These {len(culprits)} statements cannot hold together; time was too short to tell which of them "
+                "are needed for that. Those that pull hardest come first:"
             )
         return Blame("", summary, culprits, conflict.minimal, conflict.solves)
 
-    def _conflicting(self, relation: int, conflict: Conflict) -> Culprit:
+    def _conflicting(self, relation: int, conflict: Conflict, time_limit: float) -> Culprit:
         """A statement of a conflict with what it lacks when the others hold."""
         others = set(conflict.relations) - {relation}
-        left = self.deadline - time.perf_counter()
-        lack = needed_relaxation(self.bound, self.ownership, others, relation, conflict.x, left)
+        lack = needed_relaxation(self.bound, self.ownership, others, relation, conflict.x, time_limit)
         if lack is None:
             return self._culprit("conflict", relation, None, None, "")
         place = lack.place if self.problem.n else None

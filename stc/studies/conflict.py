@@ -10,71 +10,24 @@ from the starts that it is given, here as everywhere.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.solver import NLP, Options, Result, Start, Status, minimize
+from stc.solver import Options, Start, Status, minimize
+from stc.solver.residuals import assess
+from stc.studies.feasibility import ElasticProblem, FeasibilityProblem
 from stc.transcription.bind import BoundProgram
-from stc.transcription.ownership import Ownership
+from stc.transcription.ownership import Ownership, limits_of
 
 FloatArray = NDArray[np.float64]
 
-__all__ = ["Conflict", "FeasibilityProblem", "find_conflict"]
+__all__ = ["Conflict", "find_conflict"]
 
 NEGLIGIBLE = 1e-5
-ITERATIONS = 300
-
-
-class FeasibilityProblem:
-    """A nonlinear program without its objective, of the statements kept alone: :class:`stc.solver.nlp.NLP`.
-
-    Rows of statements left out stay in the sparsity, without bounds.
-    """
-
-    def __init__(self, bound: BoundProgram, ownership: Ownership, kept: Iterable[int]) -> None:
-        self._bound = bound
-        kept = set(kept)
-        rows = ownership.rows_kept(kept)
-        self.left_out = np.flatnonzero(~rows)
-        self._entry_left_out = ~rows[bound.jac_rows]
-        self.n, self.m = bound.n, bound.m
-        self.row_lower = np.where(rows, bound.row_lower, -np.inf)
-        self.row_upper = np.where(rows, bound.row_upper, np.inf)
-        lower, upper = ownership.bounds_kept(kept, bound.n)
-        self.crossed = np.flatnonzero(lower > upper + 1e-9 * np.maximum(1.0, np.abs(lower)))
-        self.x_lower, self.x_upper = lower, np.maximum(lower, upper)
-        self.x0 = np.clip(bound.x0, self.x_lower, self.x_upper)
-        self.jac_rows, self.jac_cols = bound.jac_rows, bound.jac_cols
-        self.hess_rows, self.hess_cols = bound.hess_rows, bound.hess_cols
-        self.var_stage, self.row_stage = bound.var_stage, bound.row_stage
-        self.row_linear = bound.row_linear
-        self.objective_degree = 0
-
-    def values(self, x: FloatArray) -> tuple[float, FloatArray]:
-        """Zero, and the rows; 0 for those left out, which may have no value here."""
-        _, rows = self._bound.values(x)
-        rows[self.left_out] = 0.0
-        return 0.0, rows
-
-    def derivatives(
-        self, x: FloatArray, multipliers: FloatArray, objective_factor: float
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Derivatives of the rows kept."""
-        y = multipliers.copy()
-        y[self.left_out] = 0.0
-        _, jac, hess = self._bound.derivatives(x, y, 0.0)
-        self.masked(jac)
-        if len(self.left_out):
-            np.nan_to_num(hess, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
-        return np.zeros(self.n), jac, hess
-
-    def masked(self, jac: FloatArray) -> FloatArray:
-        """The Jacobian's entries, 0 in rows left out; in place."""
-        jac[self._entry_left_out] = 0.0
-        return jac
+CLOSE = 1e-4
+QUICK_ITERATIONS, ITERATIONS = 100, 500
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +35,8 @@ class Conflict:
     """Statements that cannot hold together.
 
     Attributes:
-        relations: indices into ``Problem.relations``; none where all statements can hold together after all.
+        relations: indices into ``Problem.relations``, those that pull hardest first; none where all statements can hold
+            together after all.
         minimal: whether it is certain that each is needed; False when time ran out or a test said nothing.
         x: (N,) where they are violated least, as far as the solver can tell; or a point that meets all.
         weights: (M,) multipliers of the rows there: which of them pull, and which way.
@@ -96,8 +50,16 @@ class Conflict:
     solves: int
 
 
+@dataclass(frozen=True, slots=True)
+class _Least:
+    """Where some statements are violated least: the point (N,) and the multipliers of the rows (M,)."""
+
+    x: FloatArray
+    y: FloatArray
+
+
 class _Filter:
-    """The deletion filter with its limits."""
+    """Tells which statements can hold together, and remembers where they are violated least."""
 
     def __init__(
         self, bound: BoundProgram, ownership: Ownership, starts: list[FloatArray], time_limit: float
@@ -105,7 +67,8 @@ class _Filter:
         self.bound, self.ownership, self.starts = bound, ownership, starts
         self.deadline = time.perf_counter() + time_limit
         self.solves = 0
-        self.least: dict[frozenset[int], Result] = {}
+        self.least: dict[frozenset[int], _Least] = {}
+        self.last: list[FloatArray] = []
         self.feasible = bound.x0
 
     def infeasible(self, kept: set[int]) -> bool | None:
@@ -113,31 +76,55 @@ class _Filter:
         problem = FeasibilityProblem(self.bound, self.ownership, kept)
         if len(problem.crossed):
             return True
-        found: Result | None = None
-        for start in self.starts:
-            left = self.deadline - time.perf_counter()
-            if left <= 0.0:
-                return None
-            result = self._solved(problem, np.clip(start, problem.x_lower, problem.x_upper), left)
-            if result is None:
-                continue
-            if result.violation <= Options().feasibility_tolerance:
-                self.feasible = result.x
+        found: _Least | None = None
+        starts = [*self.last, *self.starts]
+        for start in starts:
+            if self._holds(problem, np.clip(start, problem.x_lower, problem.x_upper)):
                 return False
-            if result.status is Status.INFEASIBLE and (found is None or result.violation < found.violation):
-                found = result
+        for start in starts:
+            least = self._relaxed(problem, np.clip(start, problem.x_lower, problem.x_upper))
+            if least is None:
+                continue
+            if self._meets(problem, least.x):
+                return False
+            found = least
+            break
         if found is None:
             return None
-        self.least[frozenset(kept)] = found
+        self.least[frozenset(kept)], self.last = found, [found.x]
         return True
 
-    def _solved(self, problem: NLP, start: FloatArray, left: float) -> Result | None:
-        self.solves += 1
-        _, rows = problem.values(start)
-        if not np.isfinite(rows).all():
+    def _meets(self, problem: FeasibilityProblem, x: FloatArray) -> bool:
+        violation = assess(problem, x, np.zeros(problem.m)).violation
+        if violation <= Options().feasibility_tolerance:
+            self.feasible = x
+            return True
+        return False
+
+    def _options(self, iterations: int) -> Options | None:
+        left = self.deadline - time.perf_counter()
+        if left <= 0.0:
             return None
-        options = Options(max_iterations=ITERATIONS, time_limit=left)
-        return minimize(problem, options, start=Start(start))
+        self.solves += 1
+        return Options(max_iterations=iterations, time_limit=left, retries=0)
+
+    def _holds(self, problem: FeasibilityProblem, x: FloatArray) -> bool:
+        """Whether a quick solve from ``x`` meets all statements."""
+        options = self._options(QUICK_ITERATIONS)
+        if options is None or not np.isfinite(problem.values(x)[1]).all():
+            return False
+        return self._meets(problem, minimize(problem, options, start=Start(x)).x)
+
+    def _relaxed(self, problem: FeasibilityProblem, x: FloatArray) -> _Least | None:
+        """Where elastic rows lead from ``x``."""
+        options = self._options(ITERATIONS)
+        if options is None or not np.isfinite(problem.values(x)[1]).all():
+            return None
+        elastic = ElasticProblem(problem, x)
+        result = minimize(elastic, options, start=Start(elastic.x0))
+        if result.status is not Status.OPTIMAL:
+            return None
+        return _Least(result.x[: problem.n], result.row_multipliers)
 
 
 def find_conflict(
@@ -167,7 +154,7 @@ def _find(
     bound: BoundProgram, ownership: Ownership, x: FloatArray, y: FloatArray, time_limit: float
 ) -> Conflict | None:
     whole = set(ownership.relations)
-    starts = [bound.x0, x] if np.isfinite(x).all() else [bound.x0]
+    starts = [bound.x0] if not np.isfinite(x).all() or np.array_equal(x, bound.x0) else [bound.x0, x]
     search = _Filter(bound, ownership, starts, time_limit)
     weight = _weights(bound, ownership, x, y)
     heavy = {k for k in whole if weight.get(k, 0.0) > NEGLIGIBLE * max(weight.values(), default=0.0) > 0.0}
@@ -180,17 +167,37 @@ def _find(
             return None
         if not verdict:
             return Conflict((), True, search.feasible, np.zeros(bound.m), search.solves)
-    minimal = True
-    needed = set(candidates)
-    for relation in sorted(candidates, key=lambda k: (weight.get(k, 0.0), -k)):
+    needed, certain, minimal = set(candidates), set[int](), True
+    while needed - certain:
+        weight = _weights_of(search, needed, weight)
+        relation = min(needed - certain, key=lambda k: (weight.get(k, 0.0), -k))
         rest = needed - {relation}
         verdict = search.infeasible(rest)
         if verdict is True:
-            needed = rest
-        elif verdict is None:
-            minimal = False
+            needed = _without_idle(search, rest, certain)
+            continue
+        certain.add(relation)
+        minimal &= verdict is False
     x, y = _least_violation(search, needed, x)
-    return Conflict(tuple(sorted(needed)), minimal, x, y, search.solves)
+    weight = _weights(bound, ownership, x, y)
+    ranked = sorted(needed, key=lambda k: (-weight.get(k, 0.0), k))
+    return Conflict(tuple(ranked), minimal, x, y, search.solves)
+
+
+def _without_idle(search: _Filter, needed: set[int], certain: set[int]) -> set[int]:
+    """The same without all the statements at once that do not pull where they are violated least, if those can go."""
+    weight = _weights_of(search, needed, {})
+    if not weight:
+        return needed
+    largest = max(weight.values())
+    pulling = certain | {k for k in needed if weight.get(k, 0.0) > NEGLIGIBLE * largest}
+    return pulling if len(pulling) < len(needed) - 1 and search.infeasible(pulling) else needed
+
+
+def _weights_of(search: _Filter, kept: set[int], otherwise: dict[int, float]) -> dict[int, float]:
+    """How hard statements pull at the least violation of these, where that is known."""
+    least = search.least.get(frozenset(kept))
+    return otherwise if least is None else _weights(search.bound, search.ownership, least.x, least.y)
 
 
 def _least_violation(search: _Filter, needed: set[int], x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -199,7 +206,7 @@ def _least_violation(search: _Filter, needed: set[int], x: FloatArray) -> tuple[
     if key not in search.least:
         search.infeasible(needed)
     if key in search.least:
-        return search.least[key].x, search.least[key].row_multipliers
+        return search.least[key].x, search.least[key].y
     # Bounds that cross, or no time left.
     problem = FeasibilityProblem(search.bound, search.ownership, needed)
     return np.clip(x, problem.x_lower, problem.x_upper), np.zeros(problem.m)
@@ -216,7 +223,11 @@ def _weights(bound: BoundProgram, ownership: Ownership, x: FloatArray, y: FloatA
     pull = np.bincount(bound.jac_cols, weights=jac * y[bound.jac_rows], minlength=bound.n)
     weight.update(ownership.largest_by_relation(np.abs(y) * size))
     for entry in ownership.bounds:
-        held = float(np.abs(pull[entry.position]).max(initial=0.0))
+        low, high = limits_of(entry)
+        here, force = x[entry.position], pull[entry.position]
+        close = CLOSE * np.maximum(1.0, np.abs(here))
+        active = ((here <= low + close) & (force > 0.0)) | ((here >= high - close) & (force < 0.0))
+        held = float(np.abs(force[active]).max(initial=0.0))
         if held > 0.0:
             weight[entry.relation] = max(weight.get(entry.relation, 0.0), held)
     return weight

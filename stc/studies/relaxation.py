@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.solver import Options, Start, Status, minimize
-from stc.studies.conflict import FeasibilityProblem
+from stc.studies.feasibility import FeasibilityProblem
 from stc.transcription.bind import BoundProgram
 from stc.transcription.ownership import Ownership, Place, place_of
 
