@@ -9,8 +9,10 @@ import typer
 from stc import __version__
 from stc.cli import exports, jobs, pictures, studies
 from stc.cli.options import (
+    Continue,
     Explain,
     Force,
+    GuessFrom,
     Json,
     MaxIterations,
     Method,
@@ -18,10 +20,13 @@ from stc.cli.options import (
     Optimizers,
     Output,
     PictureOutput,
+    Refine,
     Report,
+    Seed,
     Set,
     Spec,
     SpecOrSolution,
+    Starts,
     TimeLimit,
     Tolerance,
     WarmStart,
@@ -60,13 +65,31 @@ def solve(
     tolerance: Tolerance = None,
     optimizer: Optimizer = None,
     warm_start: WarmStart = None,
+    guess_from: GuessFrom = None,
+    walk: Continue = None,
+    starts: Starts = None,
+    seed: Seed = None,
+    refine: Refine = None,
     output: Output = None,
     explain: Explain = False,
     json: Json = False,
 ) -> int:
     """Solve a spec and save the motion."""
     options = solve_options(
-        settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer, explain
+        settings,
+        method,
+        max_iterations,
+        time_limit,
+        tolerance,
+        warm_start,
+        output,
+        optimizer,
+        explain,
+        guess_from,
+        walk,
+        starts,
+        seed,
+        refine,
     )
     return jobs.solve(spec, options, as_json=json)
 
@@ -81,6 +104,11 @@ def run(
     tolerance: Tolerance = None,
     optimizer: Optimizer = None,
     warm_start: WarmStart = None,
+    guess_from: GuessFrom = None,
+    walk: Continue = None,
+    starts: Starts = None,
+    seed: Seed = None,
+    refine: Refine = None,
     output: Output = None,
     force: Force = False,
     report: Report = None,
@@ -88,7 +116,19 @@ def run(
 ) -> int:
     """Solve a spec, save the motion and validate it in MuJoCo."""
     options = solve_options(
-        settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer
+        settings,
+        method,
+        max_iterations,
+        time_limit,
+        tolerance,
+        warm_start,
+        output,
+        optimizer,
+        guess_from=guess_from,
+        walk=walk,
+        starts=starts,
+        seed=seed,
+        refine=refine,
     )
     page = None if report is None else writable_page(report)
     return jobs.run(spec, options, force=force, page=page, as_json=json)

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stc.cli import BAD, GOOD, console, reasons, record
+from stc.cli import BAD, GOOD, console, reasons, record, searches
 from stc.cli.live import Watch
 from stc.cli.options import SolveOptions, existing_solution, is_solution, writable_solution
 from stc.errors import Diagnostic, UsageError
@@ -32,6 +33,17 @@ class Outcome:
     warnings: Sequence[Diagnostic] = ()
     blame: Blame | None = None
     explanation: Explanation | None = None
+    found: searches.Found | None = None
+
+    @property
+    def status(self) -> str:
+        """How the solve ended; a search that did not get where it was sent is not optimal."""
+        return self.solution.status if self.found is None else self.found.status
+
+    @property
+    def good(self) -> bool:
+        """Whether all that was asked of the solve was reached."""
+        return self.status == "optimal" and not (self.found is not None and self.found.message)
 
     def record(self) -> record.Record:
         """What ``--json`` prints of it."""
@@ -40,11 +52,15 @@ class Outcome:
         )
         known["blame"] = None if self.blame is None else self.blame.to_dict()
         known.update({} if self.explanation is None else self.explanation.to_dict())
-        return known
+        return known if self.found is None else self.found.added_to(known)
 
     def show(self) -> None:
         """What people see of it."""
         console.show_solution(self.solution, self.file)
+        if self.found is not None and (in_all := self.found.in_all()):
+            print(in_all)
+        if self.found is not None and self.found.message:
+            console.note(self.found.message)
         if self.blame is not None:
             reasons.show_blame(self.blame)
         if self.explanation is not None:
@@ -58,7 +74,7 @@ def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
         record.write(outcome.record())
     else:
         outcome.show()
-    return GOOD if outcome.solution.status == "optimal" else BAD
+    return GOOD if outcome.good else BAD
 
 
 def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_json: bool) -> int:
@@ -221,26 +237,31 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
     from stc.solver.optimizers import DEFAULT
 
     with Watch(model.name) as watch, console.warnings_as_notes():
-        solution = model.solve(
+        found = searches.find(
+            model,
+            options.search,
+            partial(model.solve, callback=watch),
+            not as_json,
             method=options.method,
             tolerance=options.tolerance,
             max_iterations=options.max_iterations,
             time_limit=options.time_limit,
             warm_start=options.warm_start,
-            callback=watch,
             optimizer=options.optimizer or DEFAULT,
         )
+        solution = found.solution
         if file is not None:
             solution.save(file)
     console.warn(model.warnings)
     if solution.status != "optimal":
-        found = reasons.find_blame(model, solution, options.explain, options.time_limit)
-        return Outcome(solution, file, model.warnings, found)
+        blame = reasons.find_blame(model, solution, options.explain, options.time_limit)
+        return Outcome(solution, file, model.warnings, blame, found=found)
     return Outcome(
         solution,
         file,
         model.warnings,
         explanation=reasons.find_explanation(model, solution) if options.explain else None,
+        found=found,
     )
 
 
@@ -253,7 +274,7 @@ def _judged(
     further: Sequence[Metric] = (),
 ) -> int:
     """Replay a motion and show its certificate."""
-    status = outcome.solution.status
+    status = outcome.status
     if status != "optimal" and not force:
         reason = f"the solve ended {status}, not optimal; --force replays it all the same"
         return _not_validated(outcome, reason, as_json)
@@ -269,7 +290,7 @@ def _judged(
         record.write({**outcome.record(), "validation": certificate.to_dict(), "report": written})
     else:
         console.show_certificate(certificate, page)
-    return GOOD if certificate.passed else BAD
+    return GOOD if certificate.passed and outcome.good else BAD
 
 
 def _not_validated(outcome: Outcome, reason: str, as_json: bool) -> int:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stc.cli.searches import Search, search_options
 from stc.errors import UsageError
 
 if TYPE_CHECKING:
@@ -59,6 +60,31 @@ WarmStart = Annotated[
         "--warm-start", metavar="FILE", help="Start from a saved solution, resampled where n differs."
     ),
 ]
+GuessFrom = Annotated[
+    str | None,
+    typer.Option(
+        "--guess-from", metavar="FILE", help="Start from the values in a .csv or .npz file, by name."
+    ),
+]
+Continue = Annotated[
+    str | None,
+    typer.Option(
+        "--continue",
+        metavar="NAME=FIRST:LAST:STEPS",
+        help="Walk a constant to its last value, each solve starting from the one before.",
+    ),
+]
+Starts = Annotated[
+    int | None,
+    typer.Option("--starts", metavar="COUNT", help="Solve from so many starts and keep the best optimum."),
+]
+Seed = Annotated[int | None, typer.Option("--seed", metavar="NUMBER", help="Of --starts; default 1.")]
+Refine = Annotated[
+    float | None,
+    typer.Option(
+        "--refine", metavar="ERROR", help="Add frames until the estimated discretisation error is this small."
+    ),
+]
 Output = Annotated[
     str | None,
     typer.Option(
@@ -99,6 +125,7 @@ class SolveOptions:
     output: Path | None = None
     optimizer: str | None = None
     explain: bool = False
+    search: Search = field(default_factory=Search)
 
 
 def solve_options(
@@ -111,6 +138,11 @@ def solve_options(
     output: str | None,
     optimizer: str | None = None,
     explain: bool = False,
+    guess_from: str | None = None,
+    walk: str | None = None,
+    starts: int | None = None,
+    seed: int | None = None,
+    refine: float | None = None,
 ) -> SolveOptions:
     """Check the options of one solve before any work is done.
 
@@ -137,6 +169,7 @@ def solve_options(
         None if output is None else writable_solution(output),
         optimizer,
         explain,
+        search_options(guess_from, walk, starts, seed, refine, warm_start),
     )
 
 

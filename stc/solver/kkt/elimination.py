@@ -26,11 +26,13 @@ from stc.solver.kkt.pivots import (
     ZERO,
     best_partner,
     pair_accepted,
+    pair_up,
+    place_of,
     strongest,
     take_one,
     take_two,
 )
-from stc.solver.kkt.window import clear, entry, gather, gather_listed, largest, merge
+from stc.solver.kkt.window import clear, entry, gather, gather_listed, largest
 
 __all__ = ["FACTORS_FULL", "WINDOW_FULL", "factorize"]
 
@@ -276,41 +278,46 @@ def factorize(
                         a = replacement if order[p] < variables else -replacement
                         counts[POSITIVE if a > 0.0 else NEGATIVE] -= 1
                         size_of_pivot = 1
-                    elif fabs(a) >= accepted * most and (
-                        (p == forced and not forced_pair) or (p != forced and fabs(a) > noise)
-                    ):
-                        size_of_pivot = 1
-                    else:
-                        best = best_partner(count, found_1, values_1, owner, end)
+                    # The planned partner first, then alone, then with the strongest partner.
+                    planned_partner = -1
+                    if plan_kind[p] == 2:
+                        planned_partner = slot[p + 1]
+                    elif plan_kind[p] == 0:
+                        planned_partner = slot[p - 1]
+                    for attempt in range(3):
+                        if size_of_pivot != 0 or (p == forced and attempt == 0):
+                            continue
+                        if attempt == 1:
+                            enough = fabs(a) >= accepted * most and fabs(a) > noise
+                            if enough if p != forced else not forced_pair:
+                                size_of_pivot = 1
+                            continue
+                        best = -1
+                        if attempt == 2:
+                            best = best_partner(count, found_1, values_1, owner, end)
+                        elif planned_partner >= 0:
+                            best = place_of(planned_partner, count, found_1)
                         if best >= 0:
                             row_q = found_1[best]
-                            q = owner[row_q]
                             b = values_1[best]
                             c = window[row_q * stride + row_q]
-                            noise = 0.0 if p == forced else max(noise, tiny * growth[row_q])
-                            others = gather(
-                                row_q, slots_top, held_from, high, stride, window, found_2, values_2
-                            )
-                            # The second of a pair is the one without diagonal: its zeros are kept.
-                            if a == 0.0 and c != 0.0:
-                                p, q = q, p
-                                a, c = c, a
-                                count = merge(
-                                    others, found_2, values_2, row_p, count, found_1, values_1, row_q,
-                                    found_12, first_12, second_12,
-                                )  # fmt: skip
-                            else:
-                                count = merge(
-                                    count, found_1, values_1, row_q, others, found_2, values_2, row_p,
-                                    found_12, first_12, second_12,
-                                )  # fmt: skip
-                            listed = found_12[0:]
-                            first = first_12[0:]
-                            second = second_12[0:]
-                            most_p = largest(count, first)
-                            most_q = largest(count, second)
-                            if pair_accepted(a, b, c, most_p, most_q, accepted, noise) != 0:
+                            least = 0.0 if p == forced else max(noise, tiny * growth[row_q])
+                            swapped = a == 0.0 and c != 0.0
+                            union = pair_up(
+                                row_p, row_q, a, b, c, swapped, accepted, least, count, found_1, values_1,
+                                slots_top, held_from, high, stride, window, found_2, values_2, found_12,
+                                first_12, second_12,
+                            )  # fmt: skip
+                            if union >= 0:
                                 size_of_pivot = 2
+                                count = union
+                                listed = found_12[0:]
+                                first = first_12[0:]
+                                second = second_12[0:]
+                                q = owner[row_q]
+                                if swapped:
+                                    p, q = q, p
+                                    a, c = c, a
                 if size_of_pivot == 0:
                     counts[REJECTED] += 1
                     queue[kept] = queue[place]

@@ -13,14 +13,14 @@ from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.singularity import confirm_zeros
 from stc.solver.kkt.staging import assign_stages
 from stc.solver.kkt.substitution import REPORT, solve
-from stc.solver.kkt.values import any_nonzero, equilibrate, load
+from stc.solver.kkt.values import count_nonzero, equilibrate, load
 from stc.solver.kkt.window import LANES
 from stc.solver.nlp import Floats, Ints
 
 __all__ = ["FrontalKKT"]
 
 #: Pivot threshold u: no factor exceeds its inverse.
-PIVOT_THRESHOLD = 0.01
+PIVOT_THRESHOLD = 1e-3
 #: Where a solve leaves a larger relative residual than DOUBTFUL, the threshold is raised, up to the highest.
 DOUBTFUL = 1e-9
 HIGHEST_THRESHOLD = 0.3
@@ -35,7 +35,9 @@ REFINEMENTS = 10
 RESIDUAL = 1e-14
 #: Matrices in a row that may contradict the plan before it is made anew.
 PATIENCE = 3
-#: A plan has failed when more than this share of the stages left it, or the factor is this many times larger.
+#: A plan has failed when this share of the unknowns lost diagonal entries that it counted on, ...
+VANISHED_SHARE = 0.1
+#: ... when this share of the stages left it, or when the factor is this many times larger.
 STRAYED_SHARE = 0.25
 FILLED = 1.25
 #: Slots for delayed unknowns, to begin with.
@@ -158,7 +160,7 @@ class FrontalKKT:
         """Make a plan when there is none, or none that suits; whether the plan's patterns hold for the values."""
         holds = False
         if self._plan is not None:
-            holds = not self._contradicted()
+            holds = self._appeared() == 0
             self._contradictions = 0 if holds else self._contradictions + 1
             if self._contradictions < PATIENCE and not self._plan_failed():
                 return holds
@@ -178,12 +180,16 @@ class FrontalKKT:
         return True
 
     def _plan_failed(self) -> bool:
-        """Whether the last factorisation shows that another plan is worth its time.
+        """Whether another plan is worth its time.
 
-        The first one may have been made for values unlike all later ones, an initial guess without curvature
-        say; a later one only ages, which shows in the fill.
+        It is when many diagonal entries that the plan leans on are gone. Apart from that the last factorisation
+        tells: the first plan may have been made for values unlike all later ones, an initial guess without
+        curvature say; a later one only ages, which shows in the fill.
         """
         assert self._plan is not None
+        vanished = self._present - self._remained() > VANISHED_SHARE * (self.n + self.m)
+        if vanished and (self._plans_made == 1 or self.factorizations > self._next_review):
+            return True
         if self.factorizations <= self._next_review:
             return False
         if self._plans_made == 1:
@@ -208,8 +214,12 @@ class FrontalKKT:
             return
         self._planned_slot = self._staging.slot[a.order]
         self._plan_arrays = plan.kind[a.order], plan.start[a.order], plan.count[a.order]
-        places = np.flatnonzero(plan.no_diagonal[a.order]).astype(np.int32)
-        self._contradicted = any_nonzero.bind(places.size, places, self._values)
+        absent = np.flatnonzero(plan.no_diagonal[a.order]).astype(np.int32)
+        self._appeared = count_nonzero.bind(absent.size, absent, self._values)
+        present = ~(plan.no_diagonal | self._structural_diagonal)[a.order]
+        present = np.flatnonzero(present).astype(np.int32)
+        self._present = present.size
+        self._remained = count_nonzero.bind(present.size, present, self._values)
         self._allocate_window()
         self._allocate_factors()
         self._bind()

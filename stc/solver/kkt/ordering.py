@@ -23,7 +23,7 @@ SECOND = 0
 UNPLANNED = -1
 
 #: Pivots are planned for this threshold, above the one they will have to pass.
-MARGIN = 0.05
+MARGIN = 0.01
 #: Sizes stay between these, so that what is there never vanishes.
 SMALLEST = 1e-30
 LARGEST = 1e30

@@ -11,7 +11,7 @@ after cancellation is worth no more than rounding errors of that size.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
-from stc.solver.kkt.window import clear, gather, largest, subtract_one, subtract_two
+from stc.solver.kkt.window import clear, gather, largest, merge, subtract_one, subtract_two
 
 __all__ = [
     "COUNTS",
@@ -26,6 +26,8 @@ __all__ = [
     "ZERO",
     "best_partner",
     "pair_accepted",
+    "pair_up",
+    "place_of",
     "strongest",
     "take_one",
     "take_two",
@@ -78,6 +80,43 @@ def best_partner(count: i64, found: i32s, values: f64s, owner: i32s, last: i64) 
             most = value
             best = k
     return best
+
+
+@native
+def place_of(slot: i64, count: i64, found: i32s) -> i64:
+    """Place of a slot in a list, or -1."""
+    place = -1
+    for k in range(count):
+        if found[k] == slot:
+            place = k
+    return place
+
+
+@native
+def pair_up(
+    row_p: i64, row_q: i64, a: f64, b: f64, c: f64, swapped: i64, threshold: f64, noise: f64, count: i64,
+    found_1: i32s, values_1: f64s, top: i64, low: i64, high: i64, stride: i64, window: f64s, found_2: i32s,
+    values_2: f64s, found: i32s, first: f64s, second: f64s,
+) -> i64:  # fmt: skip
+    """Bring the columns of two slots to a common list, and judge the pivot; the list's length, or -1.
+
+    The column of ``row_p`` is already in ``found_1`` and ``values_1``. It is the second one when ``swapped``: the
+    second of a pair should be the one without diagonal, whose zeros are kept.
+    """
+    others = gather(row_q, top, low, high, stride, window, found_2, values_2)
+    union = 0
+    if swapped != 0:
+        union = merge(others, found_2, values_2, row_p, count, found_1, values_1, row_q, found, first, second)
+    else:
+        union = merge(count, found_1, values_1, row_q, others, found_2, values_2, row_p, found, first, second)
+    most_p = largest(union, first)
+    most_q = largest(union, second)
+    good = 0
+    if swapped != 0:
+        good = pair_accepted(c, b, a, most_p, most_q, threshold, noise)
+    else:
+        good = pair_accepted(a, b, c, most_p, most_q, threshold, noise)
+    return union if good != 0 else -1
 
 
 @native

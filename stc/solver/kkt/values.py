@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, native, sqrt
 
-__all__ = ["any_nonzero", "equilibrate", "load", "residual"]
+__all__ = ["count_nonzero", "equilibrate", "load", "residual"]
 
 #: A scale serves as long as the largest entries of all rows are within this factor of 1 ...
 STALE = 4.0
@@ -60,13 +60,11 @@ def load(
 
 
 @native
-def any_nonzero(count: i64, places: i32s, values: f64s) -> i64:
-    """Whether one of some values differs from zero."""
+def count_nonzero(count: i64, places: i32s, values: f64s) -> i64:
+    """How many of some values differ from zero."""
     found = 0
     for k in range(count):
-        if values[places[k]] != 0.0:
-            found = 1
-            break
+        found += values[places[k]] != 0.0
     return found
 
 

@@ -1,0 +1,287 @@
+"""Solves that take several: what the options ask for, the tables that show it, what ``--json`` gets to see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from stc.errors import UsageError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from stc.pipeline import Model
+    from stc.solution import Solution
+
+#: Steps of a continuation that does not say how many.
+DEFAULT_STEPS = 10
+DEFAULT_SEED = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Walk:
+    """``--continue NAME=FIRST:LAST:STEPS``."""
+
+    name: str
+    first: float
+    last: float
+    steps: int
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What is to be done around a solve; by default nothing.
+
+    Attributes:
+        guess: file of starting values.
+        walk: of a constant.
+        starts, seed: of a multi-start.
+        refine: tolerance of a mesh refinement.
+    """
+
+    guess: Path | None = None
+    walk: Walk | None = None
+    starts: int | None = None
+    seed: int = DEFAULT_SEED
+    refine: float | None = None
+
+
+@dataclass(slots=True)
+class Found:
+    """The solution of a search, and what was found on the way.
+
+    Attributes:
+        solution: to be shown and saved.
+        status: ``optimal`` only where the search, too, got where it was sent.
+        message: why it didn't, else empty.
+        record: what ``--json`` says besides.
+    """
+
+    solution: Solution
+    status: str
+    message: str = ""
+    record: dict[str, Any] = field(default_factory=dict)
+
+    def in_all(self) -> str:
+        """What all solves together took, in words; empty for a single one."""
+        if not self.record:
+            return ""
+        iterations, factorizations = self.record["iterations"], self.record["factorizations"]
+        return f"all solves: {iterations} iterations, {factorizations} factorizations"
+
+    def added_to(self, known: dict[str, Any]) -> dict[str, Any]:
+        """A solution's record with what the search found; iterations and factorizations are of all its solves."""
+        if not self.record:
+            return known
+        more = dict(self.record)
+        seconds = {**known["seconds"], "total": more.pop("total_seconds")}
+        message = f"{known['message']} {self.message}".strip()
+        return {**known, "status": self.status, "message": message, "seconds": seconds, **more}
+
+
+def search_options(
+    guess_from: str | None,
+    walk: str | None,
+    starts: int | None,
+    seed: int | None,
+    refine: float | None,
+    warm_start: str | None,
+) -> Search:
+    """Check the options before any work is done.
+
+    Raises:
+        UsageError: a value that cannot be meant, or options that exclude each other.
+    """
+    from pathlib import Path
+
+    if guess_from is not None and warm_start is not None:
+        raise UsageError("--guess-from and --warm-start both say where to start: give one of them")
+    if walk is not None and starts is not None:
+        raise UsageError("--continue and --starts both choose the starts: give one of them")
+    if starts is not None and warm_start is not None:
+        raise UsageError("--starts chooses the starts and --warm-start gives one: give one of them")
+    if starts is not None and starts < 1:
+        raise UsageError(f"--starts must be at least 1, not {starts}")
+    if seed is not None and starts is None:
+        raise UsageError("--seed is for --starts")
+    if seed is not None and seed < 0:
+        raise UsageError(f"--seed must be 0 or more, not {seed}")
+    if refine is not None and not refine > 0:
+        raise UsageError(f"--refine must be a positive tolerance, not {refine:g}")
+    if guess_from is not None and not Path(guess_from).is_file():
+        raise UsageError(f"--guess-from: there is no file `{guess_from}`")
+    return Search(
+        None if guess_from is None else Path(guess_from),
+        None if walk is None else walk_option(walk),
+        starts,
+        DEFAULT_SEED if seed is None else seed,
+        refine,
+    )
+
+
+def walk_option(text: str) -> Walk:
+    """Read ``NAME=FIRST:LAST`` or ``NAME=FIRST:LAST:STEPS``.
+
+    Raises:
+        UsageError: it is something else.
+    """
+    from stc.cli.options import number
+
+    name, equals, values = text.partition("=")
+    name, parts = name.strip(), values.split(":")
+    if not equals or not name.isidentifier() or len(parts) not in (2, 3) or not all(p.strip() for p in parts):
+        raise UsageError(
+            f"--continue wants NAME=FIRST:LAST:STEPS, not `{text}`", "for example: --continue g=0:9.8:20"
+        )
+    numbers = [number(part, f"--continue {text}") for part in parts]
+    steps = numbers[2] if len(numbers) == 3 else DEFAULT_STEPS
+    if steps != round(steps) or steps < 1:
+        raise UsageError(f"--continue {text}: the number of steps must be a whole number, 1 or more")
+    return Walk(name, numbers[0], numbers[1], round(steps))
+
+
+def find(model: Model, search: Search, solve: Callable[..., Solution], show: bool, **options: Any) -> Found:
+    """Carry out a search.
+
+    Args:
+        solve: solves the model once; takes the arguments of :meth:`stc.pipeline.Model.solve`.
+        show: print tables as the search goes on.
+        **options: of every solve.
+
+    Raises:
+        StcError: mistakes in the input.
+    """
+    if search.guess is not None:
+        from stc.guess_file import read_guess
+
+        options["guess"] = read_guess(search.guess)
+    if search.walk is None and search.starts is None and search.refine is None:
+        solution = solve(**options)
+        return Found(solution, solution.status)
+    found = None
+    if search.walk is not None:
+        found = _walk(model, search.walk, solve, show, options)
+        options = {**options, "constants": {search.walk.name: search.walk.last}}
+    elif search.starts is not None:
+        found = _starts(model, search.starts, search.seed, solve, show, options)
+    if search.refine is not None and (found is None or found.status == "optimal"):
+        found = _refined(model, search.refine, found, solve, show, options)
+    assert found is not None
+    return found
+
+
+def _walk(
+    model: Model, walk: Walk, solve: Callable[..., Solution], show: bool, options: dict[str, Any]
+) -> Found:
+    from stc.studies.continuation import continue_to
+
+    table = _Table((walk.name, "status", "objective", "iterations"), show)
+    result = continue_to(
+        model,
+        walk.name,
+        walk.first,
+        walk.last,
+        walk.steps,
+        solve=solve,
+        on_step=lambda s: table.row(f"{s.value:.9g}", s.status, f"{s.objective:.10g}", str(s.iterations)),
+        **options,
+    )
+    table.end()
+    assert result.solution is not None
+    totals = _totals(result.effort.iterations, result.effort.factorizations, result.effort.seconds)
+    return Found(result.solution, result.status, result.message, {**totals, "continuation": result.to_dict()})
+
+
+def _starts(
+    model: Model, starts: int, seed: int, solve: Callable[..., Solution], show: bool, options: dict[str, Any]
+) -> Found:
+    from stc.studies.multistart import multistart
+
+    result = multistart(model, starts, seed, solve=solve, **options)
+    table = _Table(("objective", "count", "from starts"), show)
+    for one in result.optima:
+        table.row(f"{one.objective:.10g}", str(len(one.starts)), _listed(one.starts))
+    lost = [start for start in result.starts if start.optimum < 0]
+    for status in dict.fromkeys(start.status for start in lost):
+        where = [start.start for start in lost if start.status == status]
+        table.row(status, str(len(where)), _listed(where))
+    table.end()
+    assert result.solution is not None
+    totals = _totals(result.effort.iterations, result.effort.factorizations, result.effort.seconds)
+    record = {**totals, "multistart": {**result.to_dict(), "seed": seed}}
+    message = "" if result.optima else f"none of {len(result.starts)} starts led to an optimum"
+    return Found(result.solution, result.solution.status, message, record)
+
+
+def _refined(
+    model: Model,
+    tolerance: float,
+    before: Found | None,
+    solve: Callable[..., Solution],
+    show: bool,
+    options: dict[str, Any],
+) -> Found:
+    from stc.studies.refinement import refine
+
+    table = _Table(("n", "objective", "error", "iterations"), show)
+    result = refine(
+        model,
+        tolerance,
+        start=None if before is None else before.solution,
+        solve=solve,
+        on_level=lambda level: table.row(
+            str(level.n), f"{level.objective:.10g}", f"{level.error:.2e}", str(level.iterations)
+        ),
+        **options,
+    )
+    table.end()
+    assert result.solution is not None
+    record = {} if before is None else before.record
+    effort = result.effort
+    iterations = effort.iterations + record.get("iterations", 0)
+    factorizations = effort.factorizations + record.get("factorizations", 0)
+    seconds = effort.seconds + record.get("total_seconds", 0.0)
+    totals = _totals(iterations, factorizations, seconds)
+    last = result.levels[-1].status
+    message = result.message and f"--refine {tolerance:g} was not reached: {result.message}"
+    return Found(result.solution, last, message, {**record, **totals, "refinement": result.to_dict()})
+
+
+def _totals(iterations: int, factorizations: int, seconds: float) -> dict[str, Any]:
+    """What all solves took together."""
+    return {"iterations": iterations, "factorizations": factorizations, "total_seconds": seconds}
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    """Numbers with runs drawn together: ``0, 3-7, 9``."""
+    parts: list[list[int]] = []
+    for number in numbers:
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1].append(number)
+        else:
+            parts.append([number])
+    return ", ".join(str(p[0]) if len(p) == 1 else f"{p[0]}-{p[-1]}" for p in parts)
+
+
+class _Table:
+    """A table whose rows appear as they are known."""
+
+    WIDTH = 18
+
+    def __init__(self, heading: Sequence[str], show: bool) -> None:
+        self._show = show
+        self._heading: Sequence[str] = heading
+
+    def row(self, *cells: str) -> None:
+        """One more row, below the heading."""
+        if self._heading:
+            heading, self._heading = self._heading, ()
+            self.row(*heading)
+        if self._show:
+            print("".join(cell.ljust(self.WIDTH) for cell in cells).rstrip(), flush=True)
+
+    def end(self) -> None:
+        """An empty line below."""
+        if self._show and not self._heading:
+            print(flush=True)

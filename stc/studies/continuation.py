@@ -1,0 +1,186 @@
+"""Continuation: walk a constant from where the problem is easy to where it is wanted.
+
+Every solve starts from the one before, with its multipliers and active set.  When one fails the step is halved;
+after successes it grows back (the usual step-length rule of predictor-corrector methods: E. L. Allgower and
+K. Georg, Introduction to numerical continuation methods, 1990, chapter 6; the first step of Newton's method on the
+new problem is the Euler predictor).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from stc.errors import EvaluationError, UsageError
+from stc.pipeline import Model
+from stc.solution import Solution
+from stc.studies.effort import Effort
+
+__all__ = ["Continuation", "ContinuationStep", "continue_to"]
+
+#: The walk ends where this share of the first step still fails.
+SMALLEST = 1.0 / 1024
+#: After so many successes in a row a halved step is doubled.
+SUCCESSES = 2
+
+
+@dataclass(frozen=True, slots=True)
+class ContinuationStep:
+    """One solve of the walk.
+
+    Attributes:
+        value: of the constant.
+        status: how the solve ended.
+        objective, iterations, factorizations: of the solve.
+    """
+
+    value: float
+    status: str
+    objective: float
+    iterations: int
+    factorizations: int
+
+
+@dataclass(slots=True)
+class Continuation:
+    """A walk.
+
+    Attributes:
+        name: of the constant.
+        first, last: where the walk starts and where it was to end.
+        steps: every solve, failed ones included, in order.
+        solution: the last optimal solution; of the first solve where that failed already.
+        value: the constant's value there.
+        effort: of all solves.
+        message: why the walk stopped early; empty where it arrived.
+    """
+
+    name: str
+    first: float
+    last: float
+    steps: list[ContinuationStep] = field(default_factory=list)
+    solution: Solution | None = None
+    value: float = float("nan")
+    effort: Effort = field(default_factory=Effort)
+    message: str = ""
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the last value was reached."""
+        return not self.message
+
+    @property
+    def status(self) -> str:
+        """``optimal`` where the walk arrived, else how the solve ended that stopped it."""
+        return self.steps[-1].status if self.steps else "failed"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The walk as JSON takes it."""
+        return {
+            "constant": self.name,
+            "first": self.first,
+            "last": self.last,
+            "reached": self.value,
+            "arrived": self.arrived,
+            "solves": self.effort.solves,
+            "steps": [
+                {
+                    "value": step.value,
+                    "status": step.status,
+                    "objective": step.objective,
+                    "iterations": step.iterations,
+                    "factorizations": step.factorizations,
+                }
+                for step in self.steps
+            ],
+        }
+
+
+def continue_to(
+    model: Model,
+    name: str,
+    first: float,
+    last: float,
+    steps: int = 10,
+    *,
+    solve: Callable[..., Solution] | None = None,
+    on_step: Callable[[ContinuationStep], None] | None = None,
+    **options: Any,
+) -> Continuation:
+    """Walk a constant from ``first`` to ``last``.
+
+    Args:
+        model: the spec.
+        name: of the constant.
+        first: where to start; solved from the spec's guess (or what ``options`` say).
+        last: where to arrive.
+        steps: how many steps to take if none fails.
+        solve: used in place of ``model.solve``, with the same arguments (to watch it).
+        on_step: told after every solve.
+        **options: of :meth:`stc.pipeline.Model.solve`.
+
+    Raises:
+        UsageError: no such constant, or no step at all.
+        SpecError: a value that the spec cannot take.
+    """
+    if steps < 1:
+        raise UsageError(f"a continuation takes at least one step, not {steps}")
+    if first == last:
+        raise UsageError(f"a continuation from {name} = {first:g} to the same value goes nowhere")
+    solve = solve or model.solve
+    constants = dict(options.pop("constants", {}))
+    walk = Continuation(name, first, last)
+
+    def attempt(share: float, **start: Any) -> Solution | None:
+        value = last if share == 1.0 else first + share * (last - first)
+        if name == "n":
+            value = float(round(value))
+        try:
+            solution = solve(constants={**constants, name: value}, **{**options, **start})
+        except EvaluationError as error:
+            if walk.solution is None:
+                raise
+            walk.steps.append(ContinuationStep(value, "failed", float("nan"), 0, 0))
+            walk.message = str(error)
+        else:
+            walk.effort.add(solution)
+            walk.steps.append(
+                ContinuationStep(
+                    value, solution.status, solution.objective, solution.iterations, solution.factorizations
+                )
+            )
+            if solution.status == "optimal" or walk.solution is None:
+                walk.solution, walk.value = solution, value
+            if on_step is not None:
+                on_step(walk.steps[-1])
+            return solution if solution.status == "optimal" else None
+        if on_step is not None:
+            on_step(walk.steps[-1])
+        return None
+
+    if attempt(0.0) is None:
+        walk.message = f"the solve with {name} = {first:g} ended {walk.status}; the walk cannot begin"
+        return walk
+    share, whole, successes = 0.0, 1.0 / steps, 0
+    step = whole
+    while share < 1.0:
+        target = share + step
+        target = 1.0 if target > 1.0 - 1e-9 else target
+        found = attempt(target, warm_start=walk.solution, guess=None)
+        if found is not None:
+            share, successes, walk.message = target, successes + 1, ""
+            if successes >= SUCCESSES and step < whole:
+                step, successes = min(2.0 * step, whole), 0
+            continue
+        if walk.status == "interrupted":
+            walk.message = f"interrupted; {name} = {walk.value:g} was reached"
+            return walk
+        step, successes = 0.5 * step, 0
+        if step < SMALLEST * whole:
+            walk.message = (
+                f"stopped at {name} = {walk.value:.9g}: the solve a little farther, "
+                f"with {name} = {walk.steps[-1].value:.9g}, ended {walk.status}"
+            )
+            return walk
+    return walk

@@ -1,0 +1,297 @@
+"""Many starts: the optima that lie around, and the best of them.
+
+The first start is the spec's own guess.  Every other one adds a smooth random curve to each variable and moves
+each parameter, by amounts that the bounds or the guess suggest; what the spec pins stays.  Numbers come from one
+generator per start, seeded with the seed and the start's number: start 7 is the same whether 8 or 80 are asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.errors import EvaluationError, SpecError, UsageError
+from stc.guess_file import GivenValues, NodeValues, read_guess
+from stc.pipeline import Model
+from stc.solution import Solution
+from stc.studies.effort import Effort
+from stc.transcription import Transcription
+from stc.transcription.bind import BoundProgram
+
+__all__ = ["MultiStart", "Optimum", "StartRecord", "multistart"]
+
+FloatArray = NDArray[np.float64]
+
+WAVES = 4
+"""How many cosines a random curve has."""
+SAME_OBJECTIVE, SAME_MOTION = 1e-6, 1e-2
+"""Optima are the same when their objectives differ relatively, and their motions as a share of their range, by less."""
+ATTEMPTS = 5
+"""How often a start at which a function is undefined is tried again, half as far away."""
+FAR = 10.0
+"""Bounds count as nominal where they are this many times farther away than the guess's own size."""
+
+
+@dataclass(frozen=True, slots=True)
+class StartRecord:
+    """How one start ended; ``optimum`` counts from 0 and is -1 where there is none."""
+
+    start: int
+    status: str
+    objective: float
+    iterations: int
+    factorizations: int
+    optimum: int
+
+
+@dataclass(slots=True)
+class Optimum:
+    """One of the optima found.
+
+    Attributes:
+        objective: its objective.
+        starts: the starts that led to it.
+        solution: the first of its solutions.
+    """
+
+    objective: float
+    starts: list[int]
+    solution: Solution
+
+
+@dataclass(slots=True)
+class MultiStart:
+    """What many starts found.
+
+    Attributes:
+        starts: one record per start that was made.
+        optima: distinct optima, best first.
+        solution: the best optimum, or where there is none the solution that violates least.
+        effort: of all solves.
+    """
+
+    starts: list[StartRecord] = field(default_factory=list)
+    optima: list[Optimum] = field(default_factory=list)
+    solution: Solution | None = None
+    effort: Effort = field(default_factory=Effort)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The findings as JSON takes them."""
+        return {
+            "starts": [
+                {
+                    "start": one.start,
+                    "status": one.status,
+                    "objective": one.objective,
+                    "iterations": one.iterations,
+                    "factorizations": one.factorizations,
+                    "optimum": one.optimum if one.optimum >= 0 else None,
+                }
+                for one in self.starts
+            ],
+            "optima": [
+                {"objective": one.objective, "count": len(one.starts), "starts": one.starts}
+                for one in self.optima
+            ],
+            "solves": self.effort.solves,
+        }
+
+
+def multistart(
+    model: Model,
+    starts: int = 20,
+    seed: int = 1,
+    *,
+    solve: Callable[..., Solution] | None = None,
+    on_start: Callable[[StartRecord], None] | None = None,
+    **options: Any,
+) -> MultiStart:
+    """Solve from several starts.
+
+    Args:
+        model: the spec.
+        starts: how many, the spec's own guess included.
+        seed: of the random numbers.
+        solve: used in place of ``model.solve``, with the same arguments (to watch it).
+        on_start: told after every solve; the number of the optimum in the record is the one found so far.
+        **options: of :meth:`stc.pipeline.Model.solve`; a guess is what the starts lie around.
+
+    Raises:
+        UsageError: fewer than one start.
+        SpecError, EvaluationError: mistakes in the spec, or a guess where a function is undefined.
+    """
+    if starts < 1:
+        raise UsageError(f"at least one start is needed, not {starts}")
+    if seed < 0:
+        raise UsageError(f"a seed is a whole number, 0 or more, not {seed}")
+    solve = solve or model.solve
+    guess = options.pop("guess", None)
+    if isinstance(guess, str) or hasattr(guess, "__fspath__"):
+        guess = read_guess(guess)
+    constants = dict(options.pop("constants", {}))
+    problem, transcription = model.transcription(options.get("method"), **constants)
+    around = _Neighbourhood(transcription, transcription.bind(problem.constants, guess=guess, check=False))
+    found = MultiStart()
+    for number in range(starts):
+        solution = None
+        for attempt in range(ATTEMPTS if number else 1):
+            values = guess if number == 0 else around.start(seed, number, 0.5**attempt)
+            try:
+                solution = solve(constants=constants, guess=values, **options)
+                break
+            except (EvaluationError, SpecError):
+                if number == 0:
+                    raise
+        found.starts.append(_sorted_in(found, number, solution))
+        if on_start is not None:
+            on_start(found.starts[-1])
+        if solution is not None and solution.status == "interrupted":
+            break
+    _rank(found)
+    return found
+
+
+def _sorted_in(found: MultiStart, number: int, solution: Solution | None) -> StartRecord:
+    """The record of a start, its optimum noted."""
+    if solution is None:
+        return StartRecord(number, "undefined", float("nan"), 0, 0, -1)
+    found.effort.add(solution)
+    which = -1
+    if solution.status == "optimal":
+        which = next((k for k, one in enumerate(found.optima) if same_optimum(one.solution, solution)), -1)
+        if which < 0:
+            which = len(found.optima)
+            found.optima.append(Optimum(solution.objective, [], solution))
+        found.optima[which].starts.append(number)
+    if not found.optima and (found.solution is None or solution.violation < found.solution.violation):
+        found.solution = solution
+    return StartRecord(
+        number, solution.status, solution.objective, solution.iterations, solution.factorizations, which
+    )
+
+
+def _rank(found: MultiStart) -> None:
+    """Put the best optimum first; optima were numbered in the order in which they were found."""
+    order = sorted(range(len(found.optima)), key=lambda k: (found.optima[k].objective, k))
+    place = {old: new for new, old in enumerate(order)}
+    found.optima = [found.optima[k] for k in order]
+    found.starts = [
+        StartRecord(s.start, s.status, s.objective, s.iterations, s.factorizations, place.get(s.optimum, -1))
+        for s in found.starts
+    ]
+    if found.optima:
+        found.solution = found.optima[0].solution
+
+
+def same_optimum(one: Solution, other: Solution) -> bool:
+    """Whether two solutions of one problem are the same motion."""
+    scale = max(1.0, abs(one.objective), abs(other.objective))
+    if abs(one.objective - other.objective) > SAME_OBJECTIVE * scale:
+        return False
+    for name in one.variables:
+        a, b = one[name], other[name]
+        size = max(float(np.ptp(a)), float(np.ptp(b)), 1e-3 * float(np.abs(a).max()), 1e-9)
+        if np.abs(a - b).max() > SAME_MOTION * size:
+            return False
+    return all(
+        abs(value - other.parameters[name])
+        <= SAME_MOTION * max(abs(value), abs(other.parameters[name]), 1e-9)
+        for name, value in one.parameters.items()
+    )
+
+
+class _Neighbourhood:
+    """Starts around a guess."""
+
+    def __init__(self, transcription: Transcription, bound: BoundProgram) -> None:
+        layout = transcription.layout
+        self.middle: dict[str, NodeValues] = {}
+        self.size: dict[str, float] = {}
+        self.pinned: dict[str, FloatArray] = {}
+        self.parameters: dict[str, tuple[float, float, float]] = {}
+        x, low, high = bound.x0, bound.bounds.lower, bound.bounds.upper
+        n = transcription.grid.n
+        for name, order, before, after, mid in layout.slots():
+            if order == 0:
+                self.middle[name] = (
+                    x[before],
+                    x[after],
+                    x[mid] if len(mid) else 0.5 * (x[after][:-1] + x[before][1:]),
+                )
+                self.size[name] = _amplitude(x[before], low[before], high[before])
+                frames = np.flatnonzero((low[before] == high[before]) | (low[after] == high[after]))
+                self.pinned[name] = frames / max(n, 1)
+        for name, at in layout.parameters.items():
+            self.parameters[name] = float(x[at]), float(low[at]), float(high[at])
+
+    def start(self, seed: int, number: int, share: float) -> GivenValues:
+        """The start of this number, moved by ``share`` of the usual amount."""
+        rng = np.random.default_rng([seed, number])
+        columns: dict[str, NodeValues] = {}
+        for name, (before, after, mid) in self.middle.items():
+            n = len(before) - 1
+            curve = _smooth_curve(rng, np.linspace(0.0, 1.0, 2 * n + 1), self.pinned[name])
+            curve *= share * self.size[name]
+            columns[name] = before + curve[::2], after + curve[::2], mid + curve[1::2]
+        numbers = {name: _moved(rng, *range_, share) for name, range_ in self.parameters.items()}
+        return _Start(columns, numbers)
+
+
+def _amplitude(x: FloatArray, low: FloatArray, high: FloatArray) -> float:
+    """How far a variable may sensibly be moved: half of its bounds' distance, or the size of its guess."""
+    loose = low < high
+    if not loose.any():
+        return 0.0
+    size = max(float(np.ptp(x)), float(np.abs(x).max()))
+    both = loose & np.isfinite(low) & np.isfinite(high)
+    if both.any():
+        half = 0.5 * float(np.median(high[both] - low[both]))
+        return half if half <= FAR * max(size, 1.0) else max(size, 1.0)
+    return size if size > 0.0 else 1.0
+
+
+def _smooth_curve(rng: np.random.Generator, s: FloatArray, pinned: FloatArray) -> FloatArray:
+    """A random curve of size about 1 on 0..1 that is 0 where the variable is pinned."""
+    k = np.arange(WAVES)
+    weights = rng.normal(size=WAVES) / (1.0 + k)
+    phases = rng.uniform(0.0, 2.0 * np.pi, WAVES)
+    curve: FloatArray = np.cos(np.pi * k * s[:, None] + phases) @ weights
+    if len(pinned):
+        curve = curve - np.interp(s, pinned, np.interp(pinned, s, curve))
+    return curve
+
+
+def _moved(rng: np.random.Generator, value: float, low: float, high: float, share: float) -> float:
+    """A parameter elsewhere: anywhere between near bounds, else some factor away."""
+    draw, size = rng.random(), rng.normal()
+    if low == high:
+        return value
+    if np.isfinite(low) and np.isfinite(high) and high - low <= FAR * max(abs(value), 1.0):
+        there = low + draw * (high - low)
+    elif value != 0.0:
+        there = value * np.exp(0.5 * size)
+    else:
+        there = size
+    return float(np.clip(value + share * (there - value), low, high))
+
+
+@dataclass(slots=True)
+class _Start:
+    """Starting values that are known node by node."""
+
+    columns: dict[str, NodeValues]
+    numbers: dict[str, float]
+    strict: bool = False
+
+    def names(self) -> Iterable[str]:
+        return [*self.columns, *self.numbers]
+
+    def parameter(self, name: str) -> float | None:
+        return self.numbers.get(name)
+
+    def values(self, name: str, order: int, time: FloatArray) -> NodeValues | None:
+        return self.columns.get(name) if order == 0 else None

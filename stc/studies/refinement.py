@@ -1,0 +1,243 @@
+"""Mesh refinement: solve, estimate the discretisation error, solve again on more frames until it is small.
+
+How many frames the next solve gets follows from the error and the method's order.  Where phases have frame counts
+of their own, each gets what its own error asks for; elsewhere all steps are refined alike.  Every solve starts from
+the one before, so that the finer ones take few iterations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from stc.errors import UsageError
+from stc.pipeline import Model
+from stc.solution import Solution
+from stc.studies.discretisation import Estimate, estimate
+from stc.studies.effort import Effort
+from stc.studies.frames import Spread
+
+__all__ = ["Level", "Refinement", "refine"]
+
+ORDER = {"central": 2, "trapezoidal": 2, "hermite-simpson": 4}
+"""Order of the global error; the local one is higher by one."""
+LOWEST_ORDER = 0.7
+"""Kinks lower the order; what was observed counts, but not less than this."""
+SAFETY = 0.5
+"""The next solve is to have this share of the tolerance."""
+MOST_AT_ONCE = 8
+MOST_LEVELS = 12
+MOST_FRAMES = 50_000
+NO_FALL = 0.95
+"""An error that falls by less than this factor twice does not fall."""
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """One solve.
+
+    Attributes:
+        n: number of steps.
+        phases: number of steps in each phase with a frame count of its own.
+        status, objective, iterations, factorizations: of the solve.
+        error: the estimate that is compared with the tolerance: the larger one of the next two.
+        local_error: largest relative local error of a step.
+        quadrature_error: relative error of the objective's integrals.
+        worst: what has the largest local error.
+        seconds: wall time of the solve.
+    """
+
+    n: int
+    phases: list[int]
+    status: str
+    objective: float
+    iterations: int
+    factorizations: int
+    error: float
+    local_error: float
+    quadrature_error: float
+    worst: str
+    seconds: float
+
+
+@dataclass(slots=True)
+class Refinement:
+    """What refining led to.
+
+    Attributes:
+        tolerance: for the estimate.
+        levels: every solve, coarsest first.
+        solution: the last optimal one (the first one where that was not optimal).
+        effort: of all solves.
+        message: why the tolerance was not reached; empty where it was.
+    """
+
+    tolerance: float
+    levels: list[Level] = field(default_factory=list)
+    solution: Solution | None = None
+    effort: Effort = field(default_factory=Effort)
+    message: str = ""
+
+    @property
+    def reached(self) -> bool:
+        """Whether the estimate fell below the tolerance."""
+        return not self.message
+
+    def to_dict(self) -> dict[str, Any]:
+        """The refinement as JSON takes it."""
+        return {
+            "tolerance": self.tolerance,
+            "reached": self.reached,
+            "error": self.levels[-1].error if self.levels else None,
+            "solves": self.effort.solves,
+            "levels": [
+                {
+                    "n": level.n,
+                    "phases": level.phases,
+                    "status": level.status,
+                    "objective": level.objective,
+                    "error": level.error,
+                    "local_error": level.local_error,
+                    "quadrature_error": level.quadrature_error,
+                    "worst": level.worst,
+                    "iterations": level.iterations,
+                    "factorizations": level.factorizations,
+                    "seconds": level.seconds,
+                }
+                for level in self.levels
+            ],
+        }
+
+
+def refine(
+    model: Model,
+    error: float,
+    *,
+    solve: Callable[..., Solution] | None = None,
+    on_level: Callable[[Level], None] | None = None,
+    start: Solution | None = None,
+    most_frames: int = MOST_FRAMES,
+    **options: Any,
+) -> Refinement:
+    """Refine until the estimated discretisation error is below a tolerance.
+
+    Args:
+        model: the spec; its n is that of the coarsest solve.
+        error: what the estimate has to fall below (see :mod:`stc.studies.discretisation`).
+        solve: used in place of ``model.solve``, with the same arguments (to watch it).
+        on_level: told after every solve.
+        start: a solution of the coarsest problem, where there is one already; it is not solved again.
+        most_frames: no solve gets more.
+        **options: of :meth:`stc.pipeline.Model.solve`.
+
+    Raises:
+        UsageError: a tolerance that is not positive, or a spec whose frames cannot be refined (the message says where).
+        SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
+    """
+    if not error > 0:
+        raise UsageError(f"the tolerance of a refinement must be positive, not {error:g}")
+    solve = solve or model.solve
+    constants = dict(options.pop("constants", {}))
+    method = options.get("method")
+    spread = Spread.of(model, method, constants)
+    factors = np.ones(len(spread.ends), int)
+    found = Refinement(error)
+    overrides: dict[str, float] = {}
+    idle = 0
+    while True:
+        if start is not None and not found.levels:
+            solution = start
+        else:
+            solution = solve(constants={**constants, **overrides}, **options)
+            found.effort.add(solution)
+        good = solution.status == "optimal"
+        phases = [int(k) for k in factors * spread.lengths]
+        judged = estimate(model.problem(method, **{**constants, **overrides}), solution) if good else None
+        found.levels.append(_level(solution, phases, judged))
+        if good or found.solution is None:
+            found.solution = solution
+        if on_level is not None:
+            on_level(found.levels[-1])
+        if judged is None:
+            found.message = f"with n = {solution.n} the solve ended {solution.status}"
+            return found
+        if judged.error <= error:
+            return found
+        if len(found.levels) > 1:
+            idle = idle + 1 if judged.error > NO_FALL * found.levels[-2].error else 0
+        wanted = _wanted(found, spread, factors, judged, solution.method)
+        if idle > 1 or len(found.levels) == MOST_LEVELS:
+            found.message = f"the error no longer falls: {judged.error:.2g} with n = {solution.n}"
+            return found
+        if int(wanted @ spread.lengths) > most_frames:
+            found.message = f"an error of {error:g} would take more than {most_frames} frames"
+            if _order_lost(found, solution.method) > 0.5:
+                found.message += "; it falls slowly, as at kinks and at jumps that the spec does not declare"
+            return found
+        overrides = spread.finer([int(k) for k in wanted])
+        factors = np.array([overrides[name] for name, _ in spread.ends], int)
+        factors = np.diff(np.concatenate([[0], factors])) // np.array(spread.lengths)
+        options = {**options, "warm_start": solution, "guess": None}
+
+
+def _level(solution: Solution, phases: list[int], judged: Estimate | None) -> Level:
+    unknown = float("nan")
+    return Level(
+        n=solution.n,
+        phases=phases,
+        status=solution.status,
+        objective=solution.objective,
+        iterations=solution.iterations,
+        factorizations=solution.factorizations,
+        error=judged.error if judged else unknown,
+        local_error=judged.local_error if judged else unknown,
+        quadrature_error=judged.quadrature_error if judged else unknown,
+        worst=judged.worst if judged else "",
+        seconds=solution.seconds.get("total", 0.0),
+    )
+
+
+def _wanted(
+    found: Refinement, spread: Spread, factors: np.ndarray, judged: Estimate, method: str
+) -> np.ndarray:
+    """How many times as many frames as at first each phase needs, more than now where its error asks for it."""
+    target = SAFETY * found.tolerance
+    lowered = _order_lost(found, method)
+    local_order, order = ORDER[method] + 1 - lowered, max(LOWEST_ORDER, ORDER[method] - lowered)
+    ends = np.concatenate([[0], np.cumsum(factors * np.array(spread.lengths))])
+    share = target / max(1, len(factors))
+    growth = np.ones(len(factors))
+    for k, (a, b) in enumerate(pairwise(ends)):
+        local = float(judged.local[a:b].max(initial=0.0))
+        quadrature = (
+            abs(float(judged.quadrature[a:b].sum())) if judged.quadrature_error > found.tolerance else 0.0
+        )
+        if local > found.tolerance:
+            growth[k] = max(growth[k], _power(local / target, 1.0 / local_order))
+        growth[k] = max(growth[k], _power(quadrature / share, 1.0 / order))
+    wanted = np.ceil(np.minimum(growth, MOST_AT_ONCE) * factors - 1e-9).astype(int)
+    if (wanted <= factors).all():  # rounding, or errors of opposite sign that nearly cancel
+        wanted = factors + 1
+    return wanted
+
+
+def _power(ratio: float, exponent: float) -> float:
+    return ratio**exponent if math.isfinite(ratio) and ratio > 0.0 else (MOST_AT_ONCE if ratio else 0.0)
+
+
+def _order_lost(found: Refinement, method: str) -> float:
+    """How far the observed order is below the method's, from the last two levels."""
+    if len(found.levels) < 2:
+        return 0.0
+    coarse, fine = found.levels[-2:]
+    if not (coarse.error > 0.0 and fine.error > 0.0 and math.isfinite(coarse.error)) or fine.n <= coarse.n:
+        return 0.0
+    is_local = fine.local_error >= fine.quadrature_error
+    full = ORDER[method] + (1 if is_local else 0)
+    observed = math.log(coarse.error / fine.error) / math.log(fine.n / coarse.n)
+    return float(np.clip(full - observed, 0.0, full - LOWEST_ORDER))
