@@ -29,7 +29,7 @@ from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.problem import Problem, VariableRef
 from stc.solution import ReplayChannel, Solution, read
-from stc.solver import Options, Result, Start, Status
+from stc.solver import IterationRecord, Options, Result, Start, Status
 from stc.solver.optimizers import DEFAULT, SizeWarning, caution, optimizer_of
 from stc.symbolic.expr import symbols
 from stc.trajectory import Channel
@@ -137,7 +137,6 @@ def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
 
 def collect(
     transcription: Transcription,
-    bound: BoundProgram,
     result: Result,
     constants: Mapping[str, float],
     overrides: Mapping[str, float],
@@ -350,10 +349,47 @@ class Model:
         if start is not None:
             limits["warm_start"] = start.row_multipliers is not None
         solving = time.perf_counter()
-        bound, result = solve(transcription, problem.constants, Options(**limits), start, callback, optimizer)
+        _, result = solve(transcription, problem.constants, Options(**limits), start, callback, optimizer)
         seconds["solve"] = time.perf_counter() - solving
         seconds["total"] = parse_seconds + time.perf_counter() - begin
-        solution = collect(transcription, bound, result, problem.constants, given, seconds, optimizer)
+        solution = collect(transcription, result, problem.constants, given, seconds, optimizer)
+        solution.origin = self
+        return solution
+
+    def reached(
+        self,
+        record: IterationRecord,
+        *,
+        method: str | None = None,
+        constants: Mapping[str, float] | None = None,
+    ) -> Solution:
+        """The motion at an iterate, for whoever looks on: to be called from the callback of :meth:`solve`.
+
+        Args:
+            record: what the callback was told.
+            method, constants: those of the solve.
+
+        Returns:
+            A solution without multipliers, its status ``interrupted``.
+        """
+        given = {**self.overrides, **(constants or {})}
+        problem, transcription = self.transcription(method, **given)
+        assert record.x is not None
+        x = record.x.copy()
+        result = Result(
+            status=Status.INTERRUPTED,
+            x=x,
+            row_multipliers=np.zeros(transcription.program.row_count),
+            bound_multipliers=np.zeros(len(x)),
+            objective=record.objective,
+            violation=record.violation,
+            optimality=record.optimality,
+            scaled_optimality=record.optimality,
+            iterations=record.iteration,
+            factorizations=0,
+            message=f"iterate {record.iteration} of a solve that goes on",
+        )
+        solution = collect(transcription, result, problem.constants, given, {})
         solution.origin = self
         return solution
 

@@ -11,6 +11,7 @@ held over each time step, what the deviation from the solved motion asks for.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
     from stc.validate.forces import OuterForces
     from stc.validate.setup import Setup
     from stc.validate.tracking import Feedback
+
+#: Told after every time step where the simulation is, at its start too; returning True ends the replay there.
+Watcher = Callable[["mujoco.MjData"], bool | None]
 
 #: A state larger than this, in m, rad or per second, is no motion any more; MuJoCo draws the same line.
 _BROKEN = 1e10
@@ -75,6 +79,7 @@ def replay(
     *,
     feedback: Feedback | None = None,
     external: bool = False,
+    watcher: Watcher | None = None,
 ) -> Replay:
     """Simulate the whole motion.
 
@@ -86,6 +91,7 @@ def replay(
         external: apply the solved contact forces and switch the model's own contacts off.  Where the solution
             jumps, at impacts above all, the simulation goes on from the solved state: what is measured is the
             error of the steps, phase by phase.
+        watcher: looks on, and may end the replay early: frames that it does not reach stay NaN.
 
     Raises:
         UsageError: an unknown integrator, or a time step that is not positive.
@@ -99,7 +105,7 @@ def replay(
     model = setup.model(contacts=not external)
     if integrator != "rk4":
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
-    return _Simulation(setup, model, integrator, feedback, external).run(time_step)
+    return _Simulation(setup, model, integrator, feedback, external).run(time_step, watcher)
 
 
 class _Simulation:
@@ -133,14 +139,18 @@ class _Simulation:
             total=np.zeros(len(setup.controls)),
         )
 
-    def run(self, time_step: float) -> Replay:
+    def run(self, time_step: float, watcher: Watcher | None) -> Replay:
         setup, model, data, result = self.setup, self.model, self.data, self.result
         solution = setup.solution
         start = setup.reference.at("after", 0)[:2]
         setup.reference.put(data, start)
         self._record(0)
         times, path = [float(solution.time[0])], [data.qpos.copy()]
+        data.time = times[0]
+        stopped = watcher is not None and bool(watcher(data))
         for frame, duration in enumerate(np.diff(solution.time)):
+            if stopped:
+                break
             if frame in self.restarts:
                 setup.reference.put(data, setup.reference.at("after", frame)[:2])
             parts = max(limits.SUBSTEPS, math.ceil(duration / time_step - 1e-9))
@@ -161,6 +171,11 @@ class _Simulation:
                 self.advance(control, forces[now])
                 times.append(float(solution.time[frame]) + (part + 1) * model.opt.timestep)
                 path.append(data.qpos.copy())
+                if watcher is not None and watcher(data):
+                    stopped = True
+                    break
+            if stopped:
+                break
             if not np.all(np.abs(np.concatenate([data.qpos, data.qvel])) < _BROKEN):
                 result.broke_at = float(solution.time[frame + 1])
                 break

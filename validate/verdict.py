@@ -149,20 +149,29 @@ def run_replays(
     return found
 
 
-def _track(found: Replays, time_step: float, integrator: str) -> None:
-    """The tracked replay and the growth of errors, as far as the solution tells enough."""
-    setup = found.setup
+def steering(setup: Setup) -> tuple[float | None, list[Feedback]]:
+    """How small errors grow along a motion, where that can be said, and the feedback laws that may hold it.
+
+    Returns:
+        The growth, or None; the laws, the better one first.
+    """
+    error_growth = None
     laws: list[Feedback | None] = []
     if setup.all_tied and not setup.compiled.na and setup.solution.n:
         # With contact forces from outside the linear map is that of the motion between impacts.
         maps = linearise(setup, external=bool(len(setup.contact)))
-        found.growth = growth(maps)
+        error_growth = growth(maps)
         if not len(setup.contact):
             laws.append(regulator(setup, maps))
     laws.append(proportional(setup) if setup.solution.n else None)
+    return error_growth, [law for law in laws if law is not None]
+
+
+def _track(found: Replays, time_step: float, integrator: str) -> None:
+    """The tracked replay and the growth of errors, as far as the solution tells enough."""
+    setup = found.setup
+    found.growth, laws = steering(setup)
     for law in laws:
-        if law is None:
-            continue
         tracked = replay(setup, time_step, integrator, feedback=law)
         if found.tracked is None or tracked.broke_at is None:
             found.tracked, found.tracked_by = tracked, law.kind

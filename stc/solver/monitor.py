@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -68,7 +69,7 @@ class Monitor:
         if self._is_better(objective, violation):
             y = np.zeros(0) if multipliers is None else multipliers
             self.best = (violation, objective, x.copy(), y.copy())
-        if self._callback is not None and self._callback(entry):
+        if self._callback is not None and self._callback(replace(entry, x=x)):
             raise Stopped(Status.INTERRUPTED)
         self.check()
 

@@ -40,6 +40,8 @@ class IterationRecord:
         mu: barrier parameter (0 in a Newton step on the active set).
         regularization: what was added to the Hessian's diagonal.
         phase: ``"barrier"``, ``"active-set"`` or ``"restoration"``.
+        x: the point itself, (n,), for the callback only: a history keeps none.  It is the solver's own array,
+            to be copied by whoever keeps it.
     """
 
     iteration: int
@@ -51,6 +53,7 @@ class IterationRecord:
     mu: float
     regularization: float
     phase: str
+    x: Floats | None = field(default=None, repr=False, compare=False)
 
 
 Callback = Callable[[IterationRecord], bool | None]
