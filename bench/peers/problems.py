@@ -1,0 +1,126 @@
+"""Numbers, equations and texts of the problems; nothing of any tool.
+
+P1  a point through three waypoints, least acceleration: a quadratic problem
+P2  cart-pole swing-up of [Kelly2017], bounds on cart and force
+P3  a chain of five rods, hanging to upright in half a second, least torque: absolute angles, inverse dynamics
+P4  the same of 2, 10 and 20 rods
+P5  the lamp's jump, ``luxo_jump`` of the bundled specs
+
+All use the trapezoidal rule (P5: Hermite-Simpson) with n intervals: q and q' are continuous and linear in
+between averages of q' and q''.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+SPECS = Path(__file__).resolve().parent / "specs"
+
+Function = Callable[[Any], Any]
+
+# P1
+POINT_TIME = 2.0
+#: Share of the horizon, x, y.
+WAYPOINTS = ((0.0, 0.0, 0.0), (0.5, 1.0, 1.0), (1.0, 2.0, 0.0))
+
+# P2
+CART, POLE, LENGTH, GRAVITY = 1.0, 0.3, 0.5, 9.81
+SWING_TIME, DISTANCE, TRACK, FORCE = 2.0, 1.0, 2.0, 20.0
+
+# P3 and P4
+ROD_MASS, ROD_LENGTH, CHAIN_TIME = 0.5, 0.5, 0.5
+UPRIGHT = math.pi
+
+
+def cart_pole_accelerations(
+    angle: Any, rate: Any, force: Any, sin: Function, cos: Function
+) -> tuple[Any, Any]:
+    """Of cart and pole; the pole hangs at angle 0."""
+    s, c = sin(angle), cos(angle)
+    inertia = CART + POLE * (1.0 - c * c)
+    swing = LENGTH * POLE * s * rate * rate
+    cart = (swing + force + POLE * GRAVITY * c * s) / inertia
+    pole = -(swing * c + force * c + (CART + POLE) * GRAVITY * s) / (LENGTH * inertia)
+    return cart, pole
+
+
+def chain_torques(
+    q: Sequence[Any], v: Sequence[Any], a: Sequence[Any], sin: Function, cos: Function
+) -> list[Any]:
+    """Torques at the joints of a chain of rods, by Newton and Euler from the pivot out and back: O(rods).
+
+    Angles are absolute, from hanging; the acceleration of gravity enters as that of the pivot.
+    """
+    inertia = ROD_MASS * ROD_LENGTH**2 / 12.0
+    outer: list[tuple[Any, Any, Any, Any]] = []
+    x, y = 0.0, GRAVITY
+    for angle, rate, acceleration in zip(q, v, a):
+        s, c = sin(angle), cos(angle)
+        along = ROD_LENGTH * (c * acceleration - s * rate * rate)
+        up = ROD_LENGTH * (s * acceleration + c * rate * rate)
+        outer.append((s, c, ROD_MASS * (x + along / 2.0), ROD_MASS * (y + up / 2.0)))
+        x, y = x + along, y + up
+    torques = []
+    force_x = force_y = torque = 0.0
+    for (s, c, own_x, own_y), acceleration in zip(reversed(outer), reversed(a)):
+        torque = (
+            torque
+            + ROD_LENGTH * (c * force_x + s * force_y)
+            + inertia * acceleration
+            + ROD_LENGTH / 2.0 * (c * own_x + s * own_y)
+        )
+        force_x, force_y = force_x + own_x, force_y + own_y
+        torques.append(torque)
+    return torques[::-1]
+
+
+def chain_spec(rods: int) -> str:
+    """P3 or P4 in this project's language, stated as :func:`chain_torques` does it."""
+    every = range(1, rods + 1)
+
+    def each(text: str, separator: str = " ") -> str:
+        return separator.join(text.replace("#", str(k)) for k in every)
+
+    lines = [
+        f"# chain of {rods} rods, hanging to upright, least torque squared",
+        "constants: n = 50, T = 0.5, h = T/n, m = 0.5, l = 0.5, g = 9.81, I = m*l^2/12;",
+        f"variables: {each('q#', ', ')}, {each('tau#', ', ')};",
+        "method: trapezoidal;",
+        "definitions:",
+    ]
+    for k in every:
+        ax, ay = (f"Ax{k - 1}", f"Ay{k - 1}") if k > 1 else ("0", "g")
+        lines += [
+            f"  bx{k} = l*(cos(q{k})*q{k}'' - sin(q{k})*q{k}'^2);  by{k} = l*(sin(q{k})*q{k}'' + cos(q{k})*q{k}'^2);",
+            f"  Fx{k} = m*({ax} + bx{k}/2);  Fy{k} = m*({ay} + by{k}/2);  "
+            f"Ax{k} = {ax} + bx{k};  Ay{k} = {ay} + by{k};",
+        ]
+    for k in reversed(every):
+        own = f"I*q{k}'' + l/2*(cos(q{k})*Fx{k} + sin(q{k})*Fy{k})"
+        if k == rods:
+            lines.append(f"  M{k} = {own};  Gx{k} = Fx{k};  Gy{k} = Fy{k};")
+            continue
+        above = f"M{k + 1} + l*(cos(q{k})*Gx{k + 1} + sin(q{k})*Gy{k + 1})"
+        lines.append(f"  M{k} = {above} + {own};  Gx{k} = Fx{k} + Gx{k + 1};  Gy{k} = Fy{k} + Gy{k + 1};")
+    at_rest, at_end = each("q#; q#';"), each("q# = pi; q#';")
+    lines += [
+        f"guess: {each('q# = pi*t/T;')}",
+        "constraints:",
+        f"  [0, n]: {each('M# = tau#;')}",
+        f"  [0]: {at_rest}",
+        f"  [n]: {at_end}",
+        f"objective: [0, n]: integral({each('tau#^2', ' + ')});",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def spec_of(problem: str, rods: int) -> str:
+    """The text, or the bundled name, of a problem in this project's language."""
+    if problem in ("P3", "P4"):
+        return chain_spec(rods)
+    if problem == "P5":
+        return "luxo_jump"
+    return (SPECS / f"{problem.lower()}.stc").read_text(encoding="utf-8")

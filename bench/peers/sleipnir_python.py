@@ -1,0 +1,94 @@
+"""Sleipnir through its Python package: P2 and P3, the same trapezoidal programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from sleipnir.autodiff import cos, sin
+from sleipnir.optimization import ExitStatus, Problem, bounds
+
+from bench.peers import problems
+from bench.peers.casadi_ipopt import weights
+from bench.peers.task import Case, Outcome, Task
+
+
+def build(case: Case, variant: str) -> Task:
+    return _cart_pole(case) if case.problem == "P2" else _chain(case)
+
+
+def _solving(problem: Any, starts: list[tuple[Any, np.ndarray]], case: Case, cost: Any) -> Task:
+    count = 0
+
+    def counted(info: Any) -> bool:
+        nonlocal count
+        count += 1
+        return False
+
+    problem.add_callback(counted)
+
+    def solve() -> Outcome:
+        nonlocal count
+        count = 0
+        for unknown, start in starts:
+            unknown.set_value(start)
+        status = problem.solve(timeout=case.time_limit, max_iterations=case.max_iterations)
+        x = np.concatenate([np.asarray(unknown.value()).ravel() for unknown, _ in starts])
+        return Outcome(cost(), count, status == ExitStatus.SUCCESS, str(status), x)
+
+    return Task(solve)
+
+
+def _cart_pole(case: Case) -> Task:
+    n, h = case.n, problems.SWING_TIME / case.n
+    problem = Problem()
+    states, force = problem.decision_variable(4, n + 1), problem.decision_variable(1, n + 1)
+    start = np.zeros((4, n + 1))
+    start[0] = np.linspace(0.0, problems.DISTANCE, n + 1)
+    start[1] = np.linspace(0.0, np.pi, n + 1)
+    end = np.array([[problems.DISTANCE], [np.pi], [0.0], [0.0]])
+    problem.subject_to(states[:, :1] == np.zeros((4, 1)))
+    problem.subject_to(states[:, n : n + 1] == end)
+    problem.subject_to(bounds(-problems.TRACK, states[:1, 1:n], problems.TRACK))
+    problem.subject_to(bounds(-problems.FORCE, force, problems.FORCE))
+    rates = [
+        (
+            states[2, k],
+            states[3, k],
+            *problems.cart_pole_accelerations(states[1, k], states[3, k], force[0, k], sin, cos),
+        )
+        for k in range(n + 1)
+    ]
+    trapezoid = weights(n, h)
+    objective: Any = 0.0
+    for k in range(n + 1):
+        objective = objective + trapezoid[k] * (force[0, k] * force[0, k])
+        for row in range(4 if k < n else 0):
+            mean = h / 2 * (rates[k][row] + rates[k + 1][row])
+            problem.subject_to(states[row, k + 1] == states[row, k] + mean)
+    problem.minimize(objective)
+    starts = [(states, start), (force, np.zeros((1, n + 1)))]
+    return _solving(problem, starts, case, lambda: float((force.value() ** 2 * trapezoid).sum()))
+
+
+def _chain(case: Case) -> Task:
+    n, rods, h = case.n, case.rods, problems.CHAIN_TIME / case.n
+    problem = Problem()
+    q, v, a, tau = (problem.decision_variable(rods, n + 1) for _ in range(4))
+    zero, upright = np.zeros((rods, 1)), np.full((rods, 1), problems.UPRIGHT)
+    for value, frame, target in ((q, 0, zero), (v, 0, zero), (q, n, upright), (v, n, zero)):
+        problem.subject_to(value[:, frame : frame + 1] == target)
+    problem.subject_to(q[:, 1:] == q[:, :n] + h / 2 * (v[:, 1:] + v[:, :n]))
+    problem.subject_to(v[:, 1:] == v[:, :n] + h / 2 * (a[:, 1:] + a[:, :n]))
+    trapezoid = weights(n, h)
+    objective: Any = 0.0
+    for k in range(n + 1):
+        column = [[unknown[i, k] for i in range(rods)] for unknown in (q, v, a)]
+        for i, torque in enumerate(problems.chain_torques(*column, sin, cos)):
+            problem.subject_to(tau[i, k] == torque)
+            objective = objective + trapezoid[k] * (tau[i, k] * tau[i, k])
+    problem.minimize(objective)
+    nothing = np.zeros((rods, n + 1))
+    line = np.tile(np.linspace(0.0, problems.UPRIGHT, n + 1), (rods, 1))
+    starts = [(q, line), (v, nothing), (a, nothing), (tau, nothing)]
+    return _solving(problem, starts, case, lambda: float((tau.value() ** 2 * trapezoid).sum()))
