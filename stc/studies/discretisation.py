@@ -2,23 +2,30 @@
 
 Two estimates, both without another solve:
 
-*Local error* of every step.  Under the collocation methods the motion between the nodes is a polynomial, and there
+*Local errors* of every step.  Under the collocation methods the motion between the nodes is a polynomial, and there
 the equations of motion hold only approximately.  The estimate is where the equations themselves lead from the
 step's left frame, everything else (forces) being what the method's curves say, against where the motion is at its
 right frame: Picard iteration on Gauss points, from the method's own curve, which gains an order of the step each
-time.  What a single step adds is taken relative to the size of the quantity and its rate along the motion
-(J. T. Betts, Practical methods for optimal control and estimation using nonlinear programming, 2010,
-section 4.7.4, who bounds the same error by the integral of the defect's absolute value; under hermite-simpson that
-is an order too large, since the defect changes its sign at the midpoint).  Central differences have no polynomial
-of their own: there the differences are compared with those that use two more frames, which are two orders more
-accurate, and the gap is integrated over the step.
+time.  (J. T. Betts, Practical methods for optimal control and estimation using nonlinear programming, 2010, section
+4.7.4, bounds the same error by the integral of the defect's absolute value; under hermite-simpson that is an order
+too large, since the defect changes its sign at the midpoint.)  Central differences have no polynomial of their own:
+there the differences are compared with those that use two more frames, which are two orders more accurate, and the
+gap is integrated over the step; where a derivative is asked for at a single frame, its gap counts as it is.
+
+The local errors of a quantity, relative to its size along the motion, are summed over all steps: what they come to
+together where the system neither damps nor multiplies them.  (The largest one alone, which is usual, is smaller by
+the number of steps; measured against finer solves and replays it promises too much by two orders.)
 
 *Quadrature error* of the objective: its integrals along the curves between the nodes against the method's own
 sums, relative to the objective.
+
+Neither sees what a finer motion would do differently: that a control switches within a step shows as far as it
+costs, not as far as it moves.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -54,6 +61,8 @@ def _gauss(points: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 SHARES, WEIGHTS, INTEGRALS = _gauss(POINTS)
 
+States = dict[tuple[str, int], FloatArray]
+
 CHUNK = 4096
 """Steps that are looked at in one go."""
 
@@ -63,19 +72,28 @@ class Estimate:
     """The discretisation error of a solution.
 
     Attributes:
-        local: (n,) relative local error of every step; infinite where it cannot be told.
+        states: for every (variable, order of a derivative) that equations of motion determine, the absolute local
+            error of each step, (n,), relative to one more than its largest value; infinite where it cannot be told.
         quadrature: (n,) what each step contributes to the objective's error, relative to the objective, signed.
-        worst: name of the derivative with the largest local error, empty where all are exact.
     """
 
-    local: FloatArray
+    states: Mapping[tuple[str, int], FloatArray]
     quadrature: FloatArray
-    worst: str
+
+    @property
+    def local(self) -> FloatArray:
+        """The largest local error of each step. (n,)"""
+        return np.max([np.zeros(len(self.quadrature)), *self.states.values()], axis=0)
 
     @property
     def local_error(self) -> float:
-        """The largest local error."""
+        """The largest local error of all."""
         return float(self.local.max(initial=0.0))
+
+    @property
+    def accumulated(self) -> float:
+        """The largest sum of one quantity's local errors."""
+        return max((float(error.sum()) for error in self.states.values()), default=0.0)
 
     @property
     def quadrature_error(self) -> float:
@@ -84,8 +102,21 @@ class Estimate:
 
     @property
     def error(self) -> float:
-        """The larger of both."""
-        return max(self.local_error, self.quadrature_error)
+        """The larger one of the last two."""
+        return max(self.accumulated, self.quadrature_error)
+
+    @property
+    def worst(self) -> str:
+        """Name of the quantity whose local errors have the largest sum, empty where all are exact."""
+        if self.accumulated == 0.0:
+            return ""
+        name, order = max(self.states, key=lambda state: float(self.states[state].sum()))
+        return name + "'" * order
+
+    def within(self, first: int, last: int) -> float:
+        """What the steps from frame ``first`` to frame ``last`` contribute to the error."""
+        local = max((float(error[first:last].sum()) for error in self.states.values()), default=0.0)
+        return max(local, abs(float(self.quadrature[first:last].sum())))
 
 
 def estimate(problem: Problem, solution: Solution) -> Estimate:
@@ -99,19 +130,15 @@ def estimate(problem: Problem, solution: Solution) -> Estimate:
         SolutionError: the times do not increase.
     """
     solution.require_increasing_times()
-    n = solution.n
-    if problem.method == "central":
-        local, worst = _difference_errors(problem, solution)
-    else:
-        local, worst = _local_errors(problem, solution)
-    return Estimate(local, _quadrature_error(problem, solution) if n else np.zeros(0), worst)
+    states = (_difference_errors if problem.method == "central" else _local_errors)(problem, solution)
+    return Estimate(states, _quadrature_error(problem, solution) if solution.n else np.zeros(0))
 
 
 # ------------------------------------------------------------------ collocation
 
 
-def _local_errors(problem: Problem, solution: Solution) -> tuple[FloatArray, str]:
-    found = _Worst(solution.n)
+def _local_errors(problem: Problem, solution: Solution) -> States:
+    found: States = {}
     tops = {
         name: order for name, order in solution.trajectories if order > 0
     }  # orders rise: the last one stays
@@ -124,24 +151,14 @@ def _local_errors(problem: Problem, solution: Solution) -> tuple[FloatArray, str
         for begin in range(phase.first, phase.last, CHUNK):
             steps = np.arange(begin, min(begin + CHUNK, phase.last))
             for (name, order), error in flow.errors(solution, steps).items():
-                found.add(steps, name, order, np.abs(error) / _size(solution, name, order))
-    return found.local, found.name
+                sums = found.setdefault((name, order), np.zeros(solution.n))
+                sums[steps] = np.abs(error) / _size(solution, name, order)
+    return found
 
 
 def _size(solution: Solution, name: str, order: int) -> float:
-    return 1.0 + max(_largest(solution, name, order), _largest(solution, name, order + 1))
-
-
-class _Worst:
-    """The largest error of every step, and the name of the largest of all."""
-
-    def __init__(self, n: int) -> None:
-        self.local, self.name, self._largest = np.zeros(n), "", 0.0
-
-    def add(self, steps: NDArray[np.int_], name: str, order: int, error: FloatArray) -> None:
-        self.local[steps] = np.maximum(self.local[steps], error)
-        if error.max(initial=0.0) > self._largest:
-            self._largest, self.name = float(error.max()), name + "'" * order
+    channel = solution.trajectories[name, order]
+    return 1.0 + float(np.abs(np.concatenate([channel.before, channel.after])).max())
 
 
 class _Flow:
@@ -206,11 +223,6 @@ def _readable(body: Expr, solution: Solution) -> bool:
     return True
 
 
-def _largest(solution: Solution, name: str, order: int) -> float:
-    channel = solution.trajectories[name, order]
-    return float(np.abs(np.concatenate([channel.before, channel.after])).max())
-
-
 def _fixed(solution: Solution) -> dict[object, Any]:
     values: dict[object, Any] = {ConstantRef(k): v for k, v in solution.constants.items()}
     values.update({ParameterRef(k): v for k, v in solution.parameters.items()})
@@ -233,34 +245,39 @@ def _between(solution: Solution, steps: NDArray[np.int_]) -> tuple[dict[object, 
 # ------------------------------------------------------------------ central differences
 
 
-def _difference_errors(problem: Problem, solution: Solution) -> tuple[FloatArray, str]:
+def _difference_errors(problem: Problem, solution: Solution) -> States:
     """Wider stencils against the method's own, at the frames where a derivative stands in some statement."""
     n, time = solution.n, solution.time
     lengths = np.diff(time)
-    found = _Worst(n)
-    for (name, order), used in _frames_of_use(problem).items():
+    found: States = {}
+    for (name, order), (wide, single) in _frames_of_use(problem).items():
         width = 2 * stencil_reach(order) + 1
         if width + 2 > n + 1:
-            found.add(np.arange(n), name, order - 1, np.full(n, np.inf))
+            found[name, order - 1] = np.full(n, np.inf)
             continue
         x = solution[name]
         gap = np.abs(_derivative(time, x, order, width) - _derivative(time, x, order, width + 2))
+        # A condition at one frame is missed by the gap itself, by the step beside it.
+        at = np.flatnonzero(single & ~wide)
+        missed = found.setdefault((name, order), np.zeros(n))
+        np.add.at(missed, np.minimum(at, n - 1), gap[at] / _size(solution, name, order))
         if order > 1:
             # Where the stencil does not fit no statement holds; the nearest frame where it does speaks for the step.
             reach = stencil_reach(order)
             gap[:reach], gap[n + 1 - reach :] = gap[reach], gap[n - reach]
-            used[: reach + 1] |= used[reach]
-            used[n - reach :] |= used[n - reach]
-        gap[~used] = 0.0
-        error = 0.5 * lengths * (gap[:-1] + gap[1:])
-        found.add(np.arange(n), name, order - 1, error / _size(solution, name, order - 1))
-    return found.local, found.name
+            wide[:reach], wide[n + 1 - reach :] = wide[reach], wide[n - reach]
+        gap[~wide] = 0.0
+        error = 0.5 * lengths * (gap[:-1] + gap[1:]) / _size(solution, name, order - 1)
+        found[name, order - 1] = found.get((name, order - 1), 0.0) + error
+    return found
 
 
-def _frames_of_use(problem: Problem) -> dict[tuple[str, int], NDArray[np.bool_]]:
-    """The frames at which each derivative stands in a statement, (n+1,) each."""
+def _frames_of_use(
+    problem: Problem,
+) -> dict[tuple[str, int], tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+    """The frames at which each derivative stands in statements on several frames, and on one, (n+1,) each."""
     n = problem.n
-    found: dict[tuple[str, int], NDArray[np.bool_]] = {}
+    found: dict[tuple[str, int], tuple[NDArray[np.bool_], NDArray[np.bool_]]] = {}
     ranges = [(r.body, r.range) for r in problem.relations] + [(o.body, o.range) for o in problem.objective]
     for first, last in [*stretches(problem, ()), (n, n)]:
         for body, frames in ranges:
@@ -271,7 +288,9 @@ def _frames_of_use(problem: Problem) -> dict[tuple[str, int], NDArray[np.bool_]]
                 if isinstance(key, VariableRef) and key.order:
                     here = float(key.scale) * np.arange(a, b + 1) + float(key.shift)
                     at = np.clip(np.rint(here).astype(int), 0, n)
-                    found.setdefault((key.name, key.order), np.zeros(n + 1, bool))[at] = True
+                    none = np.zeros(n + 1, bool), np.zeros(n + 1, bool)
+                    several, one = found.setdefault((key.name, key.order), none)
+                    (several if frames.first < frames.last and key.scale else one)[at] = True
     return found
 
 

@@ -1,9 +1,11 @@
 """The same motion on more frames: which constants say so, and a check that it is the same motion.
 
-A spec says where its phases begin and end in constants: ``n`` alone, others made from it (``a = n/2``), or others
-of their own (``a = 30, b = 50``).  Giving those of their own other values spreads the frames anew.  Whether the
-result states the same motion is not taken on trust: the finer problem is elaborated, and every frame that a
-statement names, the time at every one of them, and the weights of the objective have to be where they were.
+A spec says where its phases begin and end in constants: ``n`` alone, others made from it (``a = n/2``), others
+of their own (``a = 30, b = 50``), or all of them from one more (``k = 2, a = 20*k, n = 60*k``).  All frames are
+multiplied through the constants that the others follow from; single phases by giving the constants at their ends
+other values.  Whether the result states the same motion is not taken on trust: the finer problem is elaborated,
+and every frame that a statement names, the time at every one of them, and the weights of the objective have to be
+where they were.
 """
 
 from __future__ import annotations
@@ -44,7 +46,8 @@ class Spread:
         method: transcription instead of the spec's own, or None.
         constants: given from outside.
         problem: with these constants.
-        ends: constants of their own that name frames, with their values, in rising order; ``n`` is the last.
+        ends: constants that name a frame each, with their values, in rising order; ``n`` is the last.
+        own: those constants that no other one determines and that shape the problem, with their values.
     """
 
     model: Model
@@ -52,6 +55,7 @@ class Spread:
     constants: Mapping[str, float]
     problem: Problem
     ends: list[tuple[str, int]]
+    own: dict[str, float]
 
     @classmethod
     def of(cls, model: Model, method: str | None, constants: Mapping[str, float]) -> Spread:
@@ -63,14 +67,16 @@ class Spread:
         problem = model.problem(method, **constants)
         if problem.n == 0:
             raise UsageError(f"{problem.name} has one frame only: there is nothing between the frames")
-        spread = cls(model, method, constants, problem, [])
-        free = _independent(model, {**model.overrides, **constants})
         values = problem.constants
-        names = [c for c in free if c in problem.structural and c != "n" and 0 < values[c] < problem.n]
-        found = [
-            (c, round(values[c])) for c in names if values[c] == round(values[c]) and spread._names_frames(c)
-        ]
-        spread.ends = [*sorted(found, key=lambda end: end[1]), ("n", problem.n)]
+        free = _independent(model, {**model.overrides, **constants})
+        own = {name: values[name] for name in free if name in problem.structural}
+        spread = cls(model, method, constants, problem, [], own)
+        found: dict[int, str] = {}
+        for name in sorted(problem.structural - {"n"}):
+            frame = round(values[name])
+            if frame == values[name] and 0 < frame < problem.n and spread._names_its_frame(name, frame):
+                found.setdefault(frame, name)
+        spread.ends = [*((found[frame], frame) for frame in sorted(found)), ("n", problem.n)]
         return spread
 
     @property
@@ -90,41 +96,77 @@ class Spread:
         Raises:
             UsageError: the spec does not say what the same motion on more frames is; the message says where.
         """
-        largest = [max(factors)] * len(factors)
-        if list(factors) != largest:
+        if len(set(factors)) > 1:
             try:
-                return self._checked(factors)
+                return self._checked(self._phase_by_phase(factors), factors)
             except (UsageError, SpecError):
                 pass
-        try:
-            return self._checked(largest)
-        except SpecError as error:
-            raise UsageError(
-                f"{self.problem.name} cannot be given {largest[0]} times as many frames:\n{error}",
-                "write frame numbers as shares of n, such as `a = n/2`",
-            ) from None
+        return self.multiplied(max(factors))
 
-    def _names_frames(self, name: str) -> bool:
-        """Whether some statement's frames change with a constant."""
-        before = [frame for frame, _ in named_frames(self.problem)]
-        for other in (2, -2, 1, -1):
-            value = self.problem.constants[name] + other
+    def multiplied(self, factor: int) -> dict[str, float]:
+        """Constants for a motion with so many times as many frames everywhere.
+
+        Raises:
+            UsageError: as :meth:`finer`.
+        """
+        factors = [factor] * len(self.ends)
+        ends = [name for name, _ in self.ends if name in self.own or name == "n"]
+        ways = [{name: factor * self.problem.constants[name] for name in ends}]
+        ways += [{name: factor * value} for name, value in self.own.items() if name not in ends]
+        ways.append(self._phase_by_phase(factors))
+        first: UsageError | SpecError | None = None
+        for way in ways:
             try:
-                changed = self.model.problem(self.method, **{**self.constants, name: value})
+                return self._checked(way, factors)
+            except (UsageError, SpecError) as error:
+                first = first or error
+        if isinstance(first, UsageError):
+            raise first
+        raise UsageError(
+            f"{self.problem.name} cannot be given {factor} times as many frames:\n{first}",
+            "write frame numbers as shares of n, such as `a = n/2`",
+        ) from None
+
+    def counts(self, overrides: Mapping[str, float]) -> list[int]:
+        """Steps from one end to the next with other constants."""
+        problem = self.model.problem(self.method, **{**self.constants, **overrides})
+        ends = [0, *(round(problem.constants[name]) for name, _ in self.ends)]
+        return [b - a for a, b in pairwise(ends)]
+
+    def _phase_by_phase(self, factors: Sequence[int]) -> dict[str, float]:
+        """Every end by name."""
+        new = np.cumsum(np.array(factors) * np.array(self.lengths))
+        return {name: float(value) for (name, _), value in zip(self.ends, new, strict=True)}
+
+    def _names_its_frame(self, name: str, frame: int) -> bool:
+        """Whether some statement's range or index at this very frame moves with a constant."""
+        before = [where for where, _ in named_frames(self.problem)]
+        for other in (2, -2, 1, -1):
+            try:
+                changed = self.model.problem(self.method, **{**self.constants, name: frame + other})
             except (SpecError, UsageError):
                 continue
-            after = [frame for frame, _ in named_frames(changed)]
-            return before != after
+            after = [where for where, _ in named_frames(changed)]
+            return len(before) == len(after) and any(
+                abs(old - frame) <= BESIDE and new - old == other
+                for old, new in zip(before, after, strict=True)
+            )
         return False
 
-    def _checked(self, factors: Sequence[int]) -> dict[str, float]:
+    def _checked(self, overrides: dict[str, float], factors: Sequence[int]) -> dict[str, float]:
+        """These constants, and a step to go with them, if they state the same motion.
+
+        Raises:
+            UsageError, SpecError: they do not.
+        """
         old = np.array([0, *(value for _, value in self.ends)])
         new = np.concatenate([[0], np.cumsum(np.array(factors) * np.diff(old))])
-        overrides = {name: float(value) for (name, _), value in zip(self.ends, new[1:], strict=True)}
         finer = self.model.problem(self.method, **{**self.constants, **overrides})
+        if finer.n != new[-1]:
+            raise UsageError(f"{' and '.join(overrides)} do not decide the number of frames")
         wrong = self._takes_longer(finer, old, new)
         if wrong and "h" in self.problem.constants and len(set(factors)) == 1:
-            overrides["h"] = self.problem.constants["h"] / factors[0]
+            overrides = {**overrides, "h": self.problem.constants["h"] / factors[0]}
             finer = self.model.problem(self.method, **{**self.constants, **overrides})
             wrong = self._takes_longer(finer, old, new)
         named, moved = list(named_frames(self.problem)), list(named_frames(finer))
@@ -138,11 +180,13 @@ class Spread:
                 raise UsageError(
                     f"{place}: frame {frame:g} of {self.problem.n} would be frame {other:g} of {finer.n}: "
                     "it does not keep its share of the motion",
-                    f"write it as a share of n: `{frame:g}/{self.problem.n}*n`, or as a constant such as `a = n/2`",
+                    f"write frame numbers as shares of n, here `{frame:g}/{self.problem.n}*n`, or as constants "
+                    "such as `a = n/2`",
                 )
         if wrong:
+            times = f"{finer.n / self.problem.n:.3g} times as many frames"
             raise UsageError(
-                f"{self.problem.name} takes another time with {finer.n} frames in place of {self.problem.n}",
+                f"{self.problem.name} takes another time with {times}",
                 "give the duration and let h follow from it, as in `T = 2, h = T/n`",
             )
         _check_objective(self.problem, finer, old, new)

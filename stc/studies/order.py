@@ -8,20 +8,17 @@ all).  With half the step an error of order p is 2^p times smaller.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stc.errors import Span, StcError, UsageError
-from stc.phases import resolved, stretches
+from stc.errors import UsageError
 from stc.pipeline import Model
-from stc.problem import IndexRef, Problem, VariableRef
+from stc.problem import Problem
 from stc.solution import Solution
-from stc.studies.spec_equations import constant_values
-from stc.symbolic.expr import evaluate, symbols
+from stc.studies.frames import Spread
 from stc.validate import limits
 from stc.validate.metrics import Metric
 from stc.validate.replay import replay
@@ -29,9 +26,6 @@ from stc.validate.verdict import open_setup
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
-
-#: A frame number may stand this many frames beside a fixed share of the motion: n/2 + 1, n - 1.
-_BESIDE = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +139,9 @@ def observe_order(
     problem = model.problem(method)
     if problem.model is None:
         raise UsageError(f"{problem.name} names no model", "a `replay:` section ties a spec to its model")
-    settings = [{}, *(_refined(model, problem, method, factor) for factor in (2, 4))]
+    _require_integrals(problem)
+    spread = Spread.of(model, method, {})
+    settings = [{}, spread.multiplied(2), spread.multiplied(4)]
     solve = solve or model.solve
     levels: list[Level] = []
     solution: Solution | None = None
@@ -215,17 +211,11 @@ def _judged(problem: Problem, levels: list[Level]) -> OrderReport:
     return report
 
 
-# ------------------------------------------------------------------ can it be refined?
-
-
-def _refined(model: Model, problem: Problem, method: str | None, factor: int) -> dict[str, float]:
-    """Constants that give the same motion ``factor`` times as many frames.
-
-    That is n itself, or a constant from which n and the other frame numbers of the spec follow, as in
-    ``k = 2, n = 60*k``.
+def _require_integrals(problem: Problem) -> None:
+    """Refuse plain sums over frames: their optimum is only first-order close to the continuous one.
 
     Raises:
-        UsageError: the spec does not say what the same motion would be.
+        UsageError: there is one.
     """
     for term in problem.objective:
         if not term.integral and term.range.first < term.range.last:
@@ -233,97 +223,6 @@ def _refined(model: Model, problem: Problem, method: str | None, factor: int) ->
                 f"{term.span.location}: a plain sum over frames grows with n and converges only at first order",
                 f"write `integral({term.text})`",
             )
-    try:
-        return _checked(model, problem, method, factor, "n")
-    except UsageError as error:
-        for name in sorted(problem.structural - {"n"}):
-            with suppress(StcError):
-                return _checked(model, problem, method, factor, name)
-        raise error from None
-
-
-def _checked(model: Model, problem: Problem, method: str | None, factor: int, name: str) -> dict[str, float]:
-    """``name`` times the factor, and what else keeps the motion the same.
-
-    Raises:
-        UsageError: another duration, frame numbers that do not keep their share, or another number of frames.
-    """
-    overrides = {name: factor * problem.constants[name]}
-    finer = model.problem(method, **overrides)
-    if finer.n != factor * problem.n:
-        raise UsageError(f"{name} does not decide the number of frames")
-    before = _durations(problem)
-    if not np.allclose(_durations(finer), before, rtol=1e-9):
-        if "h" not in problem.constants:
-            raise UsageError(
-                f"{problem.name} takes another time with {factor} times as many frames",
-                "give the duration and let h follow from it, as in `T = 2, h = T/n`",
-            )
-        overrides["h"] = problem.constants["h"] / factor
-        finer = model.problem(method, **overrides)
-        if not np.allclose(_durations(finer), before, rtol=1e-9):
-            raise UsageError(f"{problem.name} takes another time with {factor} times as many frames")
-    ours, theirs = list(_frames(problem)), list(_frames(finer))
-    if len(ours) != len(theirs):
-        raise UsageError(f"{problem.name} states something else with {factor} times as many frames")
-    for (where, span), (other, _) in zip(ours, theirs):
-        # Frames of the form a*n + b: b is what does not scale.
-        fixed = (factor * where - other) / (factor - 1)
-        if abs(fixed) > _BESIDE + 1e-9:
-            place = span.location if span is not None else problem.name
-            raise UsageError(
-                f"{place}: frame {where:g} would be frame {other:g} of {finer.n}: it does not keep its share",
-                f"write frame numbers as shares of n, here `{where:g}/{problem.n}*n`",
-            )
-    return overrides
-
-
-def _durations(problem: Problem) -> np.ndarray:
-    """The time of the whole motion for two choices of the parameters."""
-    found = []
-    for value in (1.0, 1.7):
-        known = constant_values(problem, dict.fromkeys(problem.parameters, value), 0.0)
-        total = 0.0
-        for first, last in stretches(problem, ()):
-            step = resolved(problem, problem.step, first)
-            values = {**known, **_indices(step, first, last)}
-            total += float(np.sum(np.broadcast_to(np.asarray(evaluate(step, values)), (last - first,))))
-        found.append(total)
-    return np.array(found)
-
-
-def _indices(step: Any, first: int, last: int) -> dict[object, Any]:
-    """Values of the index for every step of a stretch, where the step depends on it."""
-    return {key: np.arange(first, last, dtype=float) for key in symbols(step) if isinstance(key, IndexRef)}
-
-
-def _frames(problem: Problem) -> Iterator[tuple[float, Span | None]]:
-    """Every frame number that the spec names, in an order that does not depend on n."""
-    for relation in problem.relations:
-        yield float(relation.range.first), relation.range.span or relation.span
-        yield float(relation.range.last), relation.range.span or relation.span
-        yield from _absolute(relation.body, relation.span)
-    for term in problem.objective:
-        yield float(term.range.first), term.range.span or term.span
-        yield float(term.range.last), term.range.span or term.span
-        yield from _absolute(term.body, term.span)
-    for pieces in problem.definitions.values():
-        for piece in pieces:
-            yield float(piece.range.first), piece.range.span or piece.span
-            yield float(piece.range.last), piece.range.span or piece.span
-    for jump in problem.jumps:
-        yield float(jump.frame), jump.span
-
-
-def _absolute(body: Any, span: Span) -> Iterator[tuple[float, Span | None]]:
-    """Absolute indices such as ``x[20]``."""
-    for key in sorted((k for k in symbols(body) if isinstance(k, VariableRef)), key=_structure):
-        if key.scale == 0:
-            yield float(key.shift), span
-
-
-def _structure(key: VariableRef) -> tuple[str, int, float]:
-    return key.name, key.order, float(key.shift)
 
 
 __all__ = ["Level", "OrderReport", "observe_order"]

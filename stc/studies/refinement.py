@@ -25,7 +25,7 @@ from stc.studies.frames import Spread
 __all__ = ["Level", "Refinement", "refine"]
 
 ORDER = {"central": 2, "trapezoidal": 2, "hermite-simpson": 4}
-"""Order of the global error; the local one is higher by one."""
+"""Order of the error: a step's is higher by one, and there are the more steps."""
 LOWEST_ORDER = 0.7
 """Kinks lower the order; what was observed counts, but not less than this."""
 SAFETY = 0.5
@@ -46,9 +46,9 @@ class Level:
         phases: number of steps in each phase with a frame count of its own.
         status, objective, iterations, factorizations: of the solve.
         error: the estimate that is compared with the tolerance: the larger one of the next two.
-        local_error: largest relative local error of a step.
+        local_error: local errors of all steps together, relative.
         quadrature_error: relative error of the objective's integrals.
-        worst: what has the largest local error.
+        worst: what has the largest local errors.
         seconds: wall time of the solve.
     """
 
@@ -170,7 +170,7 @@ def refine(
             return found
         if len(found.levels) > 1:
             idle = idle + 1 if judged.error > NO_FALL * found.levels[-2].error else 0
-        wanted = _wanted(found, spread, factors, judged, solution.method)
+        wanted = _wanted(found, np.array(phases), factors, judged, solution.method)
         if idle > 1 or len(found.levels) == MOST_LEVELS:
             found.message = f"the error no longer falls: {judged.error:.2g} with n = {solution.n}"
             return found
@@ -180,8 +180,7 @@ def refine(
                 found.message += "; it falls slowly, as at kinks and at jumps that the spec does not declare"
             return found
         overrides = spread.finer([int(k) for k in wanted])
-        factors = np.array([overrides[name] for name, _ in spread.ends], int)
-        factors = np.diff(np.concatenate([[0], factors])) // np.array(spread.lengths)
+        factors = np.array(spread.counts(overrides)) // np.array(spread.lengths)
         options = {**options, "warm_start": solution, "guess": None}
 
 
@@ -195,7 +194,7 @@ def _level(solution: Solution, phases: list[int], judged: Estimate | None) -> Le
         iterations=solution.iterations,
         factorizations=solution.factorizations,
         error=judged.error if judged else unknown,
-        local_error=judged.local_error if judged else unknown,
+        local_error=judged.accumulated if judged else unknown,
         quadrature_error=judged.quadrature_error if judged else unknown,
         worst=judged.worst if judged else "",
         seconds=solution.seconds.get("total", 0.0),
@@ -203,31 +202,39 @@ def _level(solution: Solution, phases: list[int], judged: Estimate | None) -> Le
 
 
 def _wanted(
-    found: Refinement, spread: Spread, factors: np.ndarray, judged: Estimate, method: str
+    found: Refinement, counts: np.ndarray, factors: np.ndarray, judged: Estimate, method: str
 ) -> np.ndarray:
-    """How many times as many frames as at first each phase needs, more than now where its error asks for it."""
-    target = SAFETY * found.tolerance
-    lowered = _order_lost(found, method)
-    local_order, order = ORDER[method] + 1 - lowered, max(LOWEST_ORDER, ORDER[method] - lowered)
-    ends = np.concatenate([[0], np.cumsum(factors * np.array(spread.lengths))])
-    share = target / max(1, len(factors))
-    growth = np.ones(len(factors))
-    for k, (a, b) in enumerate(pairwise(ends)):
-        local = float(judged.local[a:b].max(initial=0.0))
-        quadrature = (
-            abs(float(judged.quadrature[a:b].sum())) if judged.quadrature_error > found.tolerance else 0.0
-        )
-        if local > found.tolerance:
-            growth[k] = max(growth[k], _power(local / target, 1.0 / local_order))
-        growth[k] = max(growth[k], _power(quadrature / share, 1.0 / order))
-    wanted = np.ceil(np.minimum(growth, MOST_AT_ONCE) * factors - 1e-9).astype(int)
-    if (wanted <= factors).all():  # rounding, or errors of opposite sign that nearly cancel
+    """How many times as many frames as at first each phase needs; more than now somewhere.
+
+    A phase with error E on N steps that gets r times as many keeps E/r^p.  The least number of steps for a given
+    sum of these errors has r proportional to (E/N)^(1/(p+1)), and never below 1.
+
+    Args:
+        counts: steps of each phase now.
+        factors: how many times as many as at first those are.
+        judged: the error now.
+    """
+    order = ORDER[method] - _order_lost(found, method)
+    ends = np.concatenate([[0], np.cumsum(counts)])
+    errors = np.array([judged.within(int(a), int(b)) for a, b in pairwise(ends)])
+    density = np.where(np.isfinite(errors), errors, np.inf) / counts
+    unknown = ~np.isfinite(density)
+    if unknown.any():
+        growth = np.where(unknown, MOST_AT_ONCE, 1.0)
+    else:
+        shape = density ** (1.0 / (order + 1.0))
+        # Errors of opposite sign cancel between phases: what they come to together is what counts.
+        target = SAFETY * found.tolerance * max(1.0, errors.sum() / max(judged.error, 1e-300))
+        low, high = 0.0, MOST_AT_ONCE / max(float(shape.max()), 1e-300)
+        for _ in range(60):
+            scale = 0.5 * (low + high)
+            kept = float((errors * np.maximum(1.0, scale * shape) ** -order).sum())
+            low, high = (scale, high) if kept > target else (low, scale)
+        growth = np.clip(high * shape, 1.0, MOST_AT_ONCE)
+    wanted = np.ceil(growth * factors - 1e-9).astype(int)
+    if (wanted <= factors).all():
         wanted = factors + 1
-    return wanted
-
-
-def _power(ratio: float, exponent: float) -> float:
-    return ratio**exponent if math.isfinite(ratio) and ratio > 0.0 else (MOST_AT_ONCE if ratio else 0.0)
+    return np.asarray(wanted)
 
 
 def _order_lost(found: Refinement, method: str) -> float:
@@ -237,7 +244,5 @@ def _order_lost(found: Refinement, method: str) -> float:
     coarse, fine = found.levels[-2:]
     if not (coarse.error > 0.0 and fine.error > 0.0 and math.isfinite(coarse.error)) or fine.n <= coarse.n:
         return 0.0
-    is_local = fine.local_error >= fine.quadrature_error
-    full = ORDER[method] + (1 if is_local else 0)
     observed = math.log(coarse.error / fine.error) / math.log(fine.n / coarse.n)
-    return float(np.clip(full - observed, 0.0, full - LOWEST_ORDER))
+    return float(np.clip(ORDER[method] - observed, 0.0, ORDER[method] - LOWEST_ORDER))

@@ -102,10 +102,10 @@ def test_frames_beside_a_share_of_the_motion_may_be_named() -> None:
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ("[4]: y = 0.3;", r"<text>:\d+:3: frame 4 would be frame 4 of 16: it does not keep its share"),
-        ("[3, n]: fx >= -100;", "frame 3 would be frame 3 of 16"),
-        ("[n]: x[3] = 0.2;", "frame 3 would be frame 3 of 16"),
-        ("[n - 3]: y <= 3;", "frame 5 would be frame 13 of 16"),
+        ("[4]: y = 0.3;", r"<text>:6:3: frame 4 of 8 would be frame 4 of 16: it does not keep its share"),
+        ("[3, n]: fx >= -100;", "frame 3 of 8 would be frame 3 of 16"),
+        ("[n]: x[3] = 0.2;", "frame 3 of 8 would be frame 3 of 16"),
+        ("[n - 3]: y <= 3;", "frame 5 of 8 would be frame 13 of 16"),
     ],
 )
 def test_hard_coded_frames_are_refused(more: str, message: str) -> None:

@@ -76,11 +76,12 @@ def test_central_differences_are_judged_by_wider_ones():
     for n in (20, 40):
         found, solution = estimated(text, "central", n)
         h, t = 1 / n, np.linspace(0, 1, n + 1)
-        # The truncation error h^2/12 x'''' of the second difference, times h, over 1 + the largest of x', x''.
-        size = 1 + np.abs(solution["x''"]).max()
+        # The truncation error h^2/12 x'''' of the second difference, times h, over 1 + the largest x'.
+        size = 1 + np.abs(solution["x'"]).max()
         true = h * h**2 / 12 * 81 * np.abs(np.cos(3 * t)) / size
-        assert found.local[3:-3] == pytest.approx(0.5 * (true[:-1] + true[1:])[3:-3], abs=0.05 * true.max())
-        errors.append(found.local_error)
+        local = found.states["x", 1]
+        assert local[3:-3] == pytest.approx(0.5 * (true[:-1] + true[1:])[3:-3], abs=0.05 * true.max())
+        errors.append(local.max())
     assert np.log2(errors[0] / errors[1]) == pytest.approx(3, abs=0.3)
 
 
@@ -144,8 +145,18 @@ def test_phases_with_counts_of_their_own_get_what_they_need():
 def test_counts_that_follow_from_n_keep_their_share():
     text = PHASES.replace("n = 40, a = 30", "n = 40, a = 3*n/4")
     spread = Spread.of(stc.load(text), None, {})
-    assert spread.ends == [("n", 40)]
-    assert spread.finer([3]) == {"n": 120}
+    assert spread.ends == [("a", 30), ("n", 40)]
+    assert spread.finer([3, 3]) == {"n": 120}
+    assert spread.finer([1, 4]) == {"a": 30, "n": 70}
+
+
+def test_counts_that_follow_from_another_constant_are_multiplied_by_that():
+    text = PHASES.replace("n = 40, a = 30", "k = 10, n = 4*k, a = 3*k")
+    spread = Spread.of(stc.load(text), None, {})
+    assert spread.ends == [("a", 30), ("n", 40)]
+    assert spread.finer([2, 2]) == {"k": 20}
+    assert spread.finer([1, 2]) == {"a": 30, "n": 50}
+    assert spread.counts({"k": 20}) == [60, 20]
 
 
 def test_a_step_that_is_a_plain_number_is_divided():
