@@ -23,6 +23,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.alignment import Alignment
 from stc.errors import UsageError
 from stc.solution import Solution, read
 
@@ -109,9 +110,15 @@ class TableValues:
 
 @dataclass(slots=True)
 class SolutionValues:
-    """A solution's own curves, by frame index, so that phases keep their share of the frames."""
+    """A solution's own curves, by frame index.
+
+    Attributes:
+        solution: whose curves.
+        alignment: which of its frames are which here; None keeps each frame's share of the motion.
+    """
 
     solution: Solution
+    alignment: Alignment | None = None
     strict: bool = False
 
     def names(self) -> Iterable[str]:
@@ -124,9 +131,9 @@ class SolutionValues:
         if (name, order) not in self.solution.trajectories:
             return None
         n = len(time) - 1
-        share = self.solution.n / n if n else 0.0
+        alignment = self.alignment or Alignment.even(self.solution.n, n)
         key = name + "'" * order
-        frames, mids = np.arange(n + 1) * share, (np.arange(n) + 0.5) * share
+        frames, mids = alignment.to_old(np.arange(n + 1)), alignment.to_old(np.arange(n) + 0.5)
         return (
             np.asarray(self.solution.at_frame(frames, "before")[key]),
             np.asarray(self.solution.at_frame(frames, "after")[key]),

@@ -66,6 +66,17 @@ def stretches(problem: Problem, relations: Iterable[Relation]) -> list[tuple[int
     return list(pairwise(sorted(cuts)))
 
 
+def named_cuts(problem: Problem) -> list[int]:
+    """Frames at which something jumps, begins or ends, in an order that does not depend on n; the last is n."""
+    found = [jump.frame for jump in problem.jumps]
+    for several in problem.definitions.values():
+        for piece in several:
+            found += [piece.range.first, piece.range.last + 1]
+    for statement in [*problem.relations, *problem.objective]:
+        found += [statement.range.first, statement.range.last]
+    return [*found, problem.n]
+
+
 def _difference(problem: Problem, relation: Relation, first: int) -> Expr:
     """An equation's left side less its right side, as it reads after frame ``first``."""
     body = relation.body if relation.lower is None else relation.body - relation.lower

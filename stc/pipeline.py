@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.alignment import Alignment
 from stc.bundled import find_spec
 from stc.errors import Diagnostic, Source, SpecError, StcError, UsageError
 from stc.guess_file import GivenValues, SolutionValues, read_guess
@@ -27,6 +28,7 @@ from stc.language import read_problem
 from stc.language.constant_values import constant_values
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
+from stc.phases import named_cuts
 from stc.problem import Problem, VariableRef
 from stc.solution import ReplayChannel, Solution, read
 from stc.solver import IterationRecord, Options, Result, Start, Status
@@ -402,12 +404,13 @@ class Model:
         """Where to start from an earlier solution; with multipliers where it was optimal."""
         earlier = warm_start if isinstance(warm_start, Solution) else read(warm_start)
         program = transcription.program
+        alignment = self._alignment(earlier, problem)
         same = (
             len(earlier.x) == program.size
             and len(earlier.row_multipliers) == program.row_count
             and len(earlier.bound_multipliers) == program.size
-            and earlier.n == problem.n
             and earlier.method == problem.method
+            and alignment.is_identity
         )
         optimal = earlier.status == "optimal"
         if same and np.isfinite(earlier.x).all():
@@ -416,11 +419,26 @@ class Model:
                 if optimal
                 else Start(earlier.x)
             )
-        bound = transcription.bind(problem.constants, guess=SolutionValues(earlier), check=False)
+        bound = transcription.bind(problem.constants, guess=SolutionValues(earlier, alignment), check=False)
         if not optimal or not earlier.multipliers:
             return Start(bound.x0)
         lengths = transcription.recovery(bound.x0, problem.constants).lengths
-        return Start(bound.x0, *resample_multipliers(earlier, transcription, bound, lengths))
+        return Start(bound.x0, *resample_multipliers(earlier, transcription, bound, lengths, alignment))
+
+    def _alignment(self, earlier: Solution, problem: Problem) -> Alignment:
+        """Which frames of an earlier solution are which of a problem's."""
+        numbers = earlier.constants
+        even = Alignment.even(earlier.n, problem.n)
+        if earlier.source != self.text or all(
+            numbers.get(k) == problem.constants[k] for k in problem.structural
+        ):
+            return even
+        known = self._known(earlier.method, earlier.overrides)
+        try:
+            old = self.problem(earlier.method, **earlier.overrides) if known is None else known[0]
+        except StcError:  # what it was given does not fit this model's own numbers any more
+            return even
+        return Alignment.of(named_cuts(old), named_cuts(problem))
 
 
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:

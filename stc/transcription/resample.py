@@ -1,7 +1,7 @@
 """An earlier solution's multipliers on other frames, statement by statement.
 
-Frames keep their share of the motion, so that phases stay phases.  What a statement on a stretch of frames costs
-is a density in time: each of its rows carries the share of the time around its node, so that twice as many rows
+Frames go where those of their phase are (see :mod:`stc.alignment`).  What a statement on a stretch of frames costs is
+a density in time: each of its rows carries the share of the time around its node, so that twice as many rows
 have half the multiplier each.  A statement on a single frame, and the link of a step (whose multiplier is the
 costate), have values of their own that do not depend on the step.
 """
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.alignment import Alignment
 from stc.problem import Problem
 from stc.solution import MultiplierBlock, Solution
 from stc.transcription.bind import BoundProgram
@@ -31,13 +32,18 @@ SAME, MOST_OFF = 0.2, 1e3
 
 
 def resample_multipliers(
-    solution: Solution, transcription: Transcription, bound: BoundProgram, lengths: FloatArray
+    solution: Solution,
+    transcription: Transcription,
+    bound: BoundProgram,
+    lengths: FloatArray,
+    alignment: Alignment,
 ) -> tuple[FloatArray, FloatArray]:
     """Multipliers of rows (m,) and bounds (size,) that follow an earlier solution's; 0 for what it does not have.
 
     Args:
         bound: the program to start, its ``x0`` following the same solution.
         lengths: (n,) duration of every step there.
+        alignment: which frames of the solution are which there.
     """
     problem = transcription.problem
     n, program = transcription.grid.n, transcription.program
@@ -46,7 +52,8 @@ def resample_multipliers(
         return rows, bounds
     old_lengths = np.diff(solution.time)
     earlier = {
-        (block.kind, block.label): _strands(block, solution.n, old_lengths) for block in solution.multipliers
+        (block.kind, block.label): _strands(block, alignment, n, old_lengths)
+        for block in solution.multipliers
     }
     for (kind, label), (nodes, ids, owner) in rows_by_statement(transcription).items():
         strands = earlier.get((kind, label), [])
@@ -97,10 +104,12 @@ def node_weights(nodes: Nodes, lengths: FloatArray, simpson: bool) -> FloatArray
     return np.maximum(weights, 1e-300)
 
 
-def _shares(nodes: Nodes, n: int) -> FloatArray:
-    """Where in the motion each node lies, from 0 to 1. (k,)"""
+def _shares(nodes: Nodes, n: int, alignment: Alignment | None = None) -> FloatArray:
+    """Where in the motion of n steps each node lies, from 0 to 1; with an alignment, one of the old motion. (k,)"""
+    frame = 0.5 * nodes.position
+    frame = frame if alignment is None else alignment.to_new(frame)
     aside = np.where(nodes.side == BEFORE, -APART, np.where(nodes.side == AFTER, APART, 0.0))
-    return nodes.position / (2.0 * n) + aside
+    return frame / n + aside
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +140,7 @@ class _Strand:
         return np.where(here, values[right], np.where(idle, 0.0, np.interp(share, self.share, values)))
 
 
-def _strands(block: MultiplierBlock, n: int, lengths: FloatArray) -> list[_Strand]:
+def _strands(block: MultiplierBlock, alignment: Alignment, n: int, lengths: FloatArray) -> list[_Strand]:
     nodes = Nodes(
         np.rint(2.0 * block.nodes).astype(np.int64), np.array([0, AFTER, BEFORE])[block.sides.astype(int)]
     )
@@ -141,5 +150,5 @@ def _strands(block: MultiplierBlock, n: int, lengths: FloatArray) -> list[_Stran
         mine = turn == k
         here = nodes[mine]
         weights = node_weights(here, lengths, bool(here.is_midpoint.any()))
-        found.append(_Strand(_shares(here, n), block.values[mine], block.values[mine] / weights))
+        found.append(_Strand(_shares(here, n, alignment), block.values[mine], block.values[mine] / weights))
     return found

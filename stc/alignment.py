@@ -1,0 +1,59 @@
+"""Which frames of one motion are which of another one of the same spec, whose phases have other numbers of frames.
+
+Frames that the spec names (see :func:`stc.phases.named_cuts`) are paired; between them frames keep their share.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Alignment:
+    """Frames of two motions that are each other's: ``old`` and ``new``, (k,) each and rising, with both ends."""
+
+    old: FloatArray
+    new: FloatArray
+
+    @classmethod
+    def even(cls, old: int, new: int) -> Alignment:
+        """Every frame keeps its share of the whole motion."""
+        return cls(np.array([0.0, old]), np.array([0.0, max(new, 1)]))
+
+    @classmethod
+    def of(cls, old: Sequence[int], new: Sequence[int]) -> Alignment:
+        """From the frames that both motions name, in the same order; the last entry of each is its last frame.
+
+        Frames that cannot be paired are left out; what is between the others keeps its share.
+        """
+        last, end = old[-1], new[-1]
+        if len(old) != len(new):
+            return cls.even(last, end)
+        inside = [(a, b) for a, b in zip(old, new, strict=True) if 0 < a < last and 0 < b < end]
+        kept = [(0, 0), (last, end)]
+        # A frame beside another one (`n/2 + 1`) stays beside it: only the one that is named more often is a knot.
+        for (a, b), _ in sorted(Counter(inside).items(), key=lambda pair: (-pair[1], pair[0])):
+            if all(abs(a - c) > 1 and (a - c) * (b - d) > 0 for c, d in kept):
+                kept.append((a, b))
+        knots = np.array(sorted(kept), dtype=float)
+        return cls(knots[:, 0], knots[:, 1])
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether every frame keeps its number."""
+        return np.array_equal(self.old, self.new)
+
+    def to_new(self, frames: ArrayLike) -> FloatArray:
+        """Where frames of the old motion are in the new one, fractions allowed."""
+        return np.asarray(np.interp(frames, self.old, self.new))
+
+    def to_old(self, frames: ArrayLike) -> FloatArray:
+        """Where frames of the new motion were in the old one, fractions allowed."""
+        return np.asarray(np.interp(frames, self.new, self.old))
