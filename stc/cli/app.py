@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
+from typer.models import CommandInfo
 
 from stc import __version__
 from stc.cli import exports, jobs, pictures, studies
@@ -41,6 +44,23 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+def app_for(arguments: Sequence[str]) -> typer.Typer:
+    """The application with nothing but the command that is called, or with all of them where that is not clear.
+
+    Setting up the parsers of all commands takes longer than reading and transcribing a small spec.
+    """
+    called = [known for known in app.registered_commands if arguments and _name(known) == arguments[0]]
+    if not called:
+        return app
+    small = copy.copy(app)
+    small.registered_commands = called
+    return small
+
+
+def _name(command: CommandInfo) -> str:
+    return str(command.name or getattr(command.callback, "__name__", ""))
 
 
 @app.callback(invoke_without_command=True)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from stc.arrays import distinct
 from stc.errors import Span
 from stc.language import syntax
 from stc.language.context import Context
@@ -120,9 +121,7 @@ def _check_steps(context: Context, pieces: list[DefinitionPiece], node: syntax.N
         body = run.piece.body
         if not all(isinstance(key, ConstantRef | IndexRef) for key in symbols(body)):
             continue
-        frames = np.unique(
-            np.linspace(run.first, run.last, min(run.last - run.first + 1, MOST_STEPS)).round()
-        )
+        frames = distinct(np.linspace(run.first, run.last, min(run.last - run.first + 1, MOST_STEPS)).round())
         values: dict[object, object] = {}
         for key in symbols(body):
             value = context.constants.values.get(key.name) if isinstance(key, ConstantRef) else None

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.arrays import scattered
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import NLP, Floats, Ints
 from stc.solver.options import Options
@@ -103,7 +104,7 @@ class ScaledProblem(Formulation):
         self.x_scale = np.where(narrow, span, np.where(wide, magnitude, 1.0))
         self.x_scale = np.exp2(np.round(np.log2(self.x_scale)))
         gradient, rows = self._magnitudes(x0)
-        nearby = np.random.default_rng(0).uniform(-1.0, 1.0, self.n) * self.x_scale
+        nearby = scattered(self.n) * self.x_scale
         gradient_nearby, rows_nearby = self._magnitudes(np.clip(x0 + 0.1 * nearby, nlp.x_lower, nlp.x_upper))
         self.objective_scale = float(_factors(np.array([gradient]), np.array([gradient_nearby]))[0])
         self.row_scale = _factors(rows, rows_nearby)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import distinct
 from stc.problem import DefinitionPiece, FrameRange, Problem
 
 IntArray = NDArray[np.int64]
@@ -56,7 +57,7 @@ def join(parts: list[Nodes]) -> Nodes:
     """All nodes of several lists, each once, in time order."""
     position = np.concatenate([p.position for p in parts])
     side = np.concatenate([p.side for p in parts])
-    order = np.unique(4 * position + side)
+    order = distinct(4 * position + side)
     return Nodes(order // 4, order % 4)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import distinct
 from stc.solution import MultiplierBlock
 from stc.transcription.grid import AFTER, BEFORE, IntArray, Nodes
 from stc.transcription.statements import LINK
@@ -29,7 +30,7 @@ def rows_by_statement(transcription: Transcription) -> dict[Statement, tuple[Nod
             if row.label:
                 parts.setdefault(("link", row.label), []).append((row.nodes, ids, row.relation))
                 continue
-            for owner in np.unique(row.relation):
+            for owner in distinct(row.relation):
                 mine = row.relation == owner
                 assert owner != LINK
                 text = problem.relations[int(owner)].text

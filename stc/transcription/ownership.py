@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import distinct
 from stc.problem import Problem
 from stc.transcription.bind import BoundProgram, Numbers
 from stc.transcription.grid import AFTER, BEFORE, IntArray, Nodes
@@ -74,7 +75,7 @@ class Ownership:
             for statement in transcription.statements.bounds
             if (entry := self._entry(statement, numbers)) is not None
         ]
-        owners = {int(k) for k in np.unique(self.row_owner) if k != LINK}
+        owners = {int(k) for k in distinct(self.row_owner) if k != LINK}
         owners.update(k for others in self._others.values() for k in others if k != LINK)
         owners.update(entry.relation for entry in self.bounds)
         self.relations = sorted(owners)

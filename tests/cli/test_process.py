@@ -131,3 +131,23 @@ class TestInterruption:
         quiet = self.start(tmp_path, "--max-iterations", "3")
         _, err = quiet.communicate(timeout=60)
         assert "violation" not in err
+
+
+def test_plain_cells_show_what_rich_shows() -> None:
+    from rich.markup import render
+
+    from stc.cli import console
+
+    for text in ("x[0]", "[bold]a[/]", "a\\[b]", "[0, n]: x", "[n]: q = 1", "/tmp/[x]/y.npz", "q\\\\[a]z"):
+        escaped = console.escape(text)
+        assert render(escaped, emoji=False).plain == console._unmarked(escaped) == text
+    marked = "[bold red]failed[/bold red] in [green]3[/]"
+    assert render(marked).plain == console._unmarked(marked)
+
+
+def test_only_the_called_command_is_set_up() -> None:
+    from stc.cli.app import app, app_for
+
+    assert [command.name for command in app_for(["list"]).registered_commands] == ["list"]
+    assert app_for(["--help"]) is app_for([]) is app_for(["slove"]) is app
+    assert len(app.registered_commands) > 5

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import distinct
 from stc.solver.kkt.arrangement import Arrangement, Couplings
 from stc.solver.kkt.ordering import SMALLEST, order_stage
 from stc.solver.kkt.staging import Staging
@@ -93,7 +94,7 @@ def plan_elimination(
     logs = np.log(np.maximum(size_of_entry[inside], 1e-12))
     sizes = np.maximum(np.exp(np.bincount(members, logs) / np.bincount(members)), SMALLEST)
     inside = chosen[stage]
-    leaving = np.unique(kind[stage[inside]] * window + slot[inside])
+    leaving = distinct(kind[stage[inside]] * window + slot[inside])
     walk = _Walk(window, keys, sizes, leaving)
     plan_of_stage, state_of_stage = walk.all_stages(kind, staging.top)
     family = kind[staging.stage] * window + staging.slot

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import distinct
 from stc.codegen.native import i32s, i64, native
 from stc.solver.nlp import Ints
 
@@ -183,11 +184,11 @@ def _level_order(stage: NDArray[np.int64], first: Ints, second: Ints, count: int
     Unknowns that couple with many stages, the border, are left out of the graph and placed last.
     """
     links = np.concatenate([first * count + stage[second], second * count + stage[first]])
-    unknown = np.unique(links) // count
+    unknown = distinct(links) // count
     border = np.bincount(unknown, minlength=stage.size) > BORDER_STAGES
     inner = ~(border[first] | border[second])
     ends = np.stack([stage[first[inner]], stage[second[inner]]])
-    pairs = np.unique(np.concatenate([ends[0] * count + ends[1], ends[1] * count + ends[0]]))
+    pairs = distinct(np.concatenate([ends[0] * count + ends[1], ends[1] * count + ends[0]]))
     source, target = pairs // count, (pairs % count).astype(np.int32)
     pointers = _pointers(source, count)
     level = np.zeros(count, dtype=np.int32)

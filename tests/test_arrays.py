@@ -1,0 +1,34 @@
+"""Distinct values as NumPy has them, and numbers that spread evenly."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stc.arrays import distinct, scattered
+
+
+@given(st.lists(st.integers(-5, 5)))
+def test_distinct_is_unique(values: list[int]) -> None:
+    array = np.array(values, dtype=np.int64)
+    assert np.array_equal(distinct(array), np.unique(array))
+
+
+def test_scattered_fills_the_interval() -> None:
+    values = np.sort(scattered(1000))
+    assert -1.0 <= values[0] < values[-1] <= 1.0
+    assert np.diff(values).max() < 3.0 * 2.0 / 1000.0  # the three gaps of multiples of the golden ratio
+
+
+def test_a_solve_does_not_import_what_it_does_not_need() -> None:
+    code = (
+        "import sys, stc; stc.load('particle_waypoints').solve(n=8); "
+        "print(*[m for m in ('numpy.ma', 'numpy.random', 'scipy', 'mujoco', 'matplotlib', 'rich', 'nlopt', 'typer')"
+        " if m in sys.modules])"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout.split() == []
