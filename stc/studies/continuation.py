@@ -12,15 +12,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from stc.errors import EvaluationError, UsageError
+from stc.errors import EvaluationError, SpecError, UsageError
 from stc.pipeline import Model
 from stc.solution import Solution
-from stc.studies.effort import Effort
+from stc.studies.effort import Clock, Effort
 
 __all__ = ["Continuation", "ContinuationStep", "continue_to"]
 
 #: The walk ends where this share of the first step still fails.
-SMALLEST = 1.0 / 1024
+SMALLEST = 1.0 / 256
 #: After so many successes in a row a halved step is doubled.
 SUCCESSES = 2
 
@@ -118,11 +118,11 @@ def continue_to(
         steps: how many steps to take if none fails.
         solve: used in place of ``model.solve``, with the same arguments (to watch it).
         on_step: told after every solve.
-        **options: of :meth:`stc.pipeline.Model.solve`.
+        **options: of :meth:`stc.pipeline.Model.solve`; a time limit is for all solves together.
 
     Raises:
         UsageError: no such constant, or no step at all.
-        SpecError: a value that the spec cannot take.
+        SpecError: the first or the last value is one that the spec cannot take.
     """
     if steps < 1:
         raise UsageError(f"a continuation takes at least one step, not {steps}")
@@ -130,20 +130,24 @@ def continue_to(
         raise UsageError(f"a continuation from {name} = {first:g} to the same value goes nowhere")
     solve = solve or model.solve
     constants = dict(options.pop("constants", {}))
+    clock = Clock(options.pop("time_limit", None))
     walk = Continuation(name, first, last)
+    counts = _counts_frames(model, name, (first, last), options.get("method"), constants)
+    undefined = ""
 
     def attempt(share: float, **start: Any) -> Solution | None:
+        nonlocal undefined
         value = last if share == 1.0 else first + share * (last - first)
-        if name == "n":
-            value = float(round(value))
+        value = float(round(value)) if counts else value
         try:
-            solution = solve(constants={**constants, name: value}, **{**options, **start})
-        except EvaluationError as error:
+            solution = solve(constants={**constants, name: value}, **{**options, **start}, **clock.option())
+        except (EvaluationError, SpecError) as error:
             if walk.solution is None:
                 raise
             walk.steps.append(ContinuationStep(value, "failed", float("nan"), 0, 0))
-            walk.message = str(error)
+            undefined = str(error)
         else:
+            undefined = ""
             walk.effort.add(solution)
             walk.steps.append(
                 ContinuationStep(
@@ -169,18 +173,44 @@ def continue_to(
         target = 1.0 if target > 1.0 - 1e-9 else target
         found = attempt(target, warm_start=walk.solution, guess=None)
         if found is not None:
-            share, successes, walk.message = target, successes + 1, ""
+            share, successes = target, successes + 1
             if successes >= SUCCESSES and step < whole:
                 step, successes = min(2.0 * step, whole), 0
             continue
         if walk.status == "interrupted":
             walk.message = f"interrupted; {name} = {walk.value:g} was reached"
             return walk
+        if clock.is_over:
+            walk.message = (
+                f"the time limit of {clock.limit:g} s came first; {name} = {walk.value:.9g} was reached"
+            )
+            return walk
         step, successes = 0.5 * step, 0
-        if step < SMALLEST * whole:
+        if step < SMALLEST * whole or (counts and step * abs(last - first) < 1.0):
             walk.message = (
                 f"stopped at {name} = {walk.value:.9g}: the solve a little farther, "
                 f"with {name} = {walk.steps[-1].value:.9g}, ended {walk.status}"
             )
+            walk.message += f":\n{undefined}" if undefined else ""
             return walk
     return walk
+
+
+def _counts_frames(
+    model: Model, name: str, ends: tuple[float, float], method: str | None, constants: dict[str, float]
+) -> bool:
+    """Whether a constant is one that has to be whole, as far as its two ends tell.
+
+    Raises:
+        SpecError, UsageError: an end of the walk that the spec cannot take, or no such constant.
+    """
+    problems = [model.problem(method, **{**constants, name: value}) for value in ends]
+    if name not in problems[0].structural or any(value != round(value) for value in ends):
+        return False
+    if name == "n":
+        return True
+    try:
+        model.problem(method, **{**constants, name: 0.5 * (ends[0] + ends[1]) + 1.0 / 3.0})
+    except SpecError:
+        return True
+    return False

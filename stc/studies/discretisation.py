@@ -256,18 +256,21 @@ def _difference_errors(problem: Problem, solution: Solution) -> States:
             found[name, order - 1] = np.full(n, np.inf)
             continue
         x = solution[name]
-        gap = np.abs(_derivative(time, x, order, width) - _derivative(time, x, order, width + 2))
+        better = _derivative(time, x, order, width + 2)
+        gap = np.abs(_derivative(time, x, order, width) - better)
         # A condition at one frame is missed by the gap itself, by the step beside it.
         at = np.flatnonzero(single & ~wide)
-        missed = found.setdefault((name, order), np.zeros(n))
-        np.add.at(missed, np.minimum(at, n - 1), gap[at] / _size(solution, name, order))
+        if len(at):
+            missed = found.setdefault((name, order), np.zeros(n))
+            np.add.at(missed, np.minimum(at, n - 1), gap[at] / (1.0 + float(np.abs(better).max())))
         if order > 1:
             # Where the stencil does not fit no statement holds; the nearest frame where it does speaks for the step.
             reach = stencil_reach(order)
             gap[:reach], gap[n + 1 - reach :] = gap[reach], gap[n - reach]
             wide[:reach], wide[n + 1 - reach :] = wide[reach], wide[n - reach]
         gap[~wide] = 0.0
-        error = 0.5 * lengths * (gap[:-1] + gap[1:]) / _size(solution, name, order - 1)
+        below = x if order == 1 else _derivative(time, x, order - 1, 2 * stencil_reach(order - 1) + 1)
+        error = 0.5 * lengths * (gap[:-1] + gap[1:]) / (1.0 + float(np.abs(below).max()))
         found[name, order - 1] = found.get((name, order - 1), 0.0) + error
     return found
 

@@ -1,7 +1,8 @@
-"""What several solves took together."""
+"""What several solves take together, and how long they may."""
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 from stc.solution import Solution
@@ -28,3 +29,30 @@ class Effort:
         self.iterations += solution.iterations
         self.factorizations += solution.factorizations
         self.seconds += solution.seconds.get("total", 0.0)
+
+
+class Clock:
+    """A time limit for several solves together.
+
+    Args:
+        limit: in seconds of wall time; None for none.
+    """
+
+    def __init__(self, limit: float | None) -> None:
+        self.limit = limit
+        self._begin = time.monotonic()
+
+    @property
+    def left(self) -> float | None:
+        """What the next solve may take, in seconds; None where there is no limit."""
+        return None if self.limit is None else max(0.0, self.limit - (time.monotonic() - self._begin))
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the time is up."""
+        return self.left == 0.0
+
+    def option(self) -> dict[str, float]:
+        """The time limit of the next solve as an argument of :meth:`stc.pipeline.Model.solve`."""
+        left = self.left
+        return {} if left is None else {"time_limit": max(left, 1e-3)}

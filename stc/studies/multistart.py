@@ -18,7 +18,7 @@ from stc.errors import EvaluationError, SpecError, UsageError
 from stc.guess_file import GivenValues, NodeValues, read_guess
 from stc.pipeline import Model
 from stc.solution import Solution
-from stc.studies.effort import Effort
+from stc.studies.effort import Clock, Effort
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
 
@@ -72,12 +72,14 @@ class MultiStart:
         optima: distinct optima, best first.
         solution: the best optimum, or where there is none the solution that violates least.
         effort: of all solves.
+        message: why not all starts were made; empty where they were.
     """
 
     starts: list[StartRecord] = field(default_factory=list)
     optima: list[Optimum] = field(default_factory=list)
     solution: Solution | None = None
     effort: Effort = field(default_factory=Effort)
+    message: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """The findings as JSON takes them."""
@@ -118,7 +120,8 @@ def multistart(
         seed: of the random numbers.
         solve: used in place of ``model.solve``, with the same arguments (to watch it).
         on_start: told after every solve; the number of the optimum in the record is the one found so far.
-        **options: of :meth:`stc.pipeline.Model.solve`; a guess is what the starts lie around.
+        **options: of :meth:`stc.pipeline.Model.solve`; a guess is what the starts lie around, a time limit is for
+            all solves together.
 
     Raises:
         UsageError: fewer than one start.
@@ -133,6 +136,7 @@ def multistart(
     if isinstance(guess, str) or hasattr(guess, "__fspath__"):
         guess = read_guess(guess)
     constants = dict(options.pop("constants", {}))
+    clock = Clock(options.pop("time_limit", None))
     problem, transcription = model.transcription(options.get("method"), **constants)
     around = _Neighbourhood(transcription, transcription.bind(problem.constants, guess=guess, check=False))
     found = MultiStart()
@@ -141,7 +145,7 @@ def multistart(
         for attempt in range(ATTEMPTS if number else 1):
             values = guess if number == 0 else around.start(seed, number, 0.5**attempt)
             try:
-                solution = solve(constants=constants, guess=values, **options)
+                solution = solve(constants=constants, guess=values, **options, **clock.option())
                 break
             except (EvaluationError, SpecError):
                 if number == 0:
@@ -149,7 +153,12 @@ def multistart(
         found.starts.append(_sorted_in(found, number, solution))
         if on_start is not None:
             on_start(found.starts[-1])
+        made = f"{number + 1} of {starts} starts were made"
         if solution is not None and solution.status == "interrupted":
+            found.message = f"interrupted; {made}"
+            break
+        if clock.is_over and number + 1 < starts:
+            found.message = f"the time limit of {clock.limit:g} s came first; {made}"
             break
     _rank(found)
     return found

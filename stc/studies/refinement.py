@@ -19,7 +19,7 @@ from stc.errors import UsageError
 from stc.pipeline import Model
 from stc.solution import Solution
 from stc.studies.discretisation import Estimate, estimate
-from stc.studies.effort import Effort
+from stc.studies.effort import Clock, Effort
 from stc.studies.frames import Spread
 
 __all__ = ["Level", "Refinement", "refine"]
@@ -35,6 +35,8 @@ MOST_LEVELS = 12
 MOST_FRAMES = 50_000
 NO_FALL = 0.95
 """An error that falls by less than this factor twice does not fall."""
+CONFIRM = 0.1
+"""An estimate that is below the tolerance, but by less than this factor, is confirmed by a finer solve."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +47,10 @@ class Level:
         n: number of steps.
         phases: number of steps in each phase with a frame count of its own.
         status, objective, iterations, factorizations: of the solve.
-        error: the estimate that is compared with the tolerance: the larger one of the next two.
+        error: the estimate that is compared with the tolerance: the largest one of the next three.
         local_error: local errors of all steps together, relative.
         quadrature_error: relative error of the objective's integrals.
+        objective_error: relative error of the objective, by how it changed from the level before; 0 for the first.
         worst: what has the largest local errors.
         seconds: wall time of the solve.
     """
@@ -61,6 +64,7 @@ class Level:
     error: float
     local_error: float
     quadrature_error: float
+    objective_error: float
     worst: str
     seconds: float
 
@@ -104,6 +108,7 @@ class Refinement:
                     "error": level.error,
                     "local_error": level.local_error,
                     "quadrature_error": level.quadrature_error,
+                    "objective_error": level.objective_error,
                     "worst": level.worst,
                     "iterations": level.iterations,
                     "factorizations": level.factorizations,
@@ -133,7 +138,7 @@ def refine(
         on_level: told after every solve.
         start: a solution of the coarsest problem, where there is one already; it is not solved again.
         most_frames: no solve gets more.
-        **options: of :meth:`stc.pipeline.Model.solve`.
+        **options: of :meth:`stc.pipeline.Model.solve`; a time limit is for all solves together.
 
     Raises:
         UsageError: a tolerance that is not positive, or a spec whose frames cannot be refined (the message says where).
@@ -143,6 +148,7 @@ def refine(
         raise UsageError(f"the tolerance of a refinement must be positive, not {error:g}")
     solve = solve or model.solve
     constants = dict(options.pop("constants", {}))
+    clock = Clock(options.pop("time_limit", None))
     method = options.get("method")
     spread = Spread.of(model, method, constants)
     factors = np.ones(len(spread.ends), int)
@@ -153,12 +159,12 @@ def refine(
         if start is not None and not found.levels:
             solution = start
         else:
-            solution = solve(constants={**constants, **overrides}, **options)
+            solution = solve(constants={**constants, **overrides}, **options, **clock.option())
             found.effort.add(solution)
         good = solution.status == "optimal"
         phases = [int(k) for k in factors * spread.lengths]
         judged = estimate(model.problem(method, **{**constants, **overrides}), solution) if good else None
-        found.levels.append(_level(solution, phases, judged))
+        found.levels.append(_level(solution, phases, judged, found))
         if good or found.solution is None:
             found.solution = solution
         if on_level is not None:
@@ -166,26 +172,33 @@ def refine(
         if judged is None:
             found.message = f"with n = {solution.n} the solve ended {solution.status}"
             return found
-        if judged.error <= error:
+        level = found.levels[-1]
+        if level.error <= (error if len(found.levels) > 1 else CONFIRM * error):
             return found
         if len(found.levels) > 1:
-            idle = idle + 1 if judged.error > NO_FALL * found.levels[-2].error else 0
+            idle = idle + 1 if level.error > NO_FALL * found.levels[-2].error else 0
         wanted = _wanted(found, np.array(phases), factors, judged, solution.method)
         if idle > 1 or len(found.levels) == MOST_LEVELS:
-            found.message = f"the error no longer falls: {judged.error:.2g} with n = {solution.n}"
+            found.message = f"the error no longer falls: {level.error:.2g} with n = {solution.n}"
+            return found
+        if clock.is_over:
+            found.message = f"the time limit of {clock.limit:g} s came first; the error is {level.error:.2g}"
             return found
         if int(wanted @ spread.lengths) > most_frames:
             found.message = f"an error of {error:g} would take more than {most_frames} frames"
+            found.message += f"; it is {level.error:.2g} with n = {solution.n}"
             if _order_lost(found, solution.method) > 0.5:
-                found.message += "; it falls slowly, as at kinks and at jumps that the spec does not declare"
+                found.message += " and falls slowly, as at kinks and at jumps that the spec does not declare"
             return found
         overrides = spread.finer([int(k) for k in wanted])
         factors = np.array(spread.counts(overrides)) // np.array(spread.lengths)
         options = {**options, "warm_start": solution, "guess": None}
 
 
-def _level(solution: Solution, phases: list[int], judged: Estimate | None) -> Level:
+def _level(solution: Solution, phases: list[int], judged: Estimate | None, found: Refinement) -> Level:
     unknown = float("nan")
+    before = found.levels[-1] if found.levels else None
+    change = _objective_error(before, judged, solution) if before and judged else 0.0
     return Level(
         n=solution.n,
         phases=phases,
@@ -193,12 +206,24 @@ def _level(solution: Solution, phases: list[int], judged: Estimate | None) -> Le
         objective=solution.objective,
         iterations=solution.iterations,
         factorizations=solution.factorizations,
-        error=judged.error if judged else unknown,
+        error=max(judged.error, change) if judged else unknown,
         local_error=judged.accumulated if judged else unknown,
         quadrature_error=judged.quadrature_error if judged else unknown,
+        objective_error=change,
         worst=judged.worst if judged else "",
         seconds=solution.seconds.get("total", 0.0),
     )
+
+
+def _objective_error(before: Level, judged: Estimate, solution: Solution) -> float:
+    """What is left of the objective's error if it falls from level to level as the estimate does.
+
+    (L. F. Richardson's extrapolation, with the observed order in place of the method's.)
+    """
+    change = abs(solution.objective - before.objective) / (1.0 + abs(solution.objective))
+    estimated = max(before.local_error, before.quadrature_error)
+    fall = min(estimated / max(judged.error, 1e-300), (solution.n / before.n) ** ORDER[solution.method])
+    return change / (fall - 1.0) if fall > 1.0 / NO_FALL else change
 
 
 def _wanted(
@@ -225,6 +250,7 @@ def _wanted(
         shape = density ** (1.0 / (order + 1.0))
         # Errors of opposite sign cancel between phases: what they come to together is what counts.
         target = SAFETY * found.tolerance * max(1.0, errors.sum() / max(judged.error, 1e-300))
+        errors = errors * max(1.0, found.levels[-1].error / max(judged.error, 1e-300))
         low, high = 0.0, MOST_AT_ONCE / max(float(shape.max()), 1e-300)
         for _ in range(60):
             scale = 0.5 * (low + high)
