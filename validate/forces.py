@@ -103,19 +103,27 @@ class Attachments:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         data.qfrc_applied[:] = 0.0
-        wrenches: dict[tuple[str, int], FloatArray] = {}
         for target, value in zip(self._targets, values):
             if target.dof >= 0:
                 data.qfrc_applied[target.dof] += value
-            else:
-                wrench = wrenches.setdefault((target.kind, target.index), np.zeros(6))
-                wrench[target.part] += value
         total = np.zeros(model.nv)
-        for (kind, index), wrench in wrenches.items():
+        for (kind, index), wrench in self.wrenches(values).items():
             body = index if kind == "body" else int(model.site_bodyid[index])
             point = (data.xpos if kind == "body" else data.site_xpos)[index]
             mujoco.mj_applyFT(model, data, wrench[:3], wrench[3:], point, body, total)
         data.qfrc_applied[:] += total
+
+    def wrenches(self, values: FloatArray) -> dict[tuple[str, int], FloatArray]:
+        """Per body or site (its kind and index) the force in N and torque in N m, (6,) along the world's axes.
+
+        Args:
+            values: (k,) the forces; generalised ones on joints are left out.
+        """
+        found: dict[tuple[str, int], FloatArray] = {}
+        for target, value in zip(self._targets, values):
+            if target.dof < 0:
+                found.setdefault((target.kind, target.index), np.zeros(6))[target.part] += value
+        return found
 
 
 class OuterForces(Signals):
@@ -129,8 +137,8 @@ class OuterForces(Signals):
         """
         super().__init__(solution, [line for kind in kinds for line in lines_of(solution, kind)])
         self._places = Attachments(model, [(line.kind, line.path) for line in self.lines])
-        #: See :meth:`Attachments.apply`.
-        self.apply = self._places.apply
+        #: See :meth:`Attachments.apply` and :meth:`Attachments.wrenches`.
+        self.apply, self.wrenches = self._places.apply, self._places.wrenches
 
 
 def _target(model: mujoco.MjModel, written: str, path: tuple[str, ...]) -> _Target:

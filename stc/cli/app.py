@@ -11,6 +11,7 @@ from typer.models import CommandInfo
 
 from stc import __version__
 from stc.cli import exports, jobs, pictures, studies
+from stc.cli import view as viewing
 from stc.cli.options import (
     Continue,
     Explain,
@@ -304,6 +305,40 @@ def export(
     return exports.export(
         target, kind, output, options, rate=rate, time_step=time_step, force=force, as_json=json
     )
+
+
+@app.command()
+def view(
+    target: SpecOrSolution,
+    web: Annotated[bool, typer.Option("--web", help="Show it in a browser, no screen needed here.")] = False,
+    host: Annotated[
+        str | None,
+        typer.Option("--host", metavar="ADDRESS", help="Serve --web on this address, not 127.0.0.1."),
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option("--port", metavar="NUMBER", help="Serve --web on this port; default 8080.")
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Watch the solve; stopping it keeps its best.")
+    ] = False,
+    tracked: Annotated[
+        bool, typer.Option("--tracked", help="Begin with the tracked replay, not the open loop.")
+    ] = False,
+    speed: Annotated[float, typer.Option("--speed", metavar="SHARE", help="Of real time.")] = 1.0,
+    settings: Set = None,
+    method: Method = None,
+    max_iterations: MaxIterations = None,
+    time_limit: TimeLimit = None,
+    tolerance: Tolerance = None,
+    optimizer: Optimizer = None,
+    warm_start: WarmStart = None,
+    output: Output = None,
+) -> int:
+    """Show a motion in MuJoCo's viewer, and turn its constants while it runs."""
+    options = solve_options(
+        settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer
+    )
+    return viewing.view(target, options, viewing.Window(web, host, port, tracked, speed), live=live)
 
 
 @app.command("list")

@@ -50,24 +50,36 @@ def paths(setup: Setup, motion: Replay | None = None) -> list[FloatArray]:
         setup: the motion.
         motion: a replay of it, to follow that instead.
     """
+    times = np.linspace(setup.solution.time[0], setup.solution.time[-1], _PATH_POINTS)
+    return follow(setup, solved_at(setup, times) if motion is None else simulated_at(motion, times))
+
+
+def follow(
+    setup: Setup, positions: FloatArray, places: Sequence[tuple[str, int]] | None = None
+) -> list[FloatArray]:
+    """World points, (k, 3) each, of some places of the model in positions (k, nq).
+
+    Args:
+        setup: the motion.
+        positions: MuJoCo's ``qpos``.
+        places: MuJoCo's array of world positions and the index in it, by default :func:`usual_places`.
+    """
     import mujoco
 
-    places = _places(setup)
-    times = np.linspace(setup.solution.time[0], setup.solution.time[-1], _PATH_POINTS)
-    positions = solved_at(setup, times) if motion is None else simulated_at(motion, times)
+    places = usual_places(setup) if places is None else places
     data = mujoco.MjData(setup.compiled)
-    found: list[list[FloatArray]] = [[] for _ in places]
-    for position in positions:
+    found = [np.zeros((len(positions), 3)) for _ in places]
+    for k, position in enumerate(positions):
         data.qpos[:] = position
         mujoco.mj_kinematics(setup.compiled, data)
         mujoco.mj_comPos(setup.compiled, data)
         for path, (array, index) in zip(found, places):
-            path.append(getattr(data, array)[index].copy())
-    return [np.array(path) for path in found]
+            path[k] = getattr(data, array)[index]
+    return found
 
 
-def _places(setup: Setup) -> Sequence[tuple[str, int]]:
-    """Per point to follow MuJoCo's array of world positions and the index in it, each point once."""
+def usual_places(setup: Setup) -> Sequence[tuple[str, int]]:
+    """What a spec has compared, or the outermost bodies: MuJoCo's array of positions and the index in it."""
     import mujoco
 
     arrays = {"site": "site_xpos", "geom": "geom_xpos", "body": "xpos", "com": "subtree_com"}

@@ -1,0 +1,174 @@
+"""What ``stc view`` does: a motion in one of MuJoCo's windows."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stc.cli import BAD, GOOD, console, jobs
+from stc.cli.options import SolveOptions, is_solution, writable_solution
+from stc.errors import StcError, UsageError
+
+if TYPE_CHECKING:
+    from stc.solution import Solution
+    from stc.viewer.live import LiveSolve
+    from stc.viewer.player import Player
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Where and how a motion is shown.
+
+    Attributes:
+        web: in a browser.
+        host: address that the page is served on.
+        port: of the page; 0 takes the first free one from 8080 on.
+        tracked: show MuJoCo's run with feedback first.
+        speed: share of real time.
+    """
+
+    web: bool = False
+    host: str | None = None
+    port: int | None = None
+    tracked: bool = False
+    speed: float = 1.0
+
+
+def view(target: str, options: SolveOptions, window: Window, *, live: bool) -> int:
+    """Show a saved motion, or what solving a spec gives; with ``live`` while it is solved.
+
+    Raises:
+        UsageError: options that do not go together, an address that cannot be listened on.
+        DisplayError: there is nothing to open a window on.
+    """
+    _check(target, window, live)
+    if live:
+        return _live(target, options, window)
+    outcome, motion = jobs.solved(target, options, as_json=False)
+    if not is_solution(target):
+        outcome.show()
+    if outcome.solution.status != "optimal":
+        console.note(f"the solve ended {outcome.solution.status}: what is shown is no solution")
+    beside = [motion.parent] if isinstance(motion, Path) else []
+    player = _player(outcome.solution, beside, window)
+    from stc.viewer.tweaks import session_for
+
+    try:
+        player.tweaks = session_for(outcome.solution)
+    except StcError as error:
+        console.note(f"constants cannot be turned: {error}")
+    _open(player, window, options.output)
+    return GOOD if outcome.solution.status == "optimal" else BAD
+
+
+def _check(target: str, window: Window, live: bool) -> None:
+    """What can be told before anything is solved."""
+    from stc.viewer.windows import LOOPBACK, is_loopback, require_address, require_display, studio_is_there
+
+    if live and is_solution(target):
+        raise UsageError(f"--live shows a solve, and `{target}` is solved already")
+    if not window.speed > 0.0:
+        raise UsageError(f"--speed must be positive, not {window.speed:g}")
+    if not window.web:
+        for option, value in (("--host", window.host), ("--port", window.port)):
+            if value is not None:
+                raise UsageError(f"{option} belongs to --web")
+        require_display()
+        return
+    if not studio_is_there():
+        raise UsageError("--web needs MuJoCo's Studio, which is missing here", "pip install mujoco-studio")
+    if window.port is not None and not 0 <= window.port < 65536:
+        raise UsageError(f"--port must lie between 0 and 65535, not {window.port}")
+    host = window.host or LOOPBACK
+    require_address(host, window.port or 0)
+    if not is_loopback(host):
+        console.note(
+            f"the page is served on {host}, without any authentication or encryption: whoever reaches it can watch, "
+            "turn and stop this, and see its messages"
+        )
+
+
+def _live(target: str, options: SolveOptions, window: Window) -> int:
+    """Show a solve; what it hands over is saved."""
+    from stc.solver.optimizers import DEFAULT
+    from stc.viewer.live import LiveSolve
+
+    model = jobs.load(target, options)
+    if model.problem(options.method).model is None:
+        raise UsageError(f"{model.name} has no `replay:` section that names a model to show it with")
+    file = options.output or writable_solution(f"{model.name}.npz")
+    solve = LiveSolve(
+        model,
+        method=options.method,
+        tolerance=options.tolerance,
+        max_iterations=options.max_iterations,
+        time_limit=options.time_limit,
+        warm_start=options.warm_start,
+        optimizer=options.optimizer or DEFAULT,
+    )
+    solve.start()
+    try:
+        solve.wait_for_motion()
+        if solve.iterate is not None:
+            player = _player(solve.iterate, [], window)
+            player.live = solve
+            _open(player, window, options.output)
+    finally:
+        solve.stop()
+    return _ended(solve, file)
+
+
+def _ended(solve: LiveSolve, file: Path) -> int:
+    """Save what a watched solve handed over, and tell how it ended."""
+    solve.wait()
+    if solve.error is not None:
+        raise solve.error
+    assert solve.solution is not None
+    solve.solution.save(file)
+    console.show_solution(solve.solution, file)
+    return GOOD if solve.solution.status == "optimal" else BAD
+
+
+def _player(solution: Solution, beside: list[Path], window: Window) -> Player:
+    from stc.viewer.player import Player
+
+    player = Player.of(solution, beside)
+    player.options.tracked = window.tracked
+    player.timeline.speed = window.speed
+    return player
+
+
+def _open(player: Player, window: Window, output: Path | None) -> None:
+    """Open the window and stay until it is closed."""
+    from stc.viewer import windows
+    from stc.viewer.panel import Panel
+
+    def save() -> str:
+        path = output or Path(f"{player.solution.name}.npz")
+        try:
+            player.solution.save(path)
+        except OSError as error:
+            return f"{path}: {error.strerror or error}"
+        return f"saved as {path}"
+
+    panel, title = Panel(player, save), f"stc: {player.solution.name}"
+    try:
+        if window.web:
+            windows.open_web(player, panel, title, window.host or windows.LOOPBACK, window.port or 0, _tell)
+        elif windows.desktop_is_there():
+            windows.open_desktop(player, panel, title)
+        else:
+            console.note("MuJoCo's Studio is missing here: this is its passive viewer, without the panel")
+            from stc.viewer.passive import open_passive
+
+            open_passive(player)
+    except KeyboardInterrupt:
+        pass  # Ctrl-C closes the window
+    finally:
+        player.close()
+
+
+def _tell(address: str) -> None:
+    print(f"showing on {address} until Ctrl-C", file=sys.stderr, flush=True)

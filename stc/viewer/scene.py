@@ -1,0 +1,172 @@
+"""The model that is shown: the spec's own, and a translucent copy of its bodies as the ghost.
+
+The ghost is part of the model rather than drawn on top of it: viewers that render elsewhere, such as the one in a
+browser, draw meshes only for what the model has.  It touches nothing and weighs on nothing.  The whole ghost hangs
+on one mocap body, by which it can be moved aside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.validate.fields import apply_fields
+from stc.validate.pictures.camera import fit, usual_camera
+from stc.validate.pictures.motion import solved_at
+from stc.viewer.motion import Motion
+from stc.viewer.physics import State
+from stc.viewer.shapes import FloatArray
+
+if TYPE_CHECKING:
+    import mujoco
+
+#: Name of the body that carries the ghost, prefix of the names in it, its group of geoms, its colour.
+GHOST, PREFIX, GROUP = "ghost", "ghost/", 5
+_COLOUR = (0.25, 0.55, 1.0, 0.35)
+
+#: Groups of geoms that MuJoCo shows: what is hidden in the model is no part of its ghost.
+_SHOWN = 3
+
+#: The view is from above by at least so many degrees, which parts the ghost from the body, and leaves some room.
+_FROM_ABOVE, _ROOM = -14.0, 1.15
+
+#: What a ghost does without.
+_NOT_FOR_GHOSTS = (
+    "lights",
+    "cameras",
+    "actuators",
+    "sensors",
+    "tendons",
+    "equalities",
+    "keys",
+    "excludes",
+    "pairs",
+)
+
+
+@dataclass(slots=True)
+class View:
+    """Where to look from.
+
+    Attributes:
+        lookat: (3,) the point in the middle, m.
+        distance: from it, m.
+        azimuth, elevation: degrees, as MuJoCo's free camera has them.
+    """
+
+    lookat: FloatArray
+    distance: float
+    azimuth: float
+    elevation: float
+
+
+@dataclass(slots=True)
+class Scene:
+    """A model to be shown.
+
+    Attributes:
+        model: with the ghost, where the model could be doubled.
+        has_ghost: whether it could.
+        view: from where the whole motion is seen; None leaves it to the viewer.
+        shape_key: see :attr:`stc.viewer.motion.Motion.shape_key`.
+    """
+
+    model: mujoco.MjModel
+    has_ghost: bool
+    view: View | None
+    shape_key: tuple[tuple[str, float], ...]
+
+    def put(self, data: mujoco.MjData, body: State, ghost: State, offset: FloatArray) -> None:
+        """Write the poses of body and ghost into ``data``.
+
+        Args:
+            data: of the scene's model.
+            body: the opaque model's state; its time becomes that of ``data``.
+            ghost: the ghost's state.
+            offset: (3,) by how much the ghost stands aside, in m.
+        """
+        body.put(data)
+        if self.has_ghost:
+            data.qpos[len(body.qpos) :] = ghost.qpos
+            data.qvel[len(body.qvel) :] = 0.0
+            data.mocap_pos[-1] = offset
+
+
+def make_scene(motion: Motion, aspect: float = 1.2) -> Scene:
+    """The scene of a motion.
+
+    Args:
+        motion: what is to be shown.
+        aspect: width of the picture over its height, for the choice of the view.
+    """
+    try:
+        model, has_ghost = _doubled(motion), True
+    except (ValueError, RuntimeError):  # MuJoCo cannot attach every model to itself
+        model, has_ghost = motion.setup.model(), False
+    return Scene(model, has_ghost, _view(motion, model, aspect), motion.shape_key)
+
+
+def _doubled(motion: Motion) -> mujoco.MjModel:
+    """The model with its ghost; coordinates of the ghost come last.
+
+    Raises:
+        ValueError: the model cannot be doubled.
+    """
+    import mujoco
+
+    setup = motion.setup
+    spec = mujoco.MjSpec.from_file(str(setup.path))
+    for key in list(spec.keys):
+        spec.delete(key)  # their positions are too short for the doubled model
+    carrier = spec.worldbody.add_body(name=GHOST, mocap=True)
+    spec.attach(_ghost(str(setup.path)), prefix=PREFIX, frame=carrier.add_frame())
+    model = spec.compile()
+    plain = setup.compiled
+    if model.nq != 2 * plain.nq or model.nv != 2 * plain.nv or model.nu != plain.nu or model.na != plain.na:
+        raise ValueError("the doubled model has other coordinates than twice the model's")
+    apply_fields(model, motion.solution)
+    for index in range(1, plain.nbody):
+        name = plain.body(index).name
+        if name:
+            model.body(PREFIX + name).pos[:] = model.body(name).pos
+    model.stat.extent, model.stat.center = plain.stat.extent, plain.stat.center
+    return model
+
+
+def _ghost(path: str) -> mujoco.MjSpec:
+    """The moving bodies of a model as an apparition."""
+    import mujoco
+
+    ghost = mujoco.MjSpec.from_file(path)
+    for kind in _NOT_FOR_GHOSTS:
+        for element in list(getattr(ghost, kind)):
+            ghost.delete(element)
+    for element in [*ghost.worldbody.geoms, *ghost.worldbody.sites]:
+        ghost.delete(element)
+    for geom in list(ghost.geoms):
+        if geom.group >= _SHOWN:
+            ghost.delete(geom)
+            continue
+        geom.contype = geom.conaffinity = 0
+        geom.material, geom.rgba, geom.group = "", _COLOUR, GROUP
+    for site in list(ghost.sites):
+        site.rgba = (0.0, 0.0, 0.0, 0.0)
+    return ghost
+
+
+def _view(motion: Motion, model: mujoco.MjModel, aspect: float) -> View | None:
+    """A view of the whole motion from the direction of the model's usual camera."""
+    import mujoco
+
+    setup = motion.setup
+    plain = setup.model()
+    camera = usual_camera(plain)
+    fit(plain, camera, solved_at(setup, np.linspace(motion.start, motion.end, 24)), aspect)
+    if camera.type != mujoco.mjtCamera.mjCAMERA_FREE:
+        return None
+    model.vis.global_.fovy = plain.vis.global_.fovy
+    return View(
+        np.array(camera.lookat), float(camera.distance), float(camera.azimuth), float(camera.elevation)
+    )

@@ -1,0 +1,80 @@
+"""Studio in a browser, on the address that was asked for."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from mujoco.studio import endpoints, launch_thread, plugin, viewer_handle, viewer_protocol, web_viewer
+from mujoco.studio.web import web_server
+
+from stc.viewer.windows import DisplayError, is_loopback
+
+#: Where the viewer's own page says that it comes from, through a tunnel from another machine's port as well.
+_OWN = re.compile(r"https?://(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
+
+
+def launch(
+    title: str, host: str, port: int, plugins: list[plugin.Plugin], ready: Callable[[str], None] | None = None
+) -> viewer_handle.ViewerHandle:
+    """As :func:`mujoco.studio.launch_web.launch`, which listens on every interface.
+
+    Args:
+        title: of the page.
+        host: address to listen on.
+        port: 0 takes the first free one from 8080 on.
+        plugins: of both sides.
+        ready: told the page's address once it is served.
+    """
+    config = viewer_protocol.ViewerConfig(title=title, gfx="web", http_port=port)
+    of_window, of_simulation = plugin.split_plugins(plugins)
+
+    def serve(endpoint: endpoints.ViewerEndpoint) -> None:
+        with _own_pages_only() if is_loopback(host) else contextlib.nullcontext():
+            viewer = _viewer_on(host)(config, endpoint, plugins=of_window)
+            if ready is not None:
+                ready(viewer.address)
+            viewer_protocol.run_viewer_loop(viewer)
+
+    return launch_thread.launch_thread(serve, sim_plugins=of_simulation)
+
+
+def _viewer_on(host: str) -> type[Any]:
+    """Studio's web viewer with another address than the one that it writes down for itself."""
+
+    class WebViewer(web_viewer.WebViewer):
+        _host = property(lambda self: host, lambda self, value: None)
+
+        def _start_server(self) -> None:
+            # A later Studio may choose its address elsewhere: rather no page than one that anybody can open.
+            bound = self._http_sock.getsockname()[0]
+            if is_loopback(host) and not is_loopback(bound):
+                raise DisplayError(
+                    f"MuJoCo's web viewer is bound to {bound} and not to {host}: it is not shown"
+                )
+            super()._start_server()
+
+        @property
+        def address(self) -> str:
+            name = f"[{host}]" if ":" in host else host
+            return f"http://{name}:{self._http_port}/"
+
+    return WebViewer
+
+
+@contextlib.contextmanager
+def _own_pages_only() -> Iterator[None]:
+    """Refuse connections that another site's page opens from a browser on this machine.
+
+    The loopback interface keeps other machines out, but not pages from elsewhere in a browser here; browsers tell
+    where a page comes from.  Programs that are no browser need not.
+    """
+    plain = web_server.serve
+    web_server.serve = functools.partial(plain, origins=[None, _OWN])
+    try:
+        yield
+    finally:
+        web_server.serve = plain
