@@ -11,7 +11,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -225,7 +225,7 @@ def _one_cold(
         say(f"cold {number + 1}: {case.label}, n = {case.n}, {name}: {ended.cpu:.3f} s of processor time")
 
 
-def _starts(folder: Path) -> Iterator[tuple[str, Callable[[Case], tuple[list[str], dict[str, str]]]]]:
+def _starts(folder: Path) -> list[tuple[str, Callable[[Case], tuple[list[str], dict[str, str]]]]]:
     """Our own ways to start: on a machine that has never run it, on a spec never seen, and again."""
     caches = {name: folder / name for name in ("first", "solver", "new", "again")}
     spec = folder / "spec.stc"
@@ -252,11 +252,9 @@ def _starts(folder: Path) -> Iterator[tuple[str, Callable[[Case], tuple[list[str
     def python(case: Case) -> tuple[list[str], dict[str, str]]:
         return _worker("stc", case, "cold", file), environment(STC_CACHE_DIR=str(caches["again"]))
 
-    return iter(
-        [
-            ("stc solve, first time on the machine", prepared("first")),
-            ("stc solve, a new spec", prepared("new")),
-            ("stc solve, again", prepared("again")),
-            ("stc from Python, again", python),
-        ]
-    )
+    return [
+        ("stc solve, first time on the machine", prepared("first")),
+        ("stc solve, a new spec", prepared("new")),
+        ("stc solve, again", prepared("again")),
+        ("stc from Python, again", python),
+    ]

@@ -26,6 +26,7 @@ from stc.codegen import engine, reference
 from stc.codegen.calls import Bound
 from stc.codegen.llvm import LANES, module_ir
 from stc.codegen.tape import Tape
+from stc.memory import without_collection
 
 __all__ = ["LANES", "Kernel", "KernelSet", "aligned_zeros", "compile_tapes"]
 
@@ -186,6 +187,7 @@ def compile_tapes(tapes: Sequence[Tape], backend: Backend = "auto", cache: bool 
     return kernels
 
 
+@without_collection()
 def _load_or_compile(kernels: KernelSet, cache: bool) -> None:
     symbols = [f"kernel{k}{suffix}" for k in range(len(kernels)) for suffix in ("", ".packed")]
     digests = [tape.digest() for tape in kernels.tapes]

@@ -396,7 +396,7 @@ def _compile_unit(wanted: NativeFunction[..., Any]) -> None:
     loaded, _ = engine.cached_object(
         key,
         exports,
-        lambda: engine.compile_ir(unit_ir(functions, len(roots)), level=2, optimise=True),
+        lambda: engine.compile_ir(unit_ir(functions, len(roots)), level=1, optimise=True),
     )
     for native_function, symbol in zip(roots, symbols, strict=True):
         native_function.install(loaded, symbol)

@@ -13,6 +13,7 @@ from stc.codegen.kernel import Backend, KernelSet, compile_tapes
 from stc.codegen.tape import Tape
 from stc.errors import EvaluationError, Span
 from stc.guess_file import GivenValues
+from stc.memory import without_collection
 from stc.problem import ConstantRef, Problem, VariableRef
 from stc.symbolic.expr import Expr, symbols
 from stc.transcription.assemble import Program, assemble
@@ -171,6 +172,7 @@ class Transcription:
         )
 
 
+@without_collection()
 def transcribe(problem: Problem) -> Transcription:
     """Transcribes a problem into a nonlinear program's structure.
 
