@@ -1,0 +1,185 @@
+"""How fast the lamp's residual, Jacobian and Hessian are evaluated, in clock cycles per arithmetic operation.
+
+    python bench/lamp.py [--rounds 15] [--fineness 1]
+
+All kernels of ``luxo_jump`` (60 intervals per unit of fineness), called as the solver calls them, on data that fits
+the cache.  Beside them, for the largest kernel, CasADi's C code of the same functions and of its own derivatives
+(common subexpressions eliminated, ``gcc -O3 -march=native``), looped over the same nodes in C.  The two run
+alternately; medians of processor time.  Prints a Markdown table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from evaluator import clock_cycle, repeats_for, timed
+
+import stc
+from stc.codegen.kernel import aligned_zeros
+from stc.transcription import Transcription
+from stc.transcription.bind import BoundProgram
+
+
+def operations(transcription: Transcription) -> int:
+    """Arithmetic operations (a sine is one) of all values and derivatives kernels over the whole motion."""
+    groups = transcription.program.groups
+    tapes = [(g.size, tape) for g in groups for tape in (g.values_tape, g.derivatives_tape)]
+    return sum(size * (len(tape.ops) - tape.n_uniform_ops) for size, tape in tapes if tape is not None)
+
+
+def alone(transcription: Transcription, bound: BoundProgram, number: int) -> tuple[Callable[[], Any], int]:
+    """A call of one group's values and derivatives kernels alone, and their operations per node."""
+    program, kernels = transcription.program, transcription.kernels
+    assert kernels is not None
+    calls, count = [], 0
+    for k, index in (
+        (number, program.index_values[number]),
+        (number + len(program.groups), program.index_derivatives[number]),
+    ):
+        out = aligned_zeros((index.shape[0], len(kernels.tapes[k].outputs), index.shape[2]))
+        calls.append(kernels.bind(k, bound.workspace, bound.uniform, index, out))
+        count += len(kernels.tapes[k].ops) - kernels.tapes[k].n_uniform_ops
+
+    def call() -> None:
+        calls[0]()
+        calls[1]()
+
+    return call, count
+
+
+def casadi_code(
+    transcription: Transcription, bound: BoundProgram, number: int, folder: Path
+) -> Callable[[], Any]:
+    """CasADi's C code of a group's functions, Jacobian and Hessian of the Lagrangian, over the group's nodes."""
+    import casadi as ca
+    from casadi_bridge import function_of
+
+    group = transcription.program.groups[number]
+    tape = group.values_tape
+    assert tape is not None
+    u, v = ca.SX.sym("u", tape.n_uniform), ca.SX.sym("v", tape.n_varying)
+    values = function_of(tape, "values")(u, v)
+    count = len(group.unknown)
+    weights = ca.SX.sym("y", values.shape[0])
+    unknown = v[:count]
+    data = v[count:]
+    inputs = [u, unknown, data, weights]
+    lagrangian = ca.dot(weights, values)
+    hessian, _ = ca.hessian(lagrangian, unknown)
+    outputs = [values, ca.jacobian(values, unknown), ca.tril(hessian)]
+    # one vector of varying inputs, so that a node's numbers lie together
+    together = ca.SX.sym("x", v.shape[0] + weights.shape[0])
+    split = [together[:count], together[count : v.shape[0]], together[v.shape[0] :]]
+    outputs = ca.substitute(outputs, [*inputs[1:]], split)
+    function = ca.Function("node", [u, together], outputs, {"cse": True})
+    generator = ca.CodeGenerator("node", {"with_header": False})
+    generator.add(function)
+    sizes = [function.nnz_out(k) for k in range(3)]
+    total, width = sum(sizes), together.shape[0]
+    places = [0, sizes[0], sizes[0] + sizes[1]]
+    source = folder / "node.c"
+    source.write_text(
+        generator.dump()
+        + f"""
+void run(long nodes, const double* u, const double* x, double* out) {{
+  double w[{function.sz_w() + 1}];
+  casadi_int iw[{function.sz_iw() + 1}];
+  for (long k = 0; k < nodes; ++k) {{
+    const double* arg[{function.sz_arg() + 2}] = {{u, x + k * {width}}};
+    double* res[{function.sz_res() + 3}] = {{{", ".join(f"out + k * {total} + {p}" for p in places)}}};
+    node(arg, res, iw, w, 0);
+  }}
+}}
+""",
+        encoding="utf-8",
+    )
+    library = folder / "node.so"
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        raise RuntimeError("no C compiler found")
+    options = ["-O3", "-march=native", "-fPIC", "-shared"]
+    subprocess.run([compiler, *options, str(source), "-o", str(library), "-lm"], check=True)
+    run = ctypes.CDLL(str(library)).run
+    x = np.zeros((group.size, width))
+    x[:, :count] = bound.x0[group.positions].T
+    start = transcription.program.data_start[number]
+    known = bound.workspace[start : start + len(group.data) * group.size].reshape(-1, group.size)
+    x[:, count : v.shape[0]] = known.T
+    x[:, v.shape[0] :] = 1.0
+    out = np.zeros((group.size, total))
+    uniform = np.ascontiguousarray(bound.uniform[: tape.n_uniform])
+    pointers = [ctypes.c_void_p(array.ctypes.data) for array in (uniform, x, out)]
+    keep = (uniform, x, out)
+
+    def call() -> Any:
+        run(ctypes.c_long(group.size), *pointers)
+        return keep
+
+    return call
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--fineness", type=int, default=1)
+    options = parser.parse_args()
+    _, transcription = stc.load("luxo_jump").transcription(k=options.fineness)
+    bound = transcription.bind()
+    groups = transcription.program.groups
+    number = max(
+        range(len(groups)),
+        key=lambda k: (
+            groups[k].size * sum(len(t.ops) for t in (groups[k].derivatives_tape,) if t is not None)
+        ),
+    )
+    largest, per_node = alone(transcription, bound, number)
+    one = np.ones(bound.m)
+
+    def everything() -> None:
+        bound._values_call()
+        bound._derivatives_call()
+
+    bound.derivatives(bound.x0, one, 1.0)
+    contenders: dict[str, Callable[[], Any]] = {"all kernels": everything, "largest kernel": largest}
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            contenders["CasADi C"] = casadi_code(transcription, bound, number, Path(folder))
+        except (ImportError, RuntimeError) as error:
+            print(f"CasADi's part is left out: {error}", file=sys.stderr)
+        repeats = {name: repeats_for(call) for name, call in contenders.items()}
+        samples: dict[str, list[float]] = {name: [] for name in contenders}
+        cycles = []
+        for _ in range(options.rounds):
+            cycles.append(clock_cycle())
+            for name, call in contenders.items():
+                samples[name].append(timed(call, repeats[name]))
+    cycle = min(cycles)
+    medians = {name: statistics.median(values) for name, values in samples.items()}
+    nodes = groups[number].size
+    count = {"all kernels": operations(transcription), "largest kernel": nodes * per_node}
+    print(
+        "| luxo_jump, residual + Jacobian + Hessian | microseconds | operations | cycles per operation | at most |"
+    )
+    print("| --- | ---: | ---: | ---: | ---: |")
+    for name in ("all kernels", "largest kernel"):
+        rate = medians[name] * 1e9 / cycle / count[name]
+        print(f"| {name} | {1e6 * medians[name]:.1f} | {count[name]:,} | {rate:.3f} | 0.25 |")
+    if "CasADi C" in medians:
+        print(f"| CasADi C of the largest, {nodes} nodes | {1e6 * medians['CasADi C']:.1f} | | | |")
+        ratio = medians["CasADi C"] / medians["largest kernel"]
+        print(f"\nThe largest kernel is {ratio:.1f} times faster than CasADi's C (at least 3).")
+    print(f"The clock runs at {1.0 / cycle:.2f} GHz (dependent integer operations).")
+
+
+if __name__ == "__main__":
+    main()
