@@ -3,8 +3,8 @@
 ``.csv``
     A heading line with names, then numbers.  A column ``t`` (seconds) or ``frame`` says where each row stands;
     without either the rows are spread evenly over the motion.  All other columns are variables, derivatives
-    (``x'``) or parameters (the first number counts).  Empty cells are skipped.  Two rows with the same ``t``
-    state a jump.
+    (``x'``) or parameters (the first number counts).  Empty cells and ``nan`` are gaps, which are interpolated.
+    Two rows with the same ``t`` state a jump.  Before the first row and after the last one values stay the same.
 ``.npz``
     NumPy arrays under the same names; a single number is a parameter.
 Either may also be a saved solution, whose frames then keep their share of the motion.
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import csv
 import os
+import warnings
 import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -27,7 +28,7 @@ from stc.alignment import Alignment
 from stc.errors import UsageError
 from stc.solution import Solution, read
 
-__all__ = ["GivenValues", "SolutionValues", "TableValues", "read_guess"]
+__all__ = ["CoverageWarning", "GivenValues", "SolutionValues", "TableValues", "read_guess"]
 
 FloatArray = NDArray[np.float64]
 NodeValues = tuple[FloatArray, FloatArray, FloatArray]
@@ -36,8 +37,15 @@ NodeValues = tuple[FloatArray, FloatArray, FloatArray]
 #: Names of the columns that say where a row stands.
 PLACES = ("t", "time", "frame")
 
+#: A table may end so far, as a share of the motion, before or after it without a warning.
+UNCOVERED = 0.01
+
 #: How far, as a share of the table, the two sides of a jump are looked up beside it.
 APART = 1e-9
+
+
+class CoverageWarning(UserWarning):
+    """A table of starting values is for another time than the motion's."""
 
 
 class GivenValues(Protocol):
@@ -67,12 +75,15 @@ class TableValues:
         columns: name to (k,) numbers; NaN where one is missing.
         place: ``t``, ``frame`` or ``""`` for rows that are spread evenly.
         at: (k,) where each row stands, not falling.
+        where: what the table is called in messages.
     """
 
     columns: Mapping[str, FloatArray]
     place: str = ""
     at: FloatArray = field(default_factory=lambda: np.zeros(0))
+    where: str = "the guess"
     strict: bool = True
+    _warned: bool = False
 
     def names(self) -> Iterable[str]:
         return self.columns
@@ -88,8 +99,6 @@ class TableValues:
             return None
         n = len(time) - 1
         known = np.isfinite(column)
-        if not known.any():
-            return None
         if len(column) == 1:
             return np.full(n + 1, column[0]), np.full(n + 1, column[0]), np.full(n, column[0])
         frames: FloatArray = np.arange(n + 1.0)
@@ -97,6 +106,7 @@ class TableValues:
             frames = time
         elif not self.place:
             frames = frames / max(n, 1)
+        self._check_coverage(frames)
         at = self.at if self.place else np.linspace(0.0, 1.0, len(column))
         at, column = at[known], column[known]
         aside = APART * max(float(at[-1] - at[0]), 1e-300) if (np.diff(at) == 0).any() else 0.0
@@ -106,6 +116,32 @@ class TableValues:
             np.interp(frames + aside, at, column),
             np.interp(mids, at, column),
         )
+
+    def _check_coverage(self, frames: FloatArray) -> None:
+        """Compare where the rows stand with the motion.
+
+        Raises:
+            UsageError: a row for a frame that the motion does not have.
+        """
+        if not self.place:
+            return
+        first, last = float(self.at[0]), float(self.at[-1])
+        begin, end = float(frames[0]), float(frames[-1])
+        if self.place == "frame" and (first < begin or last > end):
+            outside = first if first < begin else last
+            raise UsageError(
+                f"{self.where} has a row for frame {outside:g}; the motion has frames 0 to {end:g}",
+                "without the column `frame` rows are spread evenly over the motion",
+            )
+        slack = UNCOVERED * (end - begin)
+        if not self._warned and (abs(first - begin) > slack or abs(last - end) > slack):
+            self._warned = True
+            warnings.warn(
+                f"{self.where} covers {self.place} = {first:g} to {last:g}, the motion {begin:g} to {end:g}; "
+                "where it has no rows the nearest one counts",
+                CoverageWarning,
+                stacklevel=2,
+            )
 
 
 @dataclass(slots=True)
@@ -156,7 +192,10 @@ def read_guess(path: str | os.PathLike[str]) -> GivenValues:
         raise UsageError(f"there is no file `{source}` to read a guess from")
     try:
         return _read_csv(source) if suffix == ".csv" else _read_npz(source)
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError, csv.Error) as error:
+    except ValueError as error:
+        what = "it holds other data than numbers" if "pickle" in str(error) else str(error)
+        raise UsageError(f"no guess can be read from `{source}`: {what}") from None
+    except (OSError, zipfile.BadZipFile, EOFError, csv.Error) as error:
         raise UsageError(f"no guess can be read from `{source}`: {error}") from None
 
 
@@ -170,7 +209,7 @@ def _read_npz(source: Path) -> GivenValues:
             if values.dtype.kind not in "fiub" or values.ndim > 1:
                 raise UsageError(f"`{name}` in `{source}` is no list of numbers (shape {values.shape})")
             columns[name] = np.atleast_1d(values).astype(float)
-    return table(columns, str(source))
+    return table(columns, f"`{source}`")
 
 
 def _read_csv(source: Path) -> GivenValues:
@@ -183,6 +222,8 @@ def _read_csv(source: Path) -> GivenValues:
     mark = next((mark for mark in (",", ";", "\t") if mark in lines[0]), ",")
     heading, *rows = csv.reader(lines, delimiter=mark)
     names = [name.strip() for name in heading]
+    if all(_is_number(name) for name in names):
+        raise UsageError(f"the first line of `{source}` holds numbers; it has to name the columns")
     if len(set(names)) < len(names) or not all(names):
         raise UsageError(f"the heading of `{source}` has an empty name, or one name twice")
     table_rows = []
@@ -193,7 +234,15 @@ def _read_csv(source: Path) -> GivenValues:
             [_number(cell, name, number, source) for cell, name in zip(row, names, strict=True)]
         )
     numbers = np.array(table_rows)
-    return table({name: numbers[:, k] for k, name in enumerate(names)}, str(source))
+    return table({name: numbers[:, k] for k, name in enumerate(names)}, f"`{source}`")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _number(cell: str, name: str, row: int, source: Path) -> float:
@@ -212,10 +261,15 @@ def table(columns: Mapping[str, Any], where: str = "the guess") -> TableValues:
         UsageError: lengths differ, or a place is missing.
     """
     arrays = {name: np.atleast_1d(np.asarray(values, dtype=float)) for name, values in columns.items()}
+    for name, column in arrays.items():
+        if np.isinf(column).any():
+            raise UsageError(f"in {where}, {name} is infinite somewhere")
+        if not np.isfinite(column).any():
+            raise UsageError(f"in {where}, {name} has no number at all")
     place = next((name for name in PLACES if name in arrays), "")
     values = {name: column for name, column in arrays.items() if name not in PLACES}
     if not place:
-        return TableValues(values)
+        return TableValues(values, where=where)
     at = arrays[place]
     wrong = next((name for name, c in values.items() if len(c) not in (1, len(at))), None)
     if wrong is not None:
@@ -224,4 +278,4 @@ def table(columns: Mapping[str, Any], where: str = "the guess") -> TableValues:
         raise UsageError(f"in {where}, {place} has a gap")
     order = np.argsort(at, kind="stable")
     values = {name: column[order] if len(column) == len(at) else column for name, column in values.items()}
-    return TableValues(values, "frame" if place == "frame" else "t", at[order])
+    return TableValues(values, "frame" if place == "frame" else "t", at[order], where)

@@ -43,7 +43,7 @@ class Outcome:
     @property
     def good(self) -> bool:
         """Whether all that was asked of the solve was reached."""
-        return self.status == "optimal" and not (self.found is not None and self.found.message)
+        return self.status == "optimal" if self.found is None else self.found.good
 
     def record(self) -> record.Record:
         """What ``--json`` prints of it."""

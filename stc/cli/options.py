@@ -159,8 +159,12 @@ def solve_options(
         raise UsageError(f"--tolerance must lie between 0 and 1, not {tolerance:g}")
     if optimizer is not None:
         check_optimizer(optimizer)
+    search = search_options(guess_from, walk, starts, seed, refine, warm_start)
+    given = constants(settings)
+    if search.walk is not None and search.walk.name in given:
+        raise UsageError(f"--set and --continue both give values to {search.walk.name}: give one of them")
     return SolveOptions(
-        constants(settings),
+        given,
         method,
         max_iterations,
         time_limit,
@@ -169,7 +173,7 @@ def solve_options(
         None if output is None else writable_solution(output),
         optimizer,
         explain,
-        search_options(guess_from, walk, starts, seed, refine, warm_start),
+        search,
     )
 
 

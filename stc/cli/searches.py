@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -13,6 +15,7 @@ if TYPE_CHECKING:
 
     from stc.pipeline import Model
     from stc.solution import Solution
+    from stc.studies.effort import Effort
 
 #: Steps of a continuation that does not say how many.
 DEFAULT_STEPS = 10
@@ -63,18 +66,27 @@ class Found:
     message: str = ""
     record: dict[str, Any] = field(default_factory=dict)
 
+    @property
+    def good(self) -> bool:
+        """Whether the search got where it was sent."""
+        return self.status == "optimal" and not self.message
+
     def in_all(self) -> str:
         """What all solves together took, in words; empty for a single one."""
         if not self.record:
             return ""
-        iterations, factorizations = self.record["iterations"], self.record["factorizations"]
-        return f"all solves: {iterations} iterations, {factorizations} factorizations"
+        known = self.record
+        return (
+            f"in all       {known['solves']} solve{'s' if known['solves'] != 1 else ''}, "
+            f"{known['iterations']} iterations, {known['factorizations']} factorizations, "
+            f"{known['total_seconds']:.3g} s"
+        )
 
     def added_to(self, known: dict[str, Any]) -> dict[str, Any]:
         """A solution's record with what the search found; iterations and factorizations are of all its solves."""
         if not self.record:
             return known
-        more = dict(self.record)
+        more = {name: value for name, value in self.record.items() if name != "solves"}
         seconds = {**known["seconds"], "total": more.pop("total_seconds")}
         message = f"{known['message']} {self.message}".strip()
         return {**known, "status": self.status, "message": message, "seconds": seconds, **more}
@@ -160,12 +172,15 @@ def find(model: Model, search: Search, solve: Callable[..., Solution], show: boo
         solution = solve(**options)
         return Found(solution, solution.status)
     found = None
+    begin = time.monotonic()
     if search.walk is not None:
         found = _walk(model, search.walk, solve, show, options)
         options = {**options, "constants": {search.walk.name: search.walk.last}}
     elif search.starts is not None:
         found = _starts(model, search.starts, search.seed, solve, show, options)
-    if search.refine is not None and (found is None or found.status == "optimal"):
+    if search.refine is not None and (found is None or found.good):
+        if options.get("time_limit") is not None:
+            options["time_limit"] = max(options["time_limit"] - (time.monotonic() - begin), 1e-3)
         found = _refined(model, search.refine, found, solve, show, options)
     assert found is not None
     return found
@@ -184,13 +199,13 @@ def _walk(
         walk.last,
         walk.steps,
         solve=solve,
-        on_step=lambda s: table.row(f"{s.value:.9g}", s.status, f"{s.objective:.10g}", str(s.iterations)),
+        on_step=lambda s: table.row(f"{s.value:.9g}", s.status, _figure(s.objective), str(s.iterations)),
         **options,
     )
     table.end()
     assert result.solution is not None
-    totals = _totals(result.effort.iterations, result.effort.factorizations, result.effort.seconds)
-    return Found(result.solution, result.status, result.message, {**totals, "continuation": result.to_dict()})
+    record = {**_totals(result.effort), "continuation": result.to_dict()}
+    return Found(result.solution, result.status, result.message, record)
 
 
 def _starts(
@@ -199,7 +214,7 @@ def _starts(
     from stc.studies.multistart import multistart
 
     result = multistart(model, starts, seed, solve=solve, **options)
-    table = _Table(("objective", "count", "from starts"), show)
+    table = _Table(("objective", "count", "starts (0 is the spec's own guess)"), show)
     for one in result.optima:
         table.row(f"{one.objective:.10g}", str(len(one.starts)), _listed(one.starts))
     lost = [start for start in result.starts if start.optimum < 0]
@@ -208,9 +223,10 @@ def _starts(
         table.row(status, str(len(where)), _listed(where))
     table.end()
     assert result.solution is not None
-    totals = _totals(result.effort.iterations, result.effort.factorizations, result.effort.seconds)
-    record = {**totals, "multistart": {**result.to_dict(), "seed": seed}}
-    message = "" if result.optima else f"none of {len(result.starts)} starts led to an optimum"
+    record = {**_totals(result.effort), "multistart": {**result.to_dict(), "seed": seed}}
+    message = result.message
+    if not result.optima:
+        message = f"none of {len(result.starts)} starts led to an optimum{'; ' if message else ''}{message}"
     return Found(result.solution, result.solution.status, message, record)
 
 
@@ -231,26 +247,32 @@ def _refined(
         start=None if before is None else before.solution,
         solve=solve,
         on_level=lambda level: table.row(
-            str(level.n), f"{level.objective:.10g}", f"{level.error:.2e}", str(level.iterations)
+            str(level.n), _figure(level.objective), _figure(level.error, ".2e"), str(level.iterations)
         ),
         **options,
     )
     table.end()
     assert result.solution is not None
     record = {} if before is None else before.record
-    effort = result.effort
-    iterations = effort.iterations + record.get("iterations", 0)
-    factorizations = effort.factorizations + record.get("factorizations", 0)
-    seconds = effort.seconds + record.get("total_seconds", 0.0)
-    totals = _totals(iterations, factorizations, seconds)
+    totals = {name: value + record.get(name, 0) for name, value in _totals(result.effort).items()}
     last = result.levels[-1].status
     message = result.message and f"--refine {tolerance:g} was not reached: {result.message}"
     return Found(result.solution, last, message, {**record, **totals, "refinement": result.to_dict()})
 
 
-def _totals(iterations: int, factorizations: int, seconds: float) -> dict[str, Any]:
+def _totals(effort: Effort) -> dict[str, Any]:
     """What all solves took together."""
-    return {"iterations": iterations, "factorizations": factorizations, "total_seconds": seconds}
+    return {
+        "solves": effort.solves,
+        "iterations": effort.iterations,
+        "factorizations": effort.factorizations,
+        "total_seconds": effort.seconds,
+    }
+
+
+def _figure(number: float, how: str = ".10g") -> str:
+    """A number, or nothing where there is none."""
+    return f"{number:{how}}" if math.isfinite(number) else "-"
 
 
 def _listed(numbers: Sequence[int]) -> str:

@@ -135,10 +135,23 @@ def continue_to(
     counts = _counts_frames(model, name, (first, last), options.get("method"), constants)
     undefined = ""
 
+    def whole_near(value: float) -> float:
+        """The whole number near a value of the walk that the spec can take; where none can be, the nearest one."""
+        for away in (0, 1, -1, 2, -2):
+            near = float(round(value) + away)
+            if near == walk.value or not min(first, last) < near < max(first, last):
+                continue
+            try:
+                model.problem(options.get("method"), **{**constants, name: near})
+            except SpecError:
+                continue
+            return near
+        return float(round(value))
+
     def attempt(share: float, **start: Any) -> Solution | None:
         nonlocal undefined
         value = last if share == 1.0 else first + share * (last - first)
-        value = float(round(value)) if counts else value
+        value = whole_near(value) if counts and 0.0 < share < 1.0 else value
         try:
             solution = solve(constants={**constants, name: value}, **{**options, **start}, **clock.option())
         except (EvaluationError, SpecError) as error:

@@ -78,7 +78,8 @@ class Refinement:
         levels: every solve, coarsest first.
         solution: the last optimal one (the first one where that was not optimal).
         effort: of all solves.
-        message: why the tolerance was not reached; empty where it was.
+        message: why the tolerance was not reached (a spec whose frames cannot be refined is told with the place);
+            empty where it was.
     """
 
     tolerance: float
@@ -141,7 +142,7 @@ def refine(
         **options: of :meth:`stc.pipeline.Model.solve`; a time limit is for all solves together.
 
     Raises:
-        UsageError: a tolerance that is not positive, or a spec whose frames cannot be refined (the message says where).
+        UsageError: a tolerance that is not positive, or a motion of one frame.
         SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
     """
     if not error > 0:
@@ -190,7 +191,12 @@ def refine(
             if _order_lost(found, solution.method) > 0.5:
                 found.message += " and falls slowly, as at kinks and at jumps that the spec does not declare"
             return found
-        overrides = spread.finer([int(k) for k in wanted])
+        try:
+            overrides = spread.finer([int(k) for k in wanted])
+        except UsageError as reason:
+            if level.error > error:
+                found.message = f"the error is {level.error:.2g} with n = {solution.n}, and {reason}"
+            return found
         factors = np.array(spread.counts(overrides)) // np.array(spread.lengths)
         options = {**options, "warm_start": solution, "guess": None}
 
