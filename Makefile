@@ -2,6 +2,7 @@
 #   make run     set up and run the main job: solve a bundled spec and have MuJoCo validate the motion
 #   make test    set up and run all tests
 #   make check   format, lint, types, import contracts, quick tests: what to run before a commit
+#   make bench   set up with the other tools, measure, and write the tables and plots of docs/benchmarks.md
 VENV ?= .venv
 SPEC ?= particle_waypoints
 BIN := $(VENV)/bin
@@ -10,7 +11,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
 RECIPE := pyproject.toml setup.py
 
-.PHONY: run test check nightly format tree clean
+.PHONY: run test check nightly format bench tree clean
 
 run: $(VENV)/.ready
 	$(BIN)/stc run $(SPEC) -o out/$(SPEC).npz
@@ -32,6 +33,10 @@ format: $(VENV)/.ready-dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
+# BENCH="peers cold --quick" measures a part of it; `python -m bench --help` tells which there are.
+bench: $(VENV)/.ready-bench
+	$(BIN)/python -m bench $(BENCH)
+
 # The package as it is imported, stc.validate and all, made of links: for tools that read files and not modules.
 tree:
 	rm -rf build/tree && mkdir -p build/tree/stc
@@ -47,6 +52,11 @@ $(VENV)/.ready: $(RECIPE) | $(VENV)/bin/python
 
 $(VENV)/.ready-dev: $(RECIPE) | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	touch $(VENV)/.ready $@
+
+$(VENV)/.ready-bench: $(RECIPE) | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --editable '.[bench]'
+	-$(BIN)/python -m pip install --quiet --editable '.[bench,bench-more]'
 	touch $(VENV)/.ready $@
 
 clean:

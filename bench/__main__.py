@@ -5,8 +5,8 @@
     python -m bench peers --only P2,P3     some problems
     python -m bench peers --print          print the tables and leave the page as it is
 
-Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solution saved), ``evaluator``,
-``mechanics`` (from a Lagrangian to compiled derivatives), ``scaling`` (growth with the number of frames).
+Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solution saved), ``evaluator`` and ``lamp``
+(compiled kernels), ``mechanics`` (from a Lagrangian to compiled derivatives), ``scaling`` (growth with the frames).
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from pathlib import Path
 from bench import document
 from bench.peers import report, runner
 
-PARTS = ("peers", "cold", "evaluator", "mechanics", "scaling")
+SCRIPTS = ("evaluator", "lamp", "mechanics", "scaling")
+PARTS = ("peers", "cold", *SCRIPTS)
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -45,7 +46,7 @@ def main() -> None:
         peers(options, rounds)
     if "cold" in parts:
         cold(options, rounds)
-    for part in ("evaluator", "mechanics", "scaling"):
+    for part in SCRIPTS:
         if part in parts:
             script(part, options)
 
@@ -107,7 +108,8 @@ def script(part: str, options: argparse.Namespace) -> None:
     """The scripts that stand alone print their own table."""
     arguments = {
         "evaluator": ["--markdown", *(["--rounds", "5"] if options.quick else [])],
-        "mechanics": ["--markdown", *(["--quick"] if options.quick else [])],
+        "lamp": ["--rounds", "5"] if options.quick else [],
+        "mechanics": ["--quick", "--rounds", "2"] if options.quick else [],
         "scaling": [
             *(["--frames", "50,200,1000"] if options.quick else ["--frames", "50,1000,10000,20000,100000"]),
             *([] if options.dry else ["--plot", str(ROOT / "docs" / "benchmarks_scaling.png")]),

@@ -217,12 +217,48 @@ done:
     return min(timed(lambda: run(2000, 3), 3) for _ in range(30)) / (2000 * 64) * 1e9
 
 
+#: How many times faster residual and Jacobian are to be.
+REQUIRED = {"Python tree walk": 100.0, "CasADi C, gcc -O3 -march=native": 3.0}
+
+
+def show(figures: dict[str, Any], names: list[str], options: argparse.Namespace) -> None:
+    """The figures as a table."""
+    header = ("", "ns/frame", "operations", "cycles/op", "compile ms", "load ms", "times ours", "at least")
+    rows = [header]
+    for name in names:
+        own = figures[name]
+        keys = ("ns_per_frame", "operations", "cycles_per_operation", "compile_ms", "load_ms", "ratio")
+        formats = (".1f", "d", ".3f", ".0f", ".2f", ".1f")
+        cells = [format(own[key], form) if key in own else "" for key, form in zip(keys, formats)]
+        rows.append((name, *cells, f"{REQUIRED[name]:g}" if name in REQUIRED else ""))
+    note = (
+        f"{options.rods} rods, {options.frames} frames, {figures['cpu']}, median of {options.rounds} rounds. "
+        f"The clock runs at {1.0 / figures['cycle_ns']:.2f} GHz (dependent integer operations)."
+    )
+    if "CasADi operations" in figures:
+        seconds = figures["CasADi compile_ms"] / 1e3
+        note += f" CasADi: {figures['CasADi operations']} operations, compiled by gcc in {seconds:.1f} s."
+    if options.markdown:
+        rows.insert(1, ("---", *["---:"] * (len(header) - 1)))
+        print("\n".join(f"| {' | '.join(row)} |" for row in rows))
+    else:
+        widths = [max(len(row[k]) for row in rows) for k in range(len(header))]
+        for row in rows:
+            print(
+                row[0].ljust(widths[0]),
+                *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:])),
+                sep="  ",
+            )
+    print(f"\n{note}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rods", type=int, default=6)
     parser.add_argument("--frames", type=int, default=200, help="a multiple of 4")
     parser.add_argument("--rounds", type=int, default=15)
     parser.add_argument("--json", type=Path, help="also write the figures here")
+    parser.add_argument("--markdown", action="store_true", help="print a Markdown table instead")
     options = parser.parse_args()
     if options.frames % LANES or options.frames < LANES or options.rods < 1 or options.rounds < 1:
         parser.error("frames must be a positive multiple of 4, rods and rounds positive")
@@ -277,42 +313,22 @@ def main() -> None:
         "cycle_ns": clock_cycle(),
     }
     times = {name: median_of(samples[name], frames) for name, (_, frames) in contenders.items()}
-    print(
-        f"{options.rods} rods, {options.frames} frames, {figures['cpu']}, median of {options.rounds} rounds\n"
-    )
-    print(
-        f"{'':34}{'ns/frame':>10}{'operations':>12}{'ps/op':>8}{'cycles/op':>11}{'compile ms':>12}{'load ms':>9}"
-    )
+    operations = {name: len(c.tape.ops) - c.tape.n_uniform_ops for name, c in ours.items()}
     for name, compiled in ours.items():
-        operations = len(compiled.tape.ops) - compiled.tape.n_uniform_ops
-        per_operation = times[name] / operations
-        print(
-            f"{name:34}{times[name]:10.1f}{operations:12d}{per_operation * 1e3:8.1f}"
-            f"{per_operation / figures['cycle_ns']:11.3f}{compiled.compile_seconds * 1e3:12.0f}"
-            f"{compiled.load_seconds * 1e3:9.2f}"
-        )
         figures[name] = {
             "ns_per_frame": times[name],
-            "operations": operations,
+            "operations": operations[name],
+            "cycles_per_operation": times[name] / operations[name] / figures["cycle_ns"],
             "compile_ms": compiled.compile_seconds * 1e3,
             "load_ms": compiled.load_seconds * 1e3,
         }
     ours_time = times["residual + Jacobian"]
     for name in list(times)[len(ours) :]:
-        print(f"{name:34}{times[name]:10.1f}")
-        figures[name] = {"ns_per_frame": times[name]}
+        figures[name] = {"ns_per_frame": times[name], "ratio": times[name] / ours_time}
     if theirs is not None:
         figures["CasADi compile_ms"] = theirs.compile_seconds * 1e3
-        print(f"\nCasADi: {theirs.operations} operations, compiled by gcc in {theirs.compile_seconds:.1f} s")
-    print("\nresidual + Jacobian, how many times faster than")
-    for name, required in (("Python tree walk", 100.0), ("CasADi C, gcc -O3 -march=native", 3.0)):
-        if name in times:
-            ratio = times[name] / ours_time
-            figures[name]["ratio"] = ratio
-            print(
-                f"  {name:34}{ratio:10.1f}   (at least {required:g}: {'yes' if ratio >= required else 'NO'})"
-            )
-    print(f"\nThe clock runs at {1.0 / figures['cycle_ns']:.2f} GHz (dependent integer operations).")
+        figures["CasADi operations"] = theirs.operations
+    show(figures, list(times), options)
     if options.json is not None:
         options.json.write_text(json.dumps(figures, indent=2) + "\n")
 

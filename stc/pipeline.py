@@ -32,7 +32,7 @@ from stc.phases import named_cuts
 from stc.problem import Problem, VariableRef
 from stc.solution import ReplayChannel, Solution, read
 from stc.solver import IterationRecord, Options, Result, Start, Status
-from stc.solver.optimizers import DEFAULT, SizeWarning, caution, optimizer_of
+from stc.solver.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
 from stc.symbolic.expr import symbols
 from stc.trajectory import Channel
 from stc.transcription import Transcription
@@ -81,6 +81,7 @@ def solve(
     start: Start | None = None,
     callback: Callback | None = None,
     optimizer: str = DEFAULT,
+    minimizer: Minimizer | None = None,
 ) -> tuple[BoundProgram, Result]:
     """Binds constants, compiles what is not compiled, and minimises.
 
@@ -91,12 +92,13 @@ def solve(
         start: decision vector (and multipliers) to start from instead of the guess.
         callback: called after every iteration; returning True stops.
         optimizer: its name, see :mod:`stc.solver.optimizers`.
+        minimizer: called in its stead, say to measure it.
 
     Raises:
         SpecError, EvaluationError: the starting point is no place to start from.
         UsageError: no such optimizer, or one that cannot do what the problem needs.
     """
-    minimizer = optimizer_of(optimizer)
+    minimizer = minimizer or optimizer_of(optimizer)
     bound = transcription.bind(constants, None if start is None else start.x)
     if start is not None:
         start = replace(start, x=bound.x0)
@@ -296,6 +298,7 @@ class Model:
         guess: GivenValues | str | os.PathLike[str] | None = None,
         callback: Callback | None = None,
         optimizer: str = DEFAULT,
+        minimizer: Minimizer | None = None,
         constants: Mapping[str, float] | None = None,
         **overrides: float,
     ) -> Solution:
@@ -312,6 +315,7 @@ class Model:
                 keeps the spec's own guess.
             callback: called with a record after every iteration; returning True stops the solve.
             optimizer: ``sqp``, ``nlopt:slsqp``, ... instead of the project's own method, see docs/solver.md.
+            minimizer: called in the optimizer's stead, say to measure it (see :mod:`stc.studies.profile`).
             constants: values of constants by name, for names that clash with the arguments above.
             **overrides: values of constants, such as ``n=120`` or ``g=1.62``.
 
@@ -351,7 +355,9 @@ class Model:
         if start is not None:
             limits["warm_start"] = start.row_multipliers is not None
         solving = time.perf_counter()
-        _, result = solve(transcription, problem.constants, Options(**limits), start, callback, optimizer)
+        _, result = solve(
+            transcription, problem.constants, Options(**limits), start, callback, optimizer, minimizer
+        )
         seconds["solve"] = time.perf_counter() - solving
         seconds["total"] = parse_seconds + time.perf_counter() - begin
         solution = collect(transcription, result, problem.constants, given, seconds, optimizer)

@@ -116,9 +116,13 @@ class Ended:
 
 def run(command: list[str], env: dict[str, str], limit: float) -> Ended:
     """Runs a command to its end, or kills it after ``limit`` seconds (exit code -9)."""
-    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
+    with (
+        tempfile.TemporaryDirectory() as folder,  # CasADi's compiler writes where it is
+        tempfile.TemporaryFile("w+") as out,
+        tempfile.TemporaryFile("w+") as err,
+    ):
         begin = time.perf_counter()
-        process = subprocess.Popen(command, env=env, stdout=out, stderr=err, cwd=ROOT)
+        process = subprocess.Popen(command, env=env, stdout=out, stderr=err, cwd=folder)
         timer = threading.Timer(limit, process.kill)
         timer.start()
         _, status, usage = os.wait4(process.pid, 0)

@@ -24,6 +24,7 @@ from stc.cli.options import (
     Optimizers,
     Output,
     PictureOutput,
+    Profile,
     Refine,
     Report,
     Seed,
@@ -93,6 +94,7 @@ def solve(
     refine: Refine = None,
     output: Output = None,
     explain: Explain = False,
+    profile: Profile = False,
     json: Json = False,
 ) -> int:
     """Solve a spec and save the motion."""
@@ -111,6 +113,7 @@ def solve(
         starts,
         seed,
         refine,
+        profile,
     )
     return jobs.solve(spec, options, as_json=json)
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from stc.errors import Diagnostic
     from stc.solution import Solution
     from stc.studies.compare import Run
+    from stc.studies.profile import Part
     from stc.validate.certificate import Certificate
 
 #: Width of what goes into a file or a pipe, where nothing should be cut or wrapped.
@@ -78,6 +79,21 @@ def times(solution: Solution) -> str:
     total = seconds.pop("total", sum(seconds.values()))
     stages = ", ".join(f"{stage} {value:.3f}" for stage, value in seconds.items())
     return f"{total:.3f} s ({stages})" if stages else f"{total:.3f} s"
+
+
+def show_profile(parts: Sequence[Part]) -> None:
+    """Where the time of a solve went, and how far each part is from its floor."""
+    total = sum(part.seconds for part in parts)
+    rows = []
+    for part in parts:
+        times_floor = f"{part.seconds / part.floor:.1f}" if part.floor else ""
+        floor = "" if part.floor is None else f"{1e3 * part.floor:.3f}"
+        share = f"{100.0 * part.seconds / total:.1f}" if total else ""
+        rows.append(
+            (part.name, f"{1e3 * part.seconds:.3f}", share, str(part.calls or ""), floor, times_floor)
+        )
+    print()
+    print_table("where the time went", rows, ("part", "ms", "%", "calls", "floor, ms", "times floor"))
 
 
 def show_certificate(certificate: Certificate, page: Path | None) -> None:

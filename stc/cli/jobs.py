@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from stc.solution import Solution
     from stc.studies.blame import Blame
     from stc.studies.explain import Explanation
+    from stc.studies.profile import Part
     from stc.validate.metrics import Metric
 
 
@@ -34,6 +35,7 @@ class Outcome:
     blame: Blame | None = None
     explanation: Explanation | None = None
     found: searches.Found | None = None
+    profile: Sequence[Part] = ()
 
     @property
     def status(self) -> str:
@@ -52,6 +54,8 @@ class Outcome:
         )
         known["blame"] = None if self.blame is None else self.blame.to_dict()
         known.update({} if self.explanation is None else self.explanation.to_dict())
+        if self.profile:
+            known["profile"] = [part.to_dict() for part in self.profile]
         return known if self.found is None else self.found.added_to(known)
 
     def show(self) -> None:
@@ -65,6 +69,8 @@ class Outcome:
             reasons.show_blame(self.blame)
         if self.explanation is not None:
             reasons.show_explanation(self.explanation)
+        if self.profile:
+            console.show_profile(self.profile)
 
 
 def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
@@ -236,11 +242,16 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         file = writable_solution(f"{model.name}.npz")
     from stc.solver.optimizers import DEFAULT
 
+    profile = None
+    if options.profile:
+        from stc.studies.profile import Profile
+
+        profile = Profile()
     with Watch(model.name) as watch, console.warnings_as_notes():
         found = searches.find(
             model,
             options.search,
-            partial(model.solve, callback=watch),
+            partial(model.solve, callback=watch, minimizer=None if profile is None else profile.minimize),
             not as_json,
             method=options.method,
             tolerance=options.tolerance,
@@ -253,15 +264,17 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         if file is not None:
             solution.save(file)
     console.warn(model.warnings)
+    parts = () if profile is None else profile.parts(solution)
     if solution.status != "optimal":
         blame = reasons.find_blame(model, solution, options.explain, options.time_limit)
-        return Outcome(solution, file, model.warnings, blame, found=found)
+        return Outcome(solution, file, model.warnings, blame, found=found, profile=parts)
     return Outcome(
         solution,
         file,
         model.warnings,
         explanation=reasons.find_explanation(model, solution) if options.explain else None,
         found=found,
+        profile=parts,
     )
 
 

@@ -104,6 +104,7 @@ Explain = Annotated[
         help="Also tell what holds the solution back and what each statement costs, or who is to blame.",
     ),
 ]
+Profile = Annotated[bool, typer.Option("--profile", help="Also tell where the time went.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Force = Annotated[bool, typer.Option("--force", help="Replay even what the solver did not call optimal.")]
 Report = Annotated[
@@ -126,6 +127,7 @@ class SolveOptions:
     optimizer: str | None = None
     explain: bool = False
     search: Search = field(default_factory=Search)
+    profile: bool = False
 
 
 def solve_options(
@@ -143,6 +145,7 @@ def solve_options(
     starts: int | None = None,
     seed: int | None = None,
     refine: float | None = None,
+    profile: bool = False,
 ) -> SolveOptions:
     """Check the options of one solve before any work is done.
 
@@ -159,6 +162,8 @@ def solve_options(
         raise UsageError(f"--tolerance must lie between 0 and 1, not {tolerance:g}")
     if optimizer is not None:
         check_optimizer(optimizer)
+    if profile and optimizer not in (None, "sqp"):
+        raise UsageError(f"--profile looks into the project's own method, not into {optimizer}")
     search = search_options(guess_from, walk, starts, seed, refine, warm_start)
     given = constants(settings)
     if search.walk is not None and search.walk.name in given:
@@ -174,6 +179,7 @@ def solve_options(
         optimizer,
         explain,
         search,
+        profile,
     )
 
 

@@ -1,0 +1,148 @@
+"""Where the time of a solve went, and how far each part is from what it could not be below.
+
+The solve runs as always, its program and its linear algebra behind stop-watches.  Floors: for evaluations, the
+machine code of the kernels alone, called again as often; for factorisations and solves, the fastest one times
+their number; for everything between them, nothing.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from stc.solution import Solution
+    from stc.solver import Options, Result, Start
+    from stc.solver.nlp import NLP
+    from stc.solver.report import Callback
+
+#: Repetitions from which the floor of an evaluation is taken.
+REPEATS = 5
+
+
+@dataclass(slots=True)
+class Watch:
+    """A stop-watch over the calls of one function: their number, seconds in all, and the shortest."""
+
+    calls: int = 0
+    seconds: float = 0.0
+    shortest: float = float("inf")
+
+    def over(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """The function, timed."""
+
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            begin = time.perf_counter()
+            try:
+                return function(*args, **kwargs)
+            finally:
+                taken = time.perf_counter() - begin
+                self.calls += 1
+                self.seconds += taken
+                self.shortest = min(self.shortest, taken)
+
+        return timed
+
+    @property
+    def floor(self) -> float:
+        """Seconds if every call were as short as the shortest."""
+        return self.calls * self.shortest if self.calls else 0.0
+
+
+class _Timed:
+    """An object with some of its methods timed; all else is the object's own."""
+
+    def __init__(self, inner: Any, **watches: Watch) -> None:
+        self._inner = inner
+        for name, watch in watches.items():
+            setattr(self, name, watch.over(getattr(inner, name)))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One line of the profile.
+
+    Attributes:
+        name: what the time was spent on.
+        seconds: on the clock.
+        calls: how often, 0 where that means nothing.
+        floor: seconds that it could not be below as the program stands; None where nothing is known.
+    """
+
+    name: str
+    seconds: float
+    calls: int = 0
+    floor: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """For ``--json``."""
+        return {"part": self.name, "seconds": self.seconds, "calls": self.calls, "floor": self.floor}
+
+
+@dataclass(slots=True)
+class Profile:
+    """Stop-watches around one solve (of several in a row, their sum).
+
+    Pass :meth:`minimize` as the minimiser of :meth:`stc.pipeline.Model.solve`, then ask for :meth:`parts`.
+    """
+
+    values: Watch = field(default_factory=Watch)
+    derivatives: Watch = field(default_factory=Watch)
+    factorize: Watch = field(default_factory=Watch)
+    backsolve: Watch = field(default_factory=Watch)
+    seconds: float = 0.0
+    _floors: dict[str, float] = field(default_factory=dict)
+
+    def minimize(
+        self,
+        nlp: NLP,
+        options: Options | None = None,
+        callback: Callback | None = None,
+        start: Start | None = None,
+    ) -> Result:
+        """:func:`stc.solver.sqp.minimize` with everything timed."""
+        from stc.solver.kkt import structured_kkt
+        from stc.solver.sqp import minimize
+
+        def new_kkt(*args: Any, **kwargs: Any) -> Any:
+            return _Timed(structured_kkt(*args, **kwargs), factorize=self.factorize, solve=self.backsolve)
+
+        program: Any = _Timed(nlp, values=self.values, derivatives=self.derivatives)
+        begin = time.perf_counter()
+        result = minimize(program, options, callback, start, new_kkt)
+        self.seconds += time.perf_counter() - begin
+        # Afterwards, lest it counts; at the solution, where all functions are defined.
+        multipliers = np.ones(nlp.m)
+        kernels = {
+            "values": lambda: nlp.values(result.x),
+            "derivatives": lambda: nlp.derivatives(result.x, multipliers, 1.0),
+        }
+        for name, call in kernels.items():
+            again = Watch()
+            repeat = again.over(call)
+            for _ in range(REPEATS):
+                repeat()
+            self._floors[name] = again.shortest
+        return result
+
+    def parts(self, solution: Solution) -> list[Part]:
+        """The lines, those of the start first; ``solution`` is what the solve gave."""
+        watched = [
+            ("values", self.values, self.values.calls * self._floors.get("values", 0.0)),
+            ("derivatives", self.derivatives, self.derivatives.calls * self._floors.get("derivatives", 0.0)),
+            ("factorise", self.factorize, self.factorize.floor),
+            ("solve", self.backsolve, self.backsolve.floor),
+        ]
+        known = dict(solution.seconds)
+        lines = [Part(name, known[name]) for name in ("parse", "derive", "compile") if name in known]
+        lines += [Part(name, watch.seconds, watch.calls, floor) for name, watch, floor in watched]
+        rest = self.seconds - sum(watch.seconds for _, watch, _ in watched)
+        lines.append(Part("line search, tests and steps between", max(0.0, rest), solution.iterations, 0.0))
+        return lines
