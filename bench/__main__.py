@@ -71,10 +71,10 @@ def _cases(known: tuple[runner.Case, ...], options: argparse.Namespace) -> list[
     return cases
 
 
-def _finish(part: str, text: str, options: argparse.Namespace) -> None:
+def _finish(part: str, text: str, options: argparse.Namespace, picture: str = "") -> None:
     print(text)
     if not options.dry:
-        document.put(part, text)
+        document.put(part, f"{text}\n\n{picture}")
 
 
 def _keep(part: str, measured: list[runner.Measured]) -> None:
@@ -87,11 +87,11 @@ def peers(options: argparse.Namespace, rounds: int) -> None:
     machine = document.machine()
     measured = runner.solve_only(_cases(runner.CASES, options), present, rounds, _say)
     _keep("peers", measured)
-    lines = [f"{machine}; {rounds} processes each.", *absent]
-    _finish("overview", "\n".join([*lines, "", report.overview(measured)]), options)
-    _finish("everyone", report.everyone(measured), options)
     if not options.dry:
         report.draw_solves(measured, ROOT / "docs" / "benchmarks_solve.png")
+    lines = [f"{machine}; {rounds} processes each.", *absent, "", report.overview(measured)]
+    _finish("overview", "\n".join(lines), options, "![Times of all tools](benchmarks_solve.png)")
+    _finish("everyone", report.everyone(measured), options)
 
 
 def cold(options: argparse.Namespace, rounds: int) -> None:
@@ -99,9 +99,10 @@ def cold(options: argparse.Namespace, rounds: int) -> None:
     machine = document.machine()
     measured = runner.cold(_cases(runner.COLD_CASES, options), present, rounds, _say)
     _keep("cold", measured)
-    _finish("cold", f"{machine}; {rounds} processes each.\n\n{report.cold_table(measured)}", options)
     if not options.dry:
         report.draw_cold(measured, ROOT / "docs" / "benchmarks_cold.png")
+    text = f"{machine}; {rounds} processes each.\n\n{report.cold_table(measured)}"
+    _finish("cold", text, options, "![Cold starts](benchmarks_cold.png)")
 
 
 def script(part: str, options: argparse.Namespace) -> None:
@@ -119,7 +120,8 @@ def script(part: str, options: argparse.Namespace) -> None:
     ended = subprocess.run(command, env=runner.environment(), capture_output=True, text=True, check=False)
     if ended.returncode:
         raise SystemExit(ended.stderr)
-    _finish(part, f"{document.machine()}.\n\n{ended.stdout}", options)
+    picture = "![Cost over the number of frames](benchmarks_scaling.png)" if part == "scaling" else ""
+    _finish(part, f"{document.machine()}.\n\n{ended.stdout}", options, picture)
 
 
 if __name__ == "__main__":
