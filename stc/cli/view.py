@@ -13,7 +13,6 @@ from stc.errors import StcError, UsageError
 
 if TYPE_CHECKING:
     from stc.solution import Solution
-    from stc.viewer.live import LiveSolve
     from stc.viewer.player import Player
 
 
@@ -101,6 +100,7 @@ def _live(target: str, options: SolveOptions, window: Window) -> int:
     file = options.output or writable_solution(f"{model.name}.npz")
     solve = LiveSolve(
         model,
+        keep=lambda solution: solution.save(file),
         method=options.method,
         tolerance=options.tolerance,
         max_iterations=options.max_iterations,
@@ -117,16 +117,10 @@ def _live(target: str, options: SolveOptions, window: Window) -> int:
             _open(player, window, options.output)
     finally:
         solve.stop()
-    return _ended(solve, file)
-
-
-def _ended(solve: LiveSolve, file: Path) -> int:
-    """Save what a watched solve handed over, and tell how it ended."""
     solve.wait()
     if solve.error is not None:
         raise solve.error
     assert solve.solution is not None
-    solve.solution.save(file)
     console.show_solution(solve.solution, file)
     return GOOD if solve.solution.status == "optimal" else BAD
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -30,11 +31,14 @@ class LiveSolve:
         error: why there is none.
     """
 
-    def __init__(self, model: Model, **options: Any) -> None:
+    def __init__(
+        self, model: Model, keep: Callable[[Solution], None] = lambda solution: None, **options: Any
+    ) -> None:
         """Prepare, without starting.
 
         Args:
             model: the spec.
+            keep: is handed the solution as soon as there is one, whatever its status.
             **options: of :meth:`stc.pipeline.Model.solve`; ``method`` and ``constants`` among them.
         """
         self.iterate: Solution | None = None
@@ -43,6 +47,7 @@ class LiveSolve:
         self.solution: Solution | None = None
         self.error: BaseException | None = None
         self._model = model
+        self._keep = keep
         self._options = options
         self._shown = -PERIOD
         self._stop = threading.Event()
@@ -78,8 +83,9 @@ class LiveSolve:
 
     def _run(self) -> None:
         try:
-            self.solution = self._model.solve(callback=self._look, **self._options)
-            self.iterate = self.solution
+            solution = self._model.solve(callback=self._look, **self._options)
+            self._keep(solution)
+            self.solution = self.iterate = solution
             self.generation += 1
         except BaseException as error:  # carried over to the thread that waits
             self.error = error

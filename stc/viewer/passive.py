@@ -75,7 +75,8 @@ def open_passive(player: Player) -> None:
             show_left_ui=False,
             show_right_ui=False,
         ) as window:
-            _look(window, player)
+            with window.lock():
+                _look(window, player)
             _run(window, data, player, generation)
 
 
@@ -107,14 +108,14 @@ def draw(window: Any, data: mujoco.MjData, player: Player, seconds: float) -> No
         scene.ngeom = min(len(frame.shapes), scene.maxgeom)
         for k, shape in enumerate(frame.shapes[: scene.ngeom]):
             fill_geom(scene.geoms[k], shape)
-        window.set_texts(
-            (
-                mujoco.mjtFontScale.mjFONTSCALE_150,
-                mujoco.mjtGridPos.mjGRID_TOPLEFT,
-                summary(player),
-                simulation(player, frame),
-            )
+    window.set_texts(
+        (
+            mujoco.mjtFontScale.mjFONTSCALE_150,
+            mujoco.mjtGridPos.mjGRID_TOPLEFT,
+            summary(player),
+            simulation(player, frame),
         )
+    )
     window.sync()
 
 
