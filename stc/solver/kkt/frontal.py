@@ -42,6 +42,9 @@ STRAYED_SHARE = 0.25
 FILLED = 1.25
 #: Slots for delayed unknowns, to begin with.
 HELD_SLOTS = 32
+#: With more unknowns delayed than this, smaller pivots are taken instead: in matrices close to singular they would
+#: gather, hundreds of them, and fill the window.
+DELAYED_FREELY = 8
 
 
 class FrontalKKT:
@@ -265,9 +268,8 @@ class FrontalKKT:
         assert plan is not None
         growth, spread_1, spread_2, values_1, values_2, first, second = self._columns
         owner, queue, found_1, found_2, found_12 = self._lists
-        delay_limit = 2 * staging.window + HELD_SLOTS
         self._eliminate = factorize.bind(
-            size, staging.stages, self.n, self.pivot_threshold, SINGULAR, REPLACEMENT, delay_limit,
+            size, staging.stages, self.n, self.pivot_threshold, SINGULAR, REPLACEMENT, DELAYED_FREELY,
             self._capacity, self._stride, self._held_from, True, a.stage_pointers, a.pointers, a.columns,
             self._values, a.order, self._planned_slot, staging.top, *self._plan_arrays, plan.slots,
             plan.state, plan.state_starts, plan.state_rows, plan.state_columns, self._window, spread_1, spread_2,
