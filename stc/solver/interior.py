@@ -20,6 +20,7 @@ from stc.solver.iterate import Iterate, errors_of, evaluate
 from stc.solver.monitor import Monitor
 from stc.solver.multipliers import LaggingMultipliers, least_squares_multipliers
 from stc.solver.newton_system import NewtonSystem, SingularSystem
+from stc.solver.nlp import Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.progress import Drift, Nearest, Stall
@@ -41,6 +42,8 @@ DOUBTFUL = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 SHORTEST = 0.02
 SHORTER = (10.0, 10.0, 1e3, 1e8)
+SAME_SIZE = 0.8
+"""A stiffer Hessian that leaves the step longer than this fraction of it is of no use."""
 
 Condition = Callable[[Formulation, Iterate], bool]
 
@@ -227,24 +230,33 @@ class _Loop:
         """Compute a step and search along it; the fraction taken.
 
         A step that only a small fraction of is acceptable tells that the curvature along it is underestimated: it
-        is computed anew with a stiffer Hessian, which also turns it.
+        is computed anew with a stiffer Hessian, which also turns it. Where that does not make it shorter, it is the
+        rows that ask for the step, and the first one is searched to the end.
         """
         it, system, barrier, search = self.it, self.system, self.barrier, self.search
+        step: tuple[Floats, Floats, Floats] | None = None
         for shorter in (*SHORTER, 0.0):
-            shortest = SHORTEST if shorter else 0.0
-            dw, dy, dz = barrier.step(it, system)
+            before, step = step, barrier.step(it, system)
             if barrier.changed:
                 search.filter.reset()
-            if not np.isfinite(dw.sum() + dy.sum()):
+            if not np.isfinite(step[0].sum() + step[1].sum()):
                 return 0.0
-            length = search.search(it, system, barrier.mu, barrier.tau, dw, dy, dz, shortest)
-            if length > 0.0 or not shorter:
+            final = not shorter
+            if before is not None and self._size(step) > SAME_SIZE * self._size(before):
+                system.soften()
+                step, final = before, True
+            length = search.search(it, system, barrier.mu, barrier.tau, *step, 0.0 if final else SHORTEST)
+            if length > 0.0 or final:
                 return length
             try:
-                system.stiffen(it, dw, shorter)
+                system.stiffen(it, step[0], shorter)
             except SingularSystem:
                 return 0.0
         return 0.0
+
+    def _size(self, step: tuple[Floats, Floats, Floats]) -> float:
+        """Length of the variables' part of a step."""
+        return float(np.linalg.norm(step[0][: self.form.n]))
 
     def _restore(self) -> Outcome | None:
         """Run the restoration phase from a point where no step was acceptable.

@@ -53,6 +53,7 @@ class NewtonSystem:
         self.deficient = False
         self._last_shift = 0.0
         self._stiffness = 0.0
+        self._before = (0.0, 0.0)
         self._any_equality = bool(form.equality.any())
         self._d = np.zeros(form.m)
         self._sigma_z = np.zeros(form.gaps)
@@ -103,10 +104,15 @@ class NewtonSystem:
         dx = dw[: form.n]
         curved = form.hessian_times(it.hess, dx) + self._barrier * dx
         curvature = float(dx @ curved) / max(float(dx @ dx), 1e-300) + self.shift
+        self._before = self._stiffness, self._last_shift
         self.shift = max(GROWTH * self.shift, shorter * abs(curvature), SMALLEST_SHIFT)
         self._last_shift = self._stiffness = self.shift
         while self._try(it, self._primal) != "good":
             self.shift = self._larger_shift()
+
+    def soften(self) -> None:
+        """Forget the last stiffening; the factorisation stays."""
+        self._stiffness, self._last_shift = self._before
 
     def relax(self, length: float) -> None:
         """Let the stiffness go as steps are accepted nearly whole, and at once where none is (``length`` 0)."""

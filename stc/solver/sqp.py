@@ -29,6 +29,8 @@ RESCALINGS = 3
 UNCHANGED = 1e-9
 LARGE_MULTIPLIER = 1e6
 LARGEST_MULTIPLIER = 1e12
+ROUNDING = 1e-12
+DISPROOF = 0.1
 
 
 def minimize(
@@ -197,19 +199,30 @@ class _Solve:
         return outcome
 
     def _stated(self, outcome: Outcome) -> _Point:
-        """The outcome's point and row multipliers for the problem as stated."""
+        """The outcome's point and row multipliers for the problem as stated.
+
+        The variables are moved onto the bounds that they overstep by a hair, unless the rows would suffer more.
+        """
         form = outcome.form
         assert isinstance(form, ScaledProblem)
-        return _Point(form.user_point(outcome.x), form.user_multipliers(outcome.y))
+        y = form.user_multipliers(outcome.y)
+        point, as_found = form.user_point(outcome.x), outcome.x * form.x_scale
+        if np.array_equal(point, as_found):
+            return _Point(point, y)
+        moved, unmoved = (assess(self.nlp, x, y).violation for x in (point, as_found))
+        return _Point(point if moved <= max(unmoved, ROUNDING) else as_found, y)
 
     def _better(self, one: Outcome, other: Outcome) -> Outcome:
-        """The outcome that says more; of two equal ones that with the smaller violation."""
+        """The outcome that says more; of two that say the same, that with the smaller violation."""
         if other.end in (End.CONVERGED, End.UNBOUNDED):
             return other
-        if one.end is not other.end:
-            return one if one.end is End.STATIONARY_VIOLATION else other
         points = [self._stated(o) for o in (one, other)]
         violations = [assess(self.nlp, p.x, p.y).violation for p in points]
+        if one.end is not other.end:
+            # A stationary violation says nothing of rows that another attempt came much nearer to.
+            claim = 0 if one.end is End.STATIONARY_VIOLATION else 1
+            disproved = violations[1 - claim] < DISPROOF * violations[claim]
+            return (one, other)[1 - claim if disproved else claim]
         return one if violations[0] <= violations[1] else other
 
     def _conclude(self, outcome: Outcome) -> Result:
