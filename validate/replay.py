@@ -79,6 +79,7 @@ def replay(
     *,
     feedback: Feedback | None = None,
     external: bool = False,
+    every_step: bool = False,
     watcher: Watcher | None = None,
 ) -> Replay:
     """Simulate the whole motion.
@@ -91,6 +92,7 @@ def replay(
         external: apply the solved contact forces and switch the model's own contacts off.  Where the solution
             jumps, at impacts above all, the simulation goes on from the solved state: what is measured is the
             error of the steps, phase by phase.
+        every_step: go on from the solved state at every frame: what is measured is the error of each step alone.
         watcher: looks on, and may end the replay early: frames that it does not reach stay NaN.
 
     Raises:
@@ -105,7 +107,10 @@ def replay(
     model = setup.model(contacts=not external)
     if integrator != "rk4":
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
-    return _Simulation(setup, model, integrator, feedback, external).run(time_step, watcher)
+    simulation = _Simulation(setup, model, integrator, feedback, external)
+    if every_step:
+        simulation.restarts = set(range(setup.solution.n))
+    return simulation.run(time_step, watcher)
 
 
 class _Simulation:

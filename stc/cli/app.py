@@ -34,6 +34,7 @@ from stc.cli.options import (
     Starts,
     TimeLimit,
     Tolerance,
+    UntilVerified,
     WarmStart,
     solve_options,
     writable_page,
@@ -133,6 +134,7 @@ def run(
     starts: Starts = None,
     seed: Seed = None,
     refine: Refine = None,
+    until: UntilVerified = None,
     output: Output = None,
     force: Force = False,
     report: Report = None,
@@ -153,6 +155,7 @@ def run(
         starts=starts,
         seed=seed,
         refine=refine,
+        until=until,
     )
     page = None if report is None else writable_page(report)
     return jobs.run(spec, options, force=force, page=page, as_json=json)

@@ -85,6 +85,14 @@ Refine = Annotated[
         "--refine", metavar="ERROR", help="Add frames until the estimated discretisation error is this small."
     ),
 ]
+UntilVerified = Annotated[
+    float | None,
+    typer.Option(
+        "--until-verified",
+        metavar="DRIFT",
+        help="Add frames until MuJoCo's replay stays this near, in m and rad, or say what stands in the way.",
+    ),
+]
 Output = Annotated[
     str | None,
     typer.Option(
@@ -146,6 +154,7 @@ def solve_options(
     seed: int | None = None,
     refine: float | None = None,
     profile: bool = False,
+    until: float | None = None,
 ) -> SolveOptions:
     """Check the options of one solve before any work is done.
 
@@ -164,7 +173,7 @@ def solve_options(
         check_optimizer(optimizer)
     if profile and optimizer not in (None, "sqp"):
         raise UsageError(f"--profile looks into the project's own method, not into {optimizer}")
-    search = search_options(guess_from, walk, starts, seed, refine, warm_start)
+    search = search_options(guess_from, walk, starts, seed, refine, warm_start, until)
     given = constants(settings)
     if search.walk is not None and search.walk.name in given:
         raise UsageError(f"--set and --continue both give values to {search.walk.name}: give one of them")

@@ -41,6 +41,7 @@ class Search:
         walk: of a constant.
         starts, seed: of a multi-start.
         refine: tolerance of a mesh refinement.
+        until: drift of the replay below which a motion counts as verified.
     """
 
     guess: Path | None = None
@@ -48,6 +49,7 @@ class Search:
     starts: int | None = None
     seed: int = DEFAULT_SEED
     refine: float | None = None
+    until: float | None = None
 
 
 @dataclass(slots=True)
@@ -99,6 +101,7 @@ def search_options(
     seed: int | None,
     refine: float | None,
     warm_start: str | None,
+    until: float | None = None,
 ) -> Search:
     """Check the options before any work is done.
 
@@ -121,6 +124,10 @@ def search_options(
         raise UsageError(f"--seed must be 0 or more, not {seed}")
     if refine is not None and not refine > 0:
         raise UsageError(f"--refine must be a positive tolerance, not {refine:g}")
+    if until is not None and not until > 0:
+        raise UsageError(f"--until-verified must be a positive drift, not {until:g}")
+    if until is not None and refine is not None:
+        raise UsageError("--refine and --until-verified both choose the frames: give one of them")
     if guess_from is not None and not Path(guess_from).is_file():
         raise UsageError(f"--guess-from: there is no file `{guess_from}`")
     return Search(
@@ -129,6 +136,7 @@ def search_options(
         starts,
         DEFAULT_SEED if seed is None else seed,
         refine,
+        until,
     )
 
 
@@ -168,7 +176,7 @@ def find(model: Model, search: Search, solve: Callable[..., Solution], show: boo
         from stc.guess_file import read_guess
 
         options["guess"] = read_guess(search.guess)
-    if search.walk is None and search.starts is None and search.refine is None:
+    if search.walk is search.starts is search.refine is search.until is None:
         solution = solve(**options)
         return Found(solution, solution.status)
     found = None
@@ -178,10 +186,12 @@ def find(model: Model, search: Search, solve: Callable[..., Solution], show: boo
         options = {**options, "constants": {search.walk.name: search.walk.last}}
     elif search.starts is not None:
         found = _starts(model, search.starts, search.seed, solve, show, options)
+    if found is not None and options.get("time_limit") is not None:
+        options["time_limit"] = max(options["time_limit"] - (time.monotonic() - begin), 1e-3)
     if search.refine is not None and (found is None or found.good):
-        if options.get("time_limit") is not None:
-            options["time_limit"] = max(options["time_limit"] - (time.monotonic() - begin), 1e-3)
         found = _refined(model, search.refine, found, solve, show, options)
+    if search.until is not None and (found is None or found.good):
+        found = _verified(model, search.until, found, solve, show, options)
     assert found is not None
     return found
 
@@ -253,11 +263,50 @@ def _refined(
     )
     table.end()
     assert result.solution is not None
-    record = {} if before is None else before.record
-    totals = {name: value + record.get(name, 0) for name, value in _totals(result.effort).items()}
+    record, totals = _added(before, result.effort)
     last = result.levels[-1].status
     message = result.message and f"--refine {tolerance:g} was not reached: {result.message}"
     return Found(result.solution, last, message, {**record, **totals, "refinement": result.to_dict()})
+
+
+def _verified(
+    model: Model,
+    tolerance: float,
+    before: Found | None,
+    solve: Callable[..., Solution],
+    show: bool,
+    options: dict[str, Any],
+) -> Found:
+    from stc.studies.verified import solve_until_verified
+
+    table = _Table(("n", "objective", "drift", "of", "judged by", "iterations"), show)
+    result = solve_until_verified(
+        model,
+        tolerance,
+        start=None if before is None else before.solution,
+        solve=solve,
+        on_round=lambda one: table.row(
+            str(one.n),
+            _figure(one.objective),
+            _figure(one.drift, ".2e"),
+            one.subject or "-",
+            one.judged_by or one.status,
+            str(one.iterations),
+        ),
+        **options,
+    )
+    table.end()
+    assert result.solution is not None
+    record, totals = _added(before, result.effort)
+    message = result.message and f"--until-verified {tolerance:g} was not reached: {result.message}"
+    last = result.rounds[-1].status
+    return Found(result.solution, last, message, {**record, **totals, "verification": result.to_dict()})
+
+
+def _added(before: Found | None, effort: Effort) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What was found before, and what all solves took together with that."""
+    record = {} if before is None else before.record
+    return record, {name: value + record.get(name, 0) for name, value in _totals(effort).items()}
 
 
 def _totals(effort: Effort) -> dict[str, Any]:

@@ -26,10 +26,17 @@ from stc.pipeline import Model
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef, VariableRef
 from stc.symbolic.expr import Expr, evaluate, symbols
 
-__all__ = ["Spread"]
+__all__ = ["MOST_AT_ONCE", "ORDER", "Spread", "growth_for"]
 
 FloatArray = NDArray[np.float64]
 
+ORDER = {"central": 2, "trapezoidal": 2, "hermite-simpson": 4}
+"""Order of a motion's error in its step: a step's own is higher by one, and there are the more steps."""
+LOWEST_ORDER = 0.7
+"""Kinks lower the order; what was observed counts, but not less than this."""
+
+MOST_AT_ONCE = 8
+"""No phase gets more than so many times as many frames from one solve to the next."""
 BESIDE = 1
 """A frame number may stand this many frames beside one that scales: n/2 + 1, a - 1."""
 CLOSE = 1e-9
@@ -202,6 +209,47 @@ class Spread:
             if not np.allclose(there, before[cuts], rtol=CLOSE, atol=CLOSE * abs(before[-1])):
                 return True
         return False
+
+
+def observed_order(method: str, coarse: tuple[int, float], fine: tuple[int, float]) -> float:
+    """The order at which an error falls, as far as two grids tell, between :data:`LOWEST_ORDER` and the method's.
+
+    Args:
+        method: transcription.
+        coarse: number of steps and error of the one grid.
+        fine: the same of the other.
+    """
+    (few, large), (many, small) = coarse, fine
+    if not (large > 0.0 and small > 0.0 and np.isfinite(large)) or many <= few:
+        return ORDER[method]
+    return float(np.clip(np.log(large / small) / np.log(many / few), LOWEST_ORDER, ORDER[method]))
+
+
+def growth_for(errors: FloatArray, counts: NDArray[np.int_], order: float, share: float) -> FloatArray:
+    """How many times as many steps each phase needs for the sum of all errors to fall to a share of itself.
+
+    A phase with error E on N steps that gets r times as many keeps E/r^p.  The least number of steps for a given
+    sum has r proportional to (E/N)^(1/(p+1)), and never below 1.
+
+    Args:
+        errors: (k,) of each phase; where one is not finite, that phase alone grows as far as it may.
+        counts: (k,) steps of each phase.
+        order: p.
+        share: below 1.
+
+    Returns:
+        (k,) factors between 1 and :data:`MOST_AT_ONCE`.
+    """
+    unknown = ~np.isfinite(errors)
+    if unknown.any():
+        return np.where(unknown, float(MOST_AT_ONCE), 1.0)
+    shape = (errors / counts) ** (1.0 / (order + 1.0))
+    low, high = 0.0, MOST_AT_ONCE / max(float(shape.max()), 1e-300)
+    for _ in range(60):
+        scale = 0.5 * (low + high)
+        kept = float((errors * np.maximum(1.0, scale * shape) ** -order).sum())
+        low, high = (scale, high) if kept > share * float(errors.sum()) else (low, scale)
+    return np.asarray(np.clip(high * shape, 1.0, MOST_AT_ONCE))
 
 
 def _independent(model: Model, overrides: Mapping[str, float]) -> list[str]:

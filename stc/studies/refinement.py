@@ -7,7 +7,6 @@ the one before, so that the finer ones take few iterations.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -20,17 +19,12 @@ from stc.pipeline import Model
 from stc.solution import Solution
 from stc.studies.discretisation import Estimate, estimate
 from stc.studies.effort import Clock, Effort
-from stc.studies.frames import Spread
+from stc.studies.frames import ORDER, Spread, growth_for, observed_order
 
 __all__ = ["Level", "Refinement", "refine"]
 
-ORDER = {"central": 2, "trapezoidal": 2, "hermite-simpson": 4}
-"""Order of the error: a step's is higher by one, and there are the more steps."""
-LOWEST_ORDER = 0.7
-"""Kinks lower the order; what was observed counts, but not less than this."""
 SAFETY = 0.5
 """The next solve is to have this share of the tolerance."""
-MOST_AT_ONCE = 8
 MOST_LEVELS = 12
 MOST_FRAMES = 50_000
 NO_FALL = 0.95
@@ -188,7 +182,7 @@ def refine(
         if int(wanted @ spread.lengths) > most_frames:
             found.message = f"an error of {error:g} would take more than {most_frames} frames"
             found.message += f"; it is {level.error:.2g} with n = {solution.n}"
-            if _order_lost(found, solution.method) > 0.5:
+            if _order(found, solution.method) < ORDER[solution.method] - 0.5:
                 found.message += " and falls slowly, as at kinks and at jumps that the spec does not declare"
             return found
         try:
@@ -237,44 +231,22 @@ def _wanted(
 ) -> np.ndarray:
     """How many times as many frames as at first each phase needs; more than now somewhere.
 
-    A phase with error E on N steps that gets r times as many keeps E/r^p.  The least number of steps for a given
-    sum of these errors has r proportional to (E/N)^(1/(p+1)), and never below 1.
-
     Args:
         counts: steps of each phase now.
         factors: how many times as many as at first those are.
         judged: the error now.
     """
-    order = ORDER[method] - _order_lost(found, method)
     ends = np.concatenate([[0], np.cumsum(counts)])
     errors = np.array([judged.within(int(a), int(b)) for a, b in pairwise(ends)])
-    density = np.where(np.isfinite(errors), errors, np.inf) / counts
-    unknown = ~np.isfinite(density)
-    if unknown.any():
-        growth = np.where(unknown, MOST_AT_ONCE, 1.0)
-    else:
-        shape = density ** (1.0 / (order + 1.0))
-        # Errors of opposite sign cancel between phases: what they come to together is what counts.
-        target = SAFETY * found.tolerance * max(1.0, errors.sum() / max(judged.error, 1e-300))
-        errors = errors * max(1.0, found.levels[-1].error / max(judged.error, 1e-300))
-        low, high = 0.0, MOST_AT_ONCE / max(float(shape.max()), 1e-300)
-        for _ in range(60):
-            scale = 0.5 * (low + high)
-            kept = float((errors * np.maximum(1.0, scale * shape) ** -order).sum())
-            low, high = (scale, high) if kept > target else (low, scale)
-        growth = np.clip(high * shape, 1.0, MOST_AT_ONCE)
+    share = SAFETY * found.tolerance / found.levels[-1].error
+    growth = growth_for(errors, counts, _order(found, method), min(share, 1.0))
     wanted = np.ceil(growth * factors - 1e-9).astype(int)
-    if (wanted <= factors).all():
-        wanted = factors + 1
-    return np.asarray(wanted)
+    return np.asarray(wanted if (wanted > factors).any() else factors + 1)
 
 
-def _order_lost(found: Refinement, method: str) -> float:
-    """How far the observed order is below the method's, from the last two levels."""
+def _order(found: Refinement, method: str) -> float:
+    """The order at which the error falls, as far as the levels tell."""
     if len(found.levels) < 2:
-        return 0.0
+        return ORDER[method]
     coarse, fine = found.levels[-2:]
-    if not (coarse.error > 0.0 and fine.error > 0.0 and math.isfinite(coarse.error)) or fine.n <= coarse.n:
-        return 0.0
-    observed = math.log(coarse.error / fine.error) / math.log(fine.n / coarse.n)
-    return float(np.clip(ORDER[method] - observed, 0.0, ORDER[method] - LOWEST_ORDER))
+    return observed_order(method, (coarse.n, coarse.error), (fine.n, fine.error))

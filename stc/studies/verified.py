@@ -1,0 +1,349 @@
+"""Solve until MuJoCo agrees: solve, replay, give more frames where the replay disagrees, and again.
+
+Every round is judged by the drift of the replay: of the open loop, or where the motion multiplies small errors of
+the replay with feedback.  Motions on the ground are judged by the replay in which the solved contact forces act,
+and then by the tracked one with the simulator's own contacts.  Which steps are at fault is asked of MuJoCo too: each
+step is simulated on its own from the solved state (:mod:`stc.validate.steps`).
+
+More frames cannot mend everything.  Wrong equations of motion are looked for after the first solve; what else stands
+in the way (contacts softer than rigid ones, a drift that does not fall, no more frames or time) is said in words.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stc.errors import StcError, UsageError
+from stc.pipeline import Model, problem_of
+from stc.solution import Solution
+from stc.studies.effort import Clock, Effort
+from stc.studies.frames import Spread, growth_for, observed_order
+from stc.validate import limits
+from stc.validate.inverse import inverse_dynamics
+from stc.validate.metrics import drift as drift_of
+from stc.validate.replay import Replay
+from stc.validate.steps import step_errors
+from stc.validate.verdict import Replays, open_setup, run_replays
+
+if TYPE_CHECKING:
+    from stc.studies.equations import EquationReport
+    from stc.validate.setup import Setup
+
+__all__ = ["Round", "Verification", "solve_until_verified"]
+
+SAFETY = 0.5
+"""The next round is to have this share of the tolerance."""
+MOST_ROUNDS = 10
+MOST_FRAMES = 20_000
+NO_FALL = 0.7
+"""A drift that is not below this share of the last one, with more frames, does not fall."""
+SURELY_WRONG = 1e-6
+"""An inverse-dynamics residual above this share is no rounding, even where the equations agree."""
+SOLVER_SHARE, LOOSEST, TIGHTEST = 1e-4, 1e-8, 1e-12
+"""The solver's tolerance as a share of the drift's, and the range that it is kept in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """One solve and its replay.
+
+    Attributes:
+        n: number of steps.
+        phases: number of steps in each phase with a frame count of its own.
+        status, objective, iterations, factorizations: of the solve.
+        judged_by: ``open loop``, ``tracked`` or ``contact forces`` (solved ones in place of the simulator's contacts);
+            empty where nothing was replayed.
+        drift: largest distance of a joint or output from the solved one over the frames, in m or rad.
+        subject: whose.
+        step_error: all steps' errors, each simulated on its own, together, in m and rad.
+        seconds: wall time of the solve.
+    """
+
+    n: int
+    phases: list[int]
+    status: str
+    objective: float
+    iterations: int
+    factorizations: int
+    judged_by: str
+    drift: float
+    subject: str
+    step_error: float
+    seconds: float
+
+
+@dataclass(slots=True)
+class Verification:
+    """What came of it.
+
+    Attributes:
+        tolerance: for the drift, in m and rad.
+        rounds: in order.
+        solution: the last optimal one (the first one where that was not optimal).
+        equations: the comparison of the equations of motion, where it was made.
+        effort: of all solves.
+        message: what stands in the way; empty where the drift is below the tolerance.
+    """
+
+    tolerance: float
+    rounds: list[Round] = field(default_factory=list)
+    solution: Solution | None = None
+    equations: EquationReport | None = None
+    effort: Effort = field(default_factory=Effort)
+    message: str = ""
+
+    @property
+    def verified(self) -> bool:
+        """Whether MuJoCo's motion is the solved one within the tolerance."""
+        return not self.message
+
+    def to_dict(self) -> dict[str, Any]:
+        """The outcome as JSON takes it."""
+        return {
+            "tolerance": self.tolerance,
+            "verified": self.verified,
+            "solves": self.effort.solves,
+            "rounds": [
+                {
+                    "n": one.n,
+                    "phases": one.phases,
+                    "status": one.status,
+                    "objective": one.objective,
+                    "iterations": one.iterations,
+                    "factorizations": one.factorizations,
+                    "judged_by": one.judged_by,
+                    "drift": one.drift,
+                    "subject": one.subject,
+                    "step_error": one.step_error,
+                    "seconds": one.seconds,
+                }
+                for one in self.rounds
+            ],
+        }
+
+
+def solve_until_verified(
+    model: Model,
+    drift: float,
+    *,
+    solve: Callable[..., Solution] | None = None,
+    on_round: Callable[[Round], None] | None = None,
+    start: Solution | None = None,
+    most_frames: int = MOST_FRAMES,
+    **options: Any,
+) -> Verification:
+    """Add frames until the replay's drift is below a tolerance, or say what stands in the way.
+
+    Args:
+        model: the spec, with a ``replay:`` section; its n is that of the first solve.
+        drift: what the replay's has to fall below, in m and rad.
+        solve: used in place of ``model.solve``, with the same arguments (to watch it).
+        on_round: told after every round.
+        start: a solution of the first problem, where there is one already; it is not solved again.
+        most_frames: no solve gets more.
+        **options: of :meth:`stc.pipeline.Model.solve`; a time limit is for all solves and replays together.
+
+    Raises:
+        UsageError: a tolerance that is not positive, a motion of one frame, or a spec that names no model.
+        ModelError: the model is missing, or a replay line does not fit it.
+        SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
+    """
+    if not drift > 0:
+        raise UsageError(f"the tolerance for the drift must be positive, not {drift:g}")
+    solve = solve or model.solve
+    constants = dict(options.pop("constants", {}))
+    clock = Clock(options.pop("time_limit", None))
+    if options.get("tolerance") is None:
+        options["tolerance"] = min(LOOSEST, max(TIGHTEST, SOLVER_SHARE * drift))
+    method = options.get("method")
+    spread = Spread.of(model, method, constants)
+    if spread.problem.model is None:
+        raise UsageError(
+            f"{spread.problem.name} names no model", "a `replay:` section ties a spec to its model"
+        )
+    found = Verification(drift)
+    factors = np.ones(len(spread.ends), int)
+    overrides: dict[str, float] = {}
+    while True:
+        if start is not None and not found.rounds:
+            solution = start
+        else:
+            solution = solve(constants={**constants, **overrides}, **options, **clock.option())
+            found.effort.add(solution)
+        counts = factors * np.array(spread.lengths)
+        good = solution.status == "optimal"
+        judged = _Judged.of(solution) if good else None
+        found.rounds.append(_round(solution, counts, judged))
+        if good or found.solution is None:
+            found.solution = solution
+        if on_round is not None:
+            on_round(found.rounds[-1])
+        if judged is None:
+            found.message = f"with n = {solution.n} the solve ended {solution.status}"
+            return found
+        if len(found.rounds) == 1:
+            found.message = _wrong_physics(found, solution, judged)
+            if found.message:
+                return found
+        found.message = _in_the_way(found, judged, clock)
+        if found.message or judged.drift <= drift:
+            return found
+        wanted = _wanted(found, counts, factors, judged, solution.method)
+        if int(wanted @ spread.lengths) > most_frames:
+            state = _state(found.rounds[-1])
+            found.message = f"a drift of {drift:g} would take more than {most_frames} frames; {state}"
+            return found
+        try:
+            overrides = spread.finer([int(k) for k in wanted])
+        except UsageError as reason:
+            found.message = f"{_state(found.rounds[-1])}, and {reason}"
+            return found
+        factors = np.array(spread.counts(overrides)) // np.array(spread.lengths)
+        options = {**options, "warm_start": solution, "guess": None}
+
+
+@dataclass(frozen=True, slots=True)
+class _Judged:
+    """What MuJoCo says of a solution.
+
+    Attributes:
+        replays: all that was simulated.
+        by: which of them judges.
+        drift, subject: the largest drift in it, and whose.
+        ground: the largest drift with the simulator's own contacts and feedback; None where there are no contacts.
+        steps: (n,) error of each step alone.
+    """
+
+    replays: Replays
+    by: str
+    drift: float
+    subject: str
+    ground: tuple[float, str] | None
+    steps: np.ndarray
+
+    @classmethod
+    def of(cls, solution: Solution) -> _Judged:
+        setup = open_setup(solution)
+        replays = run_replays(setup)
+        by, motion = "open loop", replays.open_loop
+        ground = None
+        if replays.external is not None:
+            by, motion = "contact forces", replays.external
+            ground = _largest(setup, replays.tracked) if replays.tracked is not None else None
+        elif (replays.growth or 1.0) >= limits.UNSTABLE_GROWTH and replays.tracked is not None:
+            by, motion = "tracked", replays.tracked
+        return cls(replays, by, *_largest(setup, motion), ground, step_errors(setup))
+
+
+def _largest(setup: Setup, motion: Replay) -> tuple[float, str]:
+    """The largest drift of a replay, and of what."""
+    drifts = {
+        f"joint {tie.name}": drift_of(
+            motion.positions[:, tie.position], tie.line.value.before, tie.line.value.after
+        )[0]
+        for tie in setup.ties
+    }
+    for k, output in enumerate(setup.outputs):
+        line = output.line.value
+        drifts[f"output {output.line.name}"] = drift_of(motion.outputs[:, k], line.before, line.after)[0]
+    subject = max(drifts, key=lambda name: drifts[name])
+    return drifts[subject], subject
+
+
+def _round(solution: Solution, counts: np.ndarray, judged: _Judged | None) -> Round:
+    return Round(
+        n=solution.n,
+        phases=[int(k) for k in counts],
+        status=solution.status,
+        objective=solution.objective,
+        iterations=solution.iterations,
+        factorizations=solution.factorizations,
+        judged_by=judged.by if judged else "",
+        drift=judged.drift if judged else math.nan,
+        subject=judged.subject if judged else "",
+        step_error=float(judged.steps.sum()) if judged else math.nan,
+        seconds=solution.seconds.get("total", 0.0),
+    )
+
+
+def _wrong_physics(found: Verification, solution: Solution, judged: _Judged) -> str:
+    """Why no number of frames would help, in words, or nothing.
+
+    The solved forces have to give the solved accelerations in MuJoCo, instant by instant.  Where they do not, or where
+    that cannot be said, the equations of motion are compared term by term.
+    """
+    setup = judged.replays.setup
+    inverse = inverse_dynamics(setup)
+    shares = None if inverse is None else inverse.share(inverse.at_nodes)
+    if shares is not None and float(shares.max()) <= limits.INVERSE_DYNAMICS:
+        return ""
+    from stc.studies.equations import check_equations
+
+    try:
+        found.equations = check_equations(problem_of(solution), str(setup.path))
+    except StcError:  # the spec's rows are no equations of motion at random states: the drift has to tell
+        found.equations = None
+    if found.equations is not None and found.equations.findings:
+        return f"the equations of motion are not the model's, which no frames mend: {found.equations.findings[0]}"
+    if shares is not None and float(shares.max()) > SURELY_WRONG:
+        worst = setup.ties[int(shares.argmax())].name
+        return (
+            f"the solved forces do not give the solved accelerations in the model: at joint {worst} "
+            f"{float(shares.max()):.2g} of the largest force is missing, which no frames mend; compare the lines "
+            "of the replay section with the model"
+        )
+    return ""
+
+
+def _in_the_way(found: Verification, judged: _Judged, clock: Clock) -> str:
+    """What keeps the drift above the tolerance, as far as the rounds tell."""
+    now = found.rounds[-1]
+    if judged.drift <= found.tolerance:
+        if judged.ground is not None and judged.ground[0] > found.tolerance:
+            drift, subject = judged.ground
+            return (
+                f"MuJoCo's own contacts, with feedback, leave {subject} {drift:.2g} away; with the solved contact "
+                f"forces in their place it is {judged.drift:.2g}, so that what is left is the model's contact (its "
+                "softness, friction and time step) and no number of frames mends it"
+            )
+        return ""
+    if clock.is_over:
+        return f"the time limit of {clock.limit:g} s came first; {_state(now)}"
+    if len(found.rounds) == 1:
+        return ""
+    before = found.rounds[-2]
+    # While errors grow large they do so beyond all order: what each step adds tells better whether frames help.
+    if now.drift <= NO_FALL * before.drift or now.step_error <= NO_FALL * before.step_error:
+        return (
+            f"not reached in {MOST_ROUNDS} rounds; {_state(now)}" if len(found.rounds) == MOST_ROUNDS else ""
+        )
+    growth = judged.replays.growth
+    grows = "" if growth is None else f"; small errors grow up to {growth:.3g} times along the motion"
+    return (
+        f"more frames no longer bring MuJoCo nearer: {_state(now)}, after {before.drift:.2g} with n = {before.n}; "
+        f"all steps alone come to {now.step_error:.2g}{grows}"
+    )
+
+
+def _state(now: Round) -> str:
+    return f"{now.subject} is {now.drift:.2g} away ({now.judged_by}) with n = {now.n}"
+
+
+def _wanted(
+    found: Verification, counts: np.ndarray, factors: np.ndarray, judged: _Judged, method: str
+) -> np.ndarray:
+    """How many times as many frames as at first each phase gets in the next round; more than now somewhere."""
+    ends = np.concatenate([[0], np.cumsum(counts)])
+    errors = np.array([float(judged.steps[a:b].sum()) for a, b in pairwise(ends)])
+    grids = [(one.n, one.drift) for one in found.rounds[-2:]]
+    order = observed_order(method, grids[0], grids[-1])
+    share = SAFETY * found.tolerance / judged.drift if math.isfinite(judged.drift) else 0.0
+    growth = growth_for(errors, counts, order, share)
+    wanted = np.ceil(growth * factors - 1e-9).astype(int)
+    return np.asarray(wanted if (wanted > factors).any() else factors + 1)
