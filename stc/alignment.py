@@ -52,8 +52,8 @@ class Alignment:
 
     def to_new(self, frames: ArrayLike) -> FloatArray:
         """Where frames of the old motion are in the new one, fractions allowed."""
-        return np.asarray(np.interp(frames, self.old, self.new))
+        return np.asarray(np.interp(np.asarray(frames, float), self.old, self.new))
 
     def to_old(self, frames: ArrayLike) -> FloatArray:
         """Where frames of the new motion were in the old one, fractions allowed."""
-        return np.asarray(np.interp(frames, self.new, self.old))
+        return np.asarray(np.interp(np.asarray(frames, float), self.new, self.old))

@@ -176,7 +176,7 @@ def find(model: Model, search: Search, solve: Callable[..., Solution], show: boo
         from stc.guess_file import read_guess
 
         options["guess"] = read_guess(search.guess)
-    if search.walk is search.starts is search.refine is search.until is None:
+    if all(one is None for one in (search.walk, search.starts, search.refine, search.until)):
         solution = solve(**options)
         return Found(solution, solution.status)
     found = None

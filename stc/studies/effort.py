@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 from stc.solution import Solution
 
@@ -52,7 +53,7 @@ class Clock:
         """Whether the time is up."""
         return self.left == 0.0
 
-    def option(self) -> dict[str, float]:
+    def option(self) -> dict[str, Any]:
         """The time limit of the next solve as an argument of :meth:`stc.pipeline.Model.solve`."""
         left = self.left
         return {} if left is None else {"time_limit": max(left, 1e-3)}
