@@ -78,6 +78,11 @@ class _Operations:
         return pair
 
 
+#: Up to so many varying inputs are fetched where they are needed.  Written out for more, that would be half of a
+#: kernel's code, and of the time to compile it; a loop takes a tenth longer to run.
+_WRITTEN_OUT = 24
+
+
 class _Kernel:
     """Emits one kernel."""
 
@@ -91,9 +96,17 @@ class _Kernel:
         self.scalar = Vector(self.head, 1, fused, "u")
         self.vector = Vector(self.body, width, fused, "v")
         self.shared = self._once_per_call()
+        self.inputs = self._listed_inputs()
         # a few registers are for what goes on inside one operation
-        self.residency = Residency(tape, self.vector, max(registers - 6, 4), self.shared, self._gather)
-        self.last_part = "block"
+        self.residency = Residency(
+            tape,
+            self.vector,
+            max(registers - 6, 4),
+            self.shared,
+            self.inputs,
+            lambda slot: self._fetch(self.vector, self._offset(slot)),
+        )
+        self.last_part = "compute"
         self._per_block()
 
     def _once_per_call(self) -> dict[int, int]:
@@ -135,21 +148,47 @@ class _Kernel:
             self.head.append(f"  store {vector.f} {spread}, ptr {pointer}, align {8 * self.width}")
         return places
 
-    def _gather(self, slot: int) -> str:
-        """Fetch a varying input for all lanes."""
-        vector = self.vector
-        position = slot - self.tape.n_uniform
+    def _listed_inputs(self) -> dict[int, int]:
+        """The varying inputs that a loop fetches, where they are many: slot -> place in ``%inputs``."""
+        tape = self.tape
+        read = {slot for _, a, b in tape.ops[tape.n_uniform_ops :] for slot in (a, b)}
+        used = read.union(tape.outputs).intersection(range(tape.n_uniform, tape.first_literal))
+        return {slot: place for place, slot in enumerate(sorted(used))} if len(used) > _WRITTEN_OUT else {}
+
+    def _fetch(self, vector: Vector, offset: int | str) -> str:
+        """A varying input for all lanes; ``offset`` (bytes) is where a block's indices of it are."""
         value = "poison"
-        for lane in range(self.width):
-            group, within = divmod(lane, LANES)
-            offset = 4 * (position * LANES + within)
-            place = vector.let(f"getelementptr inbounds i8, ptr %where{group}, i64 {offset}")
-            narrow = vector.let(f"load i32, ptr {place}, align 4")
-            wide = vector.let(f"zext i32 {narrow} to i64")
-            source = vector.let(f"getelementptr inbounds double, ptr %workspace, i64 {wide}")
-            element = vector.let(f"load double, ptr {source}, align 8")
-            value = vector.let(f"insertelement {vector.f} {value}, double {element}, i64 {lane}")
+        for group in self.groups:
+            start = vector.let(f"getelementptr inbounds i8, ptr %where{group}, i64 {offset}")
+            for within in range(LANES):
+                place = vector.let(f"getelementptr inbounds i8, ptr {start}, i64 {4 * within}")
+                narrow = vector.let(f"load i32, ptr {place}, align 4")
+                wide = vector.let(f"zext i32 {narrow} to i64")
+                source = vector.let(f"getelementptr inbounds double, ptr %workspace, i64 {wide}")
+                element = vector.let(f"load double, ptr {source}, align 8")
+                lane = group * LANES + within
+                value = vector.let(f"insertelement {vector.f} {value}, double {element}, i64 {lane}")
         return value
+
+    def _offset(self, slot: int) -> int:
+        return 4 * LANES * (slot - self.tape.n_uniform)
+
+    def _gather_loop(self) -> list[str]:
+        """Fetches the listed inputs before anything else of a block."""
+        if not self.inputs:
+            return ["  br label %compute"]
+        lines = ["  br label %gather", "gather:", "  %input = phi i64 [ 0, %block ], [ %next, %gather ]"]
+        vector = Vector(lines, self.width, False, "g")
+        entry = vector.let(f"getelementptr inbounds i64, ptr @{self.symbol}.inputs, i64 %input")
+        value = self._fetch(vector, vector.let(f"load i64, ptr {entry}, align 8"))
+        pointer = vector.let(f"getelementptr inbounds {vector.f}, ptr %inputs, i64 %input")
+        return [
+            *lines,
+            f"  store {vector.f} {value}, ptr {pointer}, align {8 * self.width}",
+            "  %next = add i64 %input, 1",
+            f"  %unfinished = icmp slt i64 %next, {len(self.inputs)}",
+            "  br i1 %unfinished, label %gather, label %compute",
+        ]
 
     def _store(self, rows: list[int], value: str) -> None:
         """Write a value to rows of the output blocks."""
@@ -213,12 +252,15 @@ class _Kernel:
     def text(self) -> str:
         """The kernel's IR, with its entry for prepared calls."""
         vector, size = self.vector, 8 * self.width
+        offsets = ", ".join(f"i64 {self._offset(slot)}" for slot in self.inputs)
         return "\n".join(
             [
+                f"@{self.symbol}.inputs = private unnamed_addr constant [{len(self.inputs)} x i64] [{offsets}]",
                 f"define void @{self.symbol}(ptr noalias readonly %workspace, ptr noalias readonly %uniform, "
                 "ptr noalias readonly %index, ptr noalias %out, i64 %blocks) nounwind {",
                 "entry:",
                 f"  %shared = alloca [{max(len(self.shared), 1)} x {vector.f}], align {size}",
+                f"  %inputs = alloca [{max(len(self.inputs), 1)} x {vector.f}], align {size}",
                 f"  %homes = alloca [{max(self.residency.places, 1)} x {vector.f}], align {size}",
                 "  %any = icmp sgt i64 %blocks, 0",
                 "  br i1 %any, label %once, label %done",
@@ -228,6 +270,8 @@ class _Kernel:
                 "block:",
                 f"  %number = phi i64 [ 0, %once ], [ %following, %{self.last_part} ]",
                 *[line for group in self.groups for line in _block_pointers(self.tape, group)],
+                *self._gather_loop(),
+                "compute:",
                 *self.body,
                 f"  %following = add i64 %number, {len(self.groups)}",
                 "  %more = icmp slt i64 %following, %blocks",

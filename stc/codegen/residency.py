@@ -23,16 +23,24 @@ class Residency:
         tape: the program; its per-instance part is meant.
         vector: receives the instructions that move values.
         capacity: how many values may stay in registers between two operations.
-        shared: slot -> place of the values that lie in memory from the start, ``%shared``.
-        gather: emits the code that fetches a varying input.
+        shared: slot -> place of the values that lie in memory from the start, in ``%shared``.
+        inputs: slot -> place of the varying inputs that are in ``%inputs``.
+        gather: emits the code that fetches another varying input.
     """
 
     def __init__(
-        self, tape: Tape, vector: Vector, capacity: int, shared: dict[int, int], gather: Callable[[int], str]
+        self,
+        tape: Tape,
+        vector: Vector,
+        capacity: int,
+        shared: dict[int, int],
+        inputs: dict[int, int],
+        gather: Callable[[int], str],
     ) -> None:
         self._vector = vector
         self._capacity = capacity
         self._shared = shared
+        self._inputs = inputs
         self._gather = gather
         self._size = 8 * vector.lanes
         self._uses = _uses(tape)
@@ -58,12 +66,14 @@ class Residency:
         register = self._registers.get(slot)
         if register is not None:
             return register
-        home = self._homes.get(slot)
-        if home is None:
+        if slot in self._inputs:
+            register = self._load("inputs", self._inputs[slot])
+        elif slot in self._homes:
+            register = self._load("homes", self._homes[slot])
+        else:
             register = self._gather(slot)
             self.hold(slot, register, pinned)
             return register
-        register = self._load("homes", home)
         uses = self._uses[slot]
         later = uses[-2] if len(uses) > 1 else _NEVER
         if later < max(self._next_use.values(), default=_NEVER):  # worth a register; else it is for once
@@ -87,7 +97,7 @@ class Residency:
             victim = max((slot for slot in next_use if slot not in pinned), key=next_use.__getitem__)
         register = self._registers.pop(victim)
         del next_use[victim]
-        if victim in self._homes:
+        if victim in self._homes or victim in self._inputs:
             return  # still there from the first time
         if self._free:
             place = self._free.pop()
