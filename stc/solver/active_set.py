@@ -103,9 +103,12 @@ def _nearer_bound(value: Floats, push: Floats, lower: Floats, upper: Floats) -> 
     """
     pushed = value + push
     target = np.clip(pushed, lower, upper)
+    below, above = pushed < lower, pushed > upper
     with np.errstate(invalid="ignore"):
-        away = np.where(push > 0.0, value - lower < upper - value, upper - value < value - lower)
-    return target, (target != pushed) & ~(away & (lower < upper))
+        far = np.where(
+            push > 0.0, above & (value - lower < upper - value), below & (upper - value < value - lower)
+        )
+    return target, (below | above) & ~(far & (lower < upper))
 
 
 def _largest(v: Floats) -> float:

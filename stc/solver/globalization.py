@@ -160,7 +160,7 @@ class LineSearch:
         if slope < 0.0:
             smallest = min(smallest, GAMMA_PHI * theta / -slope)
             if theta <= self.small_theta:
-                smallest = min(smallest, DELTA * theta**S_THETA / (-slope) ** S_PHI)
+                smallest = min(smallest, DELTA * _power(theta, S_THETA) / _power(-slope, S_PHI))
         return max(GAMMA_ALPHA * smallest, 1e-14)
 
     def _verdict(self, theta: float, phi: float, slope: float, alpha: float, trial: Trial) -> str | None:
@@ -168,7 +168,7 @@ class LineSearch:
         if not self.filter.accepts(trial.theta, trial.phi):
             return None
         noise = 10.0 * EPSILON * abs(phi)
-        descent = slope < 0.0 and alpha * (-slope) ** S_PHI > DELTA * theta**S_THETA
+        descent = slope < 0.0 and alpha * _power(-slope, S_PHI) > DELTA * _power(theta, S_THETA)
         if descent and theta <= self.small_theta:
             return "armijo" if trial.phi - phi - noise <= ETA * alpha * slope else None
         if trial.phi > phi and np.log10(trial.phi - phi) > OBJECTIVE_LIMIT + max(
@@ -256,3 +256,8 @@ class LineSearch:
         if kind == "filter":
             self.filter.add(theta, phi)
         return True
+
+
+def _power(base: float, exponent: float) -> np.float64:
+    """``base ** exponent``, inf where that is too large; Python's own raises, and so does its division by 0."""
+    return np.float64(base) ** exponent

@@ -106,6 +106,7 @@ class _Loop:
         self.drift = Drift()
         self.last = monitor.iterations + tactics.budget
         self.escapes = 0
+        self.adaptive = tactics.adaptive
         self.step = self.length = 0.0
         self.error = np.inf
         self._begin(mu)
@@ -114,7 +115,7 @@ class _Loop:
         """Forget how the current iterate was reached."""
         form = self.form
         smallest = self.options.tolerance / 11.0 / max(1.0, form.gaps / MANY_GAPS)
-        self.barrier = BarrierParameter(form, mu, smallest, self.tactics.adaptive)
+        self.barrier = BarrierParameter(form, mu, smallest, self.adaptive)
         self.search = LineSearch(form, self.it.theta, self.tactics.largest_theta)
         self.nearest = Nearest(form, self.it)
         self.stall = Stall()
@@ -132,7 +133,7 @@ class _Loop:
                 return self._outcome(End.CONVERGED)
             if self._stalled():
                 self.nearest.return_to(self.it)
-                if self._leave_saddle():
+                if self._leave_saddle() or self._hold_barrier():
                     continue
                 return self._give_up()
             self.barrier.update(self.it, self.error, self.stuck)
@@ -188,9 +189,11 @@ class _Loop:
         return None
 
     def _converged(self) -> bool:
-        it = self.it
-        small = self.error <= self.options.tolerance and float(it.gap @ it.z) <= GAP * max(1.0, abs(it.f))
-        return small and not self.drift.falling
+        return self.error <= self.options.tolerance and not self._open() and not self.drift.falling
+
+    def _open(self) -> bool:
+        """Whether products of gaps and multipliers may still hide an error of the objective."""
+        return float(self.it.gap @ self.it.z) > GAP * max(1.0, abs(self.it.f))
 
     def _stalled(self) -> bool:
         return self.stall.stalled or self.nearest.waited or self.monitor.iterations >= self.last
@@ -211,6 +214,17 @@ class _Loop:
         self.escapes += 1
         self.monitor.count()
         self._begin(self.barrier.mu)
+        return True
+
+    def _hold_barrier(self) -> bool:
+        """Go on with a held barrier where the free choice circles a solution without closing the gap."""
+        it = self.it
+        if not (self.adaptive and self._open() and self.nearest.error <= ACCEPTABLE):
+            return False
+        if self.monitor.iterations >= self.last:
+            return False
+        self.adaptive = False
+        self._begin(float(it.gap @ it.z) / self.form.gaps)
         return True
 
     def _advance(self) -> bool:

@@ -104,21 +104,26 @@ class NewtonSystem:
         dx = dw[: form.n]
         curved = form.hessian_times(it.hess, dx) + self._barrier * dx
         curvature = float(dx @ curved) / max(float(dx @ dx), 1e-300) + self.shift
-        self._before = self._stiffness, self._last_shift
+        self._before = self._stiffness, self.shift
         self.shift = max(GROWTH * self.shift, shorter * abs(curvature), SMALLEST_SHIFT)
-        self._last_shift = self._stiffness = self.shift
+        self._stiffness = self.shift
         while self._try(it, self._primal) != "good":
             self.shift = self._larger_shift()
 
     def soften(self) -> None:
         """Forget the last stiffening; the factorisation stays."""
-        self._stiffness, self._last_shift = self._before
+        self._stiffness, self.shift = self._before
 
     def relax(self, length: float) -> None:
-        """Let the stiffness go as steps are accepted nearly whole, and at once where none is (``length`` 0)."""
+        """Let the stiffness go as steps are accepted nearly whole, and at once where none is (``length`` 0).
+
+        A shift that did not even lead to a step is none to start from next time.
+        """
         if length == 0.0:
             self._stiffness = 0.0
-        elif length >= WHOLE:
+        elif self.shift > 0.0:
+            self._last_shift = self.shift
+        if length >= WHOLE:
             self._stiffness *= SOFTER
             if self._stiffness < SMALLEST_STIFFNESS:
                 self._stiffness = 0.0

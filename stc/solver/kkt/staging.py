@@ -120,8 +120,10 @@ def _border(stage: NDArray[np.int64], first: Ints, second: Ints) -> NDArray[np.i
         span = last - stage
         if span.max(initial=0) < BORDER_SPAN:
             break
-        apart = np.abs(stage[first] - stage[second]) - 1
-        earlier = np.where(stage[first] < stage[second], first, second)
+        forward = stage[first] < stage[second]
+        earlier, later = np.where(forward, first, second), np.where(forward, second, first)
+        # What belongs to the border itself, parameters say, is in the window all the time and nobody holds it there.
+        apart = np.where(_spread(stage, first, second)[later], 0, stage[later] - stage[earlier] - 1)
         held = np.bincount(earlier, weights=np.maximum(apart, 0), minlength=stage.size)
         moved = (span >= BORDER_SPAN) & (held > BORDER_RATIO * span)
         if not moved.any():
