@@ -88,3 +88,11 @@ def test_every_stage_is_named_in_the_readme() -> None:
 
     text = (ROOT / "README.md").read_text()
     assert ", ".join(STAGES) in text
+
+
+def test_the_searches_from_python_work() -> None:
+    names: dict[str, object] = {}
+    (block,) = blocks("docs/searches.md", "python")
+    exec(block, names)
+    assert names["walk"].arrived and names["finer"].reached  # type: ignore[attr-defined]
+    assert names["sure"].verified and len(names["found"].optima) >= 1  # type: ignore[attr-defined]

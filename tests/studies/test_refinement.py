@@ -244,3 +244,27 @@ def test_a_solve_that_fails_ends_the_loop_with_the_last_good_solution():
     result = refine(model, 1e-9, solve=solve)
     assert not result.reached and "ended iteration_limit" in result.message
     assert result.solution.n == 20
+
+
+@pytest.mark.parametrize(
+    ("spec", "method", "tolerance"),
+    [
+        ("arm_reach", "hermite-simpson", 1e-6),
+        ("arm_reach", "trapezoidal", 1e-3),
+        ("cart_pole_swing_up", "hermite-simpson", 1e-5),
+        ("cart_pole_swing_up", "trapezoidal", 1e-3),
+        ("luxo_poses", "hermite-simpson", 1e-6),
+    ],
+)
+def test_the_tolerance_is_kept_against_a_far_finer_solve(spec, method, tolerance):
+    result = refine(stc.load(spec), tolerance, method=method)
+    assert result.reached and result.levels[-1].error <= tolerance
+    solution = result.solution
+    fine = solution.resolve(n=4 * solution.n, method="hermite-simpson")
+    assert fine.status == "optimal"
+    assert abs(solution.objective - fine.objective) <= tolerance * (1 + abs(fine.objective))
+    there = fine.at_frame(4 * np.arange(solution.n + 1))
+    for name, order in solution.trajectories:
+        if order == 0 and (name, 1) in solution.trajectories and (name, 1) in fine.trajectories:
+            size = 1 + np.abs(there[name]).max()
+            assert np.abs(solution[name] - there[name]).max() <= 2 * tolerance * size
