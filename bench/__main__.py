@@ -4,6 +4,7 @@
     python -m bench peers cold --quick     some parts, few rounds, small sizes
     python -m bench peers --only P2,P3     some problems
     python -m bench peers --print          print the tables and leave the page as it is
+    python -m bench peers cold --again     write the tables of the last run once more, without measuring
 
 Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solution saved), ``evaluator`` and ``lamp``
 (compiled kernels), ``mechanics`` (from a Lagrangian to compiled derivatives), ``scaling`` (growth with the frames).
@@ -15,15 +16,21 @@ import argparse
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from bench import document
 from bench.peers import report, runner
+from bench.peers.contenders import Contender
+from bench.peers.task import Case
 
 SCRIPTS = ("evaluator", "lamp", "mechanics", "scaling")
 PARTS = ("peers", "cold", *SCRIPTS)
 ROOT = Path(__file__).resolve().parent.parent
+
+#: What and where was measured, in a line or two, and the measurements.
+Run = tuple[str, list[runner.Measured]]
 
 
 def main() -> None:
@@ -36,6 +43,7 @@ def main() -> None:
         "--tools", default="", help="contenders whose name contains one of these, besides stc"
     )
     parser.add_argument("--print", action="store_true", dest="dry", help="leave docs/benchmarks.md as it is")
+    parser.add_argument("--again", action="store_true", help="tables of the last run of peers and cold")
     options = parser.parse_args()
     if unknown := set(options.parts) - set(PARTS):
         parser.error(f"unknown part {', '.join(sorted(unknown))}; the parts are {', '.join(PARTS)}")
@@ -55,7 +63,7 @@ def _say(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-def _chosen(options: argparse.Namespace) -> tuple[list[runner.Contender], list[str]]:
+def _chosen(options: argparse.Namespace) -> tuple[list[Contender], list[str]]:
     present, absent = runner.available()
     wanted = [word.strip().lower() for word in options.tools.split(",") if word.strip()]
     if wanted:
@@ -63,7 +71,7 @@ def _chosen(options: argparse.Namespace) -> tuple[list[runner.Contender], list[s
     return present, absent
 
 
-def _cases(known: tuple[runner.Case, ...], options: argparse.Namespace) -> list[runner.Case]:
+def _cases(known: tuple[Case, ...], options: argparse.Namespace) -> list[Case]:
     wanted = {word.strip().upper() for word in options.only.split(",") if word.strip()}
     cases = [case for case in known if not wanted or case.problem in wanted]
     if options.quick:
@@ -77,31 +85,44 @@ def _finish(part: str, text: str, options: argparse.Namespace, picture: str = ""
         document.put(part, f"{text}\n\n{picture}")
 
 
-def _keep(part: str, measured: list[runner.Measured]) -> None:
+def _measured(part: str, options: argparse.Namespace, measure: Callable[[], Run]) -> Run:
+    """A run, kept in out/bench; with ``--again`` the one that is kept there."""
     file = ROOT / "out" / "bench" / f"{part}.json"
-    file.write_text(json.dumps([one.to_dict() for one in measured], indent=1) + "\n", encoding="utf-8")
+    if options.again:
+        saved = json.loads(file.read_text(encoding="utf-8"))
+        return saved["about"], [runner.Measured.from_dict(one) for one in saved["measured"]]
+    about, measured = measure()
+    kept = {"about": about, "measured": [one.to_dict() for one in measured]}
+    file.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    return about, measured
 
 
 def peers(options: argparse.Namespace, rounds: int) -> None:
     present, absent = _chosen(options)
-    machine = document.machine()
-    measured = runner.solve_only(_cases(runner.CASES, options), present, rounds, _say)
-    _keep("peers", measured)
+
+    def measure() -> Run:
+        about = "\n".join([f"{document.machine()}; {rounds} processes each.", *absent])
+        return about, runner.solve_only(_cases(runner.CASES, options), present, rounds, _say)
+
+    about, measured = _measured("peers", options, measure)
     if not options.dry:
         report.draw_solves(measured, ROOT / "docs" / "benchmarks_solve.png")
-    lines = [f"{machine}; {rounds} processes each.", *absent, "", report.overview(measured)]
-    _finish("overview", "\n".join(lines), options, "![Times of all tools](benchmarks_solve.png)")
+    text = "\n\n".join([about, report.overview(measured), report.missed(measured)])
+    _finish("overview", text, options, "![Times of all tools](benchmarks_solve.png)")
     _finish("everyone", report.everyone(measured), options)
 
 
 def cold(options: argparse.Namespace, rounds: int) -> None:
     present, _ = _chosen(options)
-    machine = document.machine()
-    measured = runner.cold(_cases(runner.COLD_CASES, options), present, rounds, _say)
-    _keep("cold", measured)
+
+    def measure() -> Run:
+        about = f"{document.machine()}; {rounds} processes each."
+        return about, runner.cold(_cases(runner.COLD_CASES, options), present, rounds, _say)
+
+    about, measured = _measured("cold", options, measure)
     if not options.dry:
         report.draw_cold(measured, ROOT / "docs" / "benchmarks_cold.png")
-    text = f"{machine}; {rounds} processes each.\n\n{report.cold_table(measured)}"
+    text = "\n\n".join([about, report.cold_table(measured), report.missed_cold(measured)])
     _finish("cold", text, options, "![Cold starts](benchmarks_cold.png)")
 
 

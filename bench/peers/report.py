@@ -82,6 +82,47 @@ def overview(measured: Sequence[Measured]) -> str:
     return "\n".join(lines)
 
 
+def missed(measured: Sequence[Measured]) -> str:
+    """The goals of :func:`overview` that were not reached, in a sentence."""
+    words = []
+    for case in _cases(measured):
+        goal = GOALS.get((case.label, case.n))
+        rows = [one for one in measured if one.case == case]
+        ours = next((one for one in rows if one.contender == "stc"), None)
+        if goal is None or ours is None:
+            continue
+        name = f"{case.label}, n = {case.n:,}"
+        each = case.problem == "P4"
+        if not ours.cpu or not (ours.solved or each):
+            words.append(f"{name} (not solved: {ours.status or ours.failure})")
+            continue
+        best = _best(rows, ours, each)
+        if best is None:
+            words.append(f"{name} (nobody else found the same optimum: see the objectives below)")
+            continue
+        ratio = _per_iteration(best) / _per_iteration(ours) if each else best.least / ours.least
+        if ratio < goal:
+            words.append(f"{name} ({ratio:.2g} of {goal:g} times)")
+    return f"Goals missed: {'; '.join(words)}." if words else "All goals are reached."
+
+
+def missed_cold(measured: Sequence[Measured]) -> str:
+    """The goals of :func:`cold_table` that were not reached."""
+    words = []
+    for case in _cases(measured):
+        rows = [one for one in measured if one.case == case and one.cpu]
+        base = min((one.least for one in rows if one.contender.startswith("IPOPT")), default=float("nan"))
+        for one in rows:
+            if one.contender.startswith("stc solve") and case.n in COLD_GOALS:
+                first, again = COLD_GOALS[case.n]
+                goal = again if one.contender.endswith("again") else first
+                if one.least / base > goal:
+                    words.append(
+                        f"n = {case.n:,}, {one.contender[11:]} ({one.least / base:.2g} of {goal:.2g})"
+                    )
+    return f"Goals missed: {'; '.join(words)}." if words else "All goals are reached."
+
+
 def _mark(one: Measured) -> str:
     return "" if one.solved else " (not solved)"
 

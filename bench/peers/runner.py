@@ -94,6 +94,11 @@ class Measured:
         """For JSON."""
         return asdict(self)
 
+    @classmethod
+    def from_dict(cls, saved: dict[str, Any]) -> Measured:
+        """From :meth:`to_dict`."""
+        return cls(**{**saved, "case": Case(**saved["case"])})
+
 
 def environment(**more: str) -> dict[str, str]:
     """One thread everywhere, bytecode cached as Python does by default, and the repository importable."""

@@ -1,0 +1,88 @@
+"""The comparison's own parts: problems that mean the same in both notations, tables that count what they should."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import stc
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture
+def peers(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(ROOT))
+    import bench.peers
+
+    return bench.peers
+
+
+def test_the_chain_means_the_same_in_both_notations(peers: ModuleType) -> None:
+    from bench.peers import problems
+
+    rods = 3
+    solution = stc.load(problems.spec_of("P3", rods)).solve(n=8)
+    assert solution.status == "optimal"
+    for frame in range(9):
+        q, v, a, tau = (
+            [solution[f"{name}{k}{primes}"][frame] for k in range(1, rods + 1)]
+            for name, primes in (("q", ""), ("q", "'"), ("q", "''"), ("tau", ""))
+        )
+        needed = problems.chain_torques(q, v, a, math.sin, math.cos)
+        assert needed == pytest.approx(tau, rel=1e-6, abs=1e-5)
+
+
+def test_the_cart_pole_means_the_same_in_both_notations(peers: ModuleType) -> None:
+    from bench.peers import problems
+
+    solution = stc.load(problems.spec_of("P2", 0)).solve(n=20)
+    cart, pole = problems.cart_pole_accelerations(
+        solution["q2"], solution["q2'"], solution["u"], np.sin, np.cos
+    )
+    assert np.allclose(cart, solution["q1''"], atol=1e-5)
+    assert np.allclose(pole, solution["q2''"], atol=1e-5)
+
+
+@pytest.mark.slow
+def test_the_quadratic_problem_is_the_spec(peers: ModuleType) -> None:
+    from bench.peers import problems
+    from bench.peers.quadratic import build
+    from bench.peers.task import Case
+
+    ours = stc.load(problems.spec_of("P1", 0)).solve(n=40)
+    theirs = build(Case("P1", 40), "superlu").solve()
+    assert theirs.objective == pytest.approx(ours.objective, rel=1e-9)
+
+
+def test_only_the_same_optimum_counts(peers: ModuleType) -> None:
+    from bench.peers import report
+    from bench.peers.runner import Measured
+    from bench.peers.task import Case
+
+    ours = Measured("stc", Case("P2", 50), [0.002, 0.003], [0.002, 0.003], 10, 59.0, True)
+    slow = replace(ours, contender="IPOPT, mapped", cpu=[0.006, 0.007])
+    other = replace(ours, contender="fatrop, mapped", cpu=[0.001], objective=60.0)
+    failed = replace(ours, contender="fatrop, expanded", cpu=[0.001], solved=False)
+    different = replace(ours, contender="Crocoddyl", cpu=[0.001])
+    table = report.overview([ours, slow, other, failed, different])
+    assert table.splitlines()[2] == "| P2 | 50 | 2 | 10 | IPOPT, mapped | 6 | 10 | 3 | 5 |"
+    assert "P2, n = 50 (3 of 5 times)" in report.missed([ours, slow, other, failed, different])
+    assert "another optimum" in report.everyone([ours, other])
+    assert Measured.from_dict(slow.to_dict()) == slow
+
+
+def test_a_page_keeps_its_prose(peers: ModuleType, tmp_path: Path) -> None:
+    from bench import document
+
+    page = tmp_path / "page.md"
+    page.write_text("before\n\n<!-- part -->\nold\n<!-- end of part -->\n\nafter\n")
+    document.put("part", "| new |\\n", page)
+    assert page.read_text() == "before\n\n<!-- part -->\n\n| new |\\n\n\n<!-- end of part -->\n\nafter\n"
+    with pytest.raises(ValueError, match="no part 'other'"):
+        document.put("other", "", page)
