@@ -29,8 +29,8 @@ from stc.viewer.shapes import (
 #: All paths together have at most so many points, and so many balls for frames.
 _PATH_POINTS, _FRAME_BALLS = 120, 60
 
-#: Sizes as shares of the model's extent: the longest force arrow, a torque's arc, a frame's ball.
-_ARROW, _ARC, _BALL = 0.6, 0.11, 0.008
+#: Sizes as shares of the model's extent: the longest force arrow, a torque's arc, a frame's ball, a path's radius.
+_ARROW, _ARC, _BALL, _PATH = 0.6, 0.11, 0.008, 0.0025
 
 
 class Motion:
@@ -128,7 +128,7 @@ class Motion:
             shapes = [
                 line
                 for points in follow(self.setup, reached, self.places)
-                for line in polyline(points, FOUND)
+                for line in polyline(points, FOUND, _PATH * self.extent)
             ]
             known = self._found_paths = (recording, share, shapes)
         return known[2]
@@ -210,7 +210,7 @@ class Motion:
         shapes: list[Shape] = []
         instants = np.linspace(self.start, self.end, self._points())
         for points in follow(setup, solved_at(setup, instants), self.places):
-            shapes += polyline(points + offset, SOLVED)
+            shapes += polyline(points + offset, SOLVED, _PATH * self.extent)
         every = -(-(solution.n + 1) * len(self.places) // _FRAME_BALLS)
         frames = np.arange(0, solution.n + 1, max(1, every))
         jumps = set(solution.frames_that_jump().tolist())

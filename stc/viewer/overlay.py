@@ -81,8 +81,6 @@ def draw(canvas: Any, vector: Any, eye: Eye, shapes: Sequence[Shape]) -> None:
         start, end = vector(float(a[0]), float(a[1])), vector(float(b[0]), float(b[1]))
         if shape.kind == "ball":
             canvas.AddCircleFilled(start, max(1.0, width), colour)
-        elif shape.kind == "line":
-            canvas.AddLine(start, end, colour, shape.width)
         elif shape.kind == "tube":
             canvas.AddLine(start, end, colour, max(1.5, 2.0 * width))
         else:

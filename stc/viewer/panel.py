@@ -16,6 +16,9 @@ from stc.viewer.timeline import SPEEDS
 #: Title of the panel, and its size in pixels where it floats.
 TITLE, _WIDTH, _HEIGHT = "stc", 330.0, 640.0
 
+#: So many pixels of the picture's left does it cover at first.
+COVERED = 8.0 + _WIDTH
+
 _RED, _GREY = (0.90, 0.25, 0.20, 1.0), (0.50, 0.50, 0.50, 1.0)
 
 

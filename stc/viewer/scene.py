@@ -54,12 +54,25 @@ class View:
         lookat: (3,) the point in the middle, m.
         distance: from it, m.
         azimuth, elevation: degrees, as MuJoCo's free camera has them.
+        slope: half the height of what is seen at a distance of one metre, in m.
     """
 
     lookat: FloatArray
     distance: float
     azimuth: float
     elevation: float
+    slope: float
+
+    def beside(self, covered: float, aspect: float) -> FloatArray:
+        """The point to look at, (3,), where a panel covers the left of the picture: the motion moves to the rest.
+
+        Args:
+            covered: the covered share of the picture's width.
+            aspect: the picture's width over its height.
+        """
+        azimuth = np.radians(self.azimuth)
+        right = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
+        return np.asarray(self.lookat - covered * aspect * self.slope * self.distance * right)
 
 
 @dataclass(slots=True)
@@ -168,5 +181,9 @@ def _view(motion: Motion, model: mujoco.MjModel, aspect: float) -> View | None:
         return None
     model.vis.global_.fovy = plain.vis.global_.fovy
     return View(
-        np.array(camera.lookat), float(camera.distance), float(camera.azimuth), float(camera.elevation)
+        np.array(camera.lookat),
+        _ROOM * float(camera.distance),
+        float(camera.azimuth),
+        min(float(camera.elevation), _FROM_ABOVE),
+        float(np.tan(0.5 * np.radians(plain.vis.global_.fovy))),
     )

@@ -1,4 +1,4 @@
-"""What is drawn besides the bodies, as plain data: lines, arrows, balls, and arcs for torques.
+"""What is drawn besides the bodies, as plain data: tubes, arrows, balls, and arcs for torques.
 
 Every viewer of MuJoCo takes such things as ``MjvGeom`` (:mod:`stc.viewer.geoms` makes them); nothing here knows one.
 """
@@ -34,10 +34,10 @@ class Shape:
     """A thing to draw.
 
     Attributes:
-        kind: ``line``, ``tube``, ``arrow`` or ``ball``.
+        kind: ``tube``, ``arrow`` or ``ball``.
         start: (3,) where it begins, in m; a ball's middle.
         end: (3,) where it ends; of a ball the same.
-        width: of a line in pixels; radius of a tube, an arrow's shaft or a ball, in m.
+        width: radius of a tube, an arrow's shaft or a ball, in m.
         colour: red, green, blue and opacity, 0 to 1.
     """
 
@@ -48,12 +48,12 @@ class Shape:
     colour: Colour
 
 
-def polyline(points: FloatArray, colour: Colour, width: float = 2.0) -> list[Shape]:
-    """Lines through points (k, 3); a point that is not finite leaves a gap."""
+def polyline(points: FloatArray, colour: Colour, width: float) -> list[Shape]:
+    """A tube through points (k, 3), ``width`` its radius in m; a point that is not finite leaves a gap."""
     found = []
     for start, end in pairwise(points):
         if np.all(np.isfinite(start)) and np.all(np.isfinite(end)) and not np.array_equal(start, end):
-            found.append(Shape("line", start, end, width, colour))
+            found.append(Shape("tube", start, end, width, colour))
     return found
 
 

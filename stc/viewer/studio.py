@@ -17,7 +17,7 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from stc.viewer.geoms import Geoms
 from stc.viewer.overlay import Eye, draw
-from stc.viewer.panel import Panel
+from stc.viewer.panel import COVERED, Panel
 from stc.viewer.player import Frame, Player
 from stc.viewer.scene import GROUP
 
@@ -120,7 +120,9 @@ class Window(plugin.ViewerPlugin):
     def _look(self) -> None:
         view, camera = self._player.scene.view, self.viewer.camera
         if view is not None and self.viewer.model.nq == self._player.scene.model.nq:
-            camera.lookat[:] = view.lookat
+            size = imgui.GetIO().DisplaySize
+            fits = size.y > 0.0 and size.x > 2.0 * COVERED
+            camera.lookat[:] = view.beside(COVERED / size.x, size.x / size.y) if fits else view.lookat
             camera.distance, camera.azimuth, camera.elevation = view.distance, view.azimuth, view.elevation
 
     @messages.handler(priority=0)

@@ -171,7 +171,7 @@ def test_the_whole_motion_is_in_view(lamp):
 
 def test_geoms_of_shapes_that_stay_are_kept():
     def line(k):
-        return Shape("line", np.zeros(3), np.array([float(k), 0.0, 1.0]), 2.0, SOLVED)
+        return Shape("tube", np.zeros(3), np.array([float(k), 0.0, 1.0]), 0.1, SOLVED)
 
     stay, geoms = [line(k) for k in range(3)], Geoms()
     first = geoms.of([*stay, line(9)])

@@ -52,7 +52,7 @@ def test_an_arc_turns_the_way_its_torque_does(share):
 
 def test_a_path_has_gaps_where_nothing_is_known():
     points = np.array([[0.0, 0, 0], [1, 0, 0], [np.nan, 0, 0], [2, 0, 0], [2, 0, 0], [3, 0, 0]])
-    assert [(line.start[0], line.end[0]) for line in polyline(points, SOLVED)] == [(0, 1), (2, 3)]
+    assert [(line.start[0], line.end[0]) for line in polyline(points, SOLVED, 0.01)] == [(0, 1), (2, 3)]
 
 
 def test_projection_is_that_of_a_pinhole():
@@ -96,10 +96,10 @@ def test_what_lies_behind_the_eye_is_not_drawn():
     ahead, behind = np.array([2.0, 0, 0]), np.array([-2.0, 0, 0])
     shapes = [
         Shape("ball", ahead, ahead, 0.1, SOLVED),
-        Shape("line", ahead, behind, 2.0, SOLVED),
+        Shape("tube", ahead, behind, 0.1, SOLVED),
         Shape("arrow", ahead, ahead + [0, 0, 0.5], 0.01, SOLVED),
-        Shape("tube", behind, behind, 0.1, SOLVED),
+        Shape("tube", ahead, ahead + [0, 0, 0.5], 0.01, SOLVED),
     ]
     draw(canvas, lambda x, y: (x, y), eye, shapes)
     draw(canvas, lambda x, y: (x, y), eye, [])
-    assert drawn == ["ball", "line", "head"]
+    assert drawn == ["ball", "line", "head", "line"]
