@@ -38,14 +38,14 @@ MASSES = (1.0, 0.25, 0.25, 0.6)
 STANDING = (1.5, 1.0)
 """Elbow and neck of the standing pose, rad; its hip puts the centre of mass above the middle of the sole."""
 
-RANGES = {"hip": (-1.6, 1.6), "elbow": (0.15, 2.6), "neck": (-0.5, 2.4)}
-"""Where each joint may move, rad."""
+RANGES = {"hip": (-1.4, 1.4), "elbow": (0.15, 2.6), "neck": (-0.5, 2.4)}
+"""Where each joint may move, rad: the lower arm stays off the base, the shade off the upper arm."""
 
 FRICTION = 0.66
 """Of sole and floor: a tenth more than what motions may count on, so that rounding does not start a slip."""
 
-STIFF = (0.0004, 1.0)
-"""MuJoCo's `solref` of sole and floor: a contact that settles within four time steps, critically damped."""
+STIFF = (0.0002, 1.0)
+"""MuJoCo's `solref` of sole and floor: a contact that settles within two time steps, critically damped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +136,7 @@ def shapes() -> dict[str, trimesh.Trimesh]:
     return {
         "luxo_base": slab(BASE, corner=0.07, bevel=0.012, at=(0.0, 0.0, 0.0)),
         "luxo_pad": slab((BASE[0] - 0.004, BASE[1] - 0.004, 0.004), 0.068, 0.001, (0.0, 0.0, 0.0)),
-        "luxo_turret": lathe([(0.0, 0.028), (0.046, 0.028), (0.044, 0.033), (0.03, 0.036), (0.0, 0.036)]),
+        "luxo_turret": lathe([(0.0, 0.028), (0.046, 0.028), (0.045, 0.0305), (0.042, 0.031), (0.0, 0.031)]),
         "luxo_hip": knob(0.022, 2 * LOWER_GAP - 0.012, (0.0, 0.0, BASE[2]), bevel=0.002),
         "luxo_lower": _fork(LOWER_GAP, rail, ends=(0.016, 0.014)),
         "luxo_upper": _fork(UPPER_GAP, rail, ends=(0.016, 0.014)),
@@ -282,8 +282,11 @@ def _lamp(found: Bodies, *base_joints: Element) -> Element:
     )
 
 
-STEP = (0.5, 0.6, 1.0)
+STEP = (0.5, 0.6, 0.25)
 """Length, width and height of the step; its body stands in the middle of its upper face, which specs put into place."""
+
+HURDLE = (0.012, 0.30, 0.008)
+"""Length, width and height of the hurdle's bar; its body stands in the middle of the bar's upper face."""
 
 
 def _step() -> Element:
@@ -294,11 +297,39 @@ def _step() -> Element:
         type="box",
         pos=(0.0, 0.0, -STEP[2] / 2),
         size=tuple(length / 2 for length in STEP),
+        mass=0.0,
         friction=(FRICTION, 0.005, 0.0001),
         solref=STIFF,
         material="step",
     )
     return element("body", block, name="step", pos=(1.0, 0.0, 0.1))
+
+
+def _hurdle() -> Element:
+    """A bar on two posts that reach into the floor; nothing touches it, for it would fall."""
+    length, width, height = HURDLE
+    nothing = {"contype": 0.0, "conaffinity": 0.0, "mass": 0.0}
+    bar = element(
+        "geom",
+        **nothing,
+        name="hurdle",
+        type="box",
+        pos=(0.0, 0.0, -height / 2),
+        size=(length / 2, width / 2, height / 2),
+        material="brass",
+    )
+    posts = [
+        element(
+            "geom",
+            **nothing,
+            type="cylinder",
+            pos=(0.0, side * (width / 2 - 0.006), -0.125),
+            size=(0.006, 0.117),
+            material="steel",
+        )
+        for side in (-1, 1)
+    ]
+    return element("body", bar, *posts, name="hurdle", pos=(0.2, 0.0, 0.1))
 
 
 def _document(
@@ -309,7 +340,7 @@ def _document(
         stage.sun(),
         stage.camera("side", (0.2, -2.3, 0.42), (0.0, 1.0, -0.05), 25.0),
         stage.camera("portrait", (1.02, -1.36, 0.50), (-0.56, 0.80, -0.15), 27.0),
-        stage.floor(contype=1.0, conaffinity=1.0, friction="0.66 0.005 0.0001", solref="0.0004 1"),
+        stage.floor(contype=1.0, conaffinity=1.0, friction="0.66 0.005 0.0001", solref="0.0002 1"),
         *scenery,
         _lamp(found, *base_joints),
     )
@@ -327,7 +358,7 @@ def _document(
 
 
 def describe() -> Description:
-    """The lamp with its base free (``luxo.xml``, ``luxo_step.xml``) and with its base fixed (``luxo_fixed.xml``)."""
+    """The lamp with its base free, alone or with a step or hurdle, and with its base fixed (``luxo_fixed.xml``)."""
     found = bodies()
     free = (
         slide("x", axis=(1.0, 0.0, 0.0)),
@@ -350,6 +381,13 @@ def describe() -> Description:
                 found,
                 *free,
                 scenery=(_step(),),
+            ),
+            "luxo_hurdle.xml": _document(
+                "luxo_hurdle",
+                f"The lamp, standing free, and a hurdle.\n{written}",
+                found,
+                *free,
+                scenery=(_hurdle(),),
             ),
             "luxo_fixed.xml": _document("luxo_fixed", f"The lamp with its base fixed.\n{written}", found),
         },

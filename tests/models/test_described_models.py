@@ -11,7 +11,7 @@ import pytest
 from stc import models
 from stc.models import build, luxo
 
-MODELS = ["luxo.xml", "luxo_fixed.xml", "luxo_step.xml", "arm.xml", "cart_pole.xml"]
+MODELS = ["luxo.xml", "luxo_fixed.xml", "luxo_step.xml", "luxo_hurdle.xml", "arm.xml", "cart_pole.xml"]
 
 
 def load(name: str) -> mujoco.MjModel:
