@@ -441,10 +441,11 @@ class Model:
             return even
         known = self._known(earlier.method, earlier.overrides)
         try:
-            old = self.problem(earlier.method, **earlier.overrides) if known is None else known[0]
-        except StcError:  # what it was given does not fit this model's own numbers any more
+            # By its own numbers alone: this model may have been given others.
+            old = elaborate(self.tree, earlier.overrides, earlier.method) if known is None else known[0]
+        except StcError:
             return even
-        return Alignment.of(named_cuts(old), named_cuts(problem))
+        return even if old.n != earlier.n else Alignment.of(named_cuts(old), named_cuts(problem))
 
 
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:

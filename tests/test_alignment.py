@@ -61,3 +61,9 @@ def test_a_motion_of_one_frame_is_a_guess_for_a_longer_one():
     text = "constants: n = 0, h = 1; variables: x; constraints: x = 3;"
     longer = stc.load(text).solve().resolve(n=4)
     assert longer["x"] == pytest.approx(np.full(5, 3))
+
+
+def test_a_file_is_aligned_by_its_own_numbers(tmp_path):
+    stc.load("particle_waypoints").solve(n=12).save(tmp_path / "a.npz")
+    finer = stc.load("particle_waypoints", n=24).solve(warm_start=tmp_path / "a.npz")
+    assert finer.status == "optimal" and finer.iterations <= 2
