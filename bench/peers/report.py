@@ -55,6 +55,12 @@ def _best(rows: Sequence[Measured], ours: Measured, per_iteration: bool) -> Meas
     return min(rivals, key=lambda one: one.least, default=None)
 
 
+def _fastest_elsewhere(rows: Sequence[Measured], ours: Measured) -> Measured | None:
+    """The fastest of the others that found an optimum of the same program, whichever."""
+    rivals = [one for one in rows if one is not ours and one.solved and contender(one.contender).same]
+    return min((one for one in rivals if one.cpu), key=lambda one: one.least, default=None)
+
+
 def overview(measured: Sequence[Measured]) -> str:
     """One line per problem and size: this project beside the best of the others."""
     lines = [
@@ -72,9 +78,13 @@ def overview(measured: Sequence[Measured]) -> str:
         goal = GOALS.get((case.label, case.n))
         cells = [case.label + (", per iteration" if each else ""), f"{case.n:,}"]
         cells += [_milliseconds(cost(ours)) if ours.cpu else ours.failure, str(ours.iterations) + _mark(ours)]
-        if best is None:
+        elsewhere = _fastest_elsewhere(rows, ours) if best is None else None
+        if best is None and elsewhere is None:
             cells += ["none", "", "", ""]
-        else:
+        elif elsewhere is not None:
+            cells += [f"{elsewhere.contender} (another optimum)", _milliseconds(elsewhere.least)]
+            cells += [str(elsewhere.iterations), f"({elsewhere.least / ours.least:.2g})" if ours.cpu else ""]
+        elif best is not None:
             cells += [best.contender, _milliseconds(cost(best)), str(best.iterations) + _mark(best)]
             cells.append(f"{cost(best) / cost(ours):.2g}")
         cells.append("" if goal is None else f"{goal:g}")
