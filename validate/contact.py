@@ -72,6 +72,34 @@ def contact_metrics(name: str, setup: Setup, motion: Replay) -> list[Metric]:
     return found
 
 
+def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Distance of many replays from the solved motion, coordinate by coordinate.
+
+    Args:
+        setup: the motion.
+        positions: (samples, n+1, nq) of the replays at the frames.
+
+    Returns:
+        (samples, k, n+1) of the base's sliding joints in m and of the joints that motors turn in rad.  Where the
+        motion is not one on the ground: of all sliding joints and of all hinges.
+    """
+    ground = bool(len(setup.contact))
+    base = _base(setup) if ground else [tie for tie in setup.ties if tie.unit == "m"]
+    turned = _turned(setup) if ground else [tie for tie in setup.ties if tie.unit == "rad"]
+    found = []
+    for ties in (base, turned):
+        rows = [
+            np.minimum(
+                np.abs(positions[:, :, tie.position] - tie.line.value.before),
+                np.abs(positions[:, :, tie.position] - tie.line.value.after),
+            )
+            for tie in ties
+        ]
+        count, frames = positions.shape[:2]
+        found.append(np.array(rows).reshape(len(rows), count, frames).swapaxes(0, 1))
+    return found[0], found[1]
+
+
 def friction_note(setup: Setup) -> str:
     """Which friction the contacts of the model have, for the report."""
     import mujoco

@@ -110,6 +110,26 @@ CONTACT_FORCE: Final = 2e-2
 #: Largest violation of an inequality of the spec between the nodes, as a share of what it compares.
 INEQUALITY_BETWEEN: Final[ByMethod] = {"hermite-simpson": 2e-2, "trapezoidal": 5e-2, "central": 5e-2}
 
+# --- perturbed replays -------------------------------------------------------------------------------------
+
+#: How far masses and friction are off at most, as a share, and the deviations of the start, in m or rad and per second.
+PERTURBED_MASS: Final = 0.02
+PERTURBED_FRICTION: Final = 0.05
+PERTURBED_POSITION: Final = 2e-3
+PERTURBED_VELOCITY: Final = 2e-2
+
+#: The time step of the simulation is between one over this and as many times the usual one.
+PERTURBED_TIME_STEP: Final = 1.6
+
+#: Number of different time steps among the samples.
+TIME_STEPS: Final = 4
+
+#: Replays of each kind of perturbation.
+PERTURBED_SAMPLES: Final = 16
+
+#: A replay that leaves the solved motion by more than this, in m or rad, is lost: nothing brings a fallen lamp back.
+LOST: Final = 0.5
+
 # --- refinement and equations ------------------------------------------------------------------------------
 
 #: Smallest order of convergence of the replay, observed on the two finest of three grids.

@@ -10,7 +10,7 @@ import typer
 from typer.models import CommandInfo
 
 from stc import __version__
-from stc.cli import exports, jobs, pictures, studies
+from stc.cli import exports, jobs, perturbed, pictures, studies
 from stc.cli import view as viewing
 from stc.cli.options import (
     Continue,
@@ -39,6 +39,7 @@ from stc.cli.options import (
     solve_options,
     writable_page,
 )
+from stc.errors import UsageError
 
 app = typer.Typer(
     help="State a motion as constraints and an objective, solve it, and have MuJoCo judge it.",
@@ -202,6 +203,17 @@ def validate(
             "--order", help="Solve with n, 2n and 4n frames and observe how fast the replay converges."
         ),
     ] = False,
+    robustness: Annotated[
+        bool,
+        typer.Option(
+            "--robustness", help="Replay it many times, masses, friction, start and time step perturbed."
+        ),
+    ] = False,
+    samples: Annotated[
+        int | None,
+        typer.Option("--samples", metavar="COUNT", help="Replays of each kind of perturbation."),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="NUMBER", help="Of the random perturbations.")] = 0,
     json: Json = False,
 ) -> int:
     """Validate a saved motion in MuJoCo, or solve a spec and validate that."""
@@ -209,6 +221,10 @@ def validate(
         settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer
     )
     page = None if report is None else writable_page(report)
+    if robustness:
+        if page is not None or equations or order:
+            raise UsageError("--robustness goes without --report, --equations and --order")
+        return perturbed.run(target, options, force=force, samples=samples, seed=seed, as_json=json)
     if page is None and (equations or order):
         return studies.run(target, options, equations=equations, order=order, as_json=json)
     return jobs.validate(target, options, force=force, page=page, order=order, as_json=json)

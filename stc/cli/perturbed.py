@@ -1,0 +1,37 @@
+"""What ``stc validate --robustness`` does: many replays of a motion, each time a little perturbed."""
+
+from __future__ import annotations
+
+import sys
+
+from stc.cli import BAD, GOOD, console, jobs, record
+from stc.cli.options import SolveOptions
+from stc.errors import UsageError
+
+
+def run(
+    target: str, options: SolveOptions, *, force: bool, samples: int | None, seed: int, as_json: bool
+) -> int:
+    """Replay the motion and show the envelope; good when the unperturbed replay is not lost.
+
+    Raises:
+        UsageError: what cannot be replayed so, or a negative seed.
+    """
+    from stc.validate import limits
+    from stc.validate.robustness import robustness
+    from stc.validate.verdict import open_setup
+
+    if seed < 0:
+        raise UsageError(f"--seed must not be negative, but is {seed}")
+    _, motion = jobs.solved(target, options, as_json)
+    setup = open_setup(motion, force=force)
+    found = robustness(setup, limits.PERTURBED_SAMPLES if samples is None else samples, seed)
+    good = not any(envelope.lost.any() for envelope in found.envelopes if envelope.kind == "none")
+    if as_json:
+        facts = {**record.blank("ok" if good else "failed"), "name": found.spec}
+        record.write({**facts, "robustness": found.to_dict()})
+    else:
+        from rich.console import Console
+
+        Console(highlight=False, width=None if sys.stdout.isatty() else console.WIDE).print(found)
+    return GOOD if good else BAD
