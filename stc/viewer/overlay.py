@@ -2,7 +2,7 @@
 
 Studio 4.0.0 on the desktop crashes now and then when it is given geoms besides the model's (a segmentation fault in
 Filament; the same geoms are safe in a browser).  There the shapes are projected and drawn with Dear ImGui, so that
-bodies do not hide them.
+nothing hides them.
 """
 
 from __future__ import annotations
@@ -17,6 +17,12 @@ from stc.viewer.shapes import Colour, FloatArray, Shape
 
 #: An arrow's head in shares of its shaft's radius, as wide and as long as MuJoCo draws it.
 _HEAD_WIDTH, _HEAD_LENGTH = 2.0, 5.0
+
+#: Lines shorter than this, in pixels, are left out.
+_SHORTEST = 0.5
+
+#: Nothing is wider than twice this, in pixels.
+_WIDEST = 12.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +83,13 @@ def draw(canvas: Any, vector: Any, eye: Eye, shapes: Sequence[Shape]) -> None:
         if not (np.isfinite(scale) and np.isfinite(end_scale)):
             continue
         colour = packed(shape.colour)
-        width = shape.width * float(scale)
+        width = min(shape.width * float(scale), _WIDEST)
         start, end = vector(float(a[0]), float(a[1])), vector(float(b[0]), float(b[1]))
         if shape.kind == "ball":
             canvas.AddCircleFilled(start, max(1.0, width), colour)
         elif shape.kind == "tube":
+            if np.hypot(*(b - a)) < _SHORTEST:
+                continue
             canvas.AddLine(start, end, colour, max(1.5, 2.0 * width))
         else:
             _arrow(canvas, vector, a, b, max(1.0, width), colour)

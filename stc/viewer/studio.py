@@ -153,7 +153,12 @@ class Window(plugin.ViewerPlugin):
             camera = mujoco.mjv_camera2GLCamera(self.viewer.model, self.viewer.data, self.viewer.camera)
             size = imgui.GetIO().DisplaySize
             eye = Eye.of(camera, size.x, size.y)
-            draw(imgui.GetBackgroundDrawList(), imgui.Vec2, eye, self._frame.shapes)
+            # In some scenes Studio 4.0.0 does not show the first list of a picture: a point outside is no loss.
+            imgui.GetBackgroundDrawList().AddCircleFilled(imgui.Vec2(-9.0, -9.0), 1.0, 0)
+            imgui.GetBackgroundDrawList().AddLine(
+                imgui.Vec2(-9.0, -9.0), imgui.Vec2(-8.0, -8.0), 0x01000000, 1.0
+            )
+            draw(imgui.GetForegroundDrawList(), imgui.Vec2, eye, self._frame.shapes)
         self._panel.build_gui(imgui, self._frame)
 
 

@@ -182,8 +182,11 @@ def test_the_motion_is_seen_in_a_window(saved, tmp_path, display):
         while True:
             ImageGrab.grab(xdisplay=display).save(tmp_path / "window.png")
             picture = np.array(ImageGrab.grab(xdisplay=display).convert("RGB")).astype(int)
-            red, blue = picture[..., 0], picture[..., 2]
-            lines = np.sum((blue > 200) & (blue > red + 100)), np.sum((red > 200) & (red > blue + 100))
+            red, green, blue = (picture[..., k] for k in range(3))
+            # The arrow of the force is violet, the simulated path orange; the ball is of a darker orange.
+            arrow = np.sum((abs(red - 166) < 40) & (green < 130) & (blue > 200))
+            path = np.sum((red > 220) & (abs(green - 155) < 25) & (blue < 90))
+            lines = arrow, path
             if min(lines) > 20:
                 break
             assert viewing.process.poll() is None and time.monotonic() < end, viewing.log.read_text()
