@@ -2,7 +2,7 @@
 
     python -m bench                        everything; an hour on a quiet machine
     python -m bench peers cold --quick     some parts, few rounds, small sizes
-    python -m bench peers --only P2,P3     some problems
+    python -m bench peers --only P2,P3     some problems; the page keeps the other lines of its tables
     python -m bench peers --print          print the tables and leave the page as it is
     python -m bench peers cold --again     write the tables of the last run once more, without measuring
 
@@ -92,6 +92,9 @@ def _measured(part: str, options: argparse.Namespace, measure: Callable[[], Run]
         saved = json.loads(file.read_text(encoding="utf-8"))
         return saved["about"], [runner.Measured.from_dict(one) for one in saved["measured"]]
     about, measured = measure()
+    if (options.only or options.tools) and file.exists():  # a part of the table: the rest stays
+        saved = json.loads(file.read_text(encoding="utf-8"))["measured"]
+        measured = runner.merged([runner.Measured.from_dict(one) for one in saved], measured)
     kept = {"about": about, "measured": [one.to_dict() for one in measured]}
     file.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     return about, measured

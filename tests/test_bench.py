@@ -77,6 +77,22 @@ def test_only_the_same_optimum_counts(peers: ModuleType) -> None:
     assert Measured.from_dict(slow.to_dict()) == slow
 
 
+def test_a_part_measured_anew_keeps_the_rest(peers: ModuleType) -> None:
+    from bench.peers.runner import Measured, merged
+    from bench.peers.task import Case
+
+    old = [Measured(name, Case("P2", n), [1.0]) for n in (50, 1000) for name in ("stc", "PIQP")]
+    new = [
+        Measured("stc", Case("P2", 50, time_limit=20.0), [0.5]),
+        Measured("SuperLU", Case("P1", 50), [2.0]),
+    ]
+    both = merged(old, new)
+    assert [(one.contender, one.case.n, one.cpu[0]) for one in both] == [
+        *[("stc", 50, 0.5), ("PIQP", 50, 1.0), ("stc", 1000, 1.0), ("PIQP", 1000, 1.0), ("SuperLU", 50, 2.0)]
+    ]
+    assert both[0].case == both[1].case
+
+
 def test_a_page_keeps_its_prose(peers: ModuleType, tmp_path: Path) -> None:
     from bench import document
 

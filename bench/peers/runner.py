@@ -100,6 +100,20 @@ class Measured:
         return cls(**{**saved, "case": Case(**saved["case"])})
 
 
+def merged(before: list[Measured], now: list[Measured]) -> list[Measured]:
+    """Earlier measurements with those of later ones in their places, new ones at the end."""
+
+    def key(one: Measured) -> tuple[str, str, int, int]:
+        return one.contender, one.case.problem, one.case.n, one.case.rods
+
+    newer = {key(one): one for one in now}
+    cases = {name[1:]: one.case for name, one in newer.items()}
+    kept = [newer.pop(key(one), one) for one in before]
+    for one in kept:
+        one.case = cases.get(key(one)[1:], one.case)  # limits may differ
+    return kept + list(newer.values())
+
+
 def environment(**more: str) -> dict[str, str]:
     """One thread everywhere, bytecode cached as Python does by default, and the repository importable."""
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
