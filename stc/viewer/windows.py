@@ -36,6 +36,9 @@ _DESKTOP = "opengl_headless"
 
 _SIZE = (1280, 860)
 
+#: Longest time, in seconds, for which one thread keeps the interpreter while another one waits for it.
+_SWITCH = 2e-4
+
 
 class DisplayError(StcError):
     """There is nothing to open a window on, or nothing to open it with."""
@@ -166,6 +169,9 @@ def open_web(
 
 def _show(handle: ViewerHandle, player: Player) -> None:
     """Run until the window is closed; the first Ctrl-C during a watched solve stops that only."""
+    # A solve on another thread comes back to Python thousands of times a second: each time it would wait for as long
+    # as the window's threads may keep the interpreter, which is 5 ms unless said otherwise.
+    sys.setswitchinterval(_SWITCH)
     handle.set_model(player.scene.model)
     while handle.is_running():
         try:
