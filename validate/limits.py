@@ -58,8 +58,8 @@ CONTACT_END_BASE: Final = 1e-3
 CONTACT_END_JOINTS: Final = 2e-2
 
 #: Largest drift of a joint where the solved contact forces act in place of the model's contacts, phase by phase.
-#: It is the truncation error of the steps alone, times what an unstable phase makes of it: 2e-4 to 4e-3 along the bundled
-#: motions, most in the long stances on the Moon.
+#: It is the truncation error of the steps alone, times what an unstable phase makes of it: 2e-4 to 4e-3 along the
+#: bundled motions, most in the long stances on the Moon.
 EXTERNAL_DRIFT: Final[ByMethod] = {"hermite-simpson": 5e-3, "trapezoidal": 1e-1, "central": 1e-1}
 
 #: Largest share of its torque that the feedback may supply on the ground.
