@@ -28,8 +28,9 @@ HIGHEST_THRESHOLD = 0.3
 SINGULAR = 3e-14
 #: Magnitude of the pivot that takes the place of a zero one.
 REPLACEMENT = 1e-8
-#: Sweeps of equilibration at most.
-SWEEPS = 3
+#: Sweeps of equilibration at most. Each takes the root of what is left to do: shifts of 1e40 need them all, and where
+#: they were too few, regular matrices came out as singular.
+SWEEPS = 12
 #: Iterative refinement: steps at most, and relative residual to reach.
 REFINEMENTS = 10
 RESIDUAL = 1e-14

@@ -13,7 +13,7 @@ __all__ = ["count_nonzero", "equilibrate", "load", "residual"]
 #: A scale serves as long as the largest entries of all rows are within this factor of 1 ...
 STALE = 4.0
 #: ... and is good when they are within this one.
-GOOD = 1.1
+GOOD = 2.0
 #: Scales stay between these.
 SMALLEST_SCALE = 1e-100
 LARGEST_SCALE = 1e100

@@ -248,3 +248,17 @@ def test_refusals(system):
     kkt.factorize(*values.arguments())
     with pytest.raises(ValueError, match="rhs_y"):
         kkt.solve(np.zeros(pattern.n), np.zeros(pattern.m + 1))
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("seed", [13, 15])
+def test_large_shifts_do_not_look_singular(system, seed):
+    """Huge and unequal shifts of all variables, unequal rows of full rank: the inertia is (n, m, 0)."""
+    rng = np.random.default_rng(seed)
+    pattern = STRUCTURES["chain"](rng, 30)
+    values = generic(rng, pattern)
+    primal = 10.0 ** rng.uniform(33.0, 39.0, pattern.n)
+    jac = values.jac * 10.0 ** rng.uniform(-3.0, 3.0, pattern.m)[pattern.jac_rows]
+    kkt = system(*pattern.arguments())
+    inertia = kkt.factorize(np.zeros(pattern.hess_rows.size), jac, primal, np.zeros(pattern.m))
+    assert inertia == (pattern.n, pattern.m, 0)
