@@ -90,6 +90,7 @@ class LineSearch:
 
     def __init__(self, form: Formulation, theta0: float, largest_theta: float) -> None:
         self.form = form
+        self._shifts_count = bool(form.equality.any())
         self.small_theta = SMALL_THETA * max(1.0, theta0)
         self.filter = Filter(largest_theta * max(1.0, theta0))
         self.tiny = False
@@ -126,6 +127,9 @@ class LineSearch:
         """
         form = self.form
         self._jac = it.jac
+        self._pull = (
+            system.shift * (dw[: form.n] * form.free) if self._shifts_count and system.shift else None
+        )
         self._dual = it.dual - form.scatter(it.z)
         phi = barrier_value(it.f, it.gap, mu)
         slope = float(it.gradient @ dw[: form.n])
@@ -214,6 +218,8 @@ class LineSearch:
     def _row_fraction(self, primal: float, dual: float, dy: Floats, dz: Floats) -> float:
         """Fraction of ``dy`` that leaves the smallest gradient of the Lagrangian, to first order, when the
         primal and the dual variables take different fractions of their steps.
+
+        A shift of the Hessian is no part of the Lagrangian, and a large one shows in ``dy``: it counts as well.
         """
         form = self.form
         n = form.n
@@ -223,9 +229,11 @@ class LineSearch:
         if not form.all_moving:
             rows[~form.moving] = 0.0
         size = float(rows @ rows)
-        if primal == dual or size == 0.0:
+        if (primal == dual and self._pull is None) or size == 0.0:
             return primal
         left = (1.0 - primal) * self._dual + (primal - dual) * form.scatter(dz)
+        if self._pull is not None:
+            left[:n] -= primal * self._pull
         return min(max(primal - float(left @ rows) / size, 0.0), 1.0)
 
     def _move(
