@@ -251,7 +251,7 @@ def test_refusals(system):
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
-@pytest.mark.parametrize("seed", [13, 15])
+@pytest.mark.parametrize("seed", [2, 3, 4, 7])
 def test_large_shifts_do_not_look_singular(system, seed):
     """Huge and unequal shifts of all variables, unequal rows of full rank: the inertia is (n, m, 0)."""
     rng = np.random.default_rng(seed)
