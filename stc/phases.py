@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from stc.problem import DefinitionRef, Problem, Relation, VariableRef
+from stc.problem import DefinitionRef, ObjectiveTerm, Problem, Relation, VariableRef
 from stc.rates import time_derivative
 from stc.symbolic.expr import Expr, substitute, sym, symbols
 
@@ -72,7 +72,8 @@ def named_cuts(problem: Problem) -> list[int]:
     for several in problem.definitions.values():
         for piece in several:
             found += [piece.range.first, piece.range.last + 1]
-    for statement in [*problem.relations, *problem.objective]:
+    statements: list[Relation | ObjectiveTerm] = [*problem.relations, *problem.objective]
+    for statement in statements:
         found += [statement.range.first, statement.range.last]
     return [*found, problem.n]
 

@@ -82,7 +82,7 @@ def guess_from_multipliers(form: ScaledProblem, point: PrimalDual) -> ActiveSet:
     """What was active where the point's multipliers belong."""
     terms = np.bincount(form.jac_cols, weights=np.abs(point.jac * point.y[form.jac_rows]), minlength=form.n)
     return ActiveSet(
-        _signs(point.z, NEGLIGIBLE + ROUNDING * terms, *form.true_x) * ~form.held,
+        _signs(point.z, np.asarray(NEGLIGIBLE + ROUNDING * terms, float), *form.true_x) * ~form.held,
         _signs(point.y, np.full(form.m, NEGLIGIBLE), *form.true_rows) * ~form.equality,
     )
 
