@@ -34,13 +34,17 @@ SWEEPS = 12
 #: Iterative refinement: steps at most, and relative residual to reach.
 REFINEMENTS = 10
 RESIDUAL = 1e-14
-#: Matrices in a row that may contradict the plan before it is made anew.
-PATIENCE = 3
-#: A plan has failed when this share of the unknowns lost diagonal entries that it counted on, ...
-VANISHED_SHARE = 0.1
-#: ... when this share of the stages left it, or when the factor is this many times larger.
-STRAYED_SHARE = 0.25
-FILLED = 1.25
+#: A plan is made anew when what matrices cost beyond it adds up to the cost of planning. Both are counted in entries
+#: of the factor: a strayed stage costs this share more per entry, ...
+STRAYING = 0.3
+#: ... a rejected pivot as much as so many entries; ...
+REJECTION = 25
+#: ... planning costs this much at least, for each unknown of the stages that are ordered, and for each unknown.
+PLANNING = 80_000
+ORDERING = 1000
+ARRANGING = 50
+#: Entries of the factor that there is room for, to begin with, as a multiple of those planned.
+ROOM = 1.5
 #: Slots for delayed unknowns, to begin with.
 HELD_SLOTS = 32
 #: With more unknowns delayed than this, smaller pivots are taken instead: in matrices close to singular they would
@@ -79,7 +83,6 @@ class FrontalKKT:
         size = n + m
         self._structural_diagonal = np.zeros(size, dtype=bool)
         self._structural_diagonal[self._couplings.hess_variable] = True
-        self._contradictions = 0
         self._hess, self._jac = np.zeros(self._couplings.hess_count), np.zeros(self._couplings.jac_count)
         self._primal, self._dual = np.zeros(n), np.zeros(m)
         self._rhs, self._result = np.zeros(size), np.zeros(size)
@@ -94,9 +97,8 @@ class FrontalKKT:
         self._counts = np.zeros(pivots.COUNTS, dtype=np.int64)
         self._capacity = 0
         self._held_slots = HELD_SLOTS
-        self._next_review = 0
-        self._nnz_at_first = 0
         self._plans_made = 0
+        self._waste = 0.0
         self._plan: Plan | None = None
         self._factorized = False
         stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
@@ -127,8 +129,7 @@ class FrontalKKT:
         self._equilibrate()
         self._threshold = self.pivot_threshold
         self._eliminate_all(planned)
-        if self._nnz_at_first == 0:
-            self._nnz_at_first = self.nnz_factor
+        self._note_waste()
         self._factorized = True
         counts = self._counts
         return Inertia(
@@ -162,44 +163,37 @@ class FrontalKKT:
 
     def _follow_plan(self) -> bool:
         """Make a plan when there is none, or none that suits; whether the plan's patterns hold for the values."""
-        holds = False
-        if self._plan is not None:
-            holds = self._appeared() == 0
-            self._contradictions = 0 if holds else self._contradictions + 1
-            if self._contradictions < PATIENCE and not self._plan_failed():
-                return holds
+        if self._plan is not None and self._waste < self._planning_cost():
+            return self._appeared() == 0
         size = self.n + self.m
         a = self._arrangement
         has_diagonal = self._structural_diagonal.copy()
         has_diagonal[a.order] |= self._values[:size] != 0.0
-        self._contradictions = 0
-        self._next_review = 2 * self.factorizations
-        self._nnz_at_first = 0
+        self._waste = 0.0
         self._plans_made += 1
         self._equilibrate()
         self._plan = plan_elimination(self._couplings, self._staging, a, self._values, has_diagonal)
-        self._capacity = max(self._capacity, self._plan.nnz + self._plan.nnz // 8 + 256)
+        self._capacity = max(self._capacity, int(ROOM * self._plan.nnz) + 256)
         self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, self._plan.rank))
         self._load()
         return True
 
-    def _plan_failed(self) -> bool:
-        """Whether another plan is worth its time.
+    def _planning_cost(self) -> float:
+        """What may be wasted before the next plan: more each time, since some matrices suit no plan.
 
-        It is when many diagonal entries that the plan leans on are gone. Apart from that the last factorisation
-        tells: the first plan may have been made for values unlike all later ones, an initial guess without
-        curvature say; a later one only ages, which shows in the fill.
+        The first plan comes from matrices of the beginning, often unlike all later ones.
         """
         assert self._plan is not None
-        vanished = self._present - self._remained() > VANISHED_SHARE * (self.n + self.m)
-        if vanished and (self._plans_made == 1 or self.factorizations > self._next_review):
-            return True
-        if self.factorizations <= self._next_review:
-            return False
-        if self._plans_made == 1:
-            strayed = self._counts[pivots.STRAYED] > STRAYED_SHARE * self._staging.stages
-            return bool(strayed or self.nnz_factor > FILLED * self._plan.nnz)
-        return self.nnz_factor > FILLED * self._nnz_at_first
+        cost = PLANNING + ORDERING * self._plan.ordered + ARRANGING * (self.n + self.m)
+        return cost * 0.5 * self._plans_made**2
+
+    def _note_waste(self) -> None:
+        """Compare what the last factorisation cost with the plan."""
+        assert self._plan is not None
+        counts = self._counts
+        strayed = counts[pivots.STRAYED] / max(self._staging.stages, 1)
+        self._waste += max(self.nnz_factor - self._plan.nnz, 0) + STRAYING * strayed * self.nnz_factor
+        self._waste += REJECTION * float(counts[pivots.REJECTED])
 
     def _use(self, arrangement: Arrangement) -> None:
         """Adopt an arrangement of the entries."""
@@ -220,10 +214,6 @@ class FrontalKKT:
         self._plan_arrays = plan.kind[a.order], plan.start[a.order], plan.count[a.order]
         absent = np.flatnonzero(plan.no_diagonal[a.order]).astype(np.int32)
         self._appeared = count_nonzero.bind(absent.size, absent, self._values)
-        present = ~(plan.no_diagonal | self._structural_diagonal)[a.order]
-        present = np.flatnonzero(present).astype(np.int32)
-        self._present = present.size
-        self._remained = count_nonzero.bind(present.size, present, self._values)
         self._allocate_window()
         self._allocate_factors()
         self._bind()

@@ -48,15 +48,36 @@ def _column(p: i64, left_out: i64, top: i64, stride: i64, sizes: f64s, listed: i
     return count
 
 
-@native
-def _largest(p: i64, left_out: i64, top: i64, stride: i64, sizes: f64s) -> f64:
-    """Largest entry of a column off the diagonal and outside ``left_out``."""
-    most = 0.0
+@native(fast=True)
+def _measure(p: i64, top: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s) -> None:
+    """Number of entries of a column, and the largest of them, both without the diagonal."""
     row = sizes[p * stride :]
+    count = 0
+    high = 0.0
     for k in range(top):
-        if k != p and k != left_out:
-            most = max(most, row[k])
-    return most
+        value = row[k]
+        count += value != 0.0
+        high = max(high, value)
+    if row[p] != 0.0:
+        count -= 1
+        if row[p] >= high:
+            high = 0.0
+            for k in range(top):
+                high = max(high, row[k] if k != p else 0.0)
+    degree[p] = count
+    most[p] = high
+
+
+@native(fast=True)
+def _largest(p: i64, left_out: i64, top: i64, stride: i64, sizes: f64s, most: f64s) -> f64:
+    """Largest entry of a column off the diagonal and outside ``left_out``."""
+    row = sizes[p * stride :]
+    high = most[p]
+    if row[left_out] == high:
+        high = 0.0
+        for k in range(top):
+            high = max(high, row[k] if k != p and k != left_out else 0.0)
+    return high
 
 
 @native
@@ -72,7 +93,9 @@ def _one_cost(p: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s) -> f64
 
 
 @native
-def _two_cost(p: i64, q: i64, top: i64, stride: i64, sizes: f64s, degree: i32s, limit: f64) -> f64:
+def _two_cost(
+    p: i64, q: i64, top: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s, limit: f64
+) -> f64:
     """Multiplications per unknown of a 2x2 pivot, or -1; any number above ``limit`` when it is above."""
     b = sizes[p * stride + q]
     a = sizes[p * stride + p]
@@ -88,8 +111,8 @@ def _two_cost(p: i64, q: i64, top: i64, stride: i64, sizes: f64s, degree: i32s, 
         cost += 0.5 * size_p * (size_p + 1.0)
     cost *= 0.5
     if cost <= limit:
-        most_p = _largest(p, q, top, stride, sizes)
-        most_q = _largest(q, p, top, stride, sizes)
+        most_p = _largest(p, q, top, stride, sizes, most)
+        most_q = _largest(q, p, top, stride, sizes, most)
         if MARGIN * max(c * most_p + b * most_q, b * most_p + a * most_q) > b * b:
             cost = (cost + 1.0) * PENALTY
     return cost
@@ -186,7 +209,7 @@ def _choose(
             if strong and sizes[other * stride + other] >= MARGIN * most[other]:
                 continue  # both will do alone
             limit = COMPARED * least + 2.0 if least >= 0.0 else PENALTY
-            cost = _two_cost(one, other, top, stride, sizes, degree, limit)
+            cost = _two_cost(one, other, top, stride, sizes, degree, most, limit)
             if cost >= 0.0 and (least < 0.0 or cost <= limit):
                 effort += 2 * top
                 least = cost if least < 0.0 else min(least, cost)
@@ -311,8 +334,7 @@ def order_stage(
         The number of entries in ``lists``, or -1 when they do not fit.
     """
     for k in range(top):
-        degree[k] = _column(k, k, top, stride, sizes, row_p)
-        most[k] = _largest(k, k, top, stride, sizes)
+        _measure(k, top, stride, sizes, degree, most)
     done = 0
     used = 0
     full = False
@@ -353,9 +375,7 @@ def order_stage(
         used = _drop(p, q, top, stride, sizes, used, lists)
         if not full:
             for k in range(starts[done], used):
-                slot = lists[k]
-                degree[slot] = _column(slot, slot, top, stride, sizes, row_p)
-                most[slot] = _largest(slot, slot, top, stride, sizes)
+                _measure(lists[k], top, stride, sizes, degree, most)
         for member in range(2 if kind == 2 else 1):
             slot = p if member == 0 else q
             for k in range(done, count):

@@ -43,6 +43,7 @@ class Plan:
         family: unknowns at the same slot of stages of one kind share a number, (N,).
         no_diagonal: unknowns whose diagonal entries are taken for zero, (N,).
         plans: how many different orders there are.
+        ordered: how many unknowns these have together.
         nnz: entries of the factor, if all goes to plan.
     """
 
@@ -58,6 +59,7 @@ class Plan:
     family: NDArray[np.int64]
     no_diagonal: NDArray[np.bool_]
     plans: int
+    ordered: int
     nnz: int
 
 
@@ -242,5 +244,6 @@ class _Walk:
             family,
             ~has_diagonal,
             len(self.plans),
+            sum(plan.slots.size for plan in self.plans),
             int(nnz[plan_of_stage].sum()),
         )
