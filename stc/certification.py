@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from stc.studies.equations import EquationReport
     from stc.validate.certificate import Certificate
     from stc.validate.metrics import Metric
-    from stc.validate.statements import StatementCheck
 
 
 def certify(
@@ -46,30 +45,19 @@ def certify(
         UsageError: a solution file that cannot be used.
         SolutionError: the solution file is damaged, or time does not increase along the solution.
     """
+    from stc.pipeline import statements_between
     from stc.validate.certificate import certify as validated
 
     solution = motion if isinstance(motion, Solution) else read(motion)
     # The file and not the solution is handed on: the model may lie beside it.
-    certificate = validated(motion, model, force=force, statements=_statements(solution), further=further)
+    statements = statements_between(solution)
+    certificate = validated(motion, model, force=force, statements=statements, further=further)
     if equations or (equations is None and not certificate.passed):
         compared, why = _equations(solution, certificate.replays.setup.path)
         certificate.equations = compared
         if why:
             certificate.report.notes = [*certificate.report.notes, why]
     return certificate
-
-
-def _statements(solution: Solution) -> list[StatementCheck]:
-    """The spec's own statements between the frames; none where its text cannot be read any more."""
-    from stc.between import check_statements
-    from stc.pipeline import problem_of
-
-    if not solution.n:
-        return []
-    try:
-        return check_statements(problem_of(solution), solution)
-    except StcError:  # a motion from elsewhere, whose text is no spec
-        return []
 
 
 def _equations(solution: Solution, model: Path) -> tuple[EquationReport | None, str]:

@@ -46,6 +46,7 @@ from stc.transcription.schemes import METHODS, stencil_reach
 
 if TYPE_CHECKING:
     from stc.language.syntax import SpecTree
+    from stc.validate.statements import StatementCheck
 
 Callback = Callable[[Any], bool | None]
 FloatArray = NDArray[np.float64]
@@ -516,15 +517,22 @@ def replay(solution: Solution | str | os.PathLike[str], **options: Any) -> Any:
     Returns:
         A :class:`stc.validate.Report`.
     """
-    from stc.between import check_statements
     from stc.validate import validate
 
     motion = solution if isinstance(solution, Solution) else read(solution)
+    return validate(solution, statements=statements_between(motion), **options)
+
+
+def statements_between(solution: Solution) -> list[StatementCheck]:
+    """A solution's own statements between its frames; none where its text cannot be read any more."""
+    from stc.between import check_statements
+
+    if not solution.n:
+        return []
     try:
-        statements = check_statements(problem_of(motion), motion) if motion.n else []
+        return check_statements(problem_of(solution), solution)
     except StcError:  # a motion from elsewhere, whose text is no spec
-        statements = []
-    return validate(solution, statements=statements, **options)
+        return []
 
 
 __all__ = [
@@ -539,5 +547,6 @@ __all__ = [
     "resolve",
     "solve",
     "source_of",
+    "statements_between",
     "transcribe",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import importlib
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -66,16 +67,28 @@ def find_model(name: str, folders: Iterable[str | Path]) -> Path:
 
 
 def require_mujoco() -> None:
-    """Import MuJoCo, which looks for OpenGL as it is imported.
+    """Import MuJoCo, which looks for OpenGL as it is imported; without it where there is none.
+
+    ``MUJOCO_GL`` may ask for a library that is not there: that costs the pictures, which say so when they are
+    asked for, and nothing else.
 
     Raises:
         ModelError: it cannot be imported.
     """
     try:
-        import mujoco  # noqa: F401
+        importlib.import_module("mujoco")
     except Exception as error:
-        why = f"; MUJOCO_GL={os.environ['MUJOCO_GL']} may be the reason" if "MUJOCO_GL" in os.environ else ""
-        raise ModelError(f"MuJoCo cannot be imported ({' '.join(str(error).split())}){why}") from error
+        asked = os.environ.get("MUJOCO_GL")
+        why = f"MuJoCo cannot be imported ({' '.join(str(error).split())})"
+        if asked is None:
+            raise ModelError(why) from error
+        os.environ["MUJOCO_GL"] = "off"
+        try:
+            importlib.import_module("mujoco")
+        except Exception:
+            raise ModelError(f"{why}; MUJOCO_GL={asked} may be the reason") from error
+        finally:
+            os.environ["MUJOCO_GL"] = asked
 
 
 def load_model(path: Path) -> mujoco.MjModel:

@@ -295,9 +295,7 @@ def writable_page(name: str) -> Path:
     path = Path(name)
     if path.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"--report {name}: a certificate is a page: *.html")
-    if path.is_dir():
-        raise UsageError(f"--report {name}: that is a folder")
-    return path
+    return ready_to_write(path, "--report")
 
 
 def writable_solution(name: str) -> Path:
@@ -311,10 +309,19 @@ def writable_solution(name: str) -> Path:
         raise UsageError(
             f"-o {name}: a solution is saved as {' or '.join('*' + s for s in SOLUTION_SUFFIXES)}"
         )
+    return ready_to_write(path)
+
+
+def ready_to_write(path: Path, option: str = "-o") -> Path:
+    """The path that an option names; missing folders are made.
+
+    Raises:
+        UsageError: something is in the way.
+    """
     if path.is_dir():
-        raise UsageError(f"-o {name}: that is a folder")
+        raise UsageError(f"{option} {path}: that is a folder")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f"-o {name}: {error.strerror or error}") from None
+        raise UsageError(f"{option} {path}: {error.strerror or error}") from None
     return path

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.cli import GOOD, jobs, record
-from stc.cli.options import SolveOptions
+from stc.cli.options import SolveOptions, ready_to_write
 from stc.errors import UsageError
 
 if TYPE_CHECKING:
@@ -98,13 +98,7 @@ def _writable(name: str, endings: tuple[str, ...]) -> Path:
     path = Path(name)
     if path.suffix.lower() not in endings:
         raise UsageError(f"-o {name}: this picture is saved as {', '.join(endings)}")
-    if path.is_dir():
-        raise UsageError(f"-o {name}: that is a folder")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"-o {name}: {error.strerror or error}") from None
-    return path
+    return ready_to_write(path)
 
 
 class _Counter:

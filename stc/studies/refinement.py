@@ -8,7 +8,7 @@ the one before, so that the finer ones take few iterations.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -94,23 +94,7 @@ class Refinement:
             "reached": self.reached,
             "error": self.levels[-1].error if self.levels else None,
             "solves": self.effort.solves,
-            "levels": [
-                {
-                    "n": level.n,
-                    "phases": level.phases,
-                    "status": level.status,
-                    "objective": level.objective,
-                    "error": level.error,
-                    "local_error": level.local_error,
-                    "quadrature_error": level.quadrature_error,
-                    "objective_error": level.objective_error,
-                    "worst": level.worst,
-                    "iterations": level.iterations,
-                    "factorizations": level.factorizations,
-                    "seconds": level.seconds,
-                }
-                for level in self.levels
-            ],
+            "levels": [asdict(level) for level in self.levels],
         }
 
 

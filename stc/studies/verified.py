@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -109,22 +109,7 @@ class Verification:
             "tolerance": self.tolerance,
             "verified": self.verified,
             "solves": self.effort.solves,
-            "rounds": [
-                {
-                    "n": one.n,
-                    "phases": one.phases,
-                    "status": one.status,
-                    "objective": one.objective,
-                    "iterations": one.iterations,
-                    "factorizations": one.factorizations,
-                    "judged_by": one.judged_by,
-                    "drift": one.drift,
-                    "subject": one.subject,
-                    "step_error": one.step_error,
-                    "seconds": one.seconds,
-                }
-                for one in self.rounds
-            ],
+            "rounds": [asdict(one) for one in self.rounds],
         }
 
 

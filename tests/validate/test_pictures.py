@@ -187,6 +187,22 @@ def test_no_opengl_is_a_sentence_and_no_traceback(tmp_path: Path, backend: str) 
     assert not (tmp_path / "motion.png").exists()
 
 
+@pytest.mark.parametrize("asked", ["nonsense", "osmesa"])
+def test_a_graphics_library_that_is_not_there_costs_no_verdict(tmp_path: Path, asked: str) -> None:
+    """MuJoCo itself cannot be imported where ``MUJOCO_GL`` asks for what it does not find."""
+    solution().save(tmp_path / "motion.npz")
+    done = subprocess.run(
+        [sys.executable, "-m", "stc", "validate", "motion.npz"],
+        cwd=tmp_path,
+        env={**os.environ, "MUJOCO_GL": asked},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "open-loop drift" in done.stdout, done.stderr
+    assert not done.stderr
+
+
 def test_the_camera_holds_the_whole_motion(setup: Setup) -> None:
     """Every corner of every box, projected by hand, lies inside the image, and some near its edge."""
     model = copy.copy(setup.compiled)
