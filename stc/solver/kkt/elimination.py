@@ -354,7 +354,7 @@ def factorize(
             elif not progress or rounds >= ROUNDS:
                 if waiting <= delay_limit or needed <= LOWEST_THRESHOLD:
                     break
-                needed *= 0.1
+                needed *= 0.1 if progress else 1e-3
         if not exact:
             counts[STRAYED] += 1
         held = 0
