@@ -5,7 +5,8 @@ from __future__ import annotations
 from stc.solver.kkt.contract import Inertia, KKTSystem
 from stc.solver.kkt.dense import DenseKKT
 from stc.solver.kkt.frontal import FrontalKKT
+from stc.solver.kkt.reuse import StructuredKKT
 
 __all__ = ["DenseKKT", "FrontalKKT", "Inertia", "KKTSystem", "structured_kkt"]
 
-structured_kkt = FrontalKKT
+structured_kkt = StructuredKKT

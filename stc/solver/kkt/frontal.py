@@ -107,6 +107,24 @@ class FrontalKKT:
         rank = np.zeros(size, dtype=np.int32)
         self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, rank))
 
+    def restart(self) -> None:
+        """Forget all matrices, as if new, but not the plan."""
+        self.factorizations = 0
+        self.nnz_factor = 0
+        self.last_residual = 0.0
+        self.pivot_threshold = PIVOT_THRESHOLD
+        self._plans_made = min(self._plans_made, 1)
+        self._waste = 0.0
+        self._scale[:] = 1.0
+        self._factorized = False
+
+    @property
+    def nbytes(self) -> int:
+        """Memory held, about: the factors and the window, and the given matrix several times."""
+        return (
+            self._indices.nbytes + self._factors.nbytes + self._window.nbytes if self._plan is not None else 0
+        ) + 12 * self._values.nbytes
+
     def factorize(
         self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
     ) -> Inertia:

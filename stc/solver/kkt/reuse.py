@@ -1,0 +1,108 @@
+"""One solve after another on the same sparsity: the next takes over what the last one allocated and planned.
+
+Analysing a sparsity and planning its elimination cost as much as tens of factorisations of a short horizon. A
+factorisation that nobody refers to any more is kept, with its arrays and its plan, for the next of the same pattern.
+"""
+
+from __future__ import annotations
+
+import threading
+import weakref
+from collections import OrderedDict
+from hashlib import blake2b
+
+import numpy as np
+
+from stc.solver.kkt.contract import Inertia
+from stc.solver.kkt.frontal import FrontalKKT
+from stc.solver.nlp import Floats, Ints
+
+__all__ = ["StructuredKKT", "forget"]
+
+#: What is kept: so many factorisations, of so many bytes together.
+KEPT = 4
+KEPT_BYTES = 128 * 2**20
+#: Larger systems are not looked up: planning is a small part of their solve.
+LARGEST = 200_000
+
+_lock = threading.RLock()  # the garbage collector may give one back while another is looked up
+_kept: OrderedDict[bytes, FrontalKKT] = OrderedDict()
+
+
+class StructuredKKT:
+    """A ``FrontalKKT``, new or taken over from an earlier solve; see ``KKTSystem`` for arguments and members.
+
+    It behaves like a new one, but for the order of elimination that the earlier solve ended with, so that results
+    may differ in the last digits.
+    """
+
+    def __init__(
+        self,
+        n: int,
+        m: int,
+        jac_rows: Ints,
+        jac_cols: Ints,
+        hess_rows: Ints,
+        hess_cols: Ints,
+        var_stage: Ints,
+        row_stage: Ints,
+    ) -> None:
+        arrays = jac_rows, jac_cols, hess_rows, hess_cols, var_stage, row_stage
+        system = None
+        if n + m <= LARGEST:
+            digest = blake2b(f"{n} {m}".encode(), digest_size=16)
+            for array in arrays:
+                digest.update(np.ascontiguousarray(array, dtype=np.int32).data)
+                digest.update(b"|")
+            key = digest.digest()
+            with _lock:
+                system = _kept.pop(key, None)
+        if system is None:
+            system = FrontalKKT(n, m, *arrays)
+        else:
+            system.restart()
+        self._system = system
+        if n + m <= LARGEST:
+            weakref.finalize(self, _keep, key, system).atexit = False
+
+    @property
+    def factorizations(self) -> int:
+        """How many matrices have been factorised so far."""
+        return self._system.factorizations
+
+    @property
+    def nnz_factor(self) -> int:
+        """Entries stored for the last factorisation."""
+        return self._system.nnz_factor
+
+    @property
+    def last_residual(self) -> float:
+        """See ``KKTSystem.last_residual``."""
+        return self._system.last_residual
+
+    def factorize(
+        self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
+    ) -> Inertia:
+        """See ``KKTSystem.factorize``."""
+        return self._system.factorize(hess_values, jac_values, primal_diagonal, dual_diagonal)
+
+    def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
+        """See ``KKTSystem.solve``."""
+        return self._system.solve(rhs_x, rhs_y)
+
+
+def forget() -> None:
+    """Give up what is kept."""
+    with _lock:
+        _kept.clear()
+
+
+def _keep(key: bytes, system: FrontalKKT) -> None:
+    """Keep a factorisation that has served, and give up the oldest ones beyond the limits."""
+    with _lock:
+        _kept[key] = system
+        _kept.move_to_end(key)
+        total = sum(kept.nbytes for kept in _kept.values())
+        while _kept and (len(_kept) > KEPT or total > KEPT_BYTES):
+            _, oldest = _kept.popitem(last=False)
+            total -= oldest.nbytes
