@@ -19,63 +19,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from stc.codegen.operations import WRITTEN_OUT, MathFunctions, Operations, function_length
 from stc.codegen.residency import Residency, operands
 from stc.codegen.tape import Tape
 from stc.codegen.vector import Vector, hexadecimal
-from stc.codegen.vector_math import BINARY, UNARY, sine_cosine
 
 #: Instances per block: the unit of the memory layout on every machine.
 LANES: Final = 4
 
-_ARITHMETIC: Final = {
-    "add": "fadd contract",
-    "sub": "fsub contract",
-    "mul": "fmul contract",
-    "div": "fdiv",
-}
-_CIRCULAR: Final = ("sin", "cos", "tan")
-
 #: Operations per basic block.
 _PART: Final = 128
-
-
-class _Operations:
-    """Emits a tape's operations through a :class:`Vector`, pairing sines and cosines of one argument."""
-
-    def __init__(self, tape: Tape, vector: Vector) -> None:
-        self.vector = vector
-        wanted: dict[int, set[str]] = {}
-        for op, a, _ in tape.ops:
-            if op in _CIRCULAR:
-                wanted.setdefault(a, set()).add(op)
-        self._wanted = wanted
-        self._circular: dict[int, tuple[str, str]] = {}
-
-    def emit(self, op: str, slot: int, a: str, b: str) -> str:
-        """Result of one operation; ``slot`` identifies the first operand."""
-        vector = self.vector
-        instruction = _ARITHMETIC.get(op)
-        if instruction is not None:
-            return vector.let(f"{instruction} {vector.f} {a}, {b}")
-        if op == "neg":
-            return vector.neg(a)
-        if op == "sqrt":
-            return vector.call("sqrt", a)
-        if op in _CIRCULAR:
-            pair = self.circular(slot, a)
-            return vector.div(*pair) if op == "tan" else pair[op == "cos"]
-        if op in UNARY:
-            return UNARY[op](vector, a)
-        return BINARY[op](vector, a, b)
-
-    def circular(self, slot: int, a: str) -> tuple[str, str]:
-        """Sine and cosine of a slot, as far as the tape wants them, computed at the first call."""
-        pair = self._circular.get(slot)
-        if pair is None:
-            wanted = self._wanted[slot]
-            pair = sine_cosine(self.vector, a, wanted != {"cos"}, wanted != {"sin"})
-            self._circular[slot] = pair
-        return pair
 
 
 #: Up to so many varying inputs are fetched where they are needed.  Written out for more, that would be half of a
@@ -86,8 +39,11 @@ _WRITTEN_OUT = 24
 class _Kernel:
     """Emits one kernel."""
 
-    def __init__(self, tape: Tape, symbol: str, width: int, registers: int, fused: bool) -> None:
+    def __init__(
+        self, tape: Tape, symbol: str, width: int, registers: int, fused: bool, functions: MathFunctions
+    ) -> None:
         self.tape = tape
+        self.functions = functions
         self.symbol = symbol
         self.width = width
         self.groups = range(width // LANES)
@@ -126,7 +82,7 @@ class _Kernel:
                 values[slot] = scalar.let(f"load double, ptr {pointer}, align 8")
             return values[slot]
 
-        once = _Operations(tape, scalar)
+        once = Operations(tape, scalar, self.functions)
         for number in range(tape.n_uniform_ops):
             op, a, b = tape.ops[number]
             result = once.emit(op, a, value_of(a), value_of(b) if b >= 0 else "")
@@ -209,7 +165,7 @@ class _Kernel:
         rows: dict[int, list[int]] = {}
         for row, slot in enumerate(tape.outputs):
             rows.setdefault(slot, []).append(row)
-        each = _Operations(tape, self.vector)
+        each = Operations(tape, self.vector, self.functions)
         slot_of = {
             (op, a): tape.first_op + k for k, (op, a, _) in enumerate(tape.ops) if op in ("sin", "cos")
         }
@@ -221,6 +177,10 @@ class _Kernel:
             if slot not in known:
                 first = residency.operand(a, (a, b))
                 second = "" if b < 0 else first if b == a else residency.operand(b, (a, b))
+                for read in operands(tape, number):
+                    residency.used(read)
+                if each.calls(op, a):
+                    residency.vacate()
                 made.append((slot, each.emit(op, a, first, second)))
                 if op in (
                     "sin",
@@ -231,8 +191,9 @@ class _Kernel:
                     if partner > slot:
                         made.append((partner, each.circular(a, first)[other == "cos"]))
                         known.add(partner)
-            for read in operands(tape, number):
-                residency.used(read)
+            else:
+                for read in operands(tape, number):
+                    residency.used(read)
             for result, register in made:
                 if result in rows:
                     self._store(rows[result], register)
@@ -320,5 +281,8 @@ def module_ir(tapes: Sequence[Tape], *, width: int = LANES, registers: int = 16,
     """
     unused: list[str] = []
     declarations = "".join(Vector(unused, size, fused, "").declarations() for size in (1, width))
-    kernels = [_Kernel(tape, f"kernel{k}", width, registers, fused).text() for k, tape in enumerate(tapes)]
-    return declarations + "\n" + "\n".join(kernels)
+    functions = MathFunctions(fused, called=function_length(tapes) > WRITTEN_OUT)
+    kernels = [
+        _Kernel(tape, f"kernel{k}", width, registers, fused, functions).text() for k, tape in enumerate(tapes)
+    ]
+    return declarations + "\n" + functions.text() + "\n" + "\n".join(kernels)

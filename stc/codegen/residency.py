@@ -95,8 +95,16 @@ class Residency:
         victim = max(next_use, key=next_use.__getitem__)
         if victim in pinned:
             victim = max((slot for slot in next_use if slot not in pinned), key=next_use.__getitem__)
+        self._move_out(victim)
+
+    def vacate(self) -> None:
+        """Move everything to memory: a call is to follow, and calls lose what is in registers."""
+        for slot in list(self._registers):
+            self._move_out(slot)
+
+    def _move_out(self, victim: int) -> None:
         register = self._registers.pop(victim)
-        del next_use[victim]
+        del self._next_use[victim]
         if victim in self._homes or victim in self._inputs:
             return  # still there from the first time
         if self._free:

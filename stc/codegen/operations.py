@@ -1,0 +1,149 @@
+"""Operations of tapes as instructions: arithmetic in place, elementary functions written out or called.
+
+An elementary function written out is a hundred instructions, a power two hundred.  Where there are many, they
+would be most of a kernel, and compiling them (the register allocation above all) most of the time to start.
+So they become functions of the module, compiled once and called with vectors in registers; such a call loses
+what the caller holds in registers, so :mod:`stc.codegen.residency` moves that to memory first.  The
+instructions are the same either way, and so are the results, to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from stc.codegen.tape import Tape
+from stc.codegen.vector import Vector
+from stc.codegen.vector_math import BINARY, UNARY, sine_cosine
+
+_ARITHMETIC: Final = {
+    "add": "fadd contract",
+    "sub": "fsub contract",
+    "mul": "fmul contract",
+    "div": "fdiv",
+}
+_CIRCULAR: Final = ("sin", "cos", "tan")
+
+#: What functions are in code, in hundreds of instructions, where it is not one.
+_LENGTH: Final = {"pow": 2}
+
+#: Tapes that together would write out more code for elementary functions than this call them.
+WRITTEN_OUT: Final = 64
+
+
+def function_length(tapes: Sequence[Tape]) -> int:
+    """How much code the elementary functions of tapes would be, in hundreds of instructions."""
+    total = 0
+    for tape in tapes:
+        total += len({a for op, a, _ in tape.ops if op in _CIRCULAR})
+        total += sum(_LENGTH.get(op, 1) for op, _, _ in tape.ops if op in UNARY or op in BINARY)
+    return total
+
+
+class MathFunctions:
+    """The elementary functions that the kernels of one module call.
+
+    Args:
+        fused: the machine has fused multiply-add instructions.
+        called: False writes all of them out.
+    """
+
+    def __init__(self, fused: bool, called: bool) -> None:
+        self.called = called
+        self._fused = fused
+        self._texts: dict[str, str] = {}
+
+    def text(self) -> str:
+        """Definitions of the functions called so far."""
+        return "".join(self._texts.values())
+
+    def circular(self, vector: Vector, wanted: set[str], a: str) -> tuple[str, str]:
+        """Sine and cosine as far as they are wanted; tan wants both.  One not wanted may be an empty name."""
+        want_sine, want_cosine = wanted != {"cos"}, wanted != {"sin"}
+        if not self.called:
+            return sine_cosine(vector, a, want_sine, want_cosine)
+        if want_sine and want_cosine:
+            pair = self._call(vector, "sincos", [a])
+            type_ = f"{{ {vector.f}, {vector.f} }}"
+            first, second = (vector.let(f"extractvalue {type_} {pair}, {k}") for k in (0, 1))
+            return first, second
+        single = self._call(vector, "sin" if want_sine else "cos", [a])
+        return (single, "") if want_sine else ("", single)
+
+    def value(self, vector: Vector, op: str, *operands: str) -> str:
+        """A function of :data:`~stc.codegen.vector_math.UNARY` or :data:`~stc.codegen.vector_math.BINARY`."""
+        if self.called:
+            return self._call(vector, op, operands)
+        return _written_out(vector, op, operands)
+
+    def _call(self, vector: Vector, name: str, operands: Sequence[str]) -> str:
+        symbol = f"{name}.{vector.suffix}"
+        result = f"{{ {vector.f}, {vector.f} }}" if name == "sincos" else vector.f
+        if symbol not in self._texts:
+            self._texts[symbol] = self._definition(symbol, result, name, vector.lanes, len(operands))
+        arguments = ", ".join([f"{vector.f} {operand}" for operand in operands])
+        return vector.let(f"call {result} @{symbol}({arguments})")
+
+    def _definition(self, symbol: str, result: str, name: str, lanes: int, arity: int) -> str:
+        lines: list[str] = []
+        inner = Vector(lines, lanes, self._fused, "t")
+        names = [f"%x{k}" for k in range(arity)]
+        if name in ("sin", "cos", "sincos"):
+            sine, cosine = sine_cosine(inner, names[0], name != "cos", name != "sin")
+            if name == "sincos":
+                half = inner.let(f"insertvalue {result} poison, {inner.f} {sine}, 0")
+                value = inner.let(f"insertvalue {result} {half}, {inner.f} {cosine}, 1")
+            else:
+                value = sine or cosine
+        else:
+            value = _written_out(inner, name, names)
+        parameters = ", ".join([f"{inner.f} {argument}" for argument in names])
+        head = f"define internal {result} @{symbol}({parameters}) noinline nounwind {{"
+        return "\n".join([head, *lines, f"  ret {result} {value}", "}", ""])
+
+
+def _written_out(vector: Vector, op: str, operands: Sequence[str]) -> str:
+    return UNARY[op](vector, operands[0]) if op in UNARY else BINARY[op](vector, operands[0], operands[1])
+
+
+class Operations:
+    """Emits a tape's operations through a :class:`Vector`, pairing sines and cosines of one argument."""
+
+    def __init__(self, tape: Tape, vector: Vector, functions: MathFunctions) -> None:
+        self.vector = vector
+        self._functions = functions
+        wanted: dict[int, set[str]] = {}
+        for op, a, _ in tape.ops:
+            if op in _CIRCULAR:
+                wanted.setdefault(a, set()).add(op)
+        self._wanted = wanted
+        self._circular: dict[int, tuple[str, str]] = {}
+
+    def calls(self, op: str, slot: int) -> bool:
+        """Whether emitting the operation now would call a function; ``slot`` identifies the first operand."""
+        if not self._functions.called:
+            return False
+        return op in UNARY or op in BINARY or (op in _CIRCULAR and slot not in self._circular)
+
+    def emit(self, op: str, slot: int, a: str, b: str) -> str:
+        """Result of one operation; ``slot`` identifies the first operand."""
+        vector = self.vector
+        instruction = _ARITHMETIC.get(op)
+        if instruction is not None:
+            return vector.let(f"{instruction} {vector.f} {a}, {b}")
+        if op == "neg":
+            return vector.neg(a)
+        if op == "sqrt":
+            return vector.call("sqrt", a)
+        if op in _CIRCULAR:
+            pair = self.circular(slot, a)
+            return vector.div(*pair) if op == "tan" else pair[op == "cos"]
+        return self._functions.value(vector, op, *((a,) if op in UNARY else (a, b)))
+
+    def circular(self, slot: int, a: str) -> tuple[str, str]:
+        """Sine and cosine of a slot, as far as the tape wants them, computed at the first call."""
+        pair = self._circular.get(slot)
+        if pair is None:
+            pair = self._functions.circular(self.vector, self._wanted[slot], a)
+            self._circular[slot] = pair
+        return pair
