@@ -86,6 +86,11 @@ def test_a_step_that_is_not_positive_is_still_a_mistake_of_the_spec():
         solution.resolve(G=1)
 
 
+def is_ground_motion(name):
+    """Whether the lamp leaves the ground: the larger problems."""
+    return name.startswith("luxo_") and not name.endswith("poses")
+
+
 def neighbours(solution):
     structural = solution.origin.problem(solution.method).structural
     for name, value in solution.constants.items():
@@ -93,17 +98,28 @@ def neighbours(solution):
             yield name, 1.01 * value
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("spec", [name for name in bundled_specs() if name != "luxo_jump"])
-def test_one_percent_away_is_three_iterations_in_the_median(spec):
+def counts_one_percent_away(spec, most):
+    """Iterations of the solves with one constant each changed by a hundredth."""
     solution = stc.load(spec).solve()
     assert solution.status == "optimal"
     counts = []
-    for name, value in list(neighbours(solution))[:8]:
-        near = solution.resolve(constants={name: value})
+    for name, value in list(neighbours(solution))[:most]:
+        near = solution.resolve(constants={name: value}, time_limit=60)
         assert near.status == "optimal"
         counts.append(near.iterations)
-    assert statistics.median(counts) <= 3
+    return counts
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spec", [name for name in bundled_specs() if not is_ground_motion(name)])
+def test_one_percent_away_is_three_iterations_in_the_median(spec):
+    assert statistics.median(counts_one_percent_away(spec, 8)) <= 3
+
+
+@pytest.mark.nightly
+def test_one_percent_away_is_three_iterations_in_the_median_over_all_specs():
+    medians = [statistics.median(counts_one_percent_away(spec, 4)) for spec in bundled_specs()]
+    assert statistics.median(medians) <= 3
 
 
 @pytest.mark.parametrize("method", ["trapezoidal", "hermite-simpson"])
