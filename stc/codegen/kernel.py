@@ -187,6 +187,17 @@ def compile_tapes(tapes: Sequence[Tape], backend: Backend = "auto", cache: bool 
     return kernels
 
 
+#: Tapes of more operations than this together are compiled without optimisation: in a quarter of the time, to code
+#: that takes less than twice as long (it works from memory, as such long kernels mostly do anyway).  That pays
+#: unless the kernels see some half a million frames (those of all iterations counted).
+_LONG = 60_000
+
+
+def effort(tapes: Sequence[Tape]) -> int:
+    """The level of code generation that tapes are worth.  It is decided by them alone, like the machine code."""
+    return 0 if sum(len(tape.ops) for tape in tapes) > _LONG else 1
+
+
 @without_collection()
 def _load_or_compile(kernels: KernelSet, cache: bool) -> None:
     symbols = [f"kernel{k}{suffix}" for k in range(len(kernels)) for suffix in ("", ".packed")]
@@ -197,7 +208,7 @@ def _load_or_compile(kernels: KernelSet, cache: bool) -> None:
     loaded, kernels.cached = engine.cached_object(
         key,
         symbols,
-        lambda: engine.compile_ir(kernels.llvm_ir(), level=1, optimise=False),
+        lambda: engine.compile_ir(kernels.llvm_ir(), level=effort(kernels.tapes), optimise=False),
         use_cache=cache,
     )
     for kernel in kernels:

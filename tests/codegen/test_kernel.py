@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from stc.codegen import engine, reference
 from stc.codegen.calls import Bound, chain
-from stc.codegen.kernel import LANES, KernelSet, aligned_zeros, compile_tapes
+from stc.codegen.kernel import LANES, KernelSet, aligned_zeros, compile_tapes, effort
 from stc.codegen.native import f64, f64s, i64, native
 from stc.codegen.tape import OPERATORS, Tape, build_tape
 from stc.symbolic import expr
@@ -152,9 +152,24 @@ def test_values_move_to_memory_and_back(registers: int, seed: int, monkeypatch: 
     assert "%homes" in kernels.llvm_ir()
 
 
+def test_long_kernels_are_compiled_with_less_effort(monkeypatch: pytest.MonkeyPatch) -> None:
+    tape = polynomial_mess(1, 700)
+    for longest, level in ((700, 1), (699, 0)):
+        monkeypatch.setattr("stc.codegen.kernel._LONG", longest)
+        assert effort([tape]) == level
+        setting = Setting(tape, 9, 1, -1.0, 1.0)
+        compile_tapes([tape], backend="llvm", cache=False)[0](*setting.arguments)
+        expected, good = setting.expected(), well_conditioned(setting)
+        assert good.mean() > 0.5
+        np.testing.assert_allclose(setting.out[good], expected[good], rtol=1e-8)
+
+
 @pytest.mark.parametrize("name", sorted(OPERATORS))
+@pytest.mark.parametrize("short", [False, True])
 @pytest.mark.parametrize("uniform", [False, True])
-def test_every_operator(name: str, uniform: bool) -> None:
+def test_every_operator(name: str, uniform: bool, short: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if not short:  # as in long kernels, without optimisation
+        monkeypatch.setattr("stc.codegen.kernel._LONG", 0)
     arity = OPERATORS[name]
     if uniform:  # the operation runs once, as scalar code
         tape = Tape(2, 1, [], [(name, 0, 1 if arity == 2 else -1), ("add", 3, 2)], [3, 4], [True, False])
