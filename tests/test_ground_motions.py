@@ -24,6 +24,7 @@ from stc.validate.verdict import open_setup
 pytestmark = pytest.mark.slow
 
 FRICTION = 0.6
+PROBLEMS = Path(__file__).parent / "problems" / "luxo"
 OTHERS = [
     "luxo_hurdle",
     "luxo_step_up",
@@ -79,7 +80,7 @@ def check_heavier(motion: Solution) -> None:
     errors = {m.subject: m.value for m in contact_metrics("tracked", setup, found)}
     assert errors["base"] <= 5e-3
     assert errors["joints"] <= 5e-3
-    assert found.feedback.sum() <= 0.05 * found.total.sum()
+    assert np.all(found.feedback <= 0.05 * found.total)  # of each motor's own torque, the worst one's too
 
 
 def test_feedback_holds_the_jump_with_heavier_bodies(jump: Solution) -> None:
@@ -221,3 +222,18 @@ def test_steps_converge_with_their_order_in_every_phase(jump: Solution, method: 
         )
     orders = np.log2(np.array(drifts[1]) / np.array(drifts[2]))
     assert orders.min() >= least
+
+
+@pytest.mark.parametrize("name", ["luxo_crouch", "luxo_thrown"])
+def test_central_differences_converge_in_stance_and_in_flight(name: str) -> None:
+    """Over a jump they have no order to show: a torque that jumps would straddle two frames."""
+    drifts, last = [], None
+    for n in (20, 40, 80):
+        last = stc.load(PROBLEMS / f"{name}.stc").solve(n=n, warm_start=last)
+        assert last.status == "optimal" and last.method == "central"
+        setup = open_setup(last)
+        motion = replay(setup, external=True)
+        drifts.append(
+            max(np.abs(motion.positions[:, t.position] - t.line.value.before).max() for t in setup.ties)
+        )
+    assert np.log2(drifts[1] / drifts[2]) >= 1.8

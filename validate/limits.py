@@ -79,9 +79,11 @@ TRACKING_RATE: Final = 10.0
 #: Tolerable correction of a control, as a share of the largest one along the motion.
 TRACKING_CONTROL: Final = 0.01
 
-#: Natural frequency, in rad/s, and damping ratio of the proportional-derivative law.
-PD_RATE: Final = 15.0
-PD_DAMPING: Final = 1.0
+#: Natural frequency, in rad/s, and damping ratio of the proportional-derivative law.  Stiff and lightly damped: the
+#: landing of a body that is a little too heavy shakes the light parts, and what damping does against that is torque
+#: of the feedback that changes the motion little.
+PD_RATE: Final = 35.0
+PD_DAMPING: Final = 0.3
 
 # --- physics, instant by instant ---------------------------------------------------------------------------
 

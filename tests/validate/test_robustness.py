@@ -10,6 +10,7 @@ import pytest
 import stc
 from stc.cli import run
 from stc.errors import UsageError
+from stc.validate import limits
 from stc.validate.replay import replay
 from stc.validate.robustness import KINDS, robustness
 from stc.validate.setup import Setup
@@ -48,7 +49,7 @@ def test_a_wrong_mass_falls_as_newton_says(particle: Setup) -> None:
     """A particle under PD feedback: deviation e obeys m' e'' + d e' + k e = (m - m') (x'' + g), here the static one."""
     samples = 4
     found = robustness(particle, samples, 3, ["masses"]).envelopes[0]
-    mass, gravity, rate = 1.0, 9.8, 15.0
+    mass, gravity, rate = 1.0, 9.8, limits.PD_RATE
     rng = np.random.default_rng([3, list(KINDS).index("masses")])
     factors = 1.0 + 0.02 * rng.uniform(-1.0, 1.0, (samples, particle.compiled.nbody))[:, -1]
     static = np.abs(factors - 1.0) * gravity / rate**2 / mass
