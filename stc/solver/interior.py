@@ -40,6 +40,7 @@ FEASIBLE = 0.01
 TOO_LITTLE = 0.99
 DOUBTFUL = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
+LONG_PATIENCE = 100
 SHORTEST = 0.02
 SHORTER = (10.0, 10.0, 1e3, 1e8)
 SAME_SIZE = 0.8
@@ -225,6 +226,7 @@ class _Loop:
             return False
         self.adaptive = False
         self._begin(float(it.gap @ it.z) / self.form.gaps)
+        self.nearest.patience = LONG_PATIENCE
         return True
 
     def _advance(self) -> bool:

@@ -29,7 +29,7 @@ class Nearest:
 
     Attributes:
         error: its error.
-        waited: True when that error is acceptable and many steps have not improved it.
+        waited: True when that error is acceptable and ``patience`` steps have not improved it.
     """
 
     def __init__(self, form: Formulation, it: Iterate) -> None:
@@ -37,6 +37,7 @@ class Nearest:
         self.error = np.inf
         self._waiting = 0
         self._it = it
+        self.patience = PATIENCE
 
     def note(self, it: Iterate, error: float) -> None:
         """The next iterate and its error."""
@@ -50,7 +51,7 @@ class Nearest:
     @property
     def waited(self) -> bool:
         """See the class."""
-        return self._waiting >= PATIENCE
+        return self._waiting >= self.patience
 
     def return_to(self, it: Iterate) -> None:
         """Make ``it`` that iterate again where its error is acceptable."""
