@@ -125,6 +125,20 @@ class FrontalKKT:
             self._indices.nbytes + self._factors.nbytes + self._window.nbytes if self._plan is not None else 0
         ) + 12 * self._values.nbytes
 
+    @property
+    def operations(self) -> int:
+        """Additions and multiplications of the last factorisation, updates of the window only."""
+        used = int(self._counts[pivots.PIVOTS])
+        lengths = np.diff(self._starts[: 2 * used + 2 : 2])
+        unknowns = np.where(self._pivots[1 : 2 * used : 2] < 0, 1, 2)
+        return int((unknowns * lengths * (lengths + 1)).sum())
+
+    @property
+    def factor_bytes(self) -> int:
+        """Memory that the last factorisation fills: entries, their indices, pivots."""
+        counts = self._counts
+        return int(8 * counts[pivots.FACTORS] + 4 * counts[pivots.INDICES] + 48 * counts[pivots.PIVOTS])
+
     def factorize(
         self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
     ) -> Inertia:

@@ -189,3 +189,16 @@ for name in ("chain", "bordered", "single"):
     ]
     assert outputs[0] == outputs[1]
     assert len(outputs[0]) == 3 * 4 * 6
+
+
+def test_operations_and_memory_of_a_full_matrix():
+    """One dense positive definite block: n^3 / 3 operations, n (n - 1) / 2 entries."""
+    size = 40
+    rows, columns = np.tril_indices(size)
+    none = np.zeros(0, dtype=np.int32)
+    kkt = FrontalKKT(size, 0, none, none, rows, columns, np.zeros(size, dtype=np.int32), none)
+    rng = np.random.default_rng(12)
+    kkt.factorize(rng.uniform(-1.0, 1.0, rows.size), np.zeros(0), np.full(size, 100.0), np.zeros(0))
+    assert kkt.nnz_factor == size * (size - 1) // 2
+    assert kkt.operations == sum(k * (k + 1) for k in range(size))
+    assert kkt.factor_bytes == 12 * kkt.nnz_factor + 48 * size

@@ -1,0 +1,217 @@
+"""How fast the KKT system is factorised, against MUMPS and SuperLU, and how time and memory grow with the frames.
+
+    python bench/kkt.py [--frames 1000] [--growth 1000,10000,100000] [--rounds 15] [--quick]
+
+The matrices come from solves of P3 (a chain of five rods), P5 (the lamp's jump) and P4 (20 rods): the last one of
+the right inertia of so many iterations. Everybody factorises the same values on one thread, in turn, the sparsity
+analysed before (here: the elimination planned); times are minima of processor time over the rounds.
+
+- MUMPS is the library and the settings that IPOPT uses (see mumps.py). It needs CasADi and gcc.
+- SuperLU is that of SciPy. It knows no inertia and no symmetry, and analyses the sparsity every time: a stand-in
+  where MUMPS is missing.
+
+The second table is the cart-pole's system (P2) at growing numbers of frames.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import argparse  # noqa: E402 (threads are counted when NumPy is imported)
+import math  # noqa: E402
+import sys  # noqa: E402
+import time  # noqa: E402
+from collections.abc import Callable  # noqa: E402
+from dataclasses import dataclass  # noqa: E402
+from pathlib import Path  # noqa: E402
+from typing import Any  # noqa: E402
+
+import numpy as np  # noqa: E402
+from mumps import Mumps, unavailable  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+
+import stc  # noqa: E402
+from stc.solver import Options, minimize  # noqa: E402
+from stc.solver.kkt import FrontalKKT, Inertia  # noqa: E402
+
+sys.path.append(str(Path(__file__).resolve().parent.parent))
+from bench.peers.problems import spec_of  # noqa: E402
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.integer]
+
+
+@dataclass(frozen=True)
+class System:
+    """A KKT matrix: the arguments of the factorisation's constructor, and the values of H, J, p and d."""
+
+    frames: int
+    pattern: tuple[Any, ...]
+    values: tuple[Floats, Floats, Floats, Floats]
+
+    def lower(self) -> tuple[int, Ints, Ints, Floats]:
+        """Size, and the lower triangle of the whole matrix."""
+        n, m, jac_rows, jac_cols, hess_rows, hess_cols = self.pattern[:6]
+        hess, jac, primal, dual = self.values
+        diagonal = np.arange(n + m)
+        rows = np.concatenate([hess_rows, n + jac_rows, diagonal])
+        columns = np.concatenate([hess_cols, jac_cols, diagonal])
+        keys, where = np.unique(rows.astype(np.int64) * (n + m) + columns, return_inverse=True)
+        values = np.bincount(where, np.concatenate([hess, jac, primal, -dual]))
+        return n + m, keys // (n + m), keys % (n + m), values
+
+
+class Recorder(FrontalKKT):
+    """Remembers the last matrix of the inertia that a descent direction needs."""
+
+    seen: tuple[Any, ...] = ()
+
+    def __init__(self, *pattern: Any) -> None:
+        super().__init__(*pattern)
+        self._pattern = pattern
+
+    def factorize(self, *values: Any) -> Inertia:
+        inertia = super().factorize(*values)
+        if inertia == (self.n, self.m, 0) and np.any(values[0]):
+            Recorder.seen = self._pattern, tuple(np.array(v) for v in values)
+        return inertia
+
+
+def system_of(spec: str, iterations: int, **constants: Any) -> System:
+    """From a solve that is stopped after so many iterations."""
+    problem, transcription = stc.load(spec).transcription(**constants)
+    bound = transcription.bind(problem.constants)
+    Recorder.seen = ()
+    minimize(bound, Options(max_iterations=iterations, retries=0), new_kkt=Recorder)
+    return System(problem.n + 1, *Recorder.seen)
+
+
+def least(rounds: int, *calls: Callable[[], object]) -> list[float]:
+    """Least processor time of each call, taken in turn."""
+    best = [math.inf] * len(calls)
+    for _ in range(rounds):
+        for k, call in enumerate(calls):
+            begin = time.process_time()
+            call()
+            best[k] = min(best[k], time.process_time() - begin)
+    return best
+
+
+def backward_error(system: System, solution: Floats, rhs: Floats) -> float:
+    """Largest residual over ``|K| |s| + |b|``, row by row."""
+    _, rows, columns, values = system.lower()
+    residual, scale = rhs.copy(), np.abs(rhs)
+    off = rows != columns
+    for i, j, v in ((rows, columns, values), (columns[off], rows[off], values[off])):
+        np.subtract.at(residual, i, v * solution[j])
+        np.add.at(scale, i, np.abs(v * solution[j]))
+    return float(np.max(np.abs(residual) / np.maximum(scale, 1e-300)))
+
+
+def compare(name: str, system: System, rounds: int, with_mumps: bool) -> str:
+    """A line of the table: ours, MUMPS, SuperLU."""
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import splu
+
+    ours = FrontalKKT(*system.pattern)
+    ours.factorize(*system.values)
+    size, rows, columns, values = system.lower()
+    off = rows != columns
+    full = csc_array(
+        (np.r_[values, values[off]], (np.r_[rows, columns[off]], np.r_[columns, rows[off]])),
+        shape=(size, size),
+    )
+    calls: list[Callable[[], object]] = [lambda: ours.factorize(*system.values), lambda: splu(full)]
+    rhs = np.random.default_rng(0).normal(size=size)
+    other = Mumps(size, rows, columns, values) if with_mumps else None
+    if other is not None:
+        negative = other.factorize()
+        calls.append(other.factorize)
+    seconds = least(rounds, *calls)
+    error = backward_error(system, np.concatenate(ours.solve(rhs[: ours.n], rhs[ours.n :])), rhs)
+    frames = system.frames
+    cells = [f"{1e6 * seconds[0] / frames:.2f}"]
+    if other is not None:
+        cells += [f"{1e6 * seconds[2] / frames:.1f}", f"{seconds[2] / seconds[0]:.1f}"]
+        if negative != ours.m:
+            name += " (MUMPS counts another inertia)"
+        other.close()
+    else:
+        cells += ["", ""]
+    cells += [
+        f"{1e6 * seconds[1] / frames:.1f}",
+        f"{ours.operations / frames:.0f}",
+        f"{1e-9 * ours.operations / seconds[0]:.1f}",
+        f"{1e-3 * ours.factor_bytes / frames:.1f}",
+        f"{error:.0e}",
+    ]
+    return f"| {name} | {frames - 1} | {size / frames:.0f} | {' | '.join(cells)} |"
+
+
+def costs(system: System, rounds: int) -> tuple[float, float, float, float]:
+    """Per frame: seconds of the first factorisation, of a later one, of a solve; kB of the factor."""
+    begin = time.process_time()
+    kkt = FrontalKKT(*system.pattern)
+    kkt.factorize(*system.values)
+    first = time.process_time() - begin
+    rhs = np.ones(kkt.n), np.ones(kkt.m)
+    again, solve = least(rounds, lambda: kkt.factorize(*system.values), lambda: kkt.solve(*rhs))
+    frames = system.frames
+    return first / frames, again / frames, solve / frames, 1e-3 * kkt.factor_bytes / frames
+
+
+def growth(frames: list[int], rounds: int) -> list[str]:
+    """Time and memory per frame of one problem at several lengths."""
+    lines = [
+        "| frames | first, with the plan, us per frame | again, us per frame | solve, us per frame "
+        "| factor, kB per frame |",
+        "| ---: | ---: | ---: | ---: | ---: |",
+    ]
+    times = []
+    for n in frames:
+        first, again, solve, kilobytes = costs(system_of(spec_of("P2", 0), 4, n=n), rounds)
+        times.append(again * n)
+        cells = [f"{1e6 * t:.2f}" for t in (first, again, solve)]
+        lines.append(f"| {n:,} | {' | '.join(cells)} | {kilobytes:.2f} |")
+    if len(times) > 1:
+        power = math.log(times[-1] / times[0]) / math.log(frames[-1] / frames[0])
+        lines += ["", f"A factorisation grows as n^{power:.2f} from {frames[0]:,} to {frames[-1]:,} frames."]
+    return lines
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--frames", type=int, default=1000, help="of P3, and about that of P5")
+    parser.add_argument("--growth", default="1000,10000,100000")
+    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--quick", action="store_true", help="200 frames, growth up to 5000, five rounds")
+    options = parser.parse_args()
+    if options.quick:
+        options.frames, options.growth, options.rounds = 200, "500,5000", 5
+    missing = unavailable()
+    if missing:
+        print(f"Without MUMPS: {missing}.\n")
+    print(
+        "| problem | n | unknowns per frame | here, us per frame | MUMPS | times | SuperLU "
+        "| operations per frame | GF/s | factor, kB per frame | backward error |"
+    )
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    k = max(options.frames // 60, 1)
+    for name, spec, iterations, constants in (
+        ("P3", spec_of("P3", 5), 12, {"n": options.frames}),
+        ("P5", spec_of("P5", 0), 8, {"k": k}),
+        ("P4, 20 rods", spec_of("P4", 20), 6, {"n": 50}),
+    ):
+        print(
+            compare(name, system_of(spec, iterations, **constants), options.rounds, not missing), flush=True
+        )
+    print()
+    lengths = [int(n) for n in options.growth.split(",")]
+    print("\n".join(growth(lengths, max(options.rounds // 3, 3))))
+
+
+if __name__ == "__main__":
+    main()
