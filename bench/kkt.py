@@ -202,7 +202,7 @@ def main() -> None:
     k = max(options.frames // 60, 1)
     for name, spec, iterations, constants in (
         ("P3", spec_of("P3", 5), 12, {"n": options.frames}),
-        ("P5", spec_of("P5", 0), 8, {"k": k}),
+        ("P5", spec_of("P5", 0), 14, {"k": k}),
         ("P4, 20 rods", spec_of("P4", 20), 6, {"n": 50}),
     ):
         print(
