@@ -115,12 +115,13 @@ class _Kernel:
         """A varying input for all lanes; ``offset`` (bytes) is where a block's indices of it are."""
         value = "poison"
         for group in self.groups:
-            start = vector.let(f"getelementptr inbounds i8, ptr %where{group}, i64 {offset}")
+            base, start = f"%where{group}", offset
+            if isinstance(start, str):
+                base, start = vector.let(f"getelementptr inbounds i8, ptr {base}, i64 {start}"), 0
             for within in range(LANES):
-                place = vector.let(f"getelementptr inbounds i8, ptr {start}, i64 {4 * within}")
-                narrow = vector.let(f"load i32, ptr {place}, align 4")
-                wide = vector.let(f"zext i32 {narrow} to i64")
-                source = vector.let(f"getelementptr inbounds double, ptr %workspace, i64 {wide}")
+                place = vector.let(f"getelementptr inbounds i8, ptr {base}, i64 {start + 4 * within}")
+                position = vector.let(f"load i32, ptr {place}, align 4")
+                source = vector.let(f"getelementptr inbounds double, ptr %workspace, i32 {position}")
                 element = vector.let(f"load double, ptr {source}, align 8")
                 lane = group * LANES + within
                 value = vector.let(f"insertelement {vector.f} {value}, double {element}, i64 {lane}")
