@@ -287,7 +287,7 @@ def _judged(
     further: Sequence[Metric] = (),
 ) -> int:
     """Replay a motion and show its certificate."""
-    status = outcome.status
+    status = outcome.solution.status  # what a search found before it was stopped is judged as well
     if status != "optimal" and not force:
         reason = f"the solve ended {status}, not optimal; --force replays it all the same"
         return _not_validated(outcome, reason, as_json)

@@ -37,6 +37,7 @@ from stc.validate import limits
 from stc.validate.metrics import Metric
 from stc.validate.model import find_model
 from stc.validate.model_equations import ModelEquations
+from stc.validate.warnings import caught_warnings
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
@@ -146,27 +147,31 @@ def check_equations(
     numbers = constant_values(problem, _parameters(problem, rng), float(rng.uniform(0.0, 1.0)))
     lines = {kind: [c for c in problem.replay if c.kind == kind] for kind in ("joint", "actuator", "set")}
     outer = [c for c in problem.replay if c.kind in ("apply", "contact")]
-    mechanics = ModelEquations(
-        path,
-        {c.path: float(evaluate(c.body, numbers)) for c in lines["set"]},
-        [".".join(c.path) for c in lines["joint"]],
-        [".".join(c.path) for c in lines["actuator"]],
-        [(c.kind, c.path) for c in outer],
-    )
-    report = EquationReport(spec=problem.name, model=path.name, states=states, notes=list(mechanics.notes))
-    done: list[list[object]] = []
-    for phase in _wide_phases(problem):
-        spec = SpecEquations(
-            problem,
-            phase,
-            [c.body for c in lines["joint"]],
-            [c.body for c in (*lines["actuator"], *outer)],
-            numbers,
+    with caught_warnings() as warnings:
+        mechanics = ModelEquations(
+            path,
+            {c.path: float(evaluate(c.body, numbers)) for c in lines["set"]},
+            [".".join(c.path) for c in lines["joint"]],
+            [".".join(c.path) for c in lines["actuator"]],
+            [(c.kind, c.path) for c in outer],
         )
-        same = [e.body for e in (*spec.dynamic, *spec.laws)]
-        if same not in done:
-            done.append([*same])
-            _Comparison(spec, mechanics, report, rng).run(states)
+        report = EquationReport(
+            spec=problem.name, model=path.name, states=states, notes=list(mechanics.notes)
+        )
+        done: list[list[object]] = []
+        for phase in _wide_phases(problem):
+            spec = SpecEquations(
+                problem,
+                phase,
+                [c.body for c in lines["joint"]],
+                [c.body for c in (*lines["actuator"], *outer)],
+                numbers,
+            )
+            same = [e.body for e in (*spec.dynamic, *spec.laws)]
+            if same not in done:
+                done.append([*same])
+                _Comparison(spec, mechanics, report, rng).run(states)
+    report.notes += warnings
     return report
 
 

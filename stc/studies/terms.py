@@ -118,6 +118,9 @@ def matched(
 ) -> FloatArray:
     """The spec's table with its rows sorted, scaled or combined so that the fewest entries differ.
 
+    Rows that belong to coordinates are balances of generalised forces on them, which ``joint_maps`` alone turns into
+    those on the joints: a wrong mass would not be told from a wrong force if they could be scaled.
+
     Args:
         spec: (S, k, C) table at S states, rows as the spec writes them.
         model: (S, k, C) the model's table.
@@ -127,11 +130,9 @@ def matched(
     Returns:
         (S, k, C) the table to compare with the model's.
     """
-    attempts = [spec]
-    if joint_maps is not None:
-        attempts = [np.asarray(np.linalg.solve(joint_maps.transpose(0, 2, 1), spec)), spec]
-    tables = [_sorted_and_scaled(table, model, terms) for table in attempts]
-    best = min(tables, key=lambda table: _mismatches(table, model, terms))
+    if joint_maps is not None:  # generalised forces: nothing is left to choose
+        return np.asarray(np.linalg.solve(joint_maps.transpose(0, 2, 1), spec))
+    best = _sorted_and_scaled(spec, model, terms)
     wrong = _mismatches(best, model, terms)
     if wrong == 0:
         return best

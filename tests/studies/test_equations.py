@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import random
+import re
+from pathlib import Path
 
 import pytest
 from studies.mutations import Mutant, in_rows, in_text
 
-from stc import specs
+from stc import models, specs
 from stc.errors import UsageError
 from stc.pipeline import elaborate, load
 from stc.studies.equations import EquationReport, check_equations
@@ -296,3 +298,17 @@ def _constants(body: object) -> list[object]:
 
     assert isinstance(body, Expr)
     return list(symbols(body))
+
+
+def test_a_mass_wrong_in_the_model_is_not_taken_for_a_force(tmp_path: Path) -> None:
+    """Most of the neck's row grows with the head's mass, so that a row scaled by it would differ in fewer places."""
+    text = models.locate("luxo.xml")
+    assert text is not None
+    heavier = text.read_text().replace('mass="0.6"', 'mass="0.66"')
+    assert heavier != text.read_text()
+    for mesh in (text.parent / "meshes").iterdir():
+        heavier = heavier.replace(f'file="{mesh.name}"', f'file="{mesh}"')
+    (tmp_path / "heavier.xml").write_text(heavier)
+    report = check_equations(load("luxo_jump").problem(), str(tmp_path / "heavier.xml"), states=20)
+    assert re.match(r"joint neck: (gravity|mass matrix)", report.findings[0])
+    assert not any("actuator" in finding for finding in report.findings)
