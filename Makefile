@@ -4,7 +4,7 @@
 #   make check   format, lint, types, import contracts, quick tests: what to run before a commit
 #   make bench   set up with the other tools, measure, and write the tables and plots of docs/benchmarks.md
 VENV ?= .venv
-SPEC ?= particle_waypoints
+SPEC ?= luxo_jump
 BIN := $(VENV)/bin
 # The first Python on the path that is new enough.
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
