@@ -93,4 +93,7 @@ def usual_places(setup: Setup) -> Sequence[tuple[str, int]]:
     if found:
         return list(found)
     parents = set(setup.compiled.body_parentid[1:].tolist())
-    return [("xipos", body) for body in range(1, setup.compiled.nbody) if body not in parents]
+    moving = setup.compiled.body_weldid  # 0 for what is fixed to the world
+    return [
+        ("xipos", body) for body in range(1, setup.compiled.nbody) if body not in parents and moving[body]
+    ]

@@ -1,0 +1,139 @@
+"""Solves every motion of the lamp and the segment, replays it in MuJoCo, and writes the table of docs/motions.md.
+
+python bench/motions.py                     all; some minutes
+python bench/motions.py luxo_jump --print   some, and the page stays as it is
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import stc
+from stc.solution import Solution
+from stc.validate import limits
+from stc.validate.contact import contact_metrics, time_step_for
+from stc.validate.replay import Replay, replay
+from stc.validate.report import Report
+from stc.validate.setup import Setup
+from stc.validate.tracking import proportional
+from stc.validate.verdict import open_setup, validate
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "motions.md"
+BEGIN, END = "<!-- measured -->", "<!-- end of measured -->"
+
+#: All masses and inertias times this.
+HEAVIER = 1.01
+
+GROUND = [
+    "luxo_jump",
+    "luxo_hurdle",
+    "luxo_step_up",
+    "luxo_step_down",
+    "luxo_heavy",
+    "luxo_moon",
+    "luxo_two_jumps",
+    "luxo_backflip",
+]
+OTHERS = ("luxo_poses", "luxo_three_poses", "segment_to_pose", "segment_flip", "segment_swing")
+
+
+def values(report: Report, name: str) -> list[float]:
+    """What was measured under a name, one number per subject."""
+    return [metric.value for metric in report.metrics if metric.name == name]
+
+
+def worst_share(motion: Replay) -> float:
+    """The largest share that feedback has in a motor's torque: integrals of absolute values."""
+    return float(max(motion.feedback / motion.total))
+
+
+def heavier(solution: Solution) -> tuple[Setup, Replay]:
+    """The tracked replay with bodies heavier than those that the motion was solved for."""
+    setup = open_setup(solution)
+    law = proportional(setup)
+    setup.compiled.body_mass *= HEAVIER
+    setup.compiled.body_inertia *= HEAVIER
+    return setup, replay(setup, time_step_for(setup, limits.TIME_STEP), feedback=law)
+
+
+def effort(solution: Solution) -> str:
+    return f"{solution.n} | {solution.iterations} | {solution.seconds['solve']:.1f}"
+
+
+def on_the_ground(name: str) -> tuple[str, str]:
+    """The motion's line in the table, and in that of the heavier bodies."""
+    solution = stc.load(name).solve()
+    report = validate(solution)
+    tracked = dict(zip(("base", "joints"), values(report, "tracked error on the ground, RMS")))
+    loose = dict(zip(("base", "joints"), values(report, "open-loop error on the ground, RMS")))
+    line = (
+        f"| `{name}` | {effort(solution)} | {loose['base']:.1e}, {loose['joints']:.1e} rad "
+        f"| {tracked['base']:.1e} | {tracked['joints']:.1e} rad "
+        f"| {100 * max(values(report, 'feedback share')):.2g} % "
+        f"| {max(values(report, 'inverse-dynamics residual')):.0e} |"
+    )
+    setup, motion = heavier(solution)
+    errors = {metric.subject: metric.value for metric in contact_metrics("tracked", setup, motion)}
+    share, whole = worst_share(motion), float(motion.feedback.sum() / motion.total.sum())
+    return line, (
+        f"| `{name}` | {errors['base']:.1e} | {errors['joints']:.1e} rad "
+        f"| {100 * share:.2g} % | {100 * whole:.2g} % |"
+    )
+
+
+def in_the_air(name: str) -> str:
+    solution = stc.load(name).solve()
+    report = validate(solution)
+    return (
+        f"| `{name}` | {effort(solution)} | {max(values(report, 'open-loop drift, largest')):.1e} "
+        f"| {max(values(report, 'tracked drift, largest')):.1e} "
+        f"| {100 * max(values(report, 'feedback share')):.2g} % "
+        f"| {max(values(report, 'inverse-dynamics residual')):.0e} |"
+    )
+
+
+def tables(names: Sequence[str]) -> str:
+    lines = [on_the_ground(name) for name in names if name in GROUND]
+    parts = [
+        [
+            "| motion | frames | iterations | s | open loop: base, joints | tracked: base | joints "
+            "| share of the feedback, worst motor | residual |",
+            "| --- | " + "--- | " * 8,
+            *[line for line, _ in lines],
+        ],
+        [f"Tracked, all masses and inertias {HEAVIER - 1:+.0%}:"],
+        [
+            "| motion | base | joints | share of the feedback, worst motor | in all torque |",
+            "| --- | --- | --- | --- | --- |",
+            *[heavy for _, heavy in lines],
+        ],
+        ["With a fixed base, or none:"],
+        [
+            "| motion | frames | iterations | s | open-loop drift | tracked drift "
+            "| share of the feedback, worst motor | residual |",
+            "| --- | " + "--- | " * 7,
+            *[in_the_air(name) for name in names if name in OTHERS],
+        ],
+    ]
+    return "\n\n".join("\n".join(part) for part in parts)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="MOTION", help="all by default")
+    parser.add_argument("--print", action="store_true", dest="dry", help="leave docs/motions.md as it is")
+    options = parser.parse_args()
+    if unknown := set(options.names) - {*GROUND, *OTHERS}:
+        parser.error(f"unknown motion {', '.join(sorted(unknown))}")
+    text = tables(options.names or [*GROUND, *OTHERS])
+    print(text)
+    if not (options.dry or options.names):
+        page = PAGE.read_text(encoding="utf-8")
+        before, rest = page.split(BEGIN)
+        PAGE.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.split(END)[1]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
