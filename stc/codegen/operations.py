@@ -3,8 +3,10 @@
 An elementary function written out is a hundred instructions, a power two hundred.  Where there are many, they
 would be most of a kernel, and compiling them (the register allocation above all) most of the time to start.
 So they become functions of the module, compiled once and called with vectors in registers; such a call loses
-what the caller holds in registers, so :mod:`stc.codegen.residency` moves that to memory first.  The
-instructions are the same either way, and so are the results, to the last bit.
+what the caller holds in registers, so :mod:`stc.codegen.residency` moves that to memory first.  The functions'
+instructions are the same either way; around them a product may be rounded before it is added in one form and
+not in the other, since a value that goes to memory is not fused into a multiply-add.  Which form it is
+depends on the tapes alone, so that equal problems give equal code.
 """
 
 from __future__ import annotations
