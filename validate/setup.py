@@ -10,9 +10,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.solution import Solution
-from stc.validate.fields import apply_fields
-from stc.validate.forces import Controls, OuterForces
-from stc.validate.model import ModelError, Tie, find_model, load_model, names_of, tied_joints
+from stc.validate.fields import apply_fields, set_fields
+from stc.validate.forces import Attachments, Controls, OuterForces
+from stc.validate.model import (
+    ModelError,
+    Tie,
+    find_actuator,
+    find_joint,
+    find_model,
+    load_model,
+    names_of,
+    tied_joints,
+)
 from stc.validate.outputs import Output, compared_outputs
 from stc.validate.reference import Reference
 
@@ -124,6 +133,24 @@ def prepare(
         OuterForces(compiled, solution, ("contact",)),
         compared_outputs(compiled, solution),
     )
+
+
+def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> None:
+    """Find what a replay line names, before there is a motion; ``set`` lines leave a 1 in the model.
+
+    What ``compare`` lines name is found with the motion alone.
+
+    Raises:
+        ModelError: it is not in the model.
+    """
+    if kind == "joint":
+        find_joint(model, ".".join(path))
+    elif kind == "actuator":
+        find_actuator(model, ".".join(path))
+    elif kind == "set":
+        set_fields(model, {path: 1.0})
+    elif kind in ("apply", "contact"):
+        Attachments(model, [(kind, path)])
 
 
 def _path(solution: Solution, model: str | os.PathLike[str] | None, beside: Iterable[str | Path]) -> Path:

@@ -85,7 +85,11 @@ def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
 
 def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_json: bool) -> int:
     """Solve, save, validate; ``page`` is where the certificate goes."""
-    outcome = _solved(load(spec, options), options, as_json, save=True)
+    from stc.studies.replay_lines import check_replay_lines
+
+    model = load(spec, options)
+    check_replay_lines(model.problem(options.method))
+    outcome = _solved(model, options, as_json, save=True)
     if outcome.solution.model is None:
         return _not_validated(outcome, _no_replay(outcome.solution.name), as_json)
     return _judged(outcome, outcome.solution, force, page, as_json)
@@ -157,8 +161,11 @@ def solved(target: str, options: SolveOptions, as_json: bool) -> tuple[Outcome, 
 
 def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     """Read a spec as far as its nonlinear program, and tell its sizes."""
+    from stc.studies.replay_lines import check_replay_lines
+
     model = load(spec, options)
     problem, transcription = model.transcription(options.method)
+    check_replay_lines(problem)
     # Evaluating everything once at the starting point finds what the text alone does not show.
     contradictions = [one.message for one in transcription.bind(problem.constants).contradictions]
     console.warn(problem.warnings)

@@ -363,3 +363,20 @@ def test_version_and_help(stc_: Stc) -> None:
         status, out, _ = stc_(*words)
         assert status == 0
         assert "Usage" in out
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_replay_lines_that_do_not_fit_the_model_are_told_with_their_places_before_a_solve(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = stc.load("particle_waypoints").text
+    text = text.replace("joint x =", "joint xx =").replace("body.particle.mass", "body.particl.mass")
+    (tmp_path / "wrong.stc").write_text(text)
+    assert run([command, "wrong.stc"]) == 2
+    said = capsys.readouterr().err
+    assert "error: joint xx: the model has no joint xx" in said
+    assert "error: set body.particl.mass: the model has no body particl; did you mean particle?" in said
+    assert len(re.findall(r"^wrong\.stc:\d+:3: error", said, re.MULTILINE)) == 2
+    assert len(re.findall(r"\^+$", said, re.MULTILINE)) == 2
+    assert not (tmp_path / "wrong.npz").exists()

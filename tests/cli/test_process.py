@@ -23,8 +23,8 @@ solve = Model.solve
 
 def slow(self, *, callback, **options):
     def wait(iterate):
-        time.sleep(0.3)
         print(iterate.iteration, file=sys.stderr, flush=True)
+        time.sleep(0.3)  # whoever has read that finds the solve busy, not about to end
         return callback(iterate)
     return solve(self, callback=wait, **options)
 
