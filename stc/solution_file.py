@@ -235,6 +235,8 @@ def _write_npz(solution: Solution, stream: IO[bytes]) -> None:
 
 
 def _read_npz(path: Path) -> Solution:
+    if path.is_file() and not zipfile.is_zipfile(path):  # NumPy would advise to load it unsafely
+        raise zipfile.BadZipFile("it is no zip archive")
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
         if "facts" not in archive.files:
             raise SolutionError("this is not a solution file")
