@@ -21,6 +21,7 @@ from stc.solver.nlp import Floats
 __all__ = ["NewtonSystem", "SingularSystem"]
 
 FIRST_SHIFT = 1e-4
+ORDINARY = (1e-6, 1e2)
 SMALLEST_SHIFT = 1e-20
 LARGEST_SHIFT = 1e40
 GROWTH_AT_FIRST = 100.0
@@ -75,7 +76,7 @@ class NewtonSystem:
         self._d = 1.0 / np.maximum(sigma[form.n :], SMALLEST_SIGMA)
         if form.any_ignored:
             self._d[form.ignored] = 1.0
-        self._jac = it.jac
+        self._jac, self._hess = it.jac, it.hess
         self.shift = self._stiffness
         self.dual_shift = 0.0
         self.deficient = False
@@ -139,10 +140,17 @@ class NewtonSystem:
                 break
         self._try(it, self._primal)
 
+    def _ordinary_curvature(self) -> float:
+        """What shifts are measured in: the Hessian's entries shrink with the steps of a finer motion."""
+        form = self.form
+        diagonal = np.abs(self._hess[form.hess_rows == form.hess_cols])
+        diagonal = diagonal[diagonal > 0.0]
+        return float(np.clip(np.median(diagonal), *ORDINARY)) if diagonal.size else 1.0
+
     def _larger_shift(self) -> float:
         if self.shift == 0.0:
             if self._last_shift == 0.0:
-                return FIRST_SHIFT
+                return FIRST_SHIFT * self._ordinary_curvature()
             return max(SMALLEST_SHIFT, DECAY * self._last_shift)
         grown = self.shift * (GROWTH_AT_FIRST if self._last_shift == 0.0 else GROWTH)
         if grown > LARGEST_SHIFT:
