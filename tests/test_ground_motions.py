@@ -145,7 +145,8 @@ def check_ground(motion: Solution, takeoff: int, touchdown: int) -> None:
     assert motion["sole_jz1"] >= -1e-8
     assert abs(motion["sole_jx1"]) <= FRICTION * motion["sole_jz1"] + 1e-6
     speed = np.hypot(motion.before["x'"][touchdown], motion.before["z'"][touchdown])
-    assert speed <= 0.6
+    # The lamp's centre of mass comes down at about g T2/2 = 2 m/s: its legs take two thirds of that off the foot.
+    assert speed <= 0.7
     for name in ("x", "z"):
         assert np.ptp(motion[name][:takeoff]) <= 1e-8
         assert np.ptp(motion[name][touchdown:]) <= 1e-8
