@@ -43,7 +43,7 @@ class Statement:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """The multipliers of one statement: the largest in size, when, and at how many nodes it is not zero."""
+    """The multipliers of one statement: the largest in size, when, and at how many nodes it is active."""
 
     text: str
     value: float
@@ -66,11 +66,14 @@ def listing(solution: Solution) -> list[TextLine]:
     """The whole text with marks at the first lines of statements that have multipliers."""
     lines = [TextLine(k + 1, text) for k, text in enumerate(solution.source.splitlines())]
     statements = list(_statements(solution))
+    # A barrier leaves every inequality a small multiplier, in inverse proportion to its room; that holds nothing back.
+    sizes = [np.abs(block.values).max(initial=0.0) for block in solution.multipliers if block.kind != "link"]
+    least = max(1e-9, 1e-7 * max(sizes, default=0.0))
     for block in solution.multipliers:
         if block.kind == "link":
             continue
         for statement, chosen in _owners(block, statements):
-            mark = _mark(solution, block, chosen, statement.text)
+            mark = _mark(solution, block, chosen, statement.text, least)
             if mark is not None:
                 lines[statement.line - 1].marks.append(mark)
     return lines
@@ -153,12 +156,15 @@ def _owners(block: MultiplierBlock, statements: list[Statement]) -> Iterator[tup
         yield statement, np.flatnonzero(mine)
 
 
-def _mark(solution: Solution, block: MultiplierBlock, chosen: np.ndarray, text: str) -> Mark | None:
+def _mark(
+    solution: Solution, block: MultiplierBlock, chosen: np.ndarray, text: str, least: float
+) -> Mark | None:
+    """What the chosen nodes of a block amount to; smaller multipliers than ``least`` count as none."""
     if not len(chosen):
         return None
     values = block.values[chosen]
     at = int(np.argmax(np.abs(values)))
     frame = float(block.nodes[chosen[at]])
     time = float(np.interp(frame, np.arange(solution.n + 1), solution.time))
-    active = int(np.count_nonzero(np.abs(values) > 1e-9 * max(1.0, float(np.abs(block.values).max()))))
+    active = int(np.count_nonzero(np.abs(values) > least))
     return Mark(text, float(values[at]), time, frame, active, len(values))

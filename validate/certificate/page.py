@@ -133,12 +133,15 @@ def _row(metric: Metric) -> str:
 
 
 def _exponents(text: str, before: str = "") -> str:
-    """A quantity in one piece, its powers of ten as a reader writes them."""
+    """A quantity in one piece, its powers of ten as a reader writes them; units that are words may stand below."""
     number, _, unit = text.partition(" ")
     mantissa, e, exponent = number.partition("e")
     shown = f"{mantissa}&#8239;·&#8239;10<sup>{int(exponent)}</sup>" if e and exponent else escape(number)
+    shown = before + shown.replace("<sup>-", "<sup>−")
+    if len(unit) > 5:
+        return f"<span class='n'>{shown}</span> <span class='unit'>{escape(unit)}</span>"
     after = f"&#8239;{escape(unit)}" if unit else ""
-    return f"<span class='n'>{before}{shown.replace('<sup>-', '<sup>−')}{after}</span>"
+    return f"<span class='n'>{shown}{after}</span>"
 
 
 # --------------------------------------------------------------------------------------------------- pictures

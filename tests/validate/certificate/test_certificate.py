@@ -184,6 +184,21 @@ def test_multipliers_stand_beside_their_statements() -> None:
     assert marks["a2 = start2"][1].nodes == 1
 
 
+def test_what_is_far_from_its_limit_is_never_active() -> None:
+    """Whatever small multipliers an interior method leaves there."""
+    solution = stc.load(spec("arm_reach")).solve(umax1=12.0)
+    (block,) = (block for block in solution.multipliers if block.kind == "bound" and block.label == "u1")
+
+    def active() -> int:
+        return next(m.active for line in listing(solution) for m in line.marks if "u1" in m.text)
+
+    assert max(np.abs(b.values).max() for b in solution.multipliers if b.kind != "link") > 1.0
+    block.values[:] = -2e-8
+    assert active() == 0
+    block.values[3] = -1e-3
+    assert active() == 1
+
+
 RESTING = """<mujoco><option gravity="0 0 -10" timestep="0.001"/><worldbody>
   <geom type="plane" size="1 1 1" friction="0.7"/>
   <body name="block" pos="0 0 0.1">
