@@ -15,6 +15,7 @@ from stc.solver.globalization import Filter, largest_step
 from stc.solver.iterate import Iterate, errors_of
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.nlp import Floats
+from stc.solver.products import inner, least_error
 
 __all__ = ["BarrierParameter"]
 
@@ -76,7 +77,7 @@ class BarrierParameter:
         self._error = min(1.0, error)
         if self.form.gaps == 0:
             return
-        average = float(it.gap @ it.z) / self.form.gaps
+        average = inner(it.gap, it.z) / self.form.gaps
         if not np.isfinite(self._largest):
             self._largest = LARGEST_GROWTH * max(average, self.smallest)
         if self.free:
@@ -120,7 +121,7 @@ class BarrierParameter:
             return system.step(it, self.mu / it.gap, it.c)
         form = self.form
         affine = system.step(it, np.zeros(form.gaps), it.c)
-        average = float(it.gap @ it.z) / form.gaps
+        average = inner(it.gap, it.z) / form.gaps
         centring = system.centring(average / it.gap)
         sigma = self._best_centring(it, affine, centring, average)
         floor = max(self.smallest, ERROR_FRACTION * self._error)
@@ -166,16 +167,17 @@ class BarrierParameter:
     ) -> float:
         """Minimise the predicted error over a grid of centring parameters."""
         form = self.form
-        sigma = CENTRING[:, None]
-        gap_step = form.sign * affine[0][form.index] + sigma * (form.sign * centring[0][form.index])
-        z_step = affine[2] + sigma * centring[2]
-        tau = np.maximum(SMALLEST_TAU, 1.0 - CENTRING * average)
-        primal = np.minimum(1.0, tau / np.maximum((-gap_step / it.gap).max(axis=1), 1e-300))
-        dual = np.minimum(1.0, tau / np.maximum((-z_step / it.z).max(axis=1), 1e-300))
-        products = (it.gap + primal[:, None] * gap_step) * (it.z + dual[:, None] * z_step)
-        error = np.einsum("ij,ij->i", products, products) / form.gaps
         dual_residual = it.dual - form.scatter(it.z)
-        error += (1.0 - dual) ** 2 * float(dual_residual @ dual_residual) / max(1, int(form.moving.sum()))
-        if form.m:
-            error += (1.0 - primal) ** 2 * float(it.c @ it.c) / form.m
-        return float(CENTRING[int(np.argmin(error))])
+        best = least_error(
+            CENTRING,
+            np.maximum(SMALLEST_TAU, 1.0 - CENTRING * average),
+            it.gap,
+            it.z,
+            form.sign * affine[0][form.index],
+            form.sign * centring[0][form.index],
+            affine[2],
+            centring[2],
+            inner(dual_residual, dual_residual) / max(1, int(form.moving.sum())),
+            inner(it.c, it.c) / max(1, form.m),
+        )
+        return float(CENTRING[best])

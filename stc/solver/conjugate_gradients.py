@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stc.solver.nlp import Floats
+from stc.solver.products import inner, norm
 
 __all__ = ["Answer", "conjugate_gradients"]
 
@@ -50,29 +51,29 @@ def conjugate_gradients(
         check: called now and then; may raise to stop.
     """
     x, residual = np.zeros_like(rhs), rhs.copy()
-    length = float(np.linalg.norm(rhs))
+    length = norm(rhs)
     if length == 0.0:
         return Answer(x, 0.0, 0, False)
     best, least = x.copy(), 1.0
     direction = pull = residual if diagonal is None else residual / diagonal
-    energy = float(residual @ pull)
+    energy = inner(residual, pull)
     limit = 10 * rhs.size + 100
     for k in range(1, limit + 1):
         image = product(direction)
-        curvature = float(direction @ image)
+        curvature = inner(direction, image)
         if curvature <= 0.0:
-            noise = 1e-14 * float(np.linalg.norm(direction)) * float(np.linalg.norm(image))
+            noise = 1e-14 * norm(direction) * norm(image)
             return Answer(best, least, k, curvature < -noise)
         step = energy / curvature
         x = x + step * direction
         residual = residual - step * image
-        size = float(np.linalg.norm(residual)) / length
+        size = norm(residual) / length
         if size < least:
             best, least = x, size
         if size <= tolerance or not np.isfinite(size):
             return Answer(best, least, k, False)
         pull = residual if diagonal is None else residual / diagonal
-        before, energy = energy, float(residual @ pull)
+        before, energy = energy, inner(residual, pull)
         direction = pull + (energy / before) * direction
         if check is not None and k % 64 == 0:
             check()

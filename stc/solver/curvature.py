@@ -9,6 +9,7 @@ from stc.solver.globalization import largest_step
 from stc.solver.iterate import Iterate, refresh
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
+from stc.solver.products import inner, norm
 
 __all__ = ["leave_saddle"]
 
@@ -31,7 +32,7 @@ def leave_saddle(form: Formulation, it: Iterate, system: NewtonSystem, seed: int
         True when ``it`` was moved to a point of lower objective; False when it satisfies the second-order
         conditions as far as can be told.
     """
-    mu = float(it.gap @ it.z) / max(1, form.gaps)
+    mu = inner(it.gap, it.z) / max(1, form.gaps)
     try:
         system.factorize(it, max(mu, 1e-9))
     except SingularSystem:
@@ -46,15 +47,15 @@ def leave_saddle(form: Formulation, it: Iterate, system: NewtonSystem, seed: int
         rhs[: form.n] = v
         dw, _ = system.solve(rhs, zeros)
         v = dw[: form.n]
-        norm = float(np.linalg.norm(v))
-        if not np.isfinite(norm) or norm == 0.0:
+        length = norm(v)
+        if not np.isfinite(length) or length == 0.0:
             return False
-        v = v / norm
-    dw = dw / norm
-    curvature = float(v @ form.hessian_times(it.hess, v))
+        v = v / length
+    dw = dw / length
+    curvature = inner(v, form.hessian_times(it.hess, v))
     if curvature >= -NEGLIGIBLE:
         return False
-    if float(it.dual[: form.n] @ v) > 0.0:
+    if inner(it.dual[: form.n], v) > 0.0:
         dw = -dw
     return _descend(form, it, system, dw)
 

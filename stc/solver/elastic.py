@@ -22,6 +22,7 @@ import numpy as np
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, evaluate
 from stc.solver.nlp import Floats
+from stc.solver.products import inner
 from stc.solver.scaled_problem import ScaledProblem
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ class ElasticProblem(Formulation):
         own, p, q = self.split(x)
         f, r = self.base.values(own)
         away = own - self._reference
-        cost = self.price * float(p.sum() + q.sum()) + 0.5 * float(self._curvature @ (away * away))
+        cost = self.price * float(p.sum() + q.sum()) + 0.5 * inner(self._curvature, away * away)
         if self.weight:
             cost += self.weight * f
         return cost, r - p + q

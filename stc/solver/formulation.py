@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from stc.solver.nlp import Floats, Ints, Mask
+from stc.solver.products import symmetric_times, times
 
 if TYPE_CHECKING:
     from stc.solver.kkt.contract import KKTSystem
@@ -72,11 +73,10 @@ class Formulation:
         self.size = n + m
 
     def _set_pattern(self, jac_rows: Ints, jac_cols: Ints, hess_rows: Ints, hess_cols: Ints) -> None:
-        self.jac_rows = np.ascontiguousarray(jac_rows, dtype=np.intp)
-        self.jac_cols = np.ascontiguousarray(jac_cols, dtype=np.intp)
-        self.hess_rows = np.ascontiguousarray(hess_rows, dtype=np.intp)
-        self.hess_cols = np.ascontiguousarray(hess_cols, dtype=np.intp)
-        self.off_diagonal = np.flatnonzero(self.hess_rows != self.hess_cols)
+        self.jac_rows = np.ascontiguousarray(jac_rows, dtype=np.int64)
+        self.jac_cols = np.ascontiguousarray(jac_cols, dtype=np.int64)
+        self.hess_rows = np.ascontiguousarray(hess_rows, dtype=np.int64)
+        self.hess_cols = np.ascontiguousarray(hess_cols, dtype=np.int64)
 
     # -- functions ---------------------------------------------------------------------------------------------
 
@@ -96,17 +96,15 @@ class Formulation:
 
     def jacobian_times(self, jac: Floats, v: Floats) -> Floats:
         """``J v``, (m,)."""
-        return summed(self.jac_rows, jac * v[self.jac_cols], self.m)
+        return times(self.jac_rows, self.jac_cols, jac, v, self.m)
 
     def transpose_times(self, jac: Floats, y: Floats) -> Floats:
         """``J^T y``, (n,)."""
-        return summed(self.jac_cols, jac * y[self.jac_rows], self.n)
+        return times(self.jac_cols, self.jac_rows, jac, y, self.n)
 
     def hessian_times(self, hess: Floats, v: Floats) -> Floats:
         """``H v``, (n,), from the lower triangle."""
-        below = self.off_diagonal
-        product = summed(self.hess_rows, hess * v[self.hess_cols], self.n)
-        product += summed(self.hess_cols[below], hess[below] * v[self.hess_rows[below]], self.n)
+        product = symmetric_times(self.hess_rows, self.hess_cols, hess, v, self.n)
         if self.extra_diagonal is not None:
             product += self.extra_diagonal * v
         return product

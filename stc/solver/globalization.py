@@ -14,6 +14,7 @@ from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, refresh
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.nlp import Floats
+from stc.solver.products import inner
 
 __all__ = ["Filter", "LineSearch", "barrier_value", "largest_step"]
 
@@ -132,7 +133,7 @@ class LineSearch:
         )
         self._dual = it.dual - form.scatter(it.z)
         phi = barrier_value(it.f, it.gap, mu)
-        slope = float(it.gradient @ dw[: form.n])
+        slope = inner(it.gradient, dw[: form.n])
         if form.gaps:
             slope -= mu * float((form.sign * dw[form.index] / it.gap).sum())
         theta = it.theta
@@ -228,13 +229,13 @@ class LineSearch:
         np.negative(dy, out=rows[n:])
         if not form.all_moving:
             rows[~form.moving] = 0.0
-        size = float(rows @ rows)
+        size = inner(rows, rows)
         if (primal == dual and self._pull is None) or size == 0.0:
             return primal
         left = (1.0 - primal) * self._dual + (primal - dual) * form.scatter(dz)
         if self._pull is not None:
             left[:n] -= primal * self._pull
-        return min(max(primal - float(left @ rows) / size, 0.0), 1.0)
+        return min(max(primal - inner(left, rows) / size, 0.0), 1.0)
 
     def _move(
         self,

@@ -23,6 +23,7 @@ from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
+from stc.solver.products import inner, norm
 from stc.solver.progress import Drift, Nearest, Stall
 from stc.solver.restoration import Acceptance, back_from, elastic_start
 from stc.solver.scaled_problem import ScaledProblem
@@ -194,7 +195,7 @@ class _Loop:
 
     def _open(self) -> bool:
         """Whether products of gaps and multipliers may still hide an error of the objective."""
-        return float(self.it.gap @ self.it.z) > GAP * max(1.0, abs(self.it.f))
+        return inner(self.it.gap, self.it.z) > GAP * max(1.0, abs(self.it.f))
 
     def _stalled(self) -> bool:
         return self.stall.stalled or self.nearest.waited or self.monitor.iterations >= self.last
@@ -225,7 +226,7 @@ class _Loop:
         if self.monitor.iterations >= self.last:
             return False
         self.adaptive = False
-        self._begin(float(it.gap @ it.z) / self.form.gaps)
+        self._begin(inner(it.gap, it.z) / self.form.gaps)
         self.nearest.patience = LONG_PATIENCE
         return True
 
@@ -272,7 +273,7 @@ class _Loop:
 
     def _size(self, step: tuple[Floats, Floats, Floats]) -> float:
         """Length of the variables' part of a step."""
-        return float(np.linalg.norm(step[0][: self.form.n]))
+        return norm(step[0][: self.form.n])
 
     def _restore(self) -> Outcome | None:
         """Run the restoration phase from a point where no step was acceptable.

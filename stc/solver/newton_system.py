@@ -17,6 +17,7 @@ import numpy as np
 from stc.solver.formulation import Formulation, summed
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
+from stc.solver.products import inner
 
 __all__ = ["NewtonSystem", "SingularSystem"]
 
@@ -104,7 +105,7 @@ class NewtonSystem:
         form = self.form
         dx = dw[: form.n]
         curved = form.hessian_times(it.hess, dx) + self._barrier * dx
-        curvature = float(dx @ curved) / max(float(dx @ dx), 1e-300) + self.shift
+        curvature = inner(dx, curved) / max(inner(dx, dx), 1e-300) + self.shift
         self._before = self._stiffness, self.shift
         self.shift = max(GROWTH * self.shift, shorter * abs(curvature), SMALLEST_SHIFT)
         self._stiffness = self.shift

@@ -21,6 +21,7 @@ from stc.solver.iterate import Iterate, errors_of, evaluate, push_inside
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.primal_dual import PrimalDual
+from stc.solver.products import inner
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_multipliers"]
@@ -246,7 +247,7 @@ class QuadraticProgram:
         enough = ROUGH * self.point.error
         blocked = 0
         for _ in range(BARRIER_STEPS):
-            mu = float(it.gap @ it.z) / max(1, model.gaps)
+            mu = inner(it.gap, it.z) / max(1, model.gaps)
             try:
                 system.factorize(it, mu)
             except SingularSystem:
@@ -254,7 +255,7 @@ class QuadraticProgram:
             dw, _, dz = system.step(it, np.zeros(model.gaps), it.c)
             dgap = model.sign * dw[model.index]
             length = _longest(it, dgap, dz, 1.0)
-            ahead = float((it.gap + length * dgap) @ (it.z + length * dz)) / max(1, model.gaps)
+            ahead = inner(it.gap + length * dgap, it.z + length * dz) / max(1, model.gaps)
             centre = ((ahead / max(mu, 1e-300)) ** 3 * mu - dgap * dz) / it.gap
             dw, dy, dz = system.step(it, centre, it.c)
             dgap = model.sign * dw[model.index]
@@ -327,7 +328,7 @@ class _Model(Formulation):
     def values(self, x: Floats) -> tuple[float, Floats]:
         point = self._point
         bent = self.hessian_times(point.hess, x)
-        return float(point.gradient @ x + 0.5 * (x @ bent)), point.r + self.jacobian_times(point.jac, x)
+        return inner(point.gradient, x) + 0.5 * inner(x, bent), point.r + self.jacobian_times(point.jac, x)
 
     def derivatives(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
         point = self._point

@@ -35,6 +35,7 @@ from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.point_result import Judgement, judge, point_result
+from stc.solver.products import inner
 from stc.solver.rays import falls_without_limit
 from stc.solver.report import Callback, Result, Start
 from stc.solver.status import Status
@@ -226,7 +227,7 @@ class _Solve:
 
     def _promise(self, point: _Point, step: Floats, length: float) -> float:
         """What the objective's own quadratic model and the linearised equations say that a step gains."""
-        along, bent = float(point.gradient @ step), float(step @ self._hessian(point, step))
+        along, bent = inner(point.gradient, step), inner(step, self._hessian(point, step))
         return length * (self.penalty * float(np.abs(point.c).sum()) - along) - 0.5 * length**2 * bent
 
     def _adapt(self, promised: float, gained: float) -> None:
@@ -276,7 +277,7 @@ class _Solve:
     def _search(self, point: _Point, step: Floats, y: Floats) -> tuple[_Point, float] | None:
         """The longest of the halved steps that lessens the l1 merit function enough."""
         self.penalty = max(self.penalty, 2.0 * float(np.abs(y).max(initial=0.0)))
-        slope = float(point.gradient @ step) - self.penalty * float(np.abs(point.c).sum())
+        slope = inner(point.gradient, step) - self.penalty * float(np.abs(point.c).sum())
         small = float(np.abs(step / (1.0 + np.abs(point.x))).max(initial=0.0)) <= 1e-9
         if not slope < 0.0 and not small:
             return None
@@ -374,7 +375,7 @@ class _Solve:
             return point_result(nlp, judged, Status.OPTIMAL, self.monitor)
         if judged.conditions.violation > options.feasibility_tolerance:
             error, off = stationary_violation(nlp, point.x, np.ones(nlp.m))
-            if error <= STATIONARY and self._least_nearby(point.x, float(off @ off)):
+            if error <= STATIONARY and self._least_nearby(point.x, inner(off, off)):
                 return self._result(point.x, Status.INFEASIBLE)
         elif falls_without_limit(nlp, point.x, self.x0, options.feasibility_tolerance):
             return self._result(point.x, Status.UNBOUNDED)
@@ -396,7 +397,7 @@ class _Solve:
         for _ in range(PROBES):
             nearby = x + np.where(self.free, NEARBY * rng.uniform(-1.0, 1.0, len(x)) * (1.0 + np.abs(x)), 0.0)
             _, off = stationary_violation(self.nlp, nearby, np.ones(self.nlp.m))
-            if float(off @ off) < (1.0 - NEARBY**3) * squares:
+            if inner(off, off) < (1.0 - NEARBY**3) * squares:
                 return False
         return True
 
