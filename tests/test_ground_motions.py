@@ -14,6 +14,7 @@ import pytest
 
 import stc
 from stc.solution import Solution
+from stc.testing import assert_physical
 from stc.validate import validate
 from stc.validate.contact import contact_metrics
 from stc.validate.replay import replay
@@ -189,10 +190,9 @@ def test_the_segment_goes_where_it_should(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", OTHERS)
-def test_other_jumps_are_repeated_by_the_simulator(name: str, tmp_path: Path) -> None:
+def test_other_jumps_are_repeated_by_the_simulator(name: str) -> None:
     motion = solved(name)
-    motion.save(tmp_path / "motion.npz")
-    report = validate(tmp_path / "motion.npz")
+    report = assert_physical(motion).report
     assert largest_residual(report) <= 1e-9
     check_clear(motion)
     assert value(report, "tracked error on the ground, RMS", "base") <= 5e-3
