@@ -13,6 +13,7 @@ from pathlib import Path
 
 import stc
 from stc.solution import Solution
+from stc.transcription.operations import count_operations
 from stc.validate import limits
 from stc.validate.contact import contact_metrics, time_step_for
 from stc.validate.replay import Replay, replay
@@ -95,6 +96,14 @@ def in_the_air(name: str) -> str:
     )
 
 
+def operations(name: str) -> str:
+    """What derivatives cost: the chain rule by every unknown of the motion, and what is left to compute."""
+    counts = count_operations(stc.load(name).transcription()[1])
+    cells = [f"{count.naive_all:.1e} | {count.shared:.1e}" for count in counts.values()]
+    least = min(count.vanished(count.naive_all) for count in counts.values())
+    return f"| `{name}` | {' | '.join(cells)} | {100 * (1 - least):.1g} % |"
+
+
 def tables(names: Sequence[str]) -> str:
     lines = [on_the_ground(name) for name in names if name in GROUND]
     parts = [
@@ -116,6 +125,13 @@ def tables(names: Sequence[str]) -> str:
             "| share of the feedback, worst motor | residual |",
             "|" + " --- |" * 8,
             *[in_the_air(name) for name in names if name in OTHERS],
+        ],
+        ["Arithmetic operations of the derivatives over the whole motion (`stc show SPEC --stage ops`):"],
+        [
+            "| motion | Jacobian: naive trees | simplified and shared | Hessian: naive trees "
+            "| simplified and shared | left at most |",
+            "|" + " --- |" * 6,
+            *[operations(name) for name in names],
         ],
     ]
     busy = (

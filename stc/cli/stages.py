@@ -5,6 +5,7 @@ To make another stage visible, write its function and add it to :data:`STAGES`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -102,23 +103,29 @@ def operations(model: Model, method: str | None) -> str:
     from stc.transcription.operations import count_operations
 
     found = model.transcription(method)[1]
-    lines = [f"{'operations over the whole motion':46}{'Jacobian':>16}{'Hessian':>20}"]
     counts = count_operations(found)
-    first, second = counts["jacobian"], counts["hessian"]
+    both = (counts["jacobian"], counts["hessian"])
+    rows = [("operations over the whole motion", ["Jacobian", "Hessian"])]
     for label, attribute in (
         ("naive trees, by every unknown of the motion", "naive_all"),
         ("naive trees, by each statement's own unknowns", "naive_own"),
         ("simplified trees", "simplified"),
         ("shared", "shared"),
     ):
-        lines.append(f"{label:46}{getattr(first, attribute):16,}{getattr(second, attribute):20,}")
+        rows.append((label, [f"{getattr(count, attribute):,}" for count in both]))
     for label, attribute in (
         ("vanished, of the first", "naive_all"),
         ("vanished, of the second", "naive_own"),
     ):
-        shares = [f"{100 * count.vanished(getattr(count, attribute)):.4f} %" for count in (first, second)]
-        lines.append(f"{label:46}{shares[0]:>16}{shares[1]:>20}")
-    return "\n".join(lines)
+        rows.append((label, [_nearly(count.vanished(getattr(count, attribute))) for count in both]))
+    widths = [max(len(cells[k]) for _, cells in rows) for k in range(2)]
+    return "\n".join(f"{label:46}  {a:>{widths[0]}}  {b:>{widths[1]}}" for label, (a, b) in rows)
+
+
+def _nearly(share: float) -> str:
+    """A share near one in percent, with as many digits as it takes to tell it from one."""
+    digits = 2 if share in (0.0, 1.0) else max(2, 1 - math.floor(math.log10(abs(1.0 - share) * 100)))
+    return f"{100 * share:.{min(digits, 12)}f} %"
 
 
 def tape(model: Model, method: str | None) -> str:

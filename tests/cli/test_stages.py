@@ -68,6 +68,24 @@ def test_operations_are_counted_as_by_hand() -> None:
     assert counts["jacobian"].simplified == counts["jacobian"].shared == 1
 
 
+@pytest.mark.parametrize("name", ["particle_waypoints", "cart_pole_swing_up", "luxo_jump"])
+def test_nearly_all_operations_vanish(name: str) -> None:
+    """The report of 2001 claims more than 99 % for its problems."""
+    from stc.transcription.operations import count_operations
+
+    for count in count_operations(stc.load(name).transcription()[1]).values():
+        assert 0 < count.shared <= count.simplified < 0.01 * count.naive_all
+        assert count.vanished(count.naive_all) > 0.999
+        assert count.vanished(count.naive_own) > 0.97
+
+
+def test_columns_of_operations_stay_apart() -> None:
+    for line in find("ops")(stc.load("luxo_jump"), None).splitlines():
+        assert len(line) <= 100
+        assert len(line[46:].replace(" %", "").split()) == 2
+        assert "100.00" not in line
+
+
 def test_picture_of_a_small_matrix_is_exact() -> None:
     assert picture(np.array([0, 1, 1]), np.array([0, 0, 2]), (2, 3)).splitlines() == [
         "+---+",
