@@ -1,7 +1,8 @@
-"""The walk from text to a verdict: one public function per arrow.
+"""The walk from text to a saved solution: one public function per arrow.
 
-    read_source -> parse -> elaborate -> transcribe -> solve -> Solution.save -> replay
+    read_source -> parse -> elaborate -> transcribe -> solve -> Solution.save
 
+:func:`stc.certification.certify` goes on from there to the verdict.
 :class:`Model` strings them together and remembers what need not be done again: a changed constant that shapes
 nothing re-solves without parsing, differentiating or compiling.
 """
@@ -507,22 +508,6 @@ def problem_of(solution: Solution) -> Problem:
     return elaborate(parse(source_of(solution)), solution.overrides, solution.method)
 
 
-def replay(solution: Solution | str | os.PathLike[str], **options: Any) -> Any:
-    """Replays a solution in MuJoCo and judges it, the spec's own statements between the frames included.
-
-    Args:
-        solution: a solution or its file.
-        **options: of :func:`stc.validate.validate`.
-
-    Returns:
-        A :class:`stc.validate.Report`.
-    """
-    from stc.validate import validate
-
-    motion = solution if isinstance(solution, Solution) else read(solution)
-    return validate(solution, statements=statements_between(motion), **options)
-
-
 def statements_between(solution: Solution) -> list[StatementCheck]:
     """A solution's own statements between its frames; none where its text cannot be read any more."""
     from stc.between import check_statements
@@ -543,7 +528,6 @@ __all__ = [
     "parse",
     "problem_of",
     "read_source",
-    "replay",
     "resolve",
     "solve",
     "source_of",

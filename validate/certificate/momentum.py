@@ -57,7 +57,7 @@ def flights(setup: Setup) -> list[Flight]:
 def _flight(setup: Setup, first: int, last: int) -> Flight:
     import mujoco
 
-    model = setup.model(contacts=False)
+    model = _movable(setup.model(contacts=False))
     data = mujoco.MjData(model)
     mass = float(model.body_mass.sum())
     times, linear, angular, parts = [], [], [], 0.0
@@ -83,6 +83,18 @@ def _flight(setup: Setup, first: int, last: int) -> Flight:
         _share(np.abs(momentum - ballistic).max(), np.abs(momentum).max()),
         _share(np.abs(spin - spin[0]).max(), parts),
     )
+
+
+def _movable(model: mujoco.MjModel) -> mujoco.MjModel:
+    """The model with no mass in what is fixed to the world, which neither falls nor has a part in the flight."""
+    import mujoco
+
+    fixed = model.body_weldid == 0
+    if model.body_mass[fixed].any():
+        model.body_mass[fixed] = 0.0
+        model.body_inertia[fixed] = 0.0
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
 
 
 def _largest_part(model: mujoco.MjModel, data: mujoco.MjData) -> float:

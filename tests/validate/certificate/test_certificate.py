@@ -275,11 +275,18 @@ replay:
   contact body.block.fz = fz;
 """
 
+WALL = """<body name="wall" pos="3 0 1"><inertial pos="0 0 0" mass="40" diaginertia="9 9 9"/>
+  <geom type="box" size="0.1 1 1"/></body>"""
 
+
+@pytest.mark.parametrize("beside", ["", WALL])
 @pytest.mark.parametrize(("spin", "conserved"), [("0", True), ("0.5", False)])
-def test_momentum_in_flight(tmp_path: Path, spin: str, conserved: bool) -> None:
-    """Thrown upwards, a body with a tail keeps its angular momentum, unless a torque comes from nowhere."""
-    (tmp_path / "thrown.xml").write_text(THROWN)
+def test_momentum_in_flight(tmp_path: Path, spin: str, conserved: bool, beside: str) -> None:
+    """Thrown upwards, a body with a tail keeps its angular momentum, unless a torque comes from nowhere.
+
+    A wall beside it has a mass and no part in that.
+    """
+    (tmp_path / "thrown.xml").write_text(THROWN.replace("</worldbody>", f"{beside}</worldbody>"))
     (tmp_path / "thrown.stc").write_text(THROW.replace("SPIN", spin))
     certificate = certify(stc.load(tmp_path / "thrown.stc").solve())
     (flight,) = flights(certificate.replays.setup)
