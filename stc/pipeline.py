@@ -2,9 +2,9 @@
 
     read_source -> parse -> elaborate -> transcribe -> solve -> Solution.save
 
-:func:`stc.certification.certify` goes on from there to the verdict.
 :class:`Model` strings them together and remembers what need not be done again: a changed constant that shapes
-nothing re-solves without parsing, differentiating or compiling.
+nothing re-solves without parsing, differentiating or compiling.  :func:`stc.certification.certify` goes on from a
+solution to the verdict.
 """
 
 from __future__ import annotations

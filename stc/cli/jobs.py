@@ -310,6 +310,8 @@ def _judged(
         record.write({**outcome.record(), "validation": certificate.to_dict(), "report": written})
     else:
         console.show_certificate(certificate, page)
+        if certificate.passed and not outcome.good:
+            console.note("the motion passed, but the search did not get as far as it was asked to")
     return GOOD if certificate.passed and outcome.good else BAD
 
 

@@ -168,4 +168,10 @@ def test_a_motion_is_run_until_it_is_verified(stc_: Stc) -> None:
     assert len(rows(out)) == 2
     status, _, err = stc_("run", "wrong.stc", "--until-verified", "1e-3", "--refine", "1e-3")
     assert (status, "give one of them" in err) == (2, True)
+    status, out, err = stc_("run", "particle_waypoints", "--until-verified", "1e-99")
+    assert status == 1
+    assert "\npassed: " in out
+    assert err.rstrip().endswith(
+        "note: the motion passed, but the search did not get as far as it was asked to"
+    )
     assert stc_("run", "wrong.stc", "--until-verified", "-1")[0] == 2
