@@ -156,6 +156,7 @@ class SolutionValues:
     solution: Solution
     alignment: Alignment | None = None
     strict: bool = False
+    _sampled: dict[int, tuple[dict[str, Any], ...]] = field(default_factory=dict, repr=False)
 
     def names(self) -> Iterable[str]:
         return self.solution.names
@@ -167,14 +168,20 @@ class SolutionValues:
         if (name, order) not in self.solution.trajectories:
             return None
         n = len(time) - 1
-        alignment = self.alignment or Alignment.even(self.solution.n, n)
+        if n not in self._sampled:
+            self._sampled[n] = self._at_nodes(n)
         key = name + "'" * order
+        before, after, middle = (np.asarray(values[key]) for values in self._sampled[n])
+        return before, after, middle
+
+    def _at_nodes(self, n: int) -> tuple[dict[str, Any], ...]:
+        """All curves before and after the frames of a motion of n steps, and halfway between them."""
+        alignment = self.alignment or Alignment.even(self.solution.n, n)
         frames, mids = alignment.to_old(np.arange(n + 1)), alignment.to_old(np.arange(n) + 0.5)
-        return (
-            np.asarray(self.solution.at_frame(frames, "before")[key]),
-            np.asarray(self.solution.at_frame(frames, "after")[key]),
-            np.asarray(self.solution.at_frame(mids)[key]) if n else np.zeros(0),
-        )
+        after = self.solution.at_frame(frames, "after")
+        jumps = self.solution.frames_that_jump().size > 0
+        before = self.solution.at_frame(frames, "before") if jumps else after
+        return before, after, self.solution.at_frame(mids)
 
 
 def read_guess(path: str | os.PathLike[str]) -> GivenValues:

@@ -23,27 +23,25 @@ from numpy.typing import NDArray
 
 from stc.alignment import Alignment
 from stc.bundled import find_spec
+from stc.collecting import collect
 from stc.errors import Diagnostic, Source, SpecError, StcError, UsageError
 from stc.guess_file import GivenValues, SolutionValues, read_guess
 from stc.language import read_problem
 from stc.language.constant_values import constant_values
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
+from stc.nested import FewerFrames, Nested, fewer_frames
 from stc.phases import named_cuts
-from stc.problem import Problem, VariableRef
-from stc.solution import ReplayChannel, Solution, read
+from stc.problem import Problem
+from stc.solution import Solution, read
 from stc.solver import IterationRecord, Options, Result, Start, Status
 from stc.solver.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
-from stc.symbolic.expr import symbols
-from stc.trajectory import Channel
 from stc.transcription import Transcription
 from stc.transcription import transcribe as _transcribe
 from stc.transcription.bind import BoundProgram
 from stc.transcription.guess import check_names
-from stc.transcription.multipliers import multiplier_blocks
-from stc.transcription.recover import Recovery
 from stc.transcription.resample import resample_multipliers
-from stc.transcription.schemes import METHODS, stencil_reach
+from stc.transcription.schemes import METHODS
 
 if TYPE_CHECKING:
     from stc.language.syntax import SpecTree
@@ -84,6 +82,7 @@ def solve(
     callback: Callback | None = None,
     optimizer: str = DEFAULT,
     minimizer: Minimizer | None = None,
+    bound: BoundProgram | None = None,
 ) -> tuple[BoundProgram, Result]:
     """Binds constants, compiles what is not compiled, and minimises.
 
@@ -95,15 +94,17 @@ def solve(
         callback: called after every iteration; returning True stops.
         optimizer: its name, see :mod:`stc.solver.optimizers`.
         minimizer: called in its stead, say to measure it.
+        bound: the transcription with these constants, if it is at hand.
 
     Raises:
         SpecError, EvaluationError: the starting point is no place to start from.
         UsageError: no such optimizer, or one that cannot do what the problem needs.
     """
     minimizer = minimizer or optimizer_of(optimizer)
-    bound = transcription.bind(constants, None if start is None else start.x)
-    if start is not None:
-        start = replace(start, x=bound.x0)
+    if bound is None:
+        bound = transcription.bind(constants, None if start is None else start.x)
+        if start is not None:
+            start = replace(start, x=bound.x0)
     if bound.contradictions:
         return bound, _contradicted(transcription, bound)
     if remark := caution(optimizer, bound):
@@ -141,74 +142,6 @@ def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
     )
 
 
-def collect(
-    transcription: Transcription,
-    result: Result,
-    constants: Mapping[str, float],
-    overrides: Mapping[str, float],
-    seconds: Mapping[str, float],
-    optimizer: str = DEFAULT,
-) -> Solution:
-    """The solution that a stranger can use: node values, multipliers and replay channels by name."""
-    problem = transcription.problem
-    recovery = transcription.recovery(result.x, constants)
-    source = problem.source
-    return Solution(
-        name=problem.name,
-        source=source.text,
-        directory=str(Path(source.path).resolve().parent) if source.path else "",
-        constants=constants,
-        overrides=overrides,
-        method=problem.method,
-        time=recovery.time,
-        trajectories=recovery.trajectories(),
-        parameters=recovery.parameters,
-        status=str(result.status.value),
-        message=result.message,
-        objective=result.objective,
-        violation=result.violation,
-        optimality=result.optimality,
-        iterations=result.iterations,
-        factorizations=result.factorizations,
-        optimizer=optimizer,
-        seconds=seconds,
-        x=result.x,
-        row_multipliers=result.row_multipliers,
-        bound_multipliers=result.bound_multipliers,
-        multipliers=multiplier_blocks(transcription, result.row_multipliers, result.bound_multipliers),
-        model=problem.model,
-        replay=_replay_channels(problem, recovery),
-        force_frames=_force_frames(problem),
-    )
-
-
-def _replay_channels(problem: Problem, recovery: Recovery) -> list[ReplayChannel]:
-    channels = []
-    for line in problem.replay:
-        if line.kind == "set":
-            number = np.full(problem.n + 1, recovery.number(line.body))
-            mid = number[:-1] if problem.method == "hermite-simpson" else None
-            channels.append(ReplayChannel(line.kind, line.path, Channel(number, number, mid)))
-            continue
-        value = recovery.channel(line.body)
-        rate = recovery.rate(line.body, 1) if line.kind in ("joint", "compare") else None
-        acceleration = recovery.rate(line.body, 2) if line.kind == "joint" else None
-        channels.append(ReplayChannel(line.kind, line.path, value, rate, acceleration))
-    return channels
-
-
-def _force_frames(problem: Problem) -> tuple[int, int]:
-    """The frames at which central differences leave no statement out."""
-    highest = 0
-    if problem.method == "central":
-        for statement in problem.relations:
-            for key in symbols(statement.body):
-                if isinstance(key, VariableRef):
-                    highest = max(highest, key.order)
-    reach = min(stencil_reach(highest), problem.n // 2) if highest > 1 else 0
-    return reach, problem.n - reach
-
-
 class Model:
     """A spec, ready to be solved with other numbers, methods and frame counts.
 
@@ -228,6 +161,7 @@ class Model:
         self.warnings: tuple[Diagnostic, ...] = ()
         self._transcriptions: dict[object, Transcription] = {}
         self._own_method = ""
+        self._fewer: dict[object, FewerFrames | None] = {}  # of the last constants
 
     def _parsed(self) -> SpecTree:
         try:
@@ -301,6 +235,7 @@ class Model:
         callback: Callback | None = None,
         optimizer: str = DEFAULT,
         minimizer: Minimizer | None = None,
+        fewer_first: bool = True,
         constants: Mapping[str, float] | None = None,
         **overrides: float,
     ) -> Solution:
@@ -318,6 +253,8 @@ class Model:
             callback: called with a record after every iteration; returning True stops the solve.
             optimizer: ``sqp``, ``nlopt:slsqp``, ... instead of the project's own method, see docs/solver.md.
             minimizer: called in the optimizer's stead, say to measure it (see :mod:`stc.studies.profile`).
+            fewer_first: a motion on many frames is solved on fewer frames first (see :mod:`stc.nested`), unless it
+                starts from a solution.
             constants: values of constants by name, for names that clash with the arguments above.
             **overrides: values of constants, such as ``n=120`` or ``g=1.62``.
 
@@ -338,6 +275,7 @@ class Model:
         if transcription.kernels is None:
             transcription.compile()
         seconds["compile"] = transcription.seconds.pop("compile", 0.0)
+        seconds["solve"] = 0.0
         limits: dict[str, Any] = {}
         if tolerance is not None:
             limits["tolerance"] = tolerance
@@ -356,15 +294,68 @@ class Model:
             start = Start(transcription.bind(problem.constants, guess=values).x0)
         if start is not None:
             limits["warm_start"] = start.row_multipliers is not None
+        options = Options(**limits)
         solving = time.perf_counter()
-        _, result = solve(
-            transcription, problem.constants, Options(**limits), start, callback, optimizer, minimizer
-        )
-        seconds["solve"] = time.perf_counter() - solving
+        result: Result | None = None
+        if fewer_first and start is None and optimizer == DEFAULT:
+            result = self._nested(problem, transcription, given, options, callback, minimizer, seconds)
+        if result is None:
+            _, result = solve(
+                transcription, problem.constants, options, start, callback, optimizer, minimizer
+            )
+        seconds["solve"] += time.perf_counter() - solving
         seconds["total"] = parse_seconds + time.perf_counter() - begin
         solution = collect(transcription, result, problem.constants, given, seconds, optimizer)
         solution.origin = self
         return solution
+
+    def _nested(
+        self,
+        problem: Problem,
+        transcription: Transcription,
+        given: Mapping[str, float],
+        options: Options,
+        callback: Callback | None,
+        minimizer: Minimizer | None,
+        seconds: dict[str, float],
+    ) -> Result | None:
+        """Solves by way of fewer frames; None where there is no such way, or the problem takes few steps anyway.
+
+        What deriving and compiling the motion on fewer frames takes is added to ``seconds``, and taken off the solve's.
+        """
+        program = transcription.program
+        if program.objective_degree <= 2 and program.row_linear.all():
+            return None
+        key = problem.method, tuple(sorted(problem.constants.items()))
+        if key not in self._fewer:
+            self._fewer = {key: fewer_frames(self.tree, given, problem)}
+        fewer = self._fewer[key]
+        if fewer is None:
+            return None
+        begin = time.perf_counter()
+        small, reduced = self.transcription(problem.method, **{**given, **fewer.constants})
+        if reduced.kernels is None:
+            reduced.compile()
+        seconds["solve"] -= time.perf_counter() - begin
+        seconds["derive"] += reduced.seconds.pop("derive", 0.0)
+        seconds["compile"] += reduced.seconds.pop("compile", 0.0)
+
+        def coarse(limits: Options, told: Callback) -> Solution:
+            _, result = solve(reduced, small.constants, limits, None, told, minimizer=minimizer)
+            return collect(reduced, result, small.constants, {**given, **fewer.constants}, {})
+
+        followed: list[BoundProgram | None] = [None]
+
+        def start(motion: Solution) -> Start:
+            found, followed[0] = self._follow(motion, transcription, problem)
+            return found
+
+        def fine(limits: Options, start: Start | None, told: Callback | None) -> Result:
+            bound = None if start is None else followed[0]
+            numbers = problem.constants
+            return solve(transcription, numbers, limits, start, told, minimizer=minimizer, bound=bound)[1]
+
+        return Nested(fewer.ratio, coarse, start, fine, options, callback).run()
 
     def reached(
         self,
@@ -411,6 +402,12 @@ class Model:
     ) -> Start:
         """Where to start from an earlier solution; with multipliers where it was optimal."""
         earlier = warm_start if isinstance(warm_start, Solution) else read(warm_start)
+        return self._follow(earlier, transcription, problem)[0]
+
+    def _follow(
+        self, earlier: Solution, transcription: Transcription, problem: Problem
+    ) -> tuple[Start, BoundProgram | None]:
+        """As :meth:`_start`, and the program that was bound for it."""
         program = transcription.program
         alignment = self._alignment(earlier, problem)
         same = (
@@ -422,16 +419,16 @@ class Model:
         )
         optimal = earlier.status == "optimal"
         if same and np.isfinite(earlier.x).all():
-            return (
-                Start(earlier.x, earlier.row_multipliers, earlier.bound_multipliers)
-                if optimal
-                else Start(earlier.x)
-            )
+            if not optimal:
+                return Start(earlier.x), None
+            return Start(earlier.x, earlier.row_multipliers, earlier.bound_multipliers), None
         bound = transcription.bind(problem.constants, guess=SolutionValues(earlier, alignment), check=False)
         if not optimal or not earlier.multipliers:
-            return Start(bound.x0)
+            return Start(bound.x0), bound
         lengths = transcription.recovery(bound.x0, problem.constants).lengths
-        return Start(bound.x0, *resample_multipliers(earlier, transcription, bound, lengths, alignment))
+        return Start(
+            bound.x0, *resample_multipliers(earlier, transcription, bound, lengths, alignment)
+        ), bound
 
     def _alignment(self, earlier: Solution, problem: Problem) -> Alignment:
         """Which frames of an earlier solution are which of a problem's."""

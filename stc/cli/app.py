@@ -14,6 +14,7 @@ from stc.cli import exports, jobs, perturbed, pictures, studies
 from stc.cli import view as viewing
 from stc.cli.options import (
     Continue,
+    Direct,
     Explain,
     Force,
     GuessFrom,
@@ -96,6 +97,7 @@ def solve(
     refine: Refine = None,
     output: Output = None,
     explain: Explain = False,
+    direct: Direct = False,
     profile: Profile = False,
     json: Json = False,
 ) -> int:
@@ -116,6 +118,7 @@ def solve(
         seed,
         refine,
         profile,
+        direct=direct,
     )
     return jobs.solve(spec, options, as_json=json)
 
@@ -136,6 +139,7 @@ def run(
     seed: Seed = None,
     refine: Refine = None,
     until: UntilVerified = None,
+    direct: Direct = False,
     output: Output = None,
     force: Force = False,
     report: Report = None,
@@ -157,6 +161,7 @@ def run(
         seed=seed,
         refine=refine,
         until=until,
+        direct=direct,
     )
     page = None if report is None else writable_page(report)
     return jobs.run(spec, options, force=force, page=page, as_json=json)

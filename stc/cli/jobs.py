@@ -266,6 +266,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
             time_limit=options.time_limit,
             warm_start=options.warm_start,
             optimizer=options.optimizer or DEFAULT,
+            fewer_first=not options.direct,
         )
         solution = found.solution
         if file is not None:

@@ -112,6 +112,9 @@ Explain = Annotated[
         help="Also tell what holds the solution back and what each statement costs, or who is to blame.",
     ),
 ]
+Direct = Annotated[
+    bool, typer.Option("--direct", help="Solve on all frames at once, never on fewer of them first.")
+]
 Profile = Annotated[bool, typer.Option("--profile", help="Also tell where the time went.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Force = Annotated[bool, typer.Option("--force", help="Replay even what the solver did not call optimal.")]
@@ -136,6 +139,7 @@ class SolveOptions:
     explain: bool = False
     search: Search = field(default_factory=Search)
     profile: bool = False
+    direct: bool = False
 
 
 def solve_options(
@@ -155,6 +159,7 @@ def solve_options(
     refine: float | None = None,
     profile: bool = False,
     until: float | None = None,
+    direct: bool = False,
 ) -> SolveOptions:
     """Check the options of one solve before any work is done.
 
@@ -189,6 +194,7 @@ def solve_options(
         explain,
         search,
         profile,
+        direct,
     )
 
 

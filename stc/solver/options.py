@@ -19,7 +19,9 @@ class Options:
         max_iterations: limit on the iterations of all phases together.
         time_limit: limit in seconds of wall-clock time.
         scaling: scale objective, rows and badly scaled variables automatically.
-        warm_start: trust the primal-dual start and its active set.
+        warm_start: start from the primal-dual start and its active set.
+        trusting: no effort is spared to keep to the active set of a warm start; otherwise, as from another number of
+            frames, only its variables are started from where the active set does not lead to a solution at once.
         initial_barrier: barrier parameter of a cold start.
         retries: how many other ways (feasibility first, a cautious barrier, starts nearby and elsewhere) are tried
             before a failure or local infeasibility is reported.
@@ -33,6 +35,7 @@ class Options:
     time_limit: float = float("inf")
     scaling: bool = True
     warm_start: bool = False
+    trusting: bool = True
     initial_barrier: float = 0.1
     retries: int = 4
     seed: int = 0

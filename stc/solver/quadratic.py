@@ -117,10 +117,15 @@ class QuadraticProgram:
         self._held_rows = np.zeros(form.m, bool)
         self._jac = point.jac
 
-    def solve(self, guess: ActiveSet) -> QuadraticSolution | None:
-        """The solution with the help of a guess; None where no method found one."""
+    def solve(self, guess: ActiveSet, *, thorough: bool = True) -> QuadraticSolution | None:
+        """The solution with the help of a guess; None where no method found one.
+
+        Args:
+            guess: of the active set.
+            thorough: where the guess does not lead to the solution, the barrier method is asked.
+        """
         found = self._by_active_sets(guess)
-        if found is not None:
+        if found is not None or not thorough:
             return found
         inner, error = self._by_barrier()
         # Even a rough solution tells which constraints are active.

@@ -41,7 +41,7 @@ class IterationRecord:
         regularization: what was added to the Hessian's diagonal.
         phase: ``"barrier"``, ``"active-set"`` or ``"restoration"``.
         x: the point itself, (n,), for the callback only: a history keeps none.  It is the solver's own array,
-            to be copied by whoever keeps it.
+            to be copied by whoever keeps it.  None while the same motion is solved on fewer frames.
     """
 
     iteration: int

@@ -128,6 +128,8 @@ class _Solve:
         it = warm_iterate(form, x, y)
         if point is not None:
             return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it)
+        if not self.options.trusting:
+            return self._barrier(form, x * form.x_scale, Tactics())
         return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=Tactics())
 
     def _feasible_first(self, form: ScaledProblem, x0: Floats) -> Outcome:

@@ -43,7 +43,7 @@ def from_neighbour(
     smallest, patience = point.error, PATIENCE
     for _ in range(STEPS):
         program = QuadraticProgram(form, point, EXACT * options.tolerance)
-        found = program.solve(active)
+        found = program.solve(active, thorough=options.trusting)
         if found is None:
             return None
         active = found.active

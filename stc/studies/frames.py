@@ -10,21 +10,18 @@ where they were.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.errors import Span, SpecError, UsageError
-from stc.language.constants import Constants
-from stc.language.diagnostics import Diagnostics
-from stc.language.names import collect_names
-from stc.phases import resolved, stretches
+from stc.errors import SpecError, UsageError
+from stc.nested import own_constants
 from stc.pipeline import Model
-from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef, VariableRef
-from stc.symbolic.expr import Expr, evaluate, symbols
+from stc.problem import Problem
+from stc.same_motion import BESIDE, check_same_motion, named_frames, takes_longer
 
 __all__ = ["MOST_AT_ONCE", "ORDER", "Spread", "growth_for"]
 
@@ -37,11 +34,6 @@ LOWEST_ORDER = 0.7
 
 MOST_AT_ONCE = 8
 """No phase gets more than so many times as many frames from one solve to the next."""
-BESIDE = 1
-"""A frame number may stand this many frames beside one that scales: n/2 + 1, a - 1."""
-CLOSE = 1e-9
-TRIALS = (1.0, 1.7)
-"""Values of all parameters at which durations are compared."""
 
 
 @dataclass(slots=True)
@@ -75,7 +67,7 @@ class Spread:
         if problem.n == 0:
             raise UsageError(f"{problem.name} has one frame only: there is nothing between the frames")
         values = problem.constants
-        free = _independent(model, {**model.overrides, **constants})
+        free = own_constants(model.tree, {**model.overrides, **constants})
         own = {name: values[name] for name in free if name in problem.structural}
         spread = cls(model, method, constants, problem, [], own)
         found: dict[int, str] = {}
@@ -171,44 +163,19 @@ class Spread:
         finer = self.model.problem(self.method, **{**self.constants, **overrides})
         if finer.n != new[-1]:
             raise UsageError(f"{' and '.join(overrides)} do not decide the number of frames")
-        wrong = self._takes_longer(finer, old, new)
+        wrong = takes_longer(self.problem, finer, old, new)
         if wrong and "h" in self.problem.constants and len(set(factors)) == 1:
             overrides = {**overrides, "h": self.problem.constants["h"] / factors[0]}
             finer = self.model.problem(self.method, **{**self.constants, **overrides})
-            wrong = self._takes_longer(finer, old, new)
-        named, moved = list(named_frames(self.problem)), list(named_frames(finer))
-        if len(named) != len(moved):
-            raise UsageError(
-                f"{self.problem.name} reads other frames with n = {finer.n} than with n = {self.problem.n}"
-            )
-        for (frame, span), (other, _) in zip(named, moved, strict=True):
-            if not _scales(frame, other, old, new):
-                place = span.location if span is not None else self.problem.name
-                raise UsageError(
-                    f"{place}: frame {frame:g} of {self.problem.n} would be frame {other:g} of {finer.n}: "
-                    "it does not keep its share of the motion",
-                    f"write frame numbers as shares of n, here `{frame:g}/{self.problem.n}*n`, or as constants "
-                    "such as `a = n/2`",
-                )
+            wrong = takes_longer(self.problem, finer, old, new)
+        check_same_motion(self.problem, finer, old, new)
         if wrong:
             times = f"{finer.n / self.problem.n:.3g} times as many frames"
             raise UsageError(
                 f"{self.problem.name} takes another time with {times}",
                 "give the duration and let h follow from it, as in `T = 2, h = T/n`",
             )
-        _check_objective(self.problem, finer, old, new)
         return overrides
-
-    def _takes_longer(self, finer: Problem, old: NDArray[np.int_], new: NDArray[np.int_]) -> bool:
-        """Whether the ends, or a frame where another definition or statement begins, come at another time."""
-        cuts = np.array(sorted({first for first, _ in stretches(self.problem, self.problem.relations)}))
-        cuts = np.append(cuts, self.problem.n)
-        for trial in TRIALS:
-            before, after = frame_times(self.problem, trial), frame_times(finer, trial)
-            there = np.interp(np.interp(cuts, old, new), np.arange(finer.n + 1), after)
-            if not np.allclose(there, before[cuts], rtol=CLOSE, atol=CLOSE * abs(before[-1])):
-                return True
-        return False
 
 
 def observed_order(method: str, coarse: tuple[int, float], fine: tuple[int, float]) -> float:
@@ -250,107 +217,3 @@ def growth_for(errors: FloatArray, counts: NDArray[np.int_], order: float, share
         kept = float((errors * np.maximum(1.0, scale * shape) ** -order).sum())
         low, high = (scale, high) if kept > share * float(errors.sum()) else (low, scale)
     return np.asarray(np.clip(high * shape, 1.0, MOST_AT_ONCE))
-
-
-def _independent(model: Model, overrides: Mapping[str, float]) -> list[str]:
-    """Constants that no other constant determines."""
-    diagnostics = Diagnostics(model.source)
-    table = collect_names(model.tree, diagnostics)
-    constants = Constants(table, overrides, diagnostics, model.tree.damaged)
-    return [name for name in constants.values if constants.made_from(name) == {name}]
-
-
-def _scales(frame: float, other: float, old: NDArray[np.int_], new: NDArray[np.int_]) -> bool:
-    """Whether a frame went where the ends take it, or stays this far beside such a one."""
-    for beside in range(-BESIDE, BESIDE + 1):
-        at = frame - beside
-        if old[0] <= at <= old[-1] and abs(np.interp(at, old, new) + beside - other) <= CLOSE * old[-1]:
-            return True
-    return False
-
-
-def named_frames(problem: Problem) -> Iterator[tuple[float, Span | None]]:
-    """Every frame number that a spec names, in an order that does not depend on n."""
-    for relation in problem.relations:
-        yield float(relation.range.first), relation.range.span or relation.span
-        yield float(relation.range.last), relation.range.span or relation.span
-        for bound in (relation.body, relation.lower, relation.upper):
-            yield from _absolute(bound, relation.span)
-    for term in problem.objective:
-        yield float(term.range.first), term.range.span or term.span
-        yield float(term.range.last), term.range.span or term.span
-        yield from _absolute(term.body, term.span)
-    for guess in problem.guesses:
-        yield float(guess.range.first), guess.range.span or guess.span
-        yield float(guess.range.last), guess.range.span or guess.span
-    for pieces in problem.definitions.values():
-        for piece in pieces:
-            yield float(piece.range.first), piece.range.span or piece.span
-            yield float(piece.range.last), piece.range.span or piece.span
-            yield from _absolute(piece.body, piece.span)
-    for jump in problem.jumps:
-        yield float(jump.frame), jump.span
-
-
-def _absolute(body: Expr | None, span: Span) -> Iterator[tuple[float, Span | None]]:
-    """Absolute indices such as ``x[20]``."""
-    keys = [] if body is None else [k for k in symbols(body) if isinstance(k, VariableRef) and k.scale == 0]
-    for key in sorted(keys, key=lambda k: (k.name, k.order, float(k.shift))):
-        yield float(key.shift), span
-
-
-def frame_times(problem: Problem, trial: float) -> FloatArray:
-    """The time of every frame where each parameter has the value ``trial``. (n+1,)"""
-    known: dict[object, object] = {ConstantRef(name): value for name, value in problem.constants.items()}
-    known.update({ParameterRef(name): trial for name in problem.parameters})
-    lengths = np.zeros(problem.n)
-    for first, last in stretches(problem, ()):
-        step = resolved(problem, problem.step, first)
-        values = {**known, IndexRef(): np.arange(first, last, dtype=float)}
-        lengths[first:last] = np.asarray(evaluate(step, values))
-    return np.concatenate([[0.0], np.cumsum(lengths)])
-
-
-def _check_objective(coarse: Problem, fine: Problem, old: NDArray[np.int_], new: NDArray[np.int_]) -> None:
-    """Plain sums over frames have to weigh as before against everything else in the objective.
-
-    Raises:
-        UsageError: one does not.
-    """
-    ratios: list[float] = []
-    blamed = None
-    for term, other in zip(coarse.objective, fine.objective, strict=True):
-        if term.integral or term.range.first == term.range.last:
-            ratios.append(1.0)
-            continue
-        blamed = term
-        before, after = (
-            _sum(p, t.body, t.range.first, t.range.last) for p, t in ((coarse, term), (fine, other))
-        )
-        ratios.append(after / before if before else 1.0)
-    # The ends of a range count as whole frames in a sum: a relative difference of that size is the sum's own.
-    tolerance = 4.0 / max(1, min(int(np.diff(old).min()), int(np.diff(new).min())))
-    if blamed is not None and max(ratios) > min(ratios) * (1.0 + tolerance):
-        raise UsageError(
-            f"{blamed.span.location}: a plain sum over frames grows with n, so that the objective would be another one",
-            f"write `integral({blamed.text})`",
-        )
-
-
-def _sum(problem: Problem, body: Expr, first: int, last: int) -> float:
-    """A term's sum over its frames where every variable has a fixed value of its own."""
-    values: dict[object, object] = {ConstantRef(name): value for name, value in problem.constants.items()}
-    values.update({ParameterRef(name): 1.3 for name in problem.parameters})
-    total = 0.0
-    for a, b in stretches(problem, ()):
-        start, end = max(a, first), min(b, last)
-        if start >= end:
-            continue
-        here = resolved(problem, body, a)
-        index = np.arange(start, end, dtype=float)
-        known = {**values, IndexRef(): index / problem.n, TimeRef(): index / problem.n}
-        for key in symbols(here):
-            if isinstance(key, VariableRef):
-                known[key] = 0.7 + 0.11 * (len(key.name) + key.order)
-        total += float(np.sum(np.broadcast_to(np.asarray(evaluate(here, known)), index.shape)))
-    return total

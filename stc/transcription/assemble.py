@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,12 @@ from stc.transcription.lower import DataRef
 from stc.transcription.statements import Row, Statements, Summand
 
 LANES = 4
+REMEMBERED = 64
+"""Groups whose derivatives are kept."""
+DERIVED = (
+    "unknown", "data", "gradient", "jacobian", "hessian", "values_tape", "derivatives_tape", "degrees",
+    "objective_degree",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +88,19 @@ class Group:
         bodies = [row.body for row in self.rows]
         if self.summands:
             self.objective = sum_of([s.body for s in self.summands])
+        # Expressions are unique: the same motion on another number of frames asks for the same derivatives.
+        key = tuple(bodies), self.objective, tuple(uniform)
+        known = _derived.pop(key, None)
+        if known is None:
+            self._differentiate(bodies, uniform)
+            known = {name: getattr(self, name) for name in DERIVED}
+        for name, value in known.items():
+            setattr(self, name, value)
+        _derived[key] = known  # the last one used comes last
+        while len(_derived) > REMEMBERED:
+            del _derived[next(iter(_derived))]
+
+    def _differentiate(self, bodies: list[Expr], uniform: Sequence[object]) -> None:
         every = bodies + ([self.objective] if self.objective is not None else [])
         seen: dict[object, None] = {}
         for e in every:
@@ -109,6 +129,9 @@ class Group:
             outputs += [second[key] for key in self.hessian]
         multipliers = [MultiplierRef(r) for r in range(len(self.rows))]
         self.derivatives_tape = build_tape(outputs, uniform, [*varying, *multipliers])
+
+
+_derived: dict[tuple[object, ...], dict[str, Any]] = {}
 
 
 def _is_zero(e: Expr) -> bool:

@@ -95,7 +95,7 @@ class LiveSolve:
 
     def _look(self, record: IterationRecord) -> bool:
         now = time.monotonic()
-        if now - self._shown >= PERIOD:
+        if now - self._shown >= PERIOD and record.x is not None:
             self._shown = now
             motion = self._model.reached(
                 record, method=self._options.get("method"), constants=self._options.get("constants")

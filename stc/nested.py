@@ -1,0 +1,207 @@
+"""Nested iteration: the same motion on fewer frames, which is solved first to start the solve on all frames.
+
+What is hard about a motion, to find out how it goes at all, costs as many iterations on few frames as on many, and
+each costs less; from there a few steps lead to the solution on all frames (nested iteration of multigrid methods, and
+the refinement of meshes in J. T. Betts, Practical methods for optimal control, 2010, section 4.7).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import ceil
+
+import numpy as np
+
+from stc.alignment import Alignment
+from stc.errors import SpecError, UsageError
+from stc.language.constants import Constants
+from stc.language.diagnostics import Diagnostics
+from stc.language.elaborate import elaborate
+from stc.language.names import collect_names
+from stc.language.syntax import SpecTree
+from stc.phases import named_cuts
+from stc.problem import Problem
+from stc.same_motion import check_same_motion, takes_longer
+from stc.solution import Solution
+from stc.solver import IterationRecord, Options, Result, Start, Status
+
+__all__ = ["FewerFrames", "Nested", "fewer_frames", "own_constants"]
+
+FEWEST, SHORTEST = 50, 25
+"""Frames of a motion, and of each of its phases, that are left at least: fewer may show another motion."""
+WORTHWHILE = 4.0
+"""How many times fewer frames there are to be."""
+
+
+ITERATIONS = 150
+"""Where the motion on fewer frames takes more, or that on all frames from there, it is no help."""
+WORSE = 0.05
+"""A solution whose objective is this share above that on fewer frames is another motion, and not the better one."""
+
+Callback = Callable[[IterationRecord], bool | None]
+
+
+@dataclass(frozen=True, slots=True)
+class FewerFrames:
+    """The same motion on fewer frames.
+
+    Attributes:
+        constants: that lead to it.
+        ratio: how many times as large an objective is on all frames: 1 but for plain sums over frames.
+    """
+
+    constants: Mapping[str, float]
+    ratio: float
+
+
+def own_constants(tree: SpecTree, overrides: Mapping[str, float]) -> list[str]:
+    """Constants that no other constant determines."""
+    diagnostics = Diagnostics(tree.source)
+    constants = Constants(collect_names(tree, diagnostics), overrides, diagnostics, tree.damaged)
+    return [name for name in constants.values if constants.made_from(name) == {name}]
+
+
+def fewer_frames(tree: SpecTree, overrides: Mapping[str, float], problem: Problem) -> FewerFrames | None:
+    """Constants for the motion on a number of frames that still shows it; None where the spec offers none.
+
+    Args:
+        tree: the spec.
+        overrides: constants given from outside.
+        problem: the spec with these.
+    """
+    cuts = named_cuts(problem)
+    phases = np.diff(Alignment.of(cuts, cuts).old)
+    most = min(problem.n / FEWEST, float(phases.min(initial=np.inf)) / SHORTEST)
+    if not WORTHWHILE <= most < np.inf:
+        return None
+    shaping = {k: problem.constants[k] for k in own_constants(tree, overrides) if k in problem.structural}
+    for way in _ways(shaping, most):
+        try:
+            other = elaborate(tree, {**overrides, **way}, problem.method)
+            if not 0 < other.n * WORTHWHILE <= problem.n:
+                continue
+            pairs = Alignment.of(cuts, named_cuts(other))
+            if takes_longer(problem, other, pairs.old, pairs.new) and "h" in problem.constants:
+                way = {**way, "h": problem.constants["h"] * problem.n / other.n}
+                other = elaborate(tree, {**overrides, **way}, problem.method)
+            if takes_longer(problem, other, pairs.old, pairs.new):
+                continue
+            return FewerFrames(way, 1.0 / check_same_motion(problem, other, pairs.old, pairs.new))
+        except (SpecError, UsageError):
+            continue
+    return None
+
+
+def _ways(shaping: Mapping[str, float], most: float) -> Iterator[dict[str, float]]:
+    """Other values for the constants that shape a motion, the likeliest first, up to ``most`` times smaller."""
+    whole = {name: int(value) for name, value in shaping.items() if value == int(value) and value > 1}
+    for name in sorted(whole, key=lambda name: name != "n"):
+        yield {name: float(ceil(whole[name] / most))}
+    if len(whole) > 1:
+        for factor in range(int(most), 1, -1):
+            if all(value % factor == 0 for value in whole.values()):
+                yield {name: float(value // factor) for name, value in whole.items()}
+                return
+
+
+@dataclass(slots=True)
+class Nested:
+    """A solve by way of fewer frames.
+
+    Args:
+        ratio: see :class:`FewerFrames`.
+        coarse: solves the motion on fewer frames.
+        start: where that leads to on all frames.
+        fine: solves on all frames, from the spec's own guess where the start is None.
+        options, callback: of the whole solve.
+    """
+
+    ratio: float
+    coarse: Callable[[Options, Callback], Solution]
+    start: Callable[[Solution], Start]
+    fine: Callable[[Options, Start | None, Callback | None], Result]
+    options: Options
+    callback: Callback | None
+    _begin: float = 0.0
+    _iterations: int = 0
+    _factorizations: int = 0
+    _stopped: bool = False
+
+    def run(self) -> Result:
+        """The result on all frames, iterations and factorisations of all solves counted.
+
+        A solve from the motion on fewer frames counts where it is no worse than that promised; otherwise the spec's
+        own guess is tried as well.
+        """
+        self._begin = time.monotonic()
+        options = self.options
+        # Not to a rougher tolerance: multipliers would not tell any more which constraints are active.
+        first = replace(options, max_iterations=min(options.max_iterations, ITERATIONS), retries=0)
+        before = self.coarse(first, self._told_from_afar)
+        self._count(before)
+        self._stopped = self._stopped or before.status == "interrupted"
+        if self._stopped or self._over:  # the next solve ends at once, with the motion so far
+            return self._counted(self.fine(self._left(), Start(self.start(before).x), self._told))
+        found: Result | None = None
+        if before.status == "optimal":
+            left = self._left()
+            quick = replace(
+                left,
+                max_iterations=min(left.max_iterations, ITERATIONS),
+                retries=0,
+                warm_start=True,
+                trusting=False,
+            )
+            found = self.fine(quick, self.start(before), self._told)
+            promised = self.ratio * before.objective
+            as_good = found.objective <= promised + WORSE * max(abs(promised), abs(found.objective))
+            if (found.status is Status.OPTIMAL and as_good) or self._stopped or self._over:
+                return self._counted(found)
+            self._count(found)
+            if self._over:
+                return self._counted(replace(found, iterations=0, factorizations=0))
+        other = self.fine(self._left(), None, self._told)
+        if found is not None and found.status is Status.OPTIMAL:
+            if other.status is not Status.OPTIMAL or found.objective < other.objective:
+                self._count(other)
+                other = replace(found, iterations=0, factorizations=0)
+        return self._counted(other)
+
+    @property
+    def _over(self) -> bool:
+        """Whether a limit of the whole solve is reached."""
+        spent = time.monotonic() - self._begin
+        return self._iterations >= self.options.max_iterations or spent >= self.options.time_limit
+
+    def _left(self) -> Options:
+        """The options with what is left of the limits."""
+        return replace(
+            self.options,
+            max_iterations=max(0, self.options.max_iterations - self._iterations),
+            time_limit=max(0.0, self.options.time_limit - (time.monotonic() - self._begin)),
+        )
+
+    def _count(self, done: Solution | Result) -> None:
+        self._iterations += done.iterations
+        self._factorizations += done.factorizations
+
+    def _counted(self, result: Result) -> Result:
+        return replace(
+            result,
+            iterations=result.iterations + self._iterations,
+            factorizations=result.factorizations + self._factorizations,
+        )
+
+    def _told(self, record: IterationRecord) -> bool:
+        """Pass a record on, the iterations before counted."""
+        if self.callback is not None and self.callback(
+            replace(record, iteration=record.iteration + self._iterations)
+        ):
+            self._stopped = True
+        return self._stopped
+
+    def _told_from_afar(self, record: IterationRecord) -> bool:
+        """The same for fewer frames, whose variables are not those of the whole."""
+        return self._told(replace(record, x=None))

@@ -1,0 +1,164 @@
+"""Whether two problems state the same motion on different numbers of frames.
+
+Every frame that a statement names, the time at every one of them, and the weights of the objective have to be the
+same in both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.errors import Span, UsageError
+from stc.phases import resolved, stretches
+from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef, VariableRef
+from stc.symbolic.expr import Expr, evaluate, symbols
+
+__all__ = ["BESIDE", "check_same_motion", "named_frames", "takes_longer"]
+
+FloatArray = NDArray[np.float64]
+Knots = NDArray[np.int_] | FloatArray
+"""Frames of the one motion and of the other that are each other's, (k,) each and rising, with both ends."""
+
+BESIDE = 1
+"""A frame number may stand this many frames beside one that scales: n/2 + 1, a - 1."""
+CLOSE = 1e-9
+TRIALS = (1.0, 1.7)
+"""Values of all parameters at which durations are compared."""
+
+
+def check_same_motion(problem: Problem, other: Problem, old: Knots, new: Knots) -> float:
+    """Frames and the objective's weights; :func:`takes_longer` compares the times.
+
+    Returns:
+        How many times as large the other problem's objective is: 1 but for plain sums over frames.
+
+    Raises:
+        UsageError: the other problem does not state the same motion; the message says where.
+    """
+    named, moved = list(named_frames(problem)), list(named_frames(other))
+    if len(named) != len(moved):
+        raise UsageError(f"{problem.name} reads other frames with n = {other.n} than with n = {problem.n}")
+    for (frame, span), (there, _) in zip(named, moved, strict=True):
+        if not _scales(frame, there, old, new):
+            place = span.location if span is not None else problem.name
+            raise UsageError(
+                f"{place}: frame {frame:g} of {problem.n} would be frame {there:g} of {other.n}: "
+                "it does not keep its share of the motion",
+                f"write frame numbers as shares of n, here `{frame:g}/{problem.n}*n`, or as constants "
+                "such as `a = n/2`",
+            )
+    if len(problem.objective) != len(other.objective):
+        raise UsageError(f"{problem.name} has another objective with n = {other.n} than with n = {problem.n}")
+    return _check_objective(problem, other, old, new)
+
+
+def takes_longer(problem: Problem, other: Problem, old: Knots, new: Knots) -> bool:
+    """Whether the ends, or a frame where another definition or statement begins, come at another time."""
+    cuts = np.array(sorted({first for first, _ in stretches(problem, problem.relations)}))
+    cuts = np.append(cuts, problem.n)
+    for trial in TRIALS:
+        before, after = frame_times(problem, trial), frame_times(other, trial)
+        there = np.interp(np.interp(cuts, old, new), np.arange(other.n + 1), after)
+        if not np.allclose(there, before[cuts], rtol=CLOSE, atol=CLOSE * abs(before[-1])):
+            return True
+    return False
+
+
+def _scales(frame: float, other: float, old: Knots, new: Knots) -> bool:
+    """Whether a frame went where the ends take it, or stays this far beside such a one."""
+    for beside in range(-BESIDE, BESIDE + 1):
+        at = frame - beside
+        if old[0] <= at <= old[-1] and abs(np.interp(at, old, new) + beside - other) <= CLOSE * old[-1]:
+            return True
+    return False
+
+
+def named_frames(problem: Problem) -> Iterator[tuple[float, Span | None]]:
+    """Every frame number that a spec names, in an order that does not depend on n."""
+    for relation in problem.relations:
+        yield float(relation.range.first), relation.range.span or relation.span
+        yield float(relation.range.last), relation.range.span or relation.span
+        for bound in (relation.body, relation.lower, relation.upper):
+            yield from _absolute(bound, relation.span)
+    for term in problem.objective:
+        yield float(term.range.first), term.range.span or term.span
+        yield float(term.range.last), term.range.span or term.span
+        yield from _absolute(term.body, term.span)
+    for guess in problem.guesses:
+        yield float(guess.range.first), guess.range.span or guess.span
+        yield float(guess.range.last), guess.range.span or guess.span
+    for pieces in problem.definitions.values():
+        for piece in pieces:
+            yield float(piece.range.first), piece.range.span or piece.span
+            yield float(piece.range.last), piece.range.span or piece.span
+            yield from _absolute(piece.body, piece.span)
+    for jump in problem.jumps:
+        yield float(jump.frame), jump.span
+
+
+def _absolute(body: Expr | None, span: Span) -> Iterator[tuple[float, Span | None]]:
+    """Absolute indices such as ``x[20]``."""
+    keys = [] if body is None else [k for k in symbols(body) if isinstance(k, VariableRef) and k.scale == 0]
+    for key in sorted(keys, key=lambda k: (k.name, k.order, float(k.shift))):
+        yield float(key.shift), span
+
+
+def frame_times(problem: Problem, trial: float) -> FloatArray:
+    """The time of every frame where each parameter has the value ``trial``. (n+1,)"""
+    known: dict[object, object] = {ConstantRef(name): value for name, value in problem.constants.items()}
+    known.update({ParameterRef(name): trial for name in problem.parameters})
+    lengths = np.zeros(problem.n)
+    for first, last in stretches(problem, ()):
+        step = resolved(problem, problem.step, first)
+        values = {**known, IndexRef(): np.arange(first, last, dtype=float)}
+        lengths[first:last] = np.asarray(evaluate(step, values))
+    return np.concatenate([[0.0], np.cumsum(lengths)])
+
+
+def _check_objective(coarse: Problem, fine: Problem, old: Knots, new: Knots) -> float:
+    """Plain sums over frames have to weigh as before against everything else in the objective.
+
+    Raises:
+        UsageError: one does not.
+    """
+    ratios: list[float] = []
+    blamed = None
+    for term, other in zip(coarse.objective, fine.objective, strict=True):
+        if term.integral or term.range.first == term.range.last:
+            ratios.append(1.0)
+            continue
+        blamed = term
+        before, after = (
+            _sum(p, t.body, t.range.first, t.range.last) for p, t in ((coarse, term), (fine, other))
+        )
+        ratios.append(after / before if before else 1.0)
+    # The ends of a range count as whole frames in a sum: a relative difference of that size is the sum's own.
+    tolerance = 4.0 / max(1, min(int(np.diff(old).min()), int(np.diff(new).min())))
+    if blamed is not None and max(ratios) > min(ratios) * (1.0 + tolerance):
+        raise UsageError(
+            f"{blamed.span.location}: a plain sum over frames grows with n, so that the objective would be another one",
+            f"write `integral({blamed.text})`",
+        )
+    return float(np.mean(ratios)) if ratios else 1.0
+
+
+def _sum(problem: Problem, body: Expr, first: int, last: int) -> float:
+    """A term's sum over its frames where every variable has a fixed value of its own."""
+    values: dict[object, object] = {ConstantRef(name): value for name, value in problem.constants.items()}
+    values.update({ParameterRef(name): 1.3 for name in problem.parameters})
+    total = 0.0
+    for a, b in stretches(problem, ()):
+        start, end = max(a, first), min(b, last)
+        if start >= end:
+            continue
+        here = resolved(problem, body, a)
+        index = np.arange(start, end, dtype=float)
+        known = {**values, IndexRef(): index / problem.n, TimeRef(): index / problem.n}
+        for key in symbols(here):
+            if isinstance(key, VariableRef):
+                known[key] = 0.7 + 0.11 * (len(key.name) + key.order)
+        total += float(np.sum(np.broadcast_to(np.asarray(evaluate(here, known)), index.shape)))
+    return total
