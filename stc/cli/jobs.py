@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.cli import BAD, GOOD, console, reasons, record, searches
+from stc.cli.inputs import load
 from stc.cli.live import Watch
 from stc.cli.options import SolveOptions, existing_solution, is_solution, writable_solution
 from stc.errors import Diagnostic, UsageError
@@ -75,7 +76,7 @@ class Outcome:
 
 def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     """Solve and save."""
-    outcome = _solved(load(spec, options), options, as_json, save=True)
+    outcome = _solved(load(spec, options.constants), options, as_json, save=True)
     if as_json:
         record.write(outcome.record())
     else:
@@ -87,7 +88,7 @@ def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_
     """Solve, save, validate; ``page`` is where the certificate goes."""
     from stc.studies.replay_lines import check_replay_lines
 
-    model = load(spec, options)
+    model = load(spec, options.constants)
     check_replay_lines(model.problem(options.method))
     outcome = _solved(model, options, as_json, save=True)
     if outcome.solution.model is None:
@@ -99,7 +100,7 @@ def compare(spec: str, optimizers: str, options: SolveOptions, *, as_json: bool)
     """Solve with several optimizers; good when any of them found an optimum."""
     from stc.studies.compare import compare as run_all
 
-    model = load(spec, options)
+    model = load(spec, options.constants)
     names = [name.strip() for name in optimizers.split(",") if name.strip()]
     with Watch(model.name) as watch, console.warnings_as_notes():
         runs = run_all(
@@ -152,7 +153,7 @@ def solved(target: str, options: SolveOptions, as_json: bool) -> tuple[Outcome, 
         path = existing_solution(target)
         # The file and not the solution is handed on: the model may lie beside it.
         return Outcome(read(path), path), path
-    model = load(target, options)
+    model = load(target, options.constants)
     if model.problem(options.method).model is None:
         raise UsageError(_no_replay(model.name), "`stc solve` solves it without validation")
     outcome = _solved(model, options, as_json, save=options.output is not None)
@@ -163,7 +164,7 @@ def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     """Read a spec as far as its nonlinear program, and tell its sizes."""
     from stc.studies.replay_lines import check_replay_lines
 
-    model = load(spec, options)
+    model = load(spec, options.constants)
     problem, transcription = model.transcription(options.method)
     check_replay_lines(problem)
     # Evaluating everything once at the starting point finds what the text alone does not show.
@@ -209,7 +210,7 @@ def show(spec: str, stage: str, options: SolveOptions) -> int:
         console.print_table("", rows)
         return GOOD
     printer = stages.find(stage)
-    print(printer(load(spec, options), options.method))
+    print(printer(load(spec, options.constants), options.method))
     return GOOD
 
 
@@ -232,14 +233,6 @@ def new(name: str) -> int:
     path = write(name)
     print(f"{path} written; next: stc run {path}")
     return GOOD
-
-
-def load(spec: str, options: SolveOptions) -> Model:
-    """The model of a path or bundled name with the constants that the user gave."""
-    from stc.bundled import find_spec
-    from stc.pipeline import Model, read_source
-
-    return Model(read_source(find_spec(spec)), options.constants)
 
 
 def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> Outcome:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stc.cli.inputs import number
 from stc.cli.searches import Search, search_options
 from stc.errors import UsageError
 
 if TYPE_CHECKING:
-    from stc.language.syntax import Name
+    pass
 
 #: Kinds of file that a solution is saved as.
 SOLUTION_SUFFIXES = (".npz", ".csv")
@@ -241,33 +241,6 @@ def constants(settings: Sequence[str] | None) -> dict[str, float]:
             )
         found[name] = number(value, f"--set {setting}")
     return found
-
-
-def number(text: str, where: str) -> float:
-    """The value of an expression of numbers in the spec language: ``1/30``, ``2*pi``, ``-inf``.
-
-    Raises:
-        UsageError: it is no such expression, or has no value; ``where`` is named in the message.
-    """
-    from stc.errors import Source, SpecError
-    from stc.language.numbers import NotANumber, affine
-    from stc.language.parser import parse_expression
-
-    known = {"pi": math.pi, "inf": math.inf}
-
-    def resolve(name: Name) -> tuple[float, float]:
-        if name.name not in known:
-            raise NotANumber(
-                name, f"`{name.name}` is no number", "only numbers, `pi`, `inf` and functions go here"
-            )
-        return 0.0, known[name.name]
-
-    try:
-        return affine(parse_expression(Source(where, text)), resolve)[1]
-    except SpecError as error:
-        raise UsageError(f"{where}: {error.diagnostics[0].message}", error.diagnostics[0].hint) from None
-    except NotANumber as error:
-        raise UsageError(f"{where}: {error.message}", error.hint) from None
 
 
 def is_solution(name: str) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from stc.cli.inputs import number
 from stc.errors import UsageError
 
 if TYPE_CHECKING:
@@ -146,8 +147,6 @@ def walk_option(text: str) -> Walk:
     Raises:
         UsageError: it is something else.
     """
-    from stc.cli.options import number
-
     name, equals, values = text.partition("=")
     name, parts = name.strip(), values.split(":")
     if not equals or not name.isidentifier() or len(parts) not in (2, 3) or not all(p.strip() for p in parts):
@@ -327,11 +326,11 @@ def _figure(number: float, how: str = ".10g") -> str:
 def _listed(numbers: Sequence[int]) -> str:
     """Numbers with runs drawn together: ``0, 3-7, 9``."""
     parts: list[list[int]] = []
-    for number in numbers:
-        if parts and number == parts[-1][-1] + 1:
-            parts[-1].append(number)
+    for one in numbers:
+        if parts and one == parts[-1][-1] + 1:
+            parts[-1].append(one)
         else:
-            parts.append([number])
+            parts.append([one])
     return ", ".join(str(p[0]) if len(p) == 1 else f"{p[0]}-{p[-1]}" for p in parts)
 
 

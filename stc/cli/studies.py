@@ -6,6 +6,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from stc.cli import BAD, GOOD, console, record
+from stc.cli.inputs import load
 from stc.cli.live import Watch
 from stc.cli.options import SolveOptions, existing_solution, is_solution
 
@@ -39,10 +40,8 @@ def run(target: str, options: SolveOptions, *, equations: bool, order: bool, as_
 
 def subject(target: str, options: SolveOptions) -> tuple[Model, str | None]:
     """The spec that is meant, that of a solution included, and its method."""
-    from stc.cli.jobs import load
-
     if not is_solution(target):
-        return load(target, options), options.method
+        return load(target, options.constants), options.method
     from stc.pipeline import Model, source_of
     from stc.solution import read
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.cli import BAD, GOOD, console, jobs
+from stc.cli.inputs import load
 from stc.cli.options import SolveOptions, is_solution, writable_solution
 from stc.errors import StcError, UsageError
 
@@ -94,7 +95,7 @@ def _live(target: str, options: SolveOptions, window: Window) -> int:
     from stc.solver.optimizers import DEFAULT
     from stc.viewer.live import LiveSolve
 
-    model = jobs.load(target, options)
+    model = load(target, options.constants)
     if model.problem(options.method).model is None:
         raise UsageError(f"{model.name} has no `replay:` section that names a model to show it with")
     file = options.output or writable_solution(f"{model.name}.npz")
