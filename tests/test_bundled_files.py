@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 import stc
 from stc import models, specs
+from stc.cli.inputs import number
+from stc.testing import assert_physical
+
+#: What the heads of the specs suggest to try.
+SUGGESTED = [
+    pytest.param(name, dict(re.findall(r"--set (\w+)=(\S+)", line)), id=line.strip("# ").partition("  ")[0])
+    for name in specs.names()
+    for line in stc.load(name).text.splitlines()
+    if re.match(rf"#\s+stc run {name} --set", line)
+]
 
 
 def test_specs_are_found_with_and_without_their_ending() -> None:
@@ -29,6 +41,14 @@ def test_every_spec_has_a_title_and_reads_without_a_warning(name: str) -> None:
 def test_every_model_that_a_spec_names_is_bundled(name: str) -> None:
     model = stc.load(name).problem().model
     assert model is None or models.locate(model) is not None
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("name", "given"), SUGGESTED)
+def test_what_a_spec_suggests_to_try_is_validated(name: str, given: dict[str, str]) -> None:
+    solution = stc.load(name).solve(**{key: number(value, key) for key, value in given.items()})
+    assert solution.status == "optimal"
+    assert_physical(solution)
 
 
 def test_unknown_names_are_not_found() -> None:
