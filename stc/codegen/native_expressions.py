@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from stc.codegen import native_math
+from stc.codegen import native_math, native_vector
 from stc.codegen.native_blocks import BlockBuilder, Value
 from stc.codegen.native_types import Signature, Type
 from stc.codegen.vector import hexadecimal
@@ -47,6 +47,8 @@ _UNARY_FLOAT: dict[Any, str] = {
     native_math.log: "log",
 }
 
+_VECTOR = tuple(getattr(native_vector, name) for name in native_vector.__all__)
+
 DECLARATIONS = """\
 declare double @llvm.sqrt.f64(double)
 declare double @llvm.fabs.f64(double)
@@ -54,6 +56,8 @@ declare double @llvm.floor.f64(double)
 declare double @llvm.ceil.f64(double)
 declare double @llvm.copysign.f64(double, double)
 declare i64 @llvm.abs.i64(i64, i1)
+declare <8 x double> @llvm.fabs.v8f64(<8 x double>)
+declare double @llvm.vector.reduce.fmax.v8f64(<8 x double>)
 declare double @exp(double) nounwind willreturn memory(none)
 declare double @log(double) nounwind willreturn memory(none)
 """
@@ -99,6 +103,7 @@ class ExpressionEmitter(BlockBuilder):
             return value
         if value.type is Type.I64:
             return self.compute(Type.BOOL, f"icmp ne i64 {value.text}, 0")
+        value = self.convert(value, Type.F64, node, "condition")
         return self.compute(Type.BOOL, f"fcmp une double {value.text}, 0.0")
 
     # ---- expressions --------------------------------------------------------------------------------
@@ -173,6 +178,8 @@ class ExpressionEmitter(BlockBuilder):
                 bits = int(value.text, 16) ^ (1 << 63)
                 return Value(Type.F64, f"0x{bits:016X}")
             return self.compute(Type.F64, f"fneg{self.flags} double {value.text}")
+        if value.type is Type.F64V:
+            return self.compute(value.type, f"fneg{self.flags} {value.type.ir} {value.text}")
         if value.text.lstrip("-").isdigit():
             return Value(Type.I64, str(-int(value.text)))
         return self.compute(Type.I64, f"sub nsw i64 0, {value.text}")
@@ -187,8 +194,11 @@ class ExpressionEmitter(BlockBuilder):
         if isinstance(op, ast.Div):
             left, right = self.convert(left, Type.F64, node), self.convert(right, Type.F64, node)
             return self.compute(Type.F64, f"fdiv{self.flags} double {left.text}, {right.text}")
-        left, right, type_ = self.common(left, right, node)
         name = _ARITHMETIC.get(type(op))
+        if name is not None and Type.F64V in (left.type, right.type):
+            left, right = self.convert(left, Type.F64V, node), self.convert(right, Type.F64V, node)
+            return self.compute(Type.F64V, f"f{name}{self.flags} {Type.F64V.ir} {left.text}, {right.text}")
+        left, right, type_ = self.common(left, right, node)
         if name is not None:
             if type_ is Type.F64:
                 return self.compute(type_, f"f{name}{self.flags} double {left.text}, {right.text}")
@@ -389,12 +399,42 @@ class ExpressionEmitter(BlockBuilder):
         if target in (native_math.copysign, math.copysign):
             x, y = self._arguments(node, 2, name, Type.F64)
             return self.compute(Type.F64, f"call double @llvm.copysign.f64(double {x.text}, double {y.text})")
+        if target in _VECTOR:
+            return self._vector(node, target, name)
         if target in (builtins.min, builtins.max):
             return self._extremum(node, "lt" if target is builtins.min else "gt")
         if target in (builtins.abs, builtins.float, builtins.int):
             return self._builtin(node, target)
         what = "is not defined" if target is None else "is not compiled itself"
         raise self.error(node, f"{name}() cannot be called from compiled code: it {what}")
+
+    def _vector(self, node: ast.Call, target: Any, name: str) -> Value:
+        """The functions of stc.codegen.native_vector."""
+        vector = Type.F64V.ir
+        if target in (native_vector.load8, native_vector.store8):
+            stores = target is native_vector.store8
+            if len(node.args) != 2 + stores:
+                raise self.error(node, f"{name}() takes {2 + stores} arguments, not {len(node.args)}")
+            type_, address = self.element_address(
+                ast.copy_location(ast.Subscript(node.args[0], node.args[1], ast.Load()), node)
+            )
+            if type_ is not Type.F64S:
+                raise self.error(node, f"{name}() needs an array of floats")
+            if not stores:
+                return self.compute(Type.F64V, f"load {vector}, ptr {address}, align 8")
+            value = self.convert(self.number(node.args[2]), Type.F64V, node)
+            self.emit(f"store {vector} {value.text}, ptr {address}, align 8")
+            return Value(Type.NONE, "")
+        arguments = self._arguments(node, 2 if target is native_vector.max8 else 1, name, Type.F64V)
+        texts = [f"{vector} {argument.text}" for argument in arguments]
+        if target is native_vector.splat8:
+            return arguments[0]
+        if target is native_vector.abs8:
+            return self.compute(Type.F64V, f"call {vector} @llvm.fabs.v8f64({texts[0]})")
+        if target is native_vector.largest8:
+            return self.compute(Type.F64, f"call nnan double @llvm.vector.reduce.fmax.v8f64({texts[0]})")
+        larger = self.compute(Type.BOOL, f"fcmp ogt {texts[0]}, {arguments[1].text}")
+        return self.compute(Type.F64V, f"select <8 x i1> {larger.text}, {', '.join(texts)}")
 
     def _arguments(self, node: ast.Call, count: int, name: str, type_: Type | None = None) -> list[Value]:
         if len(node.args) != count:

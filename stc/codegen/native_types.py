@@ -34,6 +34,7 @@ class Type(Enum):
     F64S = "f64s"
     I32S = "i32s"
     I64S = "i64s"
+    F64V = "vector"
 
     @property
     def is_array(self) -> bool:
@@ -56,7 +57,7 @@ class Type(Enum):
         return _ELEMENT[self][1]
 
 
-_IR = {Type.F64: "double", Type.I64: "i64", Type.BOOL: "i1", Type.NONE: "void"}
+_IR = {Type.F64: "double", Type.I64: "i64", Type.BOOL: "i1", Type.NONE: "void", Type.F64V: "<8 x double>"}
 _ELEMENT = {
     Type.F64S: ("double", Type.F64),
     Type.I32S: ("i32", Type.I64),
@@ -68,7 +69,7 @@ DTYPES: dict[Type, np.dtype[Any]] = {
     Type.I64S: np.dtype(np.int64),
 }
 
-_BY_NAME = {kind.value: kind for kind in Type} | {"float": Type.F64, "int": Type.I64}
+_BY_NAME = {kind.value: kind for kind in Type if kind is not Type.F64V} | {"float": Type.F64, "int": Type.I64}
 _BY_OBJECT: tuple[tuple[Any, Type], ...] = (
     (float, Type.F64),
     (int, Type.I64),

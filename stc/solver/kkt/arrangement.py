@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from stc.codegen.native import i32s, i64, native
 from stc.solver.nlp import Ints
 
-__all__ = ["Arrangement", "Couplings", "arrange", "sort_by_key"]
+__all__ = ["Arrangement", "Couplings", "arrange", "enter_window", "sort_by_key", "window_targets"]
 
 Int32s = NDArray[np.int32]
 
@@ -138,3 +138,33 @@ def _counting_sort(size: i64, keys: i32s, count: i64, pointers: i32s, order: i32
         k = count - back
         pointers[k] = pointers[k - 1]
     pointers[0] = 0
+
+
+def enter_window(arrangement: Arrangement, stages: int) -> tuple[Int32s, Int32s]:
+    """Positions by the stage at which they enter the window: pointers (stages + 1,) and positions (N,)."""
+    size = arrangement.order.size
+    entry = np.empty(size, dtype=np.int32)
+    _entry_stages(stages, arrangement.stage_pointers, arrangement.pointers, arrangement.columns, entry)
+    entering, pointers = sort_by_key(entry, stages)
+    return pointers, entering
+
+
+@native(small=True)
+def _entry_stages(stages: i64, stage_pointers: i32s, pointers: i32s, columns: i32s, entry: i32s) -> None:
+    for stage in range(stages):
+        for k in range(stage_pointers[stage], stage_pointers[stage + 1]):
+            entry[k] = stage
+    for stage in range(stages):
+        for e in range(pointers[stage_pointers[stage]], pointers[stage_pointers[stage + 1]]):
+            entry[columns[e]] = min(entry[columns[e]], stage)
+
+
+@native(small=True)
+def window_targets(size: i64, pointers: i32s, columns: i32s, slot: i32s, stride: i64, targets: i32s) -> None:
+    """Where the N diagonal entries and those above it go in the window, (N + E,)."""
+    for k in range(size):
+        own = slot[k]
+        targets[k] = own * (stride + 1)
+        for e in range(pointers[k], pointers[k + 1]):
+            other = slot[columns[e]]
+            targets[size + e] = max(own, other) * stride + min(own, other)

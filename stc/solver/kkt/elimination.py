@@ -16,23 +16,24 @@ entries are expected equilibrated, near 1.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
+from stc.solver.kkt.panel import CHANGED, LARGEST_GROUP, take_group
 from stc.solver.kkt.pivots import (
     COUNTS,
     DELAYED,
     NEGATIVE,
+    PIVOTS,
     POSITIVE,
     REJECTED,
     STRAYED,
     ZERO,
     best_partner,
-    pair_accepted,
     pair_up,
     place_of,
     strongest,
     take_one,
     take_two,
 )
-from stc.solver.kkt.window import clear, entry, gather, gather_listed, largest
+from stc.solver.kkt.window import clear, entry, gather, largest
 
 __all__ = ["FACTORS_FULL", "WINDOW_FULL", "factorize"]
 
@@ -48,31 +49,56 @@ LOWEST_THRESHOLD = 1e-10
 
 
 @native
-def _assemble(
-    first: i64, last: i64, size: i64, pointers: i32s, columns: i32s, values: f64s, slot: i32s, owner: i32s,
-    growth: f64s, stride: i64, window: f64s,
-) -> None:  # fmt: skip
-    """Add the rows of the positions from ``first`` to ``last`` to the window."""
-    upper = values[size:]
+def _enter(first: i64, last: i64, entering: i32s, slot: i32s, owner: i32s, growth: f64s) -> None:
+    """Give the entering positions their slots."""
     for k in range(first, last):
-        own = slot[k]
-        if owner[own] != k:
-            owner[own] = k
-            growth[own] = 1.0
-        row = own * stride
-        window[row + own] += values[k]
-        for e in range(pointers[k], pointers[k + 1]):
-            other = slot[columns[e]]
-            if owner[other] != columns[e]:
-                owner[other] = columns[e]
-                growth[other] = 1.0
-            if other < own:
-                window[row + other] += upper[e]
-            else:
-                window[other * stride + own] += upper[e]
+        own = slot[entering[k]]
+        owner[own] = entering[k]
+        growth[own] = 1.0
 
 
 @native
+def _assemble(
+    first: i64, last: i64, size: i64, pointers: i32s, targets: i32s, values: f64s, window: f64s
+) -> None:  # fmt: skip
+    """Add the rows of the positions from ``first`` to ``last`` to the window."""
+    for k in range(first, last):
+        window[targets[k]] += values[k]
+    for e in range(size + pointers[first], size + pointers[last]):
+        window[targets[e]] += values[e]
+
+
+@native
+def _take_leaf(
+    p: i64, threshold: f64, tiny: f64, begin: i64, count: i64, columns: i32s, diagonal: f64, upper: f64s,
+    slot: i32s, growth: f64s, stride: i64, window: f64s, pivots: i32s, starts: i32s, inverse: f64s, counts: i64s,
+) -> i64:  # fmt: skip
+    """Eliminate a position whose column is still as in the matrix; 0 when it is no good pivot."""
+    most = 0.0
+    for e in range(count):
+        most = max(most, fabs(upper[e]))
+    if fabs(diagonal) < threshold * most or fabs(diagonal) <= tiny:
+        return 0
+    k = counts[PIVOTS]
+    reciprocal = 1.0 / diagonal
+    for e in range(count):
+        own = slot[columns[e]]
+        factor = upper[e] * reciprocal
+        growth[own] = max(growth[own], fabs(factor) * most)
+        for before in range(e + 1):
+            other = slot[columns[before]]
+            window[max(own, other) * stride + min(own, other)] -= factor * upper[before]
+    pivots[2 * k] = p
+    pivots[2 * k + 1] = -1
+    starts[2 * k] = begin
+    starts[2 * k + 1] = -1 - count
+    inverse[3 * k] = reciprocal
+    counts[POSITIVE if diagonal > 0.0 else NEGATIVE] += 1
+    counts[PIVOTS] = k + 1
+    return 1
+
+
+@native(small=True)
 def _hold(
     p: i64, top: i64, low: i64, high: i64, stride: i64, slot: i32s, owner: i32s, growth: f64s,
     window: f64s, found: i32s, values: f64s,
@@ -99,6 +125,53 @@ def _hold(
     return max(high, new + 1)
 
 
+@native(small=True)
+def _adopt(
+    members: i64, who: i32s, waiting: i64, queue: i32s, slot: i32s, stride: i64, window: f64s
+) -> i64:  # fmt: skip
+    """Add those of the waiting unknowns that are coupled with a group to its members; how many it has then."""
+    total = members
+    for place in range(waiting):
+        own = slot[queue[place]]
+        if own >= 0 and total < LARGEST_GROUP:
+            coupled = False
+            for k in range(members):
+                if entry(own, slot[who[k]], stride, window) != 0.0:
+                    coupled = True
+            if coupled:
+                who[total] = queue[place]
+                total += 1
+    return total
+
+
+@native
+def _list_rows(
+    members: i64, who: i32s, slot: i32s, top: i64, low: i64, high: i64, stride: i64, window: f64s, mark: f64s,
+    rows: i32s,
+) -> i64:  # fmt: skip
+    """List the slots that any of the members is coupled with, below ``top`` and from ``low`` to ``high``.
+
+    ``mark`` (stride,) is zero before and after.
+    """
+    for k in range(members):
+        own = slot[who[k]]
+        row = window[own * stride :]
+        for other in range(own):
+            mark[other] = max(mark[other], fabs(row[other]))
+        for other in range(own + 1, top):
+            mark[other] = max(mark[other], fabs(window[other * stride + own]))
+        for other in range(max(own + 1, low), high):
+            mark[other] = max(mark[other], fabs(window[other * stride + own]))
+    for k in range(members):
+        mark[slot[who[k]]] = 0.0
+    count = 0
+    for other in range(high):
+        rows[count] = other
+        count += mark[other] != 0.0
+        mark[other] = 0.0
+    return count
+
+
 @native
 def _only_expected(top: i64, count: i64, rows: i32s, others: i32s, stride: i64, window: f64s) -> i64:
     """Whether all nonzeros among the slots below ``top`` are at the expected places."""
@@ -112,7 +185,7 @@ def _only_expected(top: i64, count: i64, rows: i32s, others: i32s, stride: i64, 
     return found == 0
 
 
-@native
+@native(small=True)
 def factorize(
     size: i64,
     stages: i64,
@@ -131,8 +204,12 @@ def factorize(
     values: f64s,
     order: i32s,
     planned_slot: i32s,
+    targets: i32s,
+    enter_pointers: i32s,
+    entering: i32s,
     top: i32s,
     plan_kind: i32s,
+    plan_group: i32s,
     plan_start: i32s,
     plan_count: i32s,
     plan_slots: i32s,
@@ -141,6 +218,9 @@ def factorize(
     state_rows: i32s,
     state_columns: i32s,
     window: f64s,
+    panel: f64s,
+    lower: f64s,
+    sums: f64s,
     spread_1: f64s,
     spread_2: f64s,
     slot: i32s,
@@ -155,7 +235,7 @@ def factorize(
     first_12: f64s,
     second_12: f64s,
     pivots: i32s,
-    starts: i64s,
+    starts: i32s,
     indices: i32s,
     factors: f64s,
     inverse: f64s,
@@ -177,9 +257,13 @@ def factorize(
         pointers, columns, values: the matrix (see stc.solver.kkt.values).
         order: unknown at each position, (N,).
         planned_slot: slot at each position, (N,).
+        targets: where the entries of ``values`` go in the window, (N + E,).
+        enter_pointers, entering: the positions that enter the window at each stage, (stages + 1,) and (N,).
         top: slots in use at each stage.
         plan_kind: 1 or 2 where a planned pivot begins, 0 for the second of a pair, -1 without plan, (N,).
-        plan_start, plan_count, plan_slots: the slots of a planned pivot's column.
+        plan_group: how many unknowns are eliminated together from here on, 0 where no group begins, -1 for
+            leaves, which are first in their stages, (N,).
+        plan_start, plan_count, plan_slots: the slots of a group's columns.
         state, state_starts, state_rows, state_columns: what the plan expects in the window before each stage.
         growth: work space (see stc.solver.kkt.pivots), (stride,).
         slot: work space; afterwards ``-1 - stage`` with the stage at which a position was eliminated, (N,).
@@ -194,8 +278,6 @@ def factorize(
         owner[k] = -1
     for k in range(size):
         slot[k] = planned_slot[k]
-    starts[0] = 0
-    starts[1] = 0
     held = 0
     high = held_from
     exact = planned != 0
@@ -211,11 +293,55 @@ def factorize(
                 top[max(stage - 1, 0)], state_starts[state[stage] + 1] - expected, state_rows[expected:],
                 state_columns[expected:], stride, window,
             )  # fmt: skip
-        _assemble(begin, end, size, pointers, columns, values, slot, owner, growth, stride, window)
+        _enter(enter_pointers[stage], enter_pointers[stage + 1], entering, slot, owner, growth)
         waiting = held
-        for position in range(begin, end):
-            queue[waiting] = position
-            waiting += 1
+        position = begin
+        while position < end and plan_group[position] < 0:
+            at = pointers[position]
+            taken = _take_leaf(
+                position, threshold, tiny, at, pointers[position + 1] - at, columns[at:], values[position],
+                values[size + at :], slot, growth, stride, window, pivots, starts, inverse, counts,
+            )  # fmt: skip
+            if taken != 0:
+                slot[position] = -1 - stage
+            else:
+                exact = False
+                _assemble(position, position + 1, size, pointers, targets, values, window)
+                queue[waiting] = position
+                waiting += 1
+            position += 1
+        _assemble(position, end, size, pointers, targets, values, window)
+        while position < end:
+            planned_here = plan_group[position]
+            members = planned_here
+            for k in range(members):
+                found_1[k] = position + k
+            count = max(plan_count[position], -1 - plan_count[position])
+            listed = plan_slots[plan_start[position] :]
+            if not exact:
+                members = _adopt(members, found_1, waiting, queue, slot, stride, window)
+                listed = found_2[0:]
+                count = _list_rows(
+                    members, found_1, slot, slots_top, held_from, high, stride, window, spread_1, found_2
+                )
+            taken = take_group(
+                planned_here, members, found_1, count, listed, plan_kind[position:], stage, threshold, tiny,
+                capacity, stride, window, slot, owner, growth, found_12, panel, lower, values_1, sums, pivots,
+                starts, indices, factors, inverse, counts,
+            )  # fmt: skip
+            if taken < 0:
+                return FACTORS_FULL
+            if taken >= CHANGED:
+                taken -= CHANGED
+                if plan_count[position] < 0:
+                    exact = False
+            if taken < members:
+                exact = False
+                for k in range(planned_here):
+                    if slot[position + k] >= 0:
+                        queue[waiting] = position + k
+                        waiting += 1
+            position += planned_here
         needed = threshold
         forced = -1
         forced_pair = False
@@ -239,26 +365,6 @@ def factorize(
                 listed = found_1[0:]
                 first = values_1[0:]
                 second = values_2[0:]
-                if exact:
-                    count = plan_count[p]
-                    listed = plan_slots[plan_start[p] :]
-                    gather_listed(row_p, count, listed, stride, window, values_1)
-                    most = largest(count, values_1)
-                    if plan_kind[p] == 1:
-                        if fabs(a) >= threshold * most and fabs(a) > noise:
-                            size_of_pivot = 1
-                    elif plan_kind[p] == 2:
-                        q = p + 1
-                        row_q = slot[q]
-                        b = entry(row_p, row_q, stride, window)
-                        c = window[row_q * stride + row_q]
-                        gather_listed(row_q, count, listed, stride, window, values_2)
-                        noise = max(noise, tiny * growth[row_q])
-                        most_q = largest(count, values_2)
-                        if pair_accepted(a, b, c, most, most_q, threshold, noise) != 0:
-                            size_of_pivot = 2
-                    if size_of_pivot == 0:
-                        exact = False
                 if size_of_pivot == 0:
                     accepted = needed
                     noise = tiny * growth[row_p]

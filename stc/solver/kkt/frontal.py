@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.kkt import pivots
-from stc.solver.kkt.arrangement import Arrangement, Couplings, arrange
+from stc.solver.kkt.arrangement import Arrangement, Couplings, arrange, enter_window, window_targets
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.elimination import FACTORS_FULL, factorize
 from stc.solver.kkt.entries import checked_values
+from stc.solver.kkt.panel import LARGEST_GROUP
 from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.singularity import confirm_zeros
 from stc.solver.kkt.staging import assign_stages
@@ -20,7 +21,7 @@ from stc.solver.nlp import Floats, Ints
 __all__ = ["FrontalKKT"]
 
 #: Pivot threshold u: no factor exceeds its inverse.
-PIVOT_THRESHOLD = 1e-3
+PIVOT_THRESHOLD = 1e-4
 #: Where a solve leaves a larger relative residual than DOUBTFUL, the threshold is raised, up to the highest.
 DOUBTFUL = 1e-9
 HIGHEST_THRESHOLD = 0.3
@@ -92,7 +93,7 @@ class FrontalKKT:
         self._vectors = [np.zeros(size) for _ in range(3)]
         self._slot = np.zeros(size, dtype=np.int32)
         self._pivots = np.zeros(2 * size, dtype=np.int32)
-        self._starts = np.zeros(2 * size + 2, dtype=np.int64)
+        self._starts = np.zeros(2 * size, dtype=np.int32)
         self._report = np.zeros(REPORT)
         self._counts = np.zeros(pivots.COUNTS, dtype=np.int64)
         self._capacity = 0
@@ -129,7 +130,8 @@ class FrontalKKT:
     def operations(self) -> int:
         """Additions and multiplications of the last factorisation, updates of the window only."""
         used = int(self._counts[pivots.PIVOTS])
-        lengths = np.diff(self._starts[: 2 * used + 2 : 2])
+        lengths = self._starts[1 : 2 * used : 2]
+        lengths = np.maximum(lengths, -1 - lengths)
         unknowns = np.where(self._pivots[1 : 2 * used : 2] < 0, 1, 2)
         return int((unknowns * lengths * (lengths + 1)).sum())
 
@@ -137,7 +139,7 @@ class FrontalKKT:
     def factor_bytes(self) -> int:
         """Memory that the last factorisation fills: entries, their indices, pivots."""
         counts = self._counts
-        return int(8 * counts[pivots.FACTORS] + 4 * counts[pivots.INDICES] + 48 * counts[pivots.PIVOTS])
+        return int(8 * counts[pivots.FACTORS] + 4 * counts[pivots.INDICES] + 40 * counts[pivots.PIVOTS])
 
     def factorize(
         self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
@@ -243,7 +245,9 @@ class FrontalKKT:
         if plan is None:
             return
         self._planned_slot = self._staging.slot[a.order]
-        self._plan_arrays = plan.kind[a.order], plan.start[a.order], plan.count[a.order]
+        self._entering = enter_window(a, self._staging.stages)
+        self._targets = np.empty_like(self._values, dtype=np.int32)
+        self._plan_arrays = tuple(part[a.order] for part in (plan.kind, plan.group, plan.start, plan.count))
         absent = np.flatnonzero(plan.no_diagonal[a.order]).astype(np.int32)
         self._appeared = count_nonzero.bind(absent.size, absent, self._values)
         self._allocate_window()
@@ -282,8 +286,13 @@ class FrontalKKT:
         self._held_from = -(-self._staging.window // LANES) * LANES
         self._stride = stride = self._held_from + self._held_slots
         self._window = np.zeros(stride * stride)
-        self._columns = [np.zeros(stride) for _ in range(7)]
-        self._lists = [np.zeros(stride, dtype=np.int32) for _ in range(5)]
+        a = self._arrangement
+        window_targets(self.n + self.m, a.pointers, a.columns, self._planned_slot, stride, self._targets)
+        self._columns = [np.zeros(stride + 2 * LANES) for _ in range(7)]
+        self._panels = [
+            np.zeros(rows * (stride + 2 * LANES)) for rows in (LARGEST_GROUP, LARGEST_GROUP, LANES)
+        ]
+        self._lists = [np.zeros(stride + LARGEST_GROUP, dtype=np.int32) for _ in range(5)]
 
     def _bind(self) -> None:
         """Prepare the calls of the compiled functions."""
@@ -294,10 +303,11 @@ class FrontalKKT:
         self._eliminate = factorize.bind(
             size, staging.stages, self.n, self.pivot_threshold, SINGULAR, REPLACEMENT, DELAYED_FREELY,
             self._capacity, self._stride, self._held_from, True, a.stage_pointers, a.pointers, a.columns,
-            self._values, a.order, self._planned_slot, staging.top, *self._plan_arrays, plan.slots,
-            plan.state, plan.state_starts, plan.state_rows, plan.state_columns, self._window, spread_1, spread_2,
-            self._slot, owner, growth, queue, found_1, found_2, found_12, values_1, values_2, first, second,
-            self._pivots, self._starts, self._indices, self._factors, self._inverse, self._counts,
+            self._values, a.order, self._planned_slot, self._targets, *self._entering, staging.top,
+            *self._plan_arrays, plan.slots, plan.state, plan.state_starts, plan.state_rows, plan.state_columns,
+            self._window, *self._panels, spread_1, spread_2, self._slot, owner, growth, queue, found_1, found_2,
+            found_12, values_1, values_2, first, second, self._pivots, self._starts, self._indices, self._factors,
+            self._inverse, self._counts,
         )  # fmt: skip
         self._confirm_zeros = confirm_zeros.bind(
             size, self.n, REPLACEMENT, a.order, a.pointers, a.columns, self._values, self._pivots, self._starts,

@@ -9,14 +9,16 @@ q, whose columns have the patterns P and Q,
 
 so that a row of the problem without diagonal, paired with a variable, costs little more than |P| |Q|.
 
-Sizes are magnitudes of entries in the window's slots, zero where there is none; cancellation is not foreseen.
+Sizes are entries of a stage like those to come in the window's slots, with their signs, zero where there is none: so
+that pivots which always cancel, because fewer unknowns than these are behind them, are seen to.  An entry that cancels
+is still an entry, if a tiny one.
 """
 
 from __future__ import annotations
 
-from stc.codegen.native import f64, f64s, i32s, i64, native
+from stc.codegen.native import copysign, f64, f64s, fabs, i32s, i64, native
 
-__all__ = ["SECOND", "SMALLEST", "UNPLANNED", "order_stage"]
+__all__ = ["SECOND", "SMALLEST", "UNPLANNED", "follow_order", "order_stage", "take_leaves"]
 
 #: Kinds of unknowns in an order: first of a pivot of one or two, second of two, not eliminated.
 SECOND = 0
@@ -24,6 +26,10 @@ UNPLANNED = -1
 
 #: Pivots are planned for this threshold, above the one they will have to pass.
 MARGIN = 0.01
+#: Leaves have no more entries than this in their columns, and diagonals of at least this share of the largest: they
+#: leave no choice later.
+LEAF = 4
+STRONG = 0.3
 #: Sizes stay between these, so that what is there never vanishes.
 SMALLEST = 1e-30
 LARGEST = 1e30
@@ -55,15 +61,15 @@ def _measure(p: i64, top: i64, stride: i64, sizes: f64s, degree: i32s, most: f64
     count = 0
     high = 0.0
     for k in range(top):
-        value = row[k]
+        value = fabs(row[k])
         count += value != 0.0
         high = max(high, value)
     if row[p] != 0.0:
         count -= 1
-        if row[p] >= high:
+        if fabs(row[p]) >= high:
             high = 0.0
             for k in range(top):
-                high = max(high, row[k] if k != p else 0.0)
+                high = max(high, fabs(row[k]) if k != p else 0.0)
     degree[p] = count
     most[p] = high
 
@@ -73,17 +79,17 @@ def _largest(p: i64, left_out: i64, top: i64, stride: i64, sizes: f64s, most: f6
     """Largest entry of a column off the diagonal and outside ``left_out``."""
     row = sizes[p * stride :]
     high = most[p]
-    if row[left_out] == high:
+    if fabs(row[left_out]) == high:
         high = 0.0
         for k in range(top):
-            high = max(high, row[k] if k != p and k != left_out else 0.0)
+            high = max(high, fabs(row[k]) if k != p and k != left_out else 0.0)
     return high
 
 
 @native
 def _one_cost(p: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s) -> f64:
     """Multiplications of a 1x1 pivot, or -1."""
-    own = sizes[p * stride + p]
+    own = fabs(sizes[p * stride + p])
     cost = -1.0
     if own > NEGLIGIBLE:
         cost = 0.5 * degree[p] * (degree[p] + 1)
@@ -100,7 +106,8 @@ def _two_cost(
     b = sizes[p * stride + q]
     a = sizes[p * stride + p]
     c = sizes[q * stride + q]
-    if b <= NEGLIGIBLE or 0.5 * b * b < a * c:
+    determinant = fabs(a * c - b * b)
+    if fabs(b) <= NEGLIGIBLE or determinant < 0.5 * max(b * b, fabs(a * c)):
         return -1.0
     size_p = 1.0 * (degree[p] - 1)
     size_q = 1.0 * (degree[q] - 1)
@@ -113,7 +120,10 @@ def _two_cost(
     if cost <= limit:
         most_p = _largest(p, q, top, stride, sizes, most)
         most_q = _largest(q, p, top, stride, sizes, most)
-        if MARGIN * max(c * most_p + b * most_q, b * most_p + a * most_q) > b * b:
+        a = fabs(a)
+        b = fabs(b)
+        c = fabs(c)
+        if MARGIN * max(c * most_p + b * most_q, b * most_p + a * most_q) > determinant:
             cost = (cost + 1.0) * PENALTY
     return cost
 
@@ -159,30 +169,6 @@ def _added(p: i64, q: i64, top: i64, stride: i64, sizes: f64s, row_p: i32s, row_
 
 
 @native
-def _fill(
-    count_i: i64,
-    rows: i32s,
-    count_j: i64,
-    others: i32s,
-    p: i64,
-    q: i64,
-    factor: f64,
-    stride: i64,
-    sizes: f64s,
-) -> None:
-    """Fill from the products of column ``p`` at ``rows`` with column ``q`` at ``others``, both ways."""
-    for k in range(count_i):
-        i = rows[k]
-        by_row = sizes[i * stride + p] * factor
-        for e in range(count_j):
-            j = others[e]
-            value = max(sizes[i * stride + j], by_row * sizes[j * stride + q])
-            value = min(max(value, SMALLEST), LARGEST)
-            sizes[i * stride + j] = value
-            sizes[j * stride + i] = value
-
-
-@native
 def _choose(
     done: i64, count: i64, waiting: i32s, top: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s,
     row_p: i32s, row_q: i32s, candidates: i64, first: i32s, second: i32s, costs: f64s,
@@ -193,7 +179,7 @@ def _choose(
     effort = 0
     for k in range(done, count):
         one = waiting[k]
-        strong = sizes[one * stride + one] >= MARGIN * most[one]
+        strong = fabs(sizes[one * stride + one]) >= MARGIN * most[one]
         cost = _one_cost(one, stride, sizes, degree, most)
         if cost >= 0.0 and (least < 0.0 or cost <= COMPARED * least + 2.0):
             least = cost if least < 0.0 else min(least, cost)
@@ -206,7 +192,7 @@ def _choose(
             other = waiting[e]
             if sizes[one * stride + other] == 0.0 or effort > EFFORT:
                 continue
-            if strong and sizes[other * stride + other] >= MARGIN * most[other]:
+            if strong and fabs(sizes[other * stride + other]) >= MARGIN * most[other]:
                 continue  # both will do alone
             limit = COMPARED * least + 2.0 if least >= 0.0 else PENALTY
             cost = _two_cost(one, other, top, stride, sizes, degree, most, limit)
@@ -240,7 +226,7 @@ def _choose_any(done: i64, count: i64, waiting: i32s, stride: i64, sizes: f64s, 
     """The same where every order costs the same: single pivots as long as there are strong ones."""
     for k in range(done, count):
         p = waiting[k]
-        if sizes[p * stride + p] >= MARGIN * most[p] and sizes[p * stride + p] > NEGLIGIBLE:
+        if fabs(sizes[p * stride + p]) >= max(MARGIN * most[p], NEGLIGIBLE):
             return p * (stride + 1)
     for k in range(done, count):
         p = waiting[k]
@@ -248,8 +234,8 @@ def _choose_any(done: i64, count: i64, waiting: i32s, stride: i64, sizes: f64s, 
         size = NEGLIGIBLE
         for e in range(done, count):
             other = waiting[e]
-            if other != p and sizes[p * stride + other] > size:
-                size = sizes[p * stride + other]
+            if other != p and fabs(sizes[p * stride + other]) > size:
+                size = fabs(sizes[p * stride + other])
                 q = other
         if q >= 0:
             return p * (stride + 1) + q + 1
@@ -257,24 +243,48 @@ def _choose_any(done: i64, count: i64, waiting: i32s, stride: i64, sizes: f64s, 
 
 
 @native
+def _kept(value: f64) -> f64:
+    """An entry within the limits, and not zero."""
+    return copysign(min(max(fabs(value), SMALLEST), LARGEST), value)
+
+
+@native
 def _fill_pivot(
     p: i64, q: i64, top: i64, stride: i64, sizes: f64s, most: f64s, row_p: i32s, row_q: i32s
 ) -> None:
-    """Add what the elimination of p, and of q when that is no less than 0, leaves behind."""
-    count_p = _column(p, q, top, stride, sizes, row_p)
-    if q < 0:
-        own = max(max(sizes[p * stride + p], MARGIN * most[p]), SMALLEST)
-        _fill(count_p, row_p, count_p, row_p, p, p, 1.0 / own, stride, sizes)
-        return
-    count_q = _column(q, p, top, stride, sizes, row_q)
+    """Subtract what the elimination of p, and of q when that is no less than 0, leaves behind."""
+    count = _column(p, q, top, stride, sizes, row_p)
     a = sizes[p * stride + p]
+    if q < 0:
+        reciprocal = 1.0 / copysign(max(max(fabs(a), MARGIN * most[p]), SMALLEST), a)
+        for k in range(count):
+            i = row_p[k]
+            by_row = sizes[i * stride + p] * reciprocal
+            for e in range(k + 1):
+                j = row_p[e]
+                value = _kept(sizes[i * stride + j] - by_row * sizes[j * stride + p])
+                sizes[i * stride + j] = value
+                sizes[j * stride + i] = value
+        return
+    # The columns' common list.
+    for k in range(_column(q, p, top, stride, sizes, row_q)):
+        if sizes[p * stride + row_q[k]] == 0.0:
+            row_p[count] = row_q[k]
+            count += 1
     b = sizes[p * stride + q]
     c = sizes[q * stride + q]
-    _fill(count_p, row_p, count_q, row_q, p, q, 1.0 / b, stride, sizes)
-    if c != 0.0:
-        _fill(count_p, row_p, count_p, row_p, p, p, c / (b * b), stride, sizes)
-    if a != 0.0:
-        _fill(count_q, row_q, count_q, row_q, q, q, a / (b * b), stride, sizes)
+    determinant = a * (c / b) - b
+    for k in range(count):
+        i = row_p[k]
+        of_p = ((c / b) * sizes[i * stride + p] - sizes[i * stride + q]) / determinant
+        of_q = ((a / b) * sizes[i * stride + q] - sizes[i * stride + p]) / determinant
+        for e in range(k + 1):
+            j = row_p[e]
+            product = of_p * sizes[j * stride + p] + of_q * sizes[j * stride + q]
+            if product != 0.0:
+                value = _kept(sizes[i * stride + j] - product)
+                sizes[i * stride + j] = value
+                sizes[j * stride + i] = value
 
 
 @native
@@ -295,6 +305,60 @@ def _drop(p: i64, q: i64, top: i64, stride: i64, sizes: f64s, used: i64, lists: 
             sizes[q * stride + k] = 0.0
             sizes[k * stride + q] = 0.0
     return used
+
+
+@native
+def follow_order(
+    stride: i64, top: i64, count: i64, order: i32s, kinds: i32s, sizes: f64s, degree: i32s, most: f64s, row_p: i32s,
+    row_q: i32s, lists: i32s,
+) -> None:  # fmt: skip
+    """Eliminate slots in a known order; arguments as in ``order_stage``, ``lists`` is work space, (stride,)."""
+    for k in range(count):
+        if kinds[k] != SECOND:
+            p = order[k]
+            q = -1
+            if kinds[k] == 2:
+                q = order[k + 1]
+            _measure(p, top, stride, sizes, degree, most)
+            _fill_pivot(p, q, top, stride, sizes, most, row_p, row_q)
+            _drop(p, q, top, stride, sizes, 0, lists)
+
+
+@native(small=True)
+def take_leaves(
+    stride: i64, top: i64, count: i64, waiting: i32s, fresh: i32s, sizes: f64s, degree: i32s, most: f64s,
+    row_p: i32s, row_q: i32s,
+) -> i64:  # fmt: skip
+    """Eliminate slots with few entries and a strong diagonal, no two of them coupled, before all others.
+
+    Args:
+        stride, top, count, waiting, sizes: those of ``order_stage``; leaves come first in ``waiting`` afterwards.
+        fresh: slots that enter the window at this stage, (stride,), so that their columns are still as in the
+            matrix; those of the leaves and their neighbours are cleared.
+
+    Returns:
+        The number of leaves.
+    """
+    leaves = 0
+    for k in range(top):
+        _measure(k, top, stride, sizes, degree, most)
+    for k in range(count):
+        p = waiting[k]
+        own = fabs(sizes[p * stride + p])
+        if fresh[p] != 0 and degree[p] <= LEAF and own > NEGLIGIBLE and own >= STRONG * most[p]:
+            fresh[p] = 0
+            for e in range(_column(p, -1, top, stride, sizes, row_p)):
+                fresh[row_p[e]] = 0
+            waiting[k] = waiting[leaves]
+            waiting[leaves] = p
+            leaves += 1
+    for k in range(leaves):
+        p = waiting[k]
+        _fill_pivot(p, -1, top, stride, sizes, most, row_p, row_q)
+        for e in range(top):
+            sizes[p * stride + e] = 0.0
+            sizes[e * stride + p] = 0.0
+    return leaves
 
 
 @native
@@ -360,7 +424,7 @@ def order_stage(
             if q >= 0:
                 kind = 2
                 # The one without diagonal comes second: its zeros stay zeros.
-                if sizes[p * stride + p] < sizes[q * stride + q]:
+                if fabs(sizes[p * stride + p]) < fabs(sizes[q * stride + q]):
                     p, q = q, p
         if not full:
             _fill_pivot(p, q, top, stride, sizes, most, row_p, row_q)

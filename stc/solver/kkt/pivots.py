@@ -1,8 +1,12 @@
 """Pivots of one and two unknowns: which are acceptable, and taking them out of the window.
 
 Factors: pivot k takes out the positions ``pivots[2 k]`` and, when 2x2, ``pivots[2 k + 1]`` (otherwise -1).  Its
-rows are ``indices[starts[2 k]:starts[2 k + 2]]``; their factors, in pairs when 2x2, begin at
-``factors[starts[2 k + 1]]``; ``inverse[3 k:3 k + 3]`` is D^-1 as (pp, pq, qq).
+rows, ``starts[2 k + 1]`` of them, begin at ``indices[starts[2 k]]``; their factors follow those of the pivot before:
+when 2x2 those of the first unknown, then those of the second.  ``inverse[3 k:3 k + 3]`` is D^-1 as (pp, pq, qq).
+
+Leaves are unknowns whose columns are still as in the matrix when they are eliminated.  Nothing is stored for them:
+``starts[2 k + 1]`` is -1 less their rows, which are ``columns[starts[2 k]]`` and on, and their factors the values there
+times D^-1.
 
 ``growth`` of a slot is the largest product subtracted from its column so far, at least 1: what remains of a column
 after cancellation is worth no more than rounding errors of that size.
@@ -69,7 +73,7 @@ def pair_accepted(a: f64, b: f64, c: f64, most_p: f64, most_q: f64, threshold: f
     return good
 
 
-@native
+@native(small=True)
 def best_partner(count: i64, found: i32s, values: f64s, owner: i32s, last: i64) -> i64:
     """Place in the list of the largest entry among positions before ``last``, or -1."""
     best = -1
@@ -82,7 +86,7 @@ def best_partner(count: i64, found: i32s, values: f64s, owner: i32s, last: i64) 
     return best
 
 
-@native
+@native(small=True)
 def place_of(slot: i64, count: i64, found: i32s) -> i64:
     """Place of a slot in a list, or -1."""
     place = -1
@@ -92,7 +96,7 @@ def place_of(slot: i64, count: i64, found: i32s) -> i64:
     return place
 
 
-@native
+@native(small=True)
 def pair_up(
     row_p: i64, row_q: i64, a: f64, b: f64, c: f64, swapped: i64, threshold: f64, noise: f64, count: i64,
     found_1: i32s, values_1: f64s, top: i64, low: i64, high: i64, stride: i64, window: f64s, found_2: i32s,
@@ -119,10 +123,10 @@ def pair_up(
     return union if good != 0 else -1
 
 
-@native
+@native(small=True)
 def take_one(
     p: i64, d: f64, most: f64, count: i64, listed: i32s, first: f64s, capacity: i64, slot: i32s, owner: i32s,
-    growth: f64s, stride: i64, window: f64s, spread: f64s, pivots: i32s, starts: i64s, indices: i32s,
+    growth: f64s, stride: i64, window: f64s, spread: f64s, pivots: i32s, starts: i32s, indices: i32s,
     factors: f64s, inverse: f64s, counts: i64s,
 ) -> i64:  # fmt: skip
     """Eliminate a 1x1 pivot, whose column is ``first`` at the slots ``listed``; 0 when the factors are full."""
@@ -145,8 +149,8 @@ def take_one(
     pivots[2 * k] = p
     pivots[2 * k + 1] = -1
     inverse[3 * k] = reciprocal
-    starts[2 * k + 2] = at + count
-    starts[2 * k + 3] = value_at + count
+    starts[2 * k] = at
+    starts[2 * k + 1] = count
     counts[POSITIVE if d > 0.0 else NEGATIVE] += 1
     counts[PIVOTS] = k + 1
     counts[INDICES] = at + count
@@ -154,11 +158,11 @@ def take_one(
     return 1
 
 
-@native
+@native(small=True)
 def take_two(
     p: i64, q: i64, a: f64, b: f64, c: f64, count: i64, listed: i32s, first: f64s, second: f64s,
     capacity: i64, slot: i32s, owner: i32s, growth: f64s, stride: i64, window: f64s, spread_1: f64s,
-    spread_2: f64s, pivots: i32s, starts: i64s, indices: i32s, factors: f64s, inverse: f64s, counts: i64s,
+    spread_2: f64s, pivots: i32s, starts: i32s, indices: i32s, factors: f64s, inverse: f64s, counts: i64s,
 ) -> i64:  # fmt: skip
     """Eliminate the 2x2 pivot [[a, b], [b, c]] with b != 0; 0 when the factors are full."""
     k = counts[PIVOTS]
@@ -180,22 +184,22 @@ def take_two(
         factor_1 = inverse_pp * first[e] + inverse_pq * second[e]
         factor_2 = inverse_pq * first[e] + inverse_qq * second[e]
         own[e] = owner[other]
-        column[2 * e] = factor_1
-        column[2 * e + 1] = factor_2
+        column[e] = factor_1
+        column[count + e] = factor_2
         growth[other] = max(growth[other], fabs(factor_1) * most_p + fabs(factor_2) * most_q)
     row_p = slot[p]
     row_q = slot[q]
     clear(row_p, count, listed, stride, window)
     clear(row_q, count, listed, stride, window)
     window[max(row_p, row_q) * stride + min(row_p, row_q)] = 0.0
-    subtract_two(count, listed, first, second, column, stride, spread_1, spread_2, window)
+    subtract_two(count, listed, first, second, column, column[count:], stride, spread_1, spread_2, window)
     pivots[2 * k] = p
     pivots[2 * k + 1] = q
     inverse[3 * k] = inverse_pp
     inverse[3 * k + 1] = inverse_pq
     inverse[3 * k + 2] = inverse_qq
-    starts[2 * k + 2] = at + count
-    starts[2 * k + 3] = value_at + 2 * count
+    starts[2 * k] = at
+    starts[2 * k + 1] = count
     if a * c < b * b:
         counts[POSITIVE] += 1
         counts[NEGATIVE] += 1
@@ -207,7 +211,7 @@ def take_two(
     return 1
 
 
-@native
+@native(small=True)
 def strongest(
     waiting: i64, queue: i32s, top: i64, low: i64, high: i64, stride: i64, slot: i32s, window: f64s,
     found: i32s, values: f64s,

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import distinct
-from stc.solver.kkt.arrangement import Arrangement, Couplings
-from stc.solver.kkt.ordering import SMALLEST, order_stage
+from stc.solver.kkt.arrangement import Arrangement, Couplings, enter_window
+from stc.solver.kkt.grouping import group_stage
+from stc.solver.kkt.ordering import SMALLEST, follow_order, order_stage, take_leaves
 from stc.solver.kkt.staging import Staging
 from stc.solver.nlp import Floats
 
@@ -24,6 +25,9 @@ Int32s = NDArray[np.int32]
 
 #: Stages of one kind that are looked at.
 SAMPLE = 32
+#: A stage is ordered anew when it comes so many times: what is in the window at first, near an end of the horizon, may
+#: be unlike what is there later.
+SETTLED = 6
 #: Pivots of about equal cost that are compared.
 CANDIDATES = 500
 
@@ -36,7 +40,10 @@ class Plan:
         rank: place of each unknown in the order of its stage, (N,).
         kind: 1 or 2 where a pivot begins, 0 for the second of two, -1 for unknowns that are bound to be delayed;
             by unknown, (N,).
-        start, count: the slots of the pivot's column, ``slots[start:start + count]``, (N,).
+        group: how many unknowns are eliminated together from here on, 0 where no group begins, -1
+            for leaves, (N,).
+        start, count: the slots of a group's columns, ``slots[start:start + count]``, (N,); where a group's order is
+            fixed, because what it adds to the window depends on it, count is -1 less that.
         slots: all the lists.
         state: what is in the window before each stage, (stages,): the entries of state k are at
             ``state_rows[state_starts[k]:state_starts[k + 1]]``, the same of ``state_columns``.
@@ -49,6 +56,7 @@ class Plan:
 
     rank: Int32s
     kind: Int32s
+    group: Int32s
     start: Int32s
     count: Int32s
     slots: Int32s
@@ -87,17 +95,21 @@ def plan_elimination(
         [np.maximum(slot_1, slot_2) * window + np.minimum(slot_1, slot_2), slot[diagonal] * (window + 1)]
     )
     place_stages = np.concatenate([stage[row], stage[diagonal]])
-    size_of_entry = np.abs(np.concatenate([values[size:], values[diagonal]]))
+    entries = np.concatenate([values[size:], values[diagonal]])
 
-    kind = _alike(staging.stages, (place_stages, places), (stage, slot))
+    pointers, entering = enter_window(arrangement, staging.stages)
+    fresh = entering[np.repeat(np.arange(staging.stages), np.diff(pointers)) == stage[entering]]
+    kind = _alike(staging.stages, (place_stages, places), (stage, slot), (stage[fresh], slot[fresh]))
     chosen = _sample(kind)
     inside = chosen[place_stages]
     keys, members = np.unique(kind[place_stages[inside]] * window**2 + places[inside], return_inverse=True)
-    logs = np.log(np.maximum(size_of_entry[inside], 1e-12))
+    logs = np.log(np.maximum(np.abs(entries[inside]), 1e-12))
     sizes = np.maximum(np.exp(np.bincount(members, logs) / np.bincount(members)), SMALLEST)
+    sizes = np.copysign(sizes, np.bincount(members, np.sign(entries[inside])))
     inside = chosen[stage]
     leaving = distinct(kind[stage[inside]] * window + slot[inside])
-    walk = _Walk(window, keys, sizes, leaving)
+    fresh = fresh[chosen[stage[fresh]]]
+    walk = _Walk(window, keys, sizes, leaving, distinct(kind[stage[fresh]] * window + slot[fresh]))
     plan_of_stage, state_of_stage = walk.all_stages(kind, staging.top)
     family = kind[staging.stage] * window + staging.slot
     return walk.result(staging, plan_of_stage, state_of_stage, family, has_diagonal)
@@ -135,24 +147,34 @@ def _sample(kind: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class _StagePlan:
-    """Order of one stage: slots, kinds of pivots, where their columns begin in all lists, how long these are."""
+    """Order of one stage: slots, kinds of pivots, groups, where the groups' columns begin in all lists, their lengths,
+    whether their order is fixed."""
 
     slots: Int32s
     kinds: Int32s
+    groups: Int32s
     starts: Int32s
     counts: Int32s
+    fixed: Int32s
 
     @property
     def nnz(self) -> int:
-        return int((self.counts * np.maximum(self.kinds, 1)).sum())
+        groups = np.maximum(self.groups, 0)
+        return int((groups * (self.counts + 0.5 * (groups - 1))).sum())
 
 
 class _Walk:
     """Goes through the stages, and orders each pair of kind and state that it meets for the first time."""
 
     def __init__(
-        self, window: int, keys: NDArray[np.int64], sizes: Floats, leaving: NDArray[np.int64]
+        self,
+        window: int,
+        keys: NDArray[np.int64],
+        sizes: Floats,
+        leaving: NDArray[np.int64],
+        fresh: NDArray[np.int64],
     ) -> None:
+        self.fresh = fresh
         self.window = window
         self.key_kind, self.key_place = keys // window**2, keys % window**2
         self.sizes = sizes
@@ -160,55 +182,103 @@ class _Walk:
         self.plans: list[_StagePlan] = []
         self.lists: list[Int32s] = []
         self.listed = 0
-        self.states: list[NDArray[np.float32]] = []
+        self.states: list[Floats] = []
         self.known_states: dict[bytes, int] = {}
 
     def all_stages(self, kind: NDArray[np.int64], top: Int32s) -> tuple[Int32s, Int32s]:
         """Plan and state of each stage."""
         state = self._state_number(np.zeros((self.window, self.window)))
         steps: dict[tuple[int, int], tuple[int, int]] = {}
+        times: dict[tuple[int, int], int] = {}
         plan_of_stage, state_of_stage = (
             np.empty(kind.size, dtype=np.int32),
             np.empty(kind.size, dtype=np.int32),
         )
         for stage, stage_kind in enumerate(kind.tolist()):
-            step = steps.get((stage_kind, state))
-            if step is None:
-                step = steps[stage_kind, state] = self._step(stage_kind, state, int(top[stage]))
+            key = stage_kind, state
+            step = steps.get(key)
+            times[key] = times.get(key, 0) + 1
+            if step is None or times[key] == SETTLED:
+                step = steps[key] = self._step(stage_kind, state, int(top[stage]))
+            elif times[key] < SETTLED:
+                self._repeat(stage_kind, state, int(top[stage]), *step)
             plan_of_stage[stage], state_of_stage[stage] = step[0], state
             state = step[1]
         return plan_of_stage, state_of_stage
 
     def _state_number(self, sizes: Floats) -> int:
-        """States with the same pattern are one; the sizes are those of the first."""
+        """States with the same pattern are one; the sizes are those of the last."""
         pattern = np.packbits(sizes != 0.0).tobytes()
         number = self.known_states.setdefault(pattern, len(self.states))
         if number == len(self.states):
-            self.states.append(sizes.astype(np.float32))
+            self.states.append(sizes)
+        self.states[number] = sizes.copy()
         return number
+
+    def _assembled(self, kind: int, state: int) -> Floats:
+        """The window of a stage of some kind after some state."""
+        sizes = self.states[state].copy()
+        begin, end = np.searchsorted(self.key_kind, [kind, kind + 1])
+        rows, columns = np.divmod(self.key_place[begin:end], self.window)
+        sizes[rows, columns] += self.sizes[begin:end]
+        sizes[columns, rows] = sizes[rows, columns]
+        return sizes
+
+    def _repeat(self, kind: int, state: int, top: int, plan: int, following: int) -> None:
+        """Eliminate a stage like one before, for the following state's sizes."""
+        window = self.window
+        sizes = self._assembled(kind, state)
+        known = self.plans[plan]
+        degree, row_p, row_q, lists = (np.empty(window, dtype=np.int32) for _ in range(4))
+        follow_order(
+            window, top, known.slots.size, known.slots, known.kinds, sizes.reshape(-1), degree, np.empty(window),
+            row_p, row_q, lists,
+        )  # fmt: skip
+        there = self.states[following] != 0.0
+        self.states[following] = np.where(there, np.where(sizes != 0.0, sizes, SMALLEST), 0.0)
 
     def _step(self, kind: int, state: int, top: int) -> tuple[int, int]:
         """Order a stage of some kind after some state; the plan's and the following state's number."""
         window = self.window
-        sizes = self.states[state].astype(np.float64)
-        begin, end = np.searchsorted(self.key_kind, [kind, kind + 1])
-        rows, columns = np.divmod(self.key_place[begin:end], window)
-        sizes[rows, columns] += self.sizes[begin:end]
-        sizes[columns, rows] = sizes[rows, columns]
+        sizes = self._assembled(kind, state)
+        fresh = np.isin(kind * window + np.arange(window), self.fresh).astype(np.int32)
         begin, end = np.searchsorted(self.leaving_kind, [kind, kind + 1])
         waiting = self.leaving_slot[begin:end].copy()
+        degree, row_p, row_q = (np.empty(window, dtype=np.int32) for _ in range(3))
+        most = np.empty(window)
+        leaves = take_leaves(
+            window, top, waiting.size, waiting, fresh, sizes.reshape(-1), degree, most, row_p, row_q
+        )
+        leaf_slots, waiting = waiting[:leaves], waiting[leaves:].copy()
         count = waiting.size
         order, kinds = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
         starts = np.empty(count + 1, dtype=np.int32)
         lists = np.empty((count + 1) * top, dtype=np.int32)
-        degree, row_p, row_q = (np.empty(window, dtype=np.int32) for _ in range(3))
         first, second = np.empty(CANDIDATES, dtype=np.int32), np.empty(CANDIDATES, dtype=np.int32)
-        used = order_stage(
-            window, top, count, waiting, sizes.reshape(-1), degree, np.empty(window), row_p, row_q,
+        before = sizes.reshape(-1).copy()
+        order_stage(
+            window, top, count, waiting, sizes.reshape(-1), degree, most, row_p, row_q,
             first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
         )  # fmt: skip
-        self.plans.append(_StagePlan(order, kinds, starts[:-1] + self.listed, np.diff(starts)))
-        self.lists.append(lists[:used].copy())
+        fixed = np.zeros_like(order)
+        groups, group_starts, rows = np.empty_like(order), np.empty_like(starts), np.empty_like(lists)
+        used = group_stage(
+            window, top, count, order, kinds, starts, lists, before, np.empty_like(before),
+            sizes.reshape(-1), row_p, np.empty(count + 1), np.empty(count + 1), np.empty_like(starts), groups, fixed,
+            group_starts, rows,
+        )  # fmt: skip
+        leaf = np.ones(leaves, dtype=np.int32)
+        self.plans.append(
+            _StagePlan(
+                np.concatenate([leaf_slots, order]),
+                np.concatenate([leaf, kinds]),
+                np.concatenate([-leaf, groups]),
+                np.concatenate([leaf - 1, group_starts[:-1] + self.listed]),
+                np.concatenate([leaf - 1, np.diff(group_starts)]),
+                np.concatenate([leaf - 1, fixed]),
+            )
+        )
+        self.lists.append(rows[:used].copy())
         self.listed += used
         return len(self.plans) - 1, self._state_number(sizes)
 
@@ -222,18 +292,22 @@ class _Walk:
     ) -> Plan:
         """Everything by unknown."""
         window = self.window
-        rank, kind, start, count = (np.zeros((len(self.plans), window), dtype=np.int32) for _ in range(4))
+        rank, kind, group, start, count = (
+            np.zeros((len(self.plans), window), dtype=np.int32) for _ in range(5)
+        )
         for number, plan in enumerate(self.plans):
             rank[number, plan.slots] = np.arange(plan.slots.size)
             kind[number, plan.slots] = plan.kinds
+            group[number, plan.slots] = plan.groups
             start[number, plan.slots] = plan.starts
-            count[number, plan.slots] = plan.counts
+            count[number, plan.slots] = np.where(plan.fixed != 0, -1 - plan.counts, plan.counts)
         where = plan_of_stage[staging.stage], staging.slot
         entries = [np.nonzero(np.tril(sizes)) for sizes in self.states]
         nnz = np.array([plan.nnz for plan in self.plans], dtype=np.int64)
         return Plan(
             rank[where],
             kind[where],
+            group[where],
             start[where],
             count[where],
             np.concatenate([*self.lists, np.zeros(1, dtype=np.int32)]),

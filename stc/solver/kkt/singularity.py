@@ -29,23 +29,35 @@ BOUND = 1e-10
 
 @native
 def _is_null(
-    k: i64, p: i64, d: f64, size: i64, pivots: i32s, starts: i64s, indices: i32s, factors: f64s, pointers: i32s,
-    columns: i32s, values: f64s, zeros: f64s, z: f64s, image: f64s,
+    k: i64, value_at: i64, p: i64, d: f64, size: i64, pivots: i32s, starts: i32s, indices: i32s, factors: f64s,
+    inverse: f64s, pointers: i32s, columns: i32s, values: f64s, zeros: f64s, z: f64s, image: f64s,
 ) -> i64:  # fmt: skip
     """Whether position ``p`` of pivot ``k``, with diagonal entry ``d`` in D, stands for an eigenvalue zero."""
     for i in range(size):
         z[i] = 0.0
     z[p] = 1.0
     square = 1.0
+    upper = values[size:]
     for back in range(k):
         e = k - 1 - back
         one = pivots[2 * e]
         other = pivots[2 * e + 1]
-        begin = starts[2 * e]
-        length = starts[2 * e + 2] - begin
-        own = indices[begin:]
-        column = factors[starts[2 * e + 1] :]
+        length = starts[2 * e + 1]
         total = 0.0
+        if length < 0:
+            own = columns[starts[2 * e] :]
+            column = upper[starts[2 * e] :]
+            for i in range(-1 - length):
+                total -= column[i] * z[own[i]]
+            total *= inverse[3 * e]
+            z[one] = total
+            square += total * total
+            continue
+        value_at -= length
+        if other >= 0:
+            value_at -= length
+        own = indices[starts[2 * e] :]
+        column = factors[value_at:]
         if other < 0:
             for i in range(length):
                 total -= column[i] * z[own[i]]
@@ -53,8 +65,8 @@ def _is_null(
             total_other = 0.0
             for i in range(length):
                 value = z[own[i]]
-                total -= column[2 * i] * value
-                total_other -= column[2 * i + 1] * value
+                total -= column[i] * value
+                total_other -= column[length + i] * value
             z[other] = total_other
             square += total_other * total_other
         z[one] = total
@@ -75,7 +87,7 @@ def confirm_zeros(
     columns: i32s,
     values: f64s,
     pivots: i32s,
-    starts: i64s,
+    starts: i32s,
     indices: i32s,
     factors: f64s,
     inverse: f64s,
@@ -90,9 +102,14 @@ def confirm_zeros(
     zero, ``z`` and ``image`` (N,) are work space.
     """
     checks = 0
+    value_at = 0
     for k in range(counts[PIVOTS]):
         p = pivots[2 * k]
         q = pivots[2 * k + 1]
+        own_at = value_at
+        value_at += max(starts[2 * k + 1], 0)
+        if q >= 0:
+            value_at += starts[2 * k + 1]
         a = inverse[3 * k]
         b = 0.0
         c = 0.0
@@ -111,11 +128,41 @@ def confirm_zeros(
         checks += 1
         d = 1.0 / a if q < 0 else largest / (a * c - b * b)
         null = _is_null(
-            k, p, d, size, pivots, starts, indices, factors, pointers, columns, values, zeros, z, image
+            k,
+            own_at,
+            p,
+            d,
+            size,
+            pivots,
+            starts,
+            indices,
+            factors,
+            inverse,
+            pointers,
+            columns,
+            values,
+            zeros,
+            z,
+            image,
         )
         if null != 0 and q >= 0:
             null = _is_null(
-                k, q, d, size, pivots, starts, indices, factors, pointers, columns, values, zeros, z, image
+                k,
+                own_at,
+                q,
+                d,
+                size,
+                pivots,
+                starts,
+                indices,
+                factors,
+                inverse,
+                pointers,
+                columns,
+                values,
+                zeros,
+                z,
+                image,
             )
         if null == 0:
             continue

@@ -15,46 +15,69 @@ LARGEST_GAIN = 1e6
 
 @native(fast=True)
 def substitute(
-    count: i64, pivots: i32s, starts: i64s, indices: i32s, factors: f64s, inverse: f64s, x: f64s
-) -> None:
-    """Overwrite ``x`` with the solution of L D L^T x = x."""
+    count: i64, columns: i32s, upper: f64s, pivots: i32s, starts: i32s, indices: i32s, factors: f64s,
+    inverse: f64s, x: f64s,
+) -> None:  # fmt: skip
+    """Overwrite ``x`` with the solution of L D L^T x = x; ``upper`` are the entries at ``columns``."""
+    value_at = 0
     for k in range(count):
+        length = starts[2 * k + 1]
+        if length < 0:
+            own = columns[starts[2 * k] :]
+            column = upper[starts[2 * k] :]
+            scaled = x[pivots[2 * k]] * inverse[3 * k]
+            for e in range(-1 - length):
+                x[own[e]] -= column[e] * scaled
+            x[pivots[2 * k]] = scaled
+            continue
         p = pivots[2 * k]
         q = pivots[2 * k + 1]
-        begin = starts[2 * k]
-        length = starts[2 * k + 2] - begin
-        own = indices[begin:]
-        column = factors[starts[2 * k + 1] :]
+        own = indices[starts[2 * k] :]
+        column = factors[value_at:]
         value_p = x[p]
+        value_at += length
         if q < 0:
             for e in range(length):
                 x[own[e]] -= column[e] * value_p
             x[p] = inverse[3 * k] * value_p
         else:
+            value_at += length
             value_q = x[q]
+            other = column[length:]
             for e in range(length):
-                x[own[e]] -= column[2 * e] * value_p + column[2 * e + 1] * value_q
+                x[own[e]] -= column[e] * value_p + other[e] * value_q
             x[p] = inverse[3 * k] * value_p + inverse[3 * k + 1] * value_q
             x[q] = inverse[3 * k + 1] * value_p + inverse[3 * k + 2] * value_q
     for back in range(count):
         k = count - 1 - back
         p = pivots[2 * k]
         q = pivots[2 * k + 1]
-        begin = starts[2 * k]
-        length = starts[2 * k + 2] - begin
-        own = indices[begin:]
-        column = factors[starts[2 * k + 1] :]
+        length = starts[2 * k + 1]
         total_p = x[p]
+        if length < 0:
+            own = columns[starts[2 * k] :]
+            column = upper[starts[2 * k] :]
+            total = 0.0
+            for e in range(-1 - length):
+                total += column[e] * x[own[e]]
+            x[p] = total_p - inverse[3 * k] * total
+            continue
+        value_at -= length
+        if q >= 0:
+            value_at -= length
+        own = indices[starts[2 * k] :]
+        column = factors[value_at:]
         if q < 0:
             for e in range(length):
                 total_p -= column[e] * x[own[e]]
             x[p] = total_p
         else:
             total_q = x[q]
+            other = column[length:]
             for e in range(length):
                 value = x[own[e]]
-                total_p -= column[2 * e] * value
-                total_q -= column[2 * e + 1] * value
+                total_p -= column[e] * value
+                total_q -= other[e] * value
             x[p] = total_p
             x[q] = total_q
 
@@ -79,7 +102,7 @@ def solve(
     order: i32s,
     pivot_count: i64s,
     pivots: i32s,
-    starts: i64s,
+    starts: i32s,
     indices: i32s,
     factors: f64s,
     inverse: f64s,
@@ -105,7 +128,7 @@ def solve(
     relative = 1.0
     steps = 0
     while norm > 0.0:
-        substitute(count, pivots, starts, indices, factors, inverse, change)
+        substitute(count, columns, values[size:], pivots, starts, indices, factors, inverse, change)
         for k in range(size):
             solution[k] += change[k]
         remaining = residual(size, pointers, columns, values, scaled_rhs, solution, result)

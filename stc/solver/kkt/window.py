@@ -38,7 +38,7 @@ def entry(i: i64, j: i64, stride: i64, window: f64s) -> f64:
     return window[max(i, j) * stride + min(i, j)]
 
 
-@native
+@native(small=True)
 def gather(
     slot: i64, top: i64, low: i64, high: i64, stride: i64, window: f64s, found: i32s, values: f64s
 ) -> i64:
@@ -68,7 +68,7 @@ def gather(
     return count
 
 
-@native
+@native(small=True)
 def gather_listed(slot: i64, count: i64, listed: i32s, stride: i64, window: f64s, values: f64s) -> None:
     """Values of a column at the listed slots (the column's own is not among them)."""
     below = 0
@@ -80,7 +80,7 @@ def gather_listed(slot: i64, count: i64, listed: i32s, stride: i64, window: f64s
         values[k] = window[listed[k] * stride + slot]
 
 
-@native(fast=True)
+@native(small=True)
 def largest(count: i64, values: f64s) -> f64:
     """Largest magnitude of a column."""
     most = 0.0
@@ -89,7 +89,7 @@ def largest(count: i64, values: f64s) -> f64:
     return most
 
 
-@native
+@native(small=True)
 def clear(slot: i64, count: i64, listed: i32s, stride: i64, window: f64s) -> None:
     """Set a column to zero at the listed slots and on the diagonal."""
     row = slot * stride
@@ -102,7 +102,7 @@ def clear(slot: i64, count: i64, listed: i32s, stride: i64, window: f64s) -> Non
             window[other * stride + slot] = 0.0
 
 
-@native
+@native(small=True)
 def merge(
     count_1: i64,
     found_1: i32s,
@@ -142,13 +142,13 @@ def merge(
     return count
 
 
-@native(fast=True)
+@native(fast=True, small=True)
 def _subtract_row(blocks: i64, factor: f64, column: f64s, row: f64s) -> None:
     for k in range(blocks * LANES):
         row[k] -= factor * column[k]
 
 
-@native(fast=True)
+@native(fast=True, small=True)
 def subtract_one(
     count: i64, listed: i32s, values: f64s, factors: f64s, stride: i64, spread: f64s, window: f64s
 ) -> None:
@@ -169,7 +169,7 @@ def subtract_one(
         spread[listed[k]] = 0.0
 
 
-@native(fast=True)
+@native(fast=True, small=True)
 def _subtract_row_two(
     blocks: i64, factor_1: f64, column_1: f64s, factor_2: f64, column_2: f64s, row: f64s
 ) -> None:
@@ -177,26 +177,27 @@ def _subtract_row_two(
         row[k] -= factor_1 * column_1[k] + factor_2 * column_2[k]
 
 
-@native(fast=True)
+@native(fast=True, small=True)
 def subtract_two(
     count: i64,
     listed: i32s,
     first: f64s,
     second: f64s,
-    factors: f64s,
+    factors_1: f64s,
+    factors_2: f64s,
     stride: i64,
     spread_1: f64s,
     spread_2: f64s,
     window: f64s,
 ) -> None:
-    """``window -= factors_1 first^T + factors_2 second^T`` on the listed slots; factors come in pairs.
+    """``window -= factors_1 first^T + factors_2 second^T`` on the listed slots.
 
-    Where one of a pair is zero its product is left out, which keeps zeros exact.
+    Where the first of a pair is zero its product is left out, which keeps zeros exact.
     """
     if listed[max(count - 1, 0)] >= count * DENSE_RATIO:
         for k in range(count):
-            factor_1 = factors[2 * k]
-            factor_2 = factors[2 * k + 1]
+            factor_1 = factors_1[k]
+            factor_2 = factors_2[k]
             row = window[listed[k] * stride :]
             if factor_1 == 0.0:
                 for other in range(k + 1):
@@ -211,10 +212,10 @@ def subtract_two(
     for k in range(count):
         slot = listed[k]
         row = window[slot * stride :]
-        if factors[2 * k] == 0.0:
-            _subtract_row(slot // LANES + 1, factors[2 * k + 1], spread_2, row)
+        if factors_1[k] == 0.0:
+            _subtract_row(slot // LANES + 1, factors_2[k], spread_2, row)
         else:
-            _subtract_row_two(slot // LANES + 1, factors[2 * k], spread_1, factors[2 * k + 1], spread_2, row)
+            _subtract_row_two(slot // LANES + 1, factors_1[k], spread_1, factors_2[k], spread_2, row)
     for k in range(count):
         spread_1[listed[k]] = 0.0
         spread_2[listed[k]] = 0.0

@@ -201,4 +201,5 @@ def test_operations_and_memory_of_a_full_matrix():
     kkt.factorize(rng.uniform(-1.0, 1.0, rows.size), np.zeros(0), np.full(size, 100.0), np.zeros(0))
     assert kkt.nnz_factor == size * (size - 1) // 2
     assert kkt.operations == sum(k * (k + 1) for k in range(size))
-    assert kkt.factor_bytes == 12 * kkt.nnz_factor + 48 * size
+    # Indices are shared by the pivots of a panel.
+    assert 8 * kkt.nnz_factor < kkt.factor_bytes - 40 * size < 9 * kkt.nnz_factor

@@ -1,0 +1,48 @@
+"""Vectors of eight in compiled functions, against NumPy and against plain Python."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stc.codegen.native import NativeError, f64, f64s, i64, native
+from stc.codegen.native_vector import abs8, largest8, load8, max8, splat8, store8
+
+
+@native(fast=True)
+def product(rows: i64, factors: f64s, table: f64s, sums: f64s) -> f64:
+    total = splat8(0.0)
+    most = splat8(-1.0)
+    for k in range(rows):
+        row = load8(table, 8 * k)
+        total += factors[k] * row
+        most = max8(most, abs8(-row))
+    store8(sums, 1, 2.0 * total - 1)
+    return largest8(most)
+
+
+@native
+def from_integers(x: f64s) -> None:
+    store8(x, 0, 3)
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_products_and_extremes(plain):
+    rng = np.random.default_rng(3)
+    table, factors, sums = rng.normal(size=(5, 8)), rng.normal(size=5), np.zeros(10)
+    call = product.python if plain else product
+    assert call(5, factors, table.reshape(-1), sums) == np.abs(table).max()
+    np.testing.assert_allclose(sums[1:9], 2.0 * factors @ table - 1.0, rtol=1e-14)
+    assert sums[0] == sums[9] == 0.0
+    from_integers(sums)
+    assert (sums[:8] == 3.0).all()
+
+
+def test_vectors_are_no_conditions():
+    @native
+    def compared(x: f64s) -> f64:
+        vector = load8(x, 0)
+        return 1.0 if vector > 0.0 else 0.0
+
+    with pytest.raises(NativeError, match="vector"):
+        compared(np.zeros(8))
