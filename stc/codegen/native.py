@@ -14,7 +14,8 @@ as pointers (lengths are arguments of their own).  The type of a local is that o
 **Expressions.** ``+ - * /``, ``// %`` of integers (divisor not zero), ``& | ^`` of integers, ``**`` with a
 constant whole exponent, comparisons, ``and or not`` of conditions, ``a if c else b``, ``x[k]`` (``k >= 0``,
 unchecked), views ``x[k:]``, ``min max abs float int``, the functions of :mod:`stc.codegen.native_math`
-and the vectors of :mod:`stc.codegen.native_vector`, module-level numeric constants, and other compiled functions of any module.
+and the vectors of :mod:`stc.codegen.native_vector`, module-level numeric constants, and other compiled functions
+of any module.
 
 All functions of one Python module are compiled at the first call of one of them, into one object that is kept
 on disk.  Arrays written by a call must not overlap its other arrays.  Arithmetic is IEEE, as written;

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from stc.codegen.native import i32s, i64, native
 from stc.solver.nlp import Ints
 
-__all__ = ["Arrangement", "Couplings", "arrange", "enter_window", "sort_by_key", "window_targets"]
+__all__ = [
+    "Arrangement",
+    "Couplings",
+    "arrange",
+    "enter_window",
+    "sort_by_key",
+    "tops_without_leaves",
+    "window_targets",
+]
 
 Int32s = NDArray[np.int32]
 
@@ -168,3 +176,25 @@ def window_targets(size: i64, pointers: i32s, columns: i32s, slot: i32s, stride:
         for e in range(pointers[k], pointers[k + 1]):
             other = slot[columns[e]]
             targets[size + e] = max(own, other) * stride + min(own, other)
+
+
+@native(small=True)
+def tops_without_leaves(
+    stages: i64,
+    stage_pointers: i32s,
+    enter_pointers: i32s,
+    entering: i32s,
+    group: i32s,
+    slot: i32s,
+    tops: i32s,
+) -> None:
+    """Slots in use at each stage, (stages,), those aside of positions whose ``group`` is negative."""
+    for stage in range(stages):
+        tops[stage] = 0
+    for stage in range(stages):
+        for place in range(enter_pointers[stage], enter_pointers[stage + 1]):
+            k = entering[place]
+            now = stage
+            while group[k] >= 0 and now < stages and stage_pointers[now] <= k:
+                tops[now] = max(tops[now], slot[k] + 1)
+                now += 1

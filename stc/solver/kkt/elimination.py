@@ -156,7 +156,9 @@ def _list_rows(
     for k in range(members):
         own = slot[who[k]]
         row = window[own * stride :]
-        for other in range(own):
+        for other in range(min(own, top)):
+            mark[other] = max(mark[other], fabs(row[other]))
+        for other in range(low, min(own, high)):
             mark[other] = max(mark[other], fabs(row[other]))
         for other in range(own + 1, top):
             mark[other] = max(mark[other], fabs(window[other * stride + own]))
@@ -165,7 +167,11 @@ def _list_rows(
     for k in range(members):
         mark[slot[who[k]]] = 0.0
     count = 0
-    for other in range(high):
+    for other in range(top):
+        rows[count] = other
+        count += mark[other] != 0.0
+        mark[other] = 0.0
+    for other in range(low, high):
         rows[count] = other
         count += mark[other] != 0.0
         mark[other] = 0.0
@@ -207,6 +213,7 @@ def factorize(
     targets: i32s,
     enter_pointers: i32s,
     entering: i32s,
+    inner_top: i32s,
     top: i32s,
     plan_kind: i32s,
     plan_group: i32s,
@@ -221,6 +228,7 @@ def factorize(
     panel: f64s,
     lower: f64s,
     sums: f64s,
+    masks: f64s,
     spread_1: f64s,
     spread_2: f64s,
     slot: i32s,
@@ -259,7 +267,7 @@ def factorize(
         planned_slot: slot at each position, (N,).
         targets: where the entries of ``values`` go in the window, (N + E,).
         enter_pointers, entering: the positions that enter the window at each stage, (stages + 1,) and (N,).
-        top: slots in use at each stage.
+        inner_top, top: slots in use at each stage, without and with those of leaves, (stages,).
         plan_kind: 1 or 2 where a planned pivot begins, 0 for the second of a pair, -1 without plan, (N,).
         plan_group: how many unknowns are eliminated together from here on, 0 where no group begins, -1 for
             leaves, which are first in their stages, (N,).
@@ -284,13 +292,13 @@ def factorize(
     for stage in range(stages):
         begin = stage_pointers[stage]
         end = stage_pointers[stage + 1]
-        slots_top = top[stage]
+        slots_top = inner_top[stage]
         last_stage = stage == stages - 1
         if not exact and planned != 0 and held == 0:
             # The column lists hold again as soon as nothing is in the window but what the plan expects.
             expected = state_starts[state[stage]]
             exact = 0 != _only_expected(
-                top[max(stage - 1, 0)], state_starts[state[stage] + 1] - expected, state_rows[expected:],
+                inner_top[max(stage - 1, 0)], state_starts[state[stage] + 1] - expected, state_rows[expected:],
                 state_columns[expected:], stride, window,
             )  # fmt: skip
         _enter(enter_pointers[stage], enter_pointers[stage + 1], entering, slot, owner, growth)
@@ -306,6 +314,7 @@ def factorize(
                 slot[position] = -1 - stage
             else:
                 exact = False
+                slots_top = top[stage]
                 _assemble(position, position + 1, size, pointers, targets, values, window)
                 queue[waiting] = position
                 waiting += 1
@@ -326,7 +335,7 @@ def factorize(
                 )
             taken = take_group(
                 planned_here, members, found_1, count, listed, plan_kind[position:], stage, threshold, tiny,
-                capacity, stride, window, slot, owner, growth, found_12, panel, lower, values_1, sums, pivots,
+                capacity, stride, window, slot, owner, growth, found_12, panel, lower, values_1, sums, masks, pivots,
                 starts, indices, factors, inverse, counts,
             )  # fmt: skip
             if taken < 0:

@@ -5,11 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.kkt import pivots
-from stc.solver.kkt.arrangement import Arrangement, Couplings, arrange, enter_window, window_targets
+from stc.solver.kkt.arrangement import (
+    Arrangement,
+    Couplings,
+    arrange,
+    enter_window,
+    tops_without_leaves,
+    window_targets,
+)
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.elimination import FACTORS_FULL, factorize
 from stc.solver.kkt.entries import checked_values
-from stc.solver.kkt.panel import LARGEST_GROUP
+from stc.solver.kkt.panel import LARGEST_GROUP, MASKS
 from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.singularity import confirm_zeros
 from stc.solver.kkt.staging import assign_stages
@@ -247,6 +254,11 @@ class FrontalKKT:
         self._planned_slot = self._staging.slot[a.order]
         self._entering = enter_window(a, self._staging.stages)
         self._targets = np.empty_like(self._values, dtype=np.int32)
+        self._inner_top = np.empty_like(self._staging.top)
+        tops_without_leaves(
+            self._staging.stages, a.stage_pointers, *self._entering, plan.group[a.order], self._planned_slot,
+            self._inner_top,
+        )  # fmt: skip
         self._plan_arrays = tuple(part[a.order] for part in (plan.kind, plan.group, plan.start, plan.count))
         absent = np.flatnonzero(plan.no_diagonal[a.order]).astype(np.int32)
         self._appeared = count_nonzero.bind(absent.size, absent, self._values)
@@ -303,9 +315,9 @@ class FrontalKKT:
         self._eliminate = factorize.bind(
             size, staging.stages, self.n, self.pivot_threshold, SINGULAR, REPLACEMENT, DELAYED_FREELY,
             self._capacity, self._stride, self._held_from, True, a.stage_pointers, a.pointers, a.columns,
-            self._values, a.order, self._planned_slot, self._targets, *self._entering, staging.top,
+            self._values, a.order, self._planned_slot, self._targets, *self._entering, self._inner_top, staging.top,
             *self._plan_arrays, plan.slots, plan.state, plan.state_starts, plan.state_rows, plan.state_columns,
-            self._window, *self._panels, spread_1, spread_2, self._slot, owner, growth, queue, found_1, found_2,
+            self._window, *self._panels, MASKS, spread_1, spread_2, self._slot, owner, growth, queue, found_1, found_2,
             found_12, values_1, values_2, first, second, self._pivots, self._starts, self._indices, self._factors,
             self._inverse, self._counts,
         )  # fmt: skip

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from stc.codegen.native import copysign, f64, f64s, fabs, i32s, i64, native
 
-__all__ = ["SECOND", "SMALLEST", "UNPLANNED", "follow_order", "order_stage", "take_leaves"]
+__all__ = ["LEAF", "SECOND", "SMALLEST", "UNPLANNED", "follow_order", "order_stage", "take_leaves"]
 
 #: Kinds of unknowns in an order: first of a pivot of one or two, second of two, not eliminated.
 SECOND = 0

@@ -12,6 +12,8 @@ the plan has all of rows x rows filled, the order inside a group is free.  Rows 
 
 from __future__ import annotations
 
+import numpy as np
+
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.codegen.native_vector import abs8, largest8, load8, max8, splat8, store8
 from stc.solver.kkt.pivots import (
@@ -23,10 +25,12 @@ from stc.solver.kkt.pivots import (
     pair_accepted,
 )
 
-__all__ = ["CHANGED", "LARGEST_GROUP", "VECTOR", "take_group"]
+__all__ = ["CHANGED", "LARGEST_GROUP", "MASKS", "VECTOR", "take_group"]
 
 #: Numbers of a vector.
 VECTOR = 8
+#: Row k of these, eight numbers each, keeps the entries of a vector after k; the last one keeps all.
+MASKS = np.vstack([np.triu(np.ones((VECTOR, VECTOR)), 1), np.ones(VECTOR)]).reshape(-1)
 #: Added to the number of those eliminated when the order was not as planned.
 CHANGED = 1000
 #: Room for members of a group.
@@ -74,10 +78,12 @@ def _put_back(
 
 
 @native
-def _largest(begin: i64, end: i64, row: f64s) -> f64:
-    """Largest magnitude in some vectors of a row."""
-    most = splat8(0.0)
-    for at in range(begin, end, VECTOR):
+def _largest(begin: i64, end: i64, mask: f64s, row: f64s) -> f64:
+    """Largest magnitude in some vectors of a row, of which the first is multiplied with ``mask``."""
+    first = load8(row, begin) * load8(mask, 0)
+    store8(row, begin, first)
+    most = abs8(first)
+    for at in range(begin + VECTOR, end, VECTOR):
         most = max8(most, abs8(load8(row, at)))
     return largest8(most)
 
@@ -265,7 +271,7 @@ def _update(
 def take_group(
     planned: i64, members: i64, who: i32s, count: i64, rows: i32s, kinds: i32s, stage: i64, threshold: f64, tiny: f64,
     capacity: i64, stride: i64, window: f64s, slot: i32s, owner: i32s, growth: f64s, slots: i32s, panel: f64s,
-    lower: f64s, rise: f64s, sums: f64s, pivots: i32s, starts: i32s, indices: i32s, factors: f64s,
+    lower: f64s, rise: f64s, sums: f64s, masks: f64s, pivots: i32s, starts: i32s, indices: i32s, factors: f64s,
     inverse: f64s, counts: i64s,
 ) -> i64:  # fmt: skip
     """Eliminate the positions ``who`` (members,), whose columns have their entries at ``rows``.
@@ -274,6 +280,7 @@ def take_group(
         kinds: 1 or 2 where a planned pivot begins, (planned,): of the first of the members.
         slots: work space, (members,); panel, lower: the same, (members * padded length,); rise: the
             same, (padded length,); sums: the same, (8 * padded length,).
+        masks: see ``MASKS``.
 
     Returns:
         How many could be eliminated, CHANGED more when not in the planned order; -1 when the factors are full.
@@ -311,10 +318,8 @@ def take_group(
             kind = kinds[done]
             _bring(done, done, begin, length, lower, panel, row)
             a = row[done]
-            for k in range(begin, done + 1):
-                row[k] = 0.0
             if kind == 1:
-                most = _largest(begin, length, row)
+                most = _largest(begin, length, masks[(done - begin) * VECTOR :], row)
                 if fabs(a) < threshold * most or fabs(a) <= tiny * rise[done]:
                     kind = 0
             else:
@@ -322,11 +327,12 @@ def take_group(
                 _bring(done, done + 1, begin, length, lower, panel, other)
                 b = row[done + 1]
                 c = other[done + 1]
-                row[done + 1] = 0.0
-                for k in range(begin, done + 2):
-                    other[k] = 0.0
-                most = _largest(begin, length, row)
-                most_q = _largest(begin, length, other)
+                if done + 1 == begin + VECTOR:
+                    row[done + 1] = 0.0
+                    other[done + 1] = 0.0
+                mask = masks[min(done + 1 - begin, VECTOR - 1) * VECTOR :]
+                most = _largest(begin, length, mask, row)
+                most_q = _largest(begin, length, mask, other)
                 noise = tiny * max(rise[done], rise[done + 1])
                 if pair_accepted(a, b, c, most, most_q, threshold, noise) == 0:
                     kind = 0
@@ -358,8 +364,8 @@ def take_group(
                 row[done + 1] = 0.0
                 for k in range(begin, done + 2):
                     other[k] = 0.0
-                most_q = _largest(begin, length, other)
-            most = _largest(begin, length, row)
+                most_q = _largest(begin, length, masks[VECTOR * VECTOR :], other)
+            most = _largest(begin, length, masks[VECTOR * VECTOR :], row)
         factors_1 = lower[done * length :]
         if kind == 1:
             reciprocal = 1.0 / a

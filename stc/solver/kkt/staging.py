@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from stc.arrays import distinct
 from stc.codegen.native import i32s, i64, native
+from stc.solver.kkt.ordering import LEAF
 from stc.solver.nlp import Ints
 
 __all__ = ["Staging", "assign_stages"]
@@ -80,8 +81,11 @@ def assign_stages(stage: Ints, variables: int, first: Ints, second: Ints) -> Sta
     entry = np.searchsorted(kept, entry)
     count = kept.size
 
-    # Those that stay longest come first and get the lowest slots: regular chains then repeat after two stages.
-    entering = np.argsort(entry * count + (count - 1 - stage), kind="stable").astype(np.int32)
+    # Those that stay longest come first and get the lowest slots: regular chains then repeat after two stages. Those
+    # with few couplings come last: most are eliminated without touching their part of the window.
+    degree = np.bincount(first, minlength=stage.size) + np.bincount(second, minlength=stage.size)
+    key = 2 * (entry * count + (count - 1 - stage)) + (degree <= LEAF)
+    entering = np.argsort(key, kind="stable").astype(np.int32)
     leaving = np.argsort(stage, kind="stable").astype(np.int32)
     slot = np.zeros(stage.size, dtype=np.int32)
     top = np.zeros(count, dtype=np.int32)
