@@ -27,12 +27,36 @@ from stc.same_motion import check_same_motion, takes_longer
 from stc.solution import Solution
 from stc.solver import IterationRecord, Options, Result, Start, Status
 
-__all__ = ["FewerFrames", "Nested", "fewer_frames", "own_constants"]
+__all__ = [
+    "COARSE",
+    "FINE",
+    "ITERATIONS",
+    "FewerFrames",
+    "Fineness",
+    "Nested",
+    "fewer_frames",
+    "own_constants",
+]
 
-FEWEST, SHORTEST = 50, 25
-"""Frames of a motion, and of each of its phases, that are left at least: fewer may show another motion."""
-WORTHWHILE = 4.0
-"""How many times fewer frames there are to be."""
+
+@dataclass(frozen=True, slots=True)
+class Fineness:
+    """How few frames will do.
+
+    Attributes:
+        fewest, shortest: frames of a motion, and of each of its phases, that are left at least.
+        worthwhile: how many times fewer frames there are to be.
+    """
+
+    fewest: int
+    shortest: int
+    worthwhile: float
+
+
+FINE = Fineness(50, 25, 3.0)
+"""Frames that show the motion: with fewer of them it may be another one."""
+COARSE = Fineness(20, 8, 1.6)
+"""For a start where none is known."""
 
 
 ITERATIONS = 150
@@ -63,24 +87,27 @@ def own_constants(tree: SpecTree, overrides: Mapping[str, float]) -> list[str]:
     return [name for name in constants.values if constants.made_from(name) == {name}]
 
 
-def fewer_frames(tree: SpecTree, overrides: Mapping[str, float], problem: Problem) -> FewerFrames | None:
+def fewer_frames(
+    tree: SpecTree, overrides: Mapping[str, float], problem: Problem, fineness: Fineness = FINE
+) -> FewerFrames | None:
     """Constants for the motion on a number of frames that still shows it; None where the spec offers none.
 
     Args:
         tree: the spec.
         overrides: constants given from outside.
         problem: the spec with these.
+        fineness: what is few enough, and what too few.
     """
     cuts = named_cuts(problem)
     phases = np.diff(Alignment.of(cuts, cuts).old)
-    most = min(problem.n / FEWEST, float(phases.min(initial=np.inf)) / SHORTEST)
-    if not WORTHWHILE <= most < np.inf:
+    most = min(problem.n / fineness.fewest, float(phases.min(initial=np.inf)) / fineness.shortest)
+    if not fineness.worthwhile <= most < np.inf:
         return None
     shaping = {k: problem.constants[k] for k in own_constants(tree, overrides) if k in problem.structural}
     for way in _ways(shaping, most):
         try:
             other = elaborate(tree, {**overrides, **way}, problem.method)
-            if not 0 < other.n * WORTHWHILE <= problem.n:
+            if not 0 < other.n * fineness.worthwhile <= problem.n:
                 continue
             pairs = Alignment.of(cuts, named_cuts(other))
             if takes_longer(problem, other, pairs.old, pairs.new) and "h" in problem.constants:

@@ -14,7 +14,8 @@ import time
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,7 @@ from stc.language import read_problem
 from stc.language.constant_values import constant_values
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
-from stc.nested import FewerFrames, Nested, fewer_frames
+from stc.nested import COARSE, FINE, ITERATIONS, FewerFrames, Fineness, Nested, fewer_frames
 from stc.phases import named_cuts
 from stc.problem import Problem
 from stc.solution import Solution, read
@@ -161,7 +162,7 @@ class Model:
         self.warnings: tuple[Diagnostic, ...] = ()
         self._transcriptions: dict[object, Transcription] = {}
         self._own_method = ""
-        self._fewer: dict[object, FewerFrames | None] = {}  # of the last constants
+        self._fewer: dict[tuple[Any, ...], FewerFrames | None] = {}  # of the last constants
 
     def _parsed(self) -> SpecTree:
         try:
@@ -296,10 +297,11 @@ class Model:
             limits["warm_start"] = start.row_multipliers is not None
         options = Options(**limits)
         solving = time.perf_counter()
-        result: Result | None = None
         if fewer_first and start is None and optimizer == DEFAULT:
-            result = self._nested(problem, transcription, given, options, callback, minimizer, seconds)
-        if result is None:
+            result = _ColdSolve(
+                self, problem, transcription, given, options, callback, minimizer, seconds
+            ).run()
+        else:
             _, result = solve(
                 transcription, problem.constants, options, start, callback, optimizer, minimizer
             )
@@ -309,53 +311,16 @@ class Model:
         solution.origin = self
         return solution
 
-    def _nested(
-        self,
-        problem: Problem,
-        transcription: Transcription,
-        given: Mapping[str, float],
-        options: Options,
-        callback: Callback | None,
-        minimizer: Minimizer | None,
-        seconds: dict[str, float],
-    ) -> Result | None:
-        """Solves by way of fewer frames; None where there is no such way, or the problem takes few steps anyway.
-
-        What deriving and compiling the motion on fewer frames takes is added to ``seconds``, and taken off the solve's.
-        """
-        program = transcription.program
-        if program.objective_degree <= 2 and program.row_linear.all():
-            return None
-        key = problem.method, tuple(sorted(problem.constants.items()))
+    def _on_fewer_frames(
+        self, problem: Problem, given: Mapping[str, float], fineness: Fineness
+    ) -> FewerFrames | None:
+        """The same motion on fewer frames, if the spec offers it; the last answers are remembered."""
+        numbers = tuple(sorted(problem.constants.items()))
+        key = problem.method, fineness, numbers
         if key not in self._fewer:
-            self._fewer = {key: fewer_frames(self.tree, given, problem)}
-        fewer = self._fewer[key]
-        if fewer is None:
-            return None
-        begin = time.perf_counter()
-        small, reduced = self.transcription(problem.method, **{**given, **fewer.constants})
-        if reduced.kernels is None:
-            reduced.compile()
-        seconds["solve"] -= time.perf_counter() - begin
-        seconds["derive"] += reduced.seconds.pop("derive", 0.0)
-        seconds["compile"] += reduced.seconds.pop("compile", 0.0)
-
-        def coarse(limits: Options, told: Callback) -> Solution:
-            _, result = solve(reduced, small.constants, limits, None, told, minimizer=minimizer)
-            return collect(reduced, result, small.constants, {**given, **fewer.constants}, {})
-
-        followed: list[BoundProgram | None] = [None]
-
-        def start(motion: Solution) -> Start:
-            found, followed[0] = self._follow(motion, transcription, problem)
-            return found
-
-        def fine(limits: Options, start: Start | None, told: Callback | None) -> Result:
-            bound = None if start is None else followed[0]
-            numbers = problem.constants
-            return solve(transcription, numbers, limits, start, told, minimizer=minimizer, bound=bound)[1]
-
-        return Nested(fewer.ratio, coarse, start, fine, options, callback).run()
+            known = {k: v for k, v in self._fewer.items() if k[2] == numbers}
+            self._fewer = {**known, key: fewer_frames(self.tree, given, problem, fineness)}
+        return self._fewer[key]
 
     def reached(
         self,
@@ -445,6 +410,104 @@ class Model:
         except StcError:
             return even
         return even if old.n != earlier.n else Alignment.of(named_cuts(old), named_cuts(problem))
+
+
+@dataclass(slots=True)
+class _ColdSolve:
+    """A solve from a spec's own guess: by way of fewer frames where there are many, with their help where it is hard.
+
+    Attributes:
+        seconds: what deriving and compiling the motion on fewer frames takes is added there, and taken off the solve.
+    """
+
+    model: Model
+    problem: Problem
+    transcription: Transcription
+    given: Mapping[str, float]
+    options: Options
+    callback: Callback | None
+    minimizer: Minimizer | None
+    seconds: dict[str, float]
+    _reduced: tuple[Problem, Transcription, Mapping[str, float]] | None = None
+    _followed: BoundProgram | None = None
+    _iterations: int = 0
+    _factorizations: int = 0
+
+    def run(self) -> Result:
+        program = self.transcription.program
+        if program.objective_degree <= 2 and program.row_linear.all():  # takes few steps anyway
+            return self._fine(self.options, None, self.callback)
+        fewer = self._reduce(FINE)
+        if fewer is not None:
+            steps = Nested(fewer.ratio, self._coarse, self._follow, self._fine, self.options, self.callback)
+            return steps.run()
+        bound = self.transcription.bind(self.problem.constants)
+        begin = time.monotonic()
+        another = partial(self._another, begin)
+        self._followed = bound
+        result = self._fine(self.options, Start(bound.x0, another=another), self.callback)
+        return replace(
+            result,
+            iterations=result.iterations + self._iterations,
+            factorizations=result.factorizations + self._factorizations,
+        )
+
+    def _reduce(self, fineness: Fineness) -> FewerFrames | None:
+        fewer = self.model._on_fewer_frames(self.problem, self.given, fineness)
+        if fewer is None:
+            return None
+        begin = time.perf_counter()
+        given = {**self.given, **fewer.constants}
+        small, reduced = self.model.transcription(self.problem.method, **given)
+        if reduced.kernels is None:
+            reduced.compile()
+        self._reduced = small, reduced, given
+        seconds = self.seconds
+        seconds["solve"] -= time.perf_counter() - begin
+        seconds["derive"] += reduced.seconds.pop("derive", 0.0)
+        seconds["compile"] += reduced.seconds.pop("compile", 0.0)
+        return fewer
+
+    def _coarse(self, options: Options, told: Callback | None) -> Solution:
+        """The motion on fewer frames."""
+        assert self._reduced is not None
+        small, reduced, given = self._reduced
+        _, result = solve(reduced, small.constants, options, None, told, minimizer=self.minimizer)
+        return collect(reduced, result, small.constants, given, {})
+
+    def _follow(self, motion: Solution) -> Start:
+        """Where it leads to on all frames."""
+        found, self._followed = self.model._follow(motion, self.transcription, self.problem)
+        return found
+
+    def _fine(self, options: Options, start: Start | None, told: Callback | None) -> Result:
+        """All frames."""
+        bound = None if start is None else self._followed
+        numbers, minimizer = self.problem.constants, self.minimizer
+        return solve(self.transcription, numbers, options, start, told, minimizer=minimizer, bound=bound)[1]
+
+    def _another(self, begin: float) -> FloatArray | None:
+        """Where the motion on very few frames leads to, for a solve that does not get on."""
+        if self._reduce(COARSE) is None:
+            return None
+        spent = time.monotonic() - begin
+        options = replace(
+            self.options,
+            max_iterations=min(self.options.max_iterations, ITERATIONS),
+            time_limit=self.options.time_limit - spent,
+            retries=0,
+        )
+        if not options.time_limit > 0.0:
+            return None
+        told = None if self.callback is None else self._told
+        motion = self._coarse(options, told)
+        self._iterations += motion.iterations
+        self._factorizations += motion.factorizations
+        return self._follow(motion).x if motion.status == "optimal" else None
+
+    def _told(self, record: IterationRecord) -> bool | None:
+        assert self.callback is not None
+        return self.callback(replace(record, x=None))
 
 
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:

@@ -60,7 +60,7 @@ def test_iterations_and_factorisations_of_all_solves_count() -> None:
 def test_fewer_frames_through_n_alone() -> None:
     assert fewer(PENDULUM) == {"n": 50.0}
     assert fewer(PENDULUM, n=1017) == {"n": 50.0}
-    assert fewer(PENDULUM, n=150) is None  # not few enough to be worth it
+    assert fewer(PENDULUM, n=140) is None  # not few enough to be worth it
 
 
 def test_fewer_frames_through_the_constant_that_others_follow_from() -> None:
@@ -204,3 +204,39 @@ def test_what_fails_from_fewer_frames_is_tried_from_the_own_guess(small: Model) 
     )
     result = fake.run()
     assert (result.objective, result.iterations, result.factorizations) == (9.0, 31, 62)
+
+
+def started(text: str, **options: int) -> tuple[list[str], stc.Solution]:
+    """Where a solve was: on fewer frames (far) or on all (near), in the order of the iterations."""
+    places: list[str] = []
+
+    def told(record: IterationRecord) -> None:
+        place = "far" if record.x is None else "near"
+        if not places or places[-1] != place:
+            places.append(place)
+
+    return places, stc.load(text).solve(callback=told, **options)
+
+
+def test_a_solve_that_does_not_get_on_is_started_from_fewer_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = PENDULUM.replace("n = 400", "n = 48")
+    assert started(text)[0] == ["near"]
+    direct = stc.load(text).solve(fewer_first=False)
+    monkeypatch.setattr("stc.solver.sqp.SOON", 3)
+    places, solution = started(text)
+    assert places == ["near", "far", "near"]
+    assert solution.status == "optimal"
+    assert solution.objective == pytest.approx(direct.objective, rel=1e-8)
+    # As many as all three solves took: the few before, those on fewer frames, those from there.
+    assert solution.iterations > 3 + 5
+
+
+def test_where_fewer_frames_do_not_help_the_solve_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = PENDULUM.replace("n = 400", "n = 24")  # no fewer will do
+    direct = stc.load(text).solve(fewer_first=False)
+    monkeypatch.setattr("stc.solver.sqp.SOON", 3)
+    places, solution = started(text)
+    assert places == ["near"]
+    assert solution.status == "optimal"
+    assert solution.objective == pytest.approx(direct.objective, rel=1e-8)
+    assert solution.iterations <= direct.iterations + 5

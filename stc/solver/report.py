@@ -19,11 +19,14 @@ class Start:
         x: variables, (n,).
         row_multipliers: (m,) or None; sign convention of :mod:`stc.solver.nlp`.
         bound_multipliers: (n,) or None.
+        another: asked for other variables (n,) to start from where these do not lead to a solution soon; None where
+            there are none.
     """
 
     x: Floats
     row_multipliers: Floats | None = None
     bound_multipliers: Floats | None = None
+    another: Callable[[], Floats | None] | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

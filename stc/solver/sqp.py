@@ -14,6 +14,7 @@ from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
+from stc.solver.products import inner
 from stc.solver.report import Callback, Result, Start
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem
@@ -31,6 +32,8 @@ LARGE_MULTIPLIER = 1e6
 LARGEST_MULTIPLIER = 1e12
 ROUNDING = 1e-12
 DISPROOF = 0.1
+SOON = 150
+"""Iterations after which another start is asked for."""
 
 
 def minimize(
@@ -111,7 +114,7 @@ class _Solve:
             z = np.zeros(form.n) if z is None else form.scaled_bound_multipliers(z)
             outcome = self._settle(self._warm(form, x0 / form.x_scale, y, z))
         else:
-            outcome = self._settle(self._barrier(form, x0, Tactics()))
+            outcome = self._settle(self._cold(form, x0))
         for again in (self._feasible_first, self._held_barrier, self._nearby, self._elsewhere)[
             : options.retries
         ]:
@@ -131,6 +134,25 @@ class _Solve:
         if not self.options.trusting:
             return self._barrier(form, x * form.x_scale, Tactics())
         return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=Tactics())
+
+    def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
+        """From the guess; where that does not lead to a solution soon, from another one, if there is one."""
+        if self.start.another is None:
+            return self._barrier(form, x0, Tactics())
+        before = self.monitor.iterations
+        outcome = self._barrier(form, x0, Tactics(budget=SOON))
+        if outcome.end not in (End.STUCK, End.STATIONARY_VIOLATION) or form.linear:
+            return outcome
+        x = self.start.another()
+        if x is not None:
+            other = self._barrier(form, np.clip(x, self.nlp.x_lower, self.nlp.x_upper), Tactics(budget=SOON))
+            if other.end is End.CONVERGED:
+                return other
+        if outcome.end is End.STUCK and self.monitor.iterations - before >= SOON:
+            it = outcome.iterate  # it was on its way
+            mu = inner(it.gap, it.z) / max(1, form.gaps)
+            return optimise(form, it, mu, self.options, self.monitor, tactics=Tactics())
+        return outcome
 
     def _feasible_first(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Find a feasible point before looking at the objective."""
