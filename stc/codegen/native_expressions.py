@@ -58,6 +58,7 @@ declare double @llvm.copysign.f64(double, double)
 declare i64 @llvm.abs.i64(i64, i1)
 declare <8 x double> @llvm.fabs.v8f64(<8 x double>)
 declare double @llvm.vector.reduce.fmax.v8f64(<8 x double>)
+declare double @llvm.vector.reduce.fadd.v8f64(double, <8 x double>)
 declare double @exp(double) nounwind willreturn memory(none)
 declare double @log(double) nounwind willreturn memory(none)
 """
@@ -433,6 +434,9 @@ class ExpressionEmitter(BlockBuilder):
             return self.compute(Type.F64V, f"call {vector} @llvm.fabs.v8f64({texts[0]})")
         if target is native_vector.largest8:
             return self.compute(Type.F64, f"call nnan double @llvm.vector.reduce.fmax.v8f64({texts[0]})")
+        if target is native_vector.sum8:
+            call = f"call reassoc double @llvm.vector.reduce.fadd.v8f64(double -0.0, {texts[0]})"
+            return self.compute(Type.F64, call)
         larger = self.compute(Type.BOOL, f"fcmp ogt {texts[0]}, {arguments[1].text}")
         return self.compute(Type.F64V, f"select <8 x i1> {larger.text}, {', '.join(texts)}")
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["abs8", "largest8", "load8", "max8", "splat8", "store8"]
+__all__ = ["abs8", "largest8", "load8", "max8", "splat8", "store8", "sum8"]
 
 #: A local vector: it is never an argument, nor a result.
 Vector = Any
@@ -49,3 +49,8 @@ def max8(one: Vector, other: Vector) -> Vector:
 def largest8(vector: Vector) -> float:
     """Largest of the eight; nans may be passed over."""
     return float(np.fmax.reduce(vector))
+
+
+def sum8(vector: Vector) -> float:
+    """Sum of the eight, in any order."""
+    return float(vector.sum())

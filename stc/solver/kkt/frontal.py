@@ -292,7 +292,7 @@ class FrontalKKT:
 
     def _allocate_factors(self) -> None:
         self._indices = np.zeros(self._capacity, dtype=np.int32)
-        self._factors = np.zeros(self._capacity)
+        self._factors = np.zeros(self._capacity + LANES)
 
     def _allocate_window(self) -> None:
         self._held_from = -(-self._staging.window // LANES) * LANES
@@ -328,5 +328,5 @@ class FrontalKKT:
         self._solve = solve.bind(
             size, REFINEMENTS, RESIDUAL, a.pointers, a.columns, self._values, self._scale, a.order,
             self._counts, self._pivots, self._starts, self._indices, self._factors, self._inverse, self._rhs,
-            *self._vectors, self._result, self._report,
+            *self._vectors, self._result, np.zeros(self._stride + 2 * LANES), self._report,
         )  # fmt: skip
