@@ -35,7 +35,8 @@ NEGLIGIBLE, ROUNDING = 1e-6, 1e-9
 DUAL_SHIFT = 1e-9
 PRIMAL_SHIFT = 1e-8
 REFINEMENTS = 2
-BARRIER_STEPS = 30
+BARRIER_STEPS, BARRIER_FACTORISATIONS = 30, 50
+"""The barrier method ends after so many: more are spent where no curvature of the program is positive."""
 FIRST_BARRIER = 0.1
 SMALLEST_BARRIER, LARGEST_BARRIER = 1e-8, 1.0
 SHORT, MOST_BLOCKED = 1e-2, 3
@@ -128,11 +129,12 @@ class QuadraticProgram:
         if found is not None or not thorough:
             return found
         inner, error = self._by_barrier()
+        enough = error <= max(ROUGH * self.point.error, self.tolerance)
         # Even a rough solution tells which constraints are active.
-        found = self._by_active_sets(inner.active)
+        found = self._by_active_sets(inner.active) if error <= self.point.error else None
         if found is not None:
             return found
-        return inner if error <= max(ROUGH * self.point.error, self.tolerance) else None
+        return inner if enough else None
 
     # -- active sets -------------------------------------------------------------------------------------------
 
@@ -251,7 +253,10 @@ class QuadraticProgram:
         smallest = np.inf
         enough = ROUGH * self.point.error
         blocked = 0
+        last = form.kkt.factorizations + BARRIER_FACTORISATIONS
         for _ in range(BARRIER_STEPS):
+            if form.kkt.factorizations >= last:
+                break
             mu = inner(it.gap, it.z) / max(1, model.gaps)
             try:
                 system.factorize(it, mu)
