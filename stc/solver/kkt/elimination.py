@@ -48,7 +48,7 @@ ROUNDS = 3
 LOWEST_THRESHOLD = 1e-10
 
 
-@native
+@native(small=True)
 def _enter(first: i64, last: i64, entering: i32s, slot: i32s, owner: i32s, growth: f64s) -> None:
     """Give the entering positions their slots."""
     for k in range(first, last):
@@ -57,7 +57,7 @@ def _enter(first: i64, last: i64, entering: i32s, slot: i32s, owner: i32s, growt
         growth[own] = 1.0
 
 
-@native
+@native(small=True)
 def _assemble(
     first: i64, last: i64, size: i64, pointers: i32s, targets: i32s, values: f64s, window: f64s
 ) -> None:  # fmt: skip
@@ -68,7 +68,7 @@ def _assemble(
         window[targets[e]] += values[e]
 
 
-@native
+@native(small=True)
 def _take_leaf(
     p: i64, threshold: f64, tiny: f64, begin: i64, count: i64, columns: i32s, diagonal: f64, upper: f64s,
     slot: i32s, growth: f64s, stride: i64, window: f64s, pivots: i32s, starts: i32s, inverse: f64s, counts: i64s,

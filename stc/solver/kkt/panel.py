@@ -37,7 +37,7 @@ CHANGED = 1000
 LARGEST_GROUP = 32
 
 
-@native
+@native(small=True)
 def _gather(
     members: i64, slots: i32s, count: i64, rows: i32s, length: i64, stride: i64, window: f64s, panel: f64s,
 ) -> None:  # fmt: skip

@@ -16,7 +16,7 @@ REPORT = 2
 LARGEST_GAIN = 1e6
 
 
-@native
+@native(small=True)
 def _linked(k: i64, pivots: i32s, starts: i32s, indices: i32s) -> i64:
     """Whether pivot k's rows are those of the one before less k's own unknowns, which come first among these."""
     begin = starts[2 * k - 2]
@@ -27,7 +27,7 @@ def _linked(k: i64, pivots: i32s, starts: i32s, indices: i32s) -> i64:
     return indices[begin] == pivots[2 * k] and (size == 1 or indices[begin + 1] == pivots[2 * k + 1])
 
 
-@native
+@native(small=True)
 def _collect(k: i64, pivots: i32s, starts: i32s, indices: i32s, x: f64s, part: f64s) -> i64:
     """Copy what belongs to pivot k and its rows to ``part``; how many numbers that is."""
     size = 1
@@ -43,7 +43,7 @@ def _collect(k: i64, pivots: i32s, starts: i32s, indices: i32s, x: f64s, part: f
     return size + length
 
 
-@native(fast=True)
+@native(fast=True, small=True)
 def substitute(
     count: i64, columns: i32s, upper: f64s, pivots: i32s, starts: i32s, indices: i32s, factors: f64s,
     inverse: f64s, x: f64s, part: f64s,
