@@ -224,6 +224,23 @@ class Model:
                 return replace(problem, constants=values), known
         return None
 
+    def prepare(self, method: str | None = None, **overrides: float) -> None:
+        """Derives and compiles what a solve with these constants needs, so that it has nothing left but to solve.
+
+        Args:
+            method, **overrides: as for :meth:`solve`, which raises the same.
+        """
+        given = {**self.overrides, **overrides}
+        problem, transcription = self.transcription(method, **given)
+        several = [transcription]
+        if not transcription.is_quadratic:
+            fewer = self._on_fewer_frames(problem, given, FINE)
+            if fewer is not None:
+                several.append(self.transcription(problem.method, **{**given, **fewer.constants})[1])
+        for one in several:
+            if one.kernels is None:
+                one.compile()
+
     def solve(
         self,
         *,
@@ -434,8 +451,7 @@ class _ColdSolve:
     _factorizations: int = 0
 
     def run(self) -> Result:
-        program = self.transcription.program
-        if program.objective_degree <= 2 and program.row_linear.all():  # takes few steps anyway
+        if self.transcription.is_quadratic:  # takes few steps anyway
             return self._fine(self.options, None, self.callback)
         fewer = self._reduce(FINE)
         if fewer is not None:

@@ -240,3 +240,15 @@ def test_where_fewer_frames_do_not_help_the_solve_goes_on(monkeypatch: pytest.Mo
     assert solution.status == "optimal"
     assert solution.objective == pytest.approx(direct.objective, rel=1e-8)
     assert solution.iterations <= direct.iterations + 5
+
+
+@pytest.mark.parametrize("n", [30, 400])
+def test_a_prepared_solve_has_nothing_left_to_derive_or_compile(n: int) -> None:
+    model = stc.load(PENDULUM)
+    model.prepare(n=n)
+    solution = model.solve(n=n)
+    assert solution.status == "optimal"
+    assert len(model._transcriptions) == (2 if n == 400 else 1)
+    again = model.solve(n=n)
+    assert len(model._transcriptions) == (2 if n == 400 else 1)
+    assert again.objective == pytest.approx(solution.objective, rel=1e-8)

@@ -100,6 +100,11 @@ class Transcription:
             self._check_start(bound)
         return bound
 
+    @property
+    def is_quadratic(self) -> bool:
+        """Whether all statements are linear, and the objective at most quadratic."""
+        return self.program.objective_degree <= 2 and bool(self.program.row_linear.all())
+
     def steps_fit(self, constants: Mapping[str, float]) -> bool:
         """Whether every step that no parameter changes is positive for these constants."""
         if self.steps.free or not self.grid.n:
