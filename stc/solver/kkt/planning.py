@@ -28,6 +28,8 @@ SAMPLE = 32
 #: A stage is ordered anew when it comes so many times: what is in the window at first, near an end of the horizon, may
 #: be unlike what is there later.
 SETTLED = 6
+#: This is done for horizons of so many stages.
+LONG = 100
 #: Pivots of about equal cost that are compared.
 CANDIDATES = 500
 
@@ -174,7 +176,7 @@ class _Walk:
         leaving: NDArray[np.int64],
         fresh: NDArray[np.int64],
     ) -> None:
-        self.fresh = fresh
+        self.fresh_kind, self.fresh_slot = fresh // window, fresh % window
         self.window = window
         self.key_kind, self.key_place = keys // window**2, keys % window**2
         self.sizes = sizes
@@ -190,6 +192,7 @@ class _Walk:
         state = self._state_number(np.zeros((self.window, self.window)))
         steps: dict[tuple[int, int], tuple[int, int]] = {}
         times: dict[tuple[int, int], int] = {}
+        long = kind.size >= LONG
         plan_of_stage, state_of_stage = (
             np.empty(kind.size, dtype=np.int32),
             np.empty(kind.size, dtype=np.int32),
@@ -198,9 +201,9 @@ class _Walk:
             key = stage_kind, state
             step = steps.get(key)
             times[key] = times.get(key, 0) + 1
-            if step is None or times[key] == SETTLED:
+            if step is None or (times[key] == SETTLED and long):
                 step = steps[key] = self._step(stage_kind, state, int(top[stage]))
-            elif times[key] < SETTLED:
+            elif times[key] < SETTLED and long:
                 self._repeat(stage_kind, state, int(top[stage]), *step)
             plan_of_stage[stage], state_of_stage[stage] = step[0], state
             state = step[1]
@@ -241,7 +244,9 @@ class _Walk:
         """Order a stage of some kind after some state; the plan's and the following state's number."""
         window = self.window
         sizes = self._assembled(kind, state)
-        fresh = np.isin(kind * window + np.arange(window), self.fresh).astype(np.int32)
+        fresh = np.zeros(window, dtype=np.int32)
+        begin, end = np.searchsorted(self.fresh_kind, [kind, kind + 1])
+        fresh[self.fresh_slot[begin:end]] = 1
         begin, end = np.searchsorted(self.leaving_kind, [kind, kind + 1])
         waiting = self.leaving_slot[begin:end].copy()
         degree, row_p, row_q = (np.empty(window, dtype=np.int32) for _ in range(3))
