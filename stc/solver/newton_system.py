@@ -146,7 +146,10 @@ class NewtonSystem:
         form = self.form
         diagonal = np.abs(self._hess[form.hess_rows == form.hess_cols])
         diagonal = diagonal[diagonal > 0.0]
-        return float(np.clip(np.median(diagonal), *ORDINARY)) if diagonal.size else 1.0
+        if not diagonal.size:
+            return 1.0
+        middle = diagonal.size // 2  # np.median imports masked arrays first, which takes longer than a small solve
+        return float(np.clip(np.partition(diagonal, middle)[middle], *ORDINARY))
 
     def _larger_shift(self) -> float:
         if self.shift == 0.0:
