@@ -65,8 +65,9 @@ def test_a_jet_without_wall_and_limit_takes_the_known_time(g: float) -> None:
     solution = stc.load("particle_jet").solve(g=g, top=-1, fmax=1000)
     assert solution.status == "optimal"
     time = np.sqrt(6 * 4 / g)
-    assert solution.parameters["T"] == pytest.approx(time, rel=1e-8)
-    assert solution.objective == pytest.approx(1000 / (2 * 10000) * g**2 * time * 4 / 3, rel=1e-9)
+    # Far closer than the solver has to come, and not as close as it happens to.
+    assert solution.parameters["T"] == pytest.approx(time, rel=1e-7)
+    assert solution.objective == pytest.approx(1000 / (2 * 10000) * g**2 * time * 4 / 3, rel=1e-7)
     assert drift(solution) < 1e-8
 
 
