@@ -29,6 +29,8 @@ GROWTH_AT_FIRST = 100.0
 GROWTH = 8.0
 DECAY = 1.0 / 3.0
 DUAL_SHIFT = 1e-8
+ALWAYS = 3
+"""Iterations in a row that met dependent rows, after which they are expected."""
 SMALLEST_SIGMA = 1e-16
 WHOLE = 0.5
 SOFTER = 0.01
@@ -57,6 +59,7 @@ class NewtonSystem:
         self._stiffness = 0.0
         self._before = (0.0, 0.0)
         self._any_equality = bool(form.equality.any())
+        self._deficiencies = 0
         self._d = np.zeros(form.m)
         self._sigma_z = np.zeros(form.gaps)
 
@@ -79,18 +82,21 @@ class NewtonSystem:
             self._d[form.ignored] = 1.0
         self._jac, self._hess = it.jac, it.hess
         self.shift = self._stiffness
-        self.dual_shift = 0.0
-        self.deficient = False
+        dual_shift = DUAL_SHIFT * max(mu, 1e-12) ** 0.25
+        # Rows that have been dependent all the time are so by their structure.
+        self.deficient = self._deficiencies >= ALWAYS
+        self.dual_shift = dual_shift if self.deficient else 0.0
         while True:
             verdict = self._try(it, primal)
             if verdict == "good":
                 break
             if verdict == "singular" and self.dual_shift == 0.0 and self._any_equality:
-                self.dual_shift = DUAL_SHIFT * max(mu, 1e-12) ** 0.25
+                self.dual_shift = dual_shift
                 self.deficient = True
                 if self.shift == 0.0:
                     continue
             self.shift = self._larger_shift()
+        self._deficiencies = self._deficiencies + 1 if self.deficient else 0
         self._primal = primal
         self._barrier = sigma[: form.n]
         if self.shift > 0.0:
@@ -148,7 +154,9 @@ class NewtonSystem:
         diagonal = diagonal[diagonal > 0.0]
         if not diagonal.size:
             return 1.0
-        middle = diagonal.size // 2  # np.median imports masked arrays first, which takes longer than a small solve
+        middle = (
+            diagonal.size // 2
+        )  # np.median imports masked arrays first, which takes longer than a small solve
         return float(np.clip(np.partition(diagonal, middle)[middle], *ORDINARY))
 
     def _larger_shift(self) -> float:

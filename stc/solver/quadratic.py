@@ -106,14 +106,18 @@ class QuadraticProgram:
         form: the problem, whose linear algebra is used.
         point: where it is approximated.
         tolerance: smallest violation, and smallest multiplier of the wrong sign, that counts.
+        regularity: of the program before, whose rows were probably as dependent.
+
+    Attributes:
+        regularity: which of the shifts this program's active sets needed, 0 for none.
     """
 
-    def __init__(self, form: ScaledProblem, point: PrimalDual, tolerance: float) -> None:
+    def __init__(self, form: ScaledProblem, point: PrimalDual, tolerance: float, regularity: int = 0) -> None:
         self.form, self.point, self.tolerance = form, point, tolerance
         (x_lower, x_upper), (row_lower, row_upper) = form.true_x, form.true_rows
         self.room_x = (x_lower - point.x, x_upper - point.x)
         self.room_rows = (row_lower - point.r, row_upper - point.r)
-        self._shift = 0
+        self.regularity = regularity
         self._fixed = np.zeros(form.n, bool)
         self._held_rows = np.zeros(form.m, bool)
         self._jac = point.jac
@@ -181,15 +185,15 @@ class QuadraticProgram:
         flat = PRIMAL_SHIFT * max(1.0, _largest(hess))
         shifts = ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT))
         while True:
-            shift_x, shift_y = shifts[self._shift]
+            shift_x, shift_y = shifts[self.regularity]
             inertia = form.kkt.factorize(
                 hess, jac, np.where(self._fixed, 1.0, shift_x), np.where(self._held_rows, shift_y, 1.0)
             )
             if inertia.zero == 0 and inertia.negative == form.m:
                 return True
-            if self._shift == len(shifts) - 1:
+            if self.regularity == len(shifts) - 1:
                 return False
-            self._shift += 1  # the next set of this program starts with what was needed here
+            self.regularity += 1  # the next set of this program starts with what was needed here
 
     def _solved(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
         """Step and multipliers; of dependent rows' multipliers the smallest ones.
@@ -198,7 +202,7 @@ class QuadraticProgram:
         """
         form = self.form
         dx, y = form.kkt.solve(rhs_x, rhs_y)
-        if self._shift:
+        if self.regularity:
             for _ in range(REFINEMENTS):
                 missing = np.where(self._held_rows, rhs_y - form.jacobian_times(self._jac, dx), 0.0)
                 more_x, more_y = form.kkt.solve(np.zeros(form.n), missing)

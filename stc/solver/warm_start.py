@@ -24,6 +24,8 @@ PATIENCE = 2
 REDUCTION = 0.5
 FARTHEST = 1e3
 """A step that makes the error this many times larger than the smallest one ends the attempt."""
+DEPENDENT = 1
+"""The shift for dependent rows; the one after it, of the Hessian, slows the next steps down and is tried anew."""
 EXACT = 0.1
 """Quadratic programs are solved to this share of the tolerance."""
 
@@ -41,9 +43,11 @@ def from_neighbour(
         return None
     active = guess_from_multipliers(form, point)
     smallest, patience = point.error, PATIENCE
+    regularity = 0
     for _ in range(STEPS):
-        program = QuadraticProgram(form, point, EXACT * options.tolerance)
+        program = QuadraticProgram(form, point, EXACT * options.tolerance, regularity)
         found = program.solve(active, thorough=options.trusting)
+        regularity = min(program.regularity, DEPENDENT)
         if found is None:
             return None
         active = found.active
