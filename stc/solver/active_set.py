@@ -20,6 +20,7 @@ import numpy as np
 
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, multiplier_scale
+from stc.solver.kkt.contract import NotFinite
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats, Mask
 from stc.solver.scaled_problem import ScaledProblem
@@ -212,7 +213,10 @@ def _newton_step(form: ScaledProblem, point: Projection) -> tuple[Floats, Floats
     flat = PRIMAL_SHIFT * max(1.0, _largest(hess))
     for shift_x, shift_y in ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT)):
         primal = np.where(fixed, 1.0, shift_x)
-        inertia = form.kkt.factorize(hess, jac, primal, np.where(active, shift_y, 1.0))
+        try:
+            inertia = form.kkt.factorize(hess, jac, primal, np.where(active, shift_y, 1.0))
+        except NotFinite:
+            return None
         if inertia.zero == 0 and inertia.negative == form.m:
             break
     else:

@@ -35,9 +35,9 @@ def leave_saddle(form: Formulation, it: Iterate, system: NewtonSystem, seed: int
     mu = inner(it.gap, it.z) / max(1, form.gaps)
     try:
         system.factorize(it, max(mu, 1e-9))
+        system.tighten(it)
     except SingularSystem:
         return False
-    system.tighten(it)
     if system.shift <= NEGLIGIBLE:
         return False
     v = np.random.default_rng(seed).standard_normal(form.n) * form.free

@@ -16,6 +16,7 @@ import numpy as np
 
 from stc.solver.formulation import Formulation, summed
 from stc.solver.iterate import Iterate
+from stc.solver.kkt.contract import NotFinite
 from stc.solver.nlp import Floats
 from stc.solver.products import inner
 
@@ -176,7 +177,10 @@ class NewtonSystem:
             d = np.where(form.equality, self.dual_shift, d)
         if self.shift:
             primal = primal + self.shift * form.free
-        inertia = form.kkt.factorize(it.hess, it.jac, primal, d)
+        try:
+            inertia = form.kkt.factorize(it.hess, it.jac, primal, d)
+        except NotFinite as error:  # a derivative or the ratio of a multiplier to its gap has overflowed
+            raise SingularSystem from error
         if inertia.zero > 0 or inertia.negative < form.m:
             return "singular"
         return "good" if inertia.negative == form.m else "indefinite"

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, errors_of, evaluate, push_inside
+from stc.solver.kkt.contract import NotFinite
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.primal_dual import PrimalDual
@@ -28,8 +29,11 @@ __all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_mul
 
 Signs = NDArray[np.int8]
 
-CHANGES = 8
-"""How many active sets are tried before the barrier method takes over."""
+CHANGES = 12
+"""How many active sets are tried before the barrier method takes over, ..."""
+FEW, MORE, EARLY, HARDLY_FEWER = 8, 2.0, 4, 0.75
+"""... but not those that differ from the last one by more than a few constraints and by twice as many as some did
+before, nor more than so many where the differences hardly get fewer."""
 NEGLIGIBLE, ROUNDING = 1e-6, 1e-9
 """Multipliers below this, and this share of the terms they balance, do not tell an active constraint."""
 DUAL_SHIFT = 1e-9
@@ -59,6 +63,10 @@ class ActiveSet:
     def key(self) -> bytes:
         """Equal for equal sets."""
         return self.x.tobytes() + self.rows.tobytes()
+
+    def distance(self, other: ActiveSet) -> int:
+        """How many constraints differ."""
+        return int(np.count_nonzero(self.x != other.x) + np.count_nonzero(self.rows != other.rows))
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +101,16 @@ def _signs(multiplier: Floats, least: Floats, lower: Floats, upper: Floats) -> S
     at_upper = (multiplier > least) & np.isfinite(upper)
     at_lower = (multiplier < -least) & np.isfinite(lower)
     return at_upper.astype(np.int8) - at_lower.astype(np.int8)
+
+
+def _diverges(differences: list[int]) -> bool:
+    """Whether active sets that differ by so many constraints, one from the next, lead nowhere."""
+    if not differences:
+        return False
+    last, least = differences[-1], min(differences)
+    if last > FEW and last > MORE * least:
+        return True
+    return len(differences) >= EARLY and least > HARDLY_FEWER * differences[0]
 
 
 def _largest(v: Floats) -> float:
@@ -145,8 +163,9 @@ class QuadraticProgram:
     def _by_active_sets(self, guess: ActiveSet) -> QuadraticSolution | None:
         form, point = self.form, self.point
         tried: set[bytes] = set()
+        differences: list[int] = []
         active = guess
-        while len(tried) < CHANGES and active.key() not in tried:
+        while len(tried) < CHANGES and active.key() not in tried and not _diverges(differences):
             tried.add(active.key())
             if not self._factorize(active):
                 return None
@@ -171,6 +190,7 @@ class QuadraticProgram:
             if better.key() == active.key():
                 z = np.where(self._fixed, pull, 0.0)
                 return QuadraticSolution(d, y, z, active, True)
+            differences.append(active.distance(better))
             active = better
         return None
 
@@ -186,9 +206,11 @@ class QuadraticProgram:
         shifts = ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT))
         while True:
             shift_x, shift_y = shifts[self.regularity]
-            inertia = form.kkt.factorize(
-                hess, jac, np.where(self._fixed, 1.0, shift_x), np.where(self._held_rows, shift_y, 1.0)
-            )
+            primal, dual = np.where(self._fixed, 1.0, shift_x), np.where(self._held_rows, shift_y, 1.0)
+            try:
+                inertia = form.kkt.factorize(hess, jac, primal, dual)
+            except NotFinite:
+                return False
             if inertia.zero == 0 and inertia.negative == form.m:
                 return True
             if self.regularity == len(shifts) - 1:

@@ -12,7 +12,11 @@ from typing import NamedTuple, Protocol
 
 from stc.solver.nlp import Floats
 
-__all__ = ["Inertia", "KKTSystem"]
+__all__ = ["Inertia", "KKTSystem", "NotFinite"]
+
+
+class NotFinite(ValueError):
+    """The matrix has entries that are not finite."""
 
 
 class Inertia(NamedTuple):
@@ -54,7 +58,8 @@ class KKTSystem(Protocol):
             solution is then finite, and exact only where the right-hand side lies in the range of K.
 
         Raises:
-            ValueError: a value is not finite, or an array has the wrong size.
+            NotFinite: a value is not finite.
+            ValueError: an array has the wrong size.
         """
 
     def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:

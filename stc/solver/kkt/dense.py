@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.solver.kkt.contract import Inertia
+from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.kkt.entries import checked_values
 from stc.solver.nlp import Floats, Ints
 
@@ -90,7 +90,7 @@ class DenseKKT:
             (dual_diagonal, self.m, "dual_diagonal"),
         )
         if not all(np.isfinite(array).all() for array in values):
-            raise ValueError("the KKT matrix has entries that are not finite")
+            raise NotFinite("the KKT matrix has entries that are not finite")
         self.factorizations += 1
         self._matrix = dense_matrix(self.n, self.m, *self._pattern, *values)
         self._scaled, self._scale = equilibrated(self._matrix)

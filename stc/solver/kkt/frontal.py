@@ -13,7 +13,7 @@ from stc.solver.kkt.arrangement import (
     tops_without_leaves,
     window_targets,
 )
-from stc.solver.kkt.contract import Inertia
+from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.kkt.elimination import FACTORS_FULL, factorize
 from stc.solver.kkt.entries import checked_values
 from stc.solver.kkt.panel import LARGEST_GROUP, MASKS
@@ -164,7 +164,7 @@ class FrontalKKT:
         self._primal[:] = primal
         self._dual[:] = dual
         if self._load() != 0.0:
-            raise ValueError("the KKT matrix has entries that are not finite")
+            raise NotFinite("the KKT matrix has entries that are not finite")
         self.factorizations += 1
         planned = self._follow_plan()
         self._equilibrate()
