@@ -26,11 +26,11 @@ from stc.problem import Problem
 from stc.same_motion import check_same_motion, takes_longer
 from stc.solution import Solution
 from stc.solver import IterationRecord, Options, Result, Start, Status
+from stc.solver.nlp import Floats
 
 __all__ = [
     "COARSE",
     "FINE",
-    "ITERATIONS",
     "FewerFrames",
     "Fineness",
     "Nested",
@@ -135,17 +135,15 @@ def _ways(shaping: Mapping[str, float], most: float) -> Iterator[dict[str, float
 
 @dataclass(slots=True)
 class Nested:
-    """A solve by way of fewer frames.
+    """A solve on all frames and on fewer of them, its limits and what it costs kept over all of that.
 
     Args:
-        ratio: see :class:`FewerFrames`.
         coarse: solves the motion on fewer frames.
         start: where that leads to on all frames.
         fine: solves on all frames, from the spec's own guess where the start is None.
         options, callback: of the whole solve.
     """
 
-    ratio: float
     coarse: Callable[[Options, Callback], Solution]
     start: Callable[[Solution], Start]
     fine: Callable[[Options, Start | None, Callback | None], Result]
@@ -156,33 +154,24 @@ class Nested:
     _factorizations: int = 0
     _stopped: bool = False
 
-    def run(self) -> Result:
+    def fewer_first(self, ratio: float) -> Result:
         """The result on all frames, iterations and factorisations of all solves counted.
 
         A solve from the motion on fewer frames counts where it is no worse than that promised; otherwise the spec's
         own guess is tried as well.
+
+        Args:
+            ratio: see :class:`FewerFrames`.
         """
         self._begin = time.monotonic()
-        options = self.options
-        # Not to a rougher tolerance: multipliers would not tell any more which constraints are active.
-        first = replace(options, max_iterations=min(options.max_iterations, ITERATIONS), retries=0)
-        before = self.coarse(first, self._told_from_afar)
-        self._count(before)
-        self._stopped = self._stopped or before.status == "interrupted"
+        before = self._before()
         if self._stopped or self._over:  # the next solve ends at once, with the motion so far
             return self._counted(self.fine(self._left(), Start(self.start(before).x), self._told))
         found: Result | None = None
         if before.status == "optimal":
-            left = self._left()
-            quick = replace(
-                left,
-                max_iterations=min(left.max_iterations, ITERATIONS),
-                retries=0,
-                warm_start=True,
-                trusting=False,
-            )
+            quick = replace(self._attempt(), warm_start=True, trusting=False)
             found = self.fine(quick, self.start(before), self._told)
-            promised = self.ratio * before.objective
+            promised = ratio * before.objective
             as_good = found.objective <= promised + WORSE * max(abs(promised), abs(found.objective))
             if (found.status is Status.OPTIMAL and as_good) or self._stopped or self._over:
                 return self._counted(found)
@@ -195,6 +184,31 @@ class Nested:
                 self._count(other)
                 other = replace(found, iterations=0, factorizations=0)
         return self._counted(other)
+
+    def fewer_for_help(self, own: Start, offered: Callable[[], bool]) -> Result:
+        """The same from the spec's own guess, started anew from fewer frames where it does not get on.
+
+        Args:
+            own: the guess.
+            offered: whether there are fewer frames to be solved; called when they are needed.
+        """
+        self._begin = time.monotonic()
+
+        def another() -> Floats | None:
+            if not offered() or self._over:
+                return None
+            before = self._before()
+            return self.start(before).x if before.status == "optimal" else None
+
+        return self._counted(self.fine(self.options, replace(own, another=another), self._told))
+
+    def _before(self) -> Solution:
+        """The motion on fewer frames, counted."""
+        # Not to a rougher tolerance: multipliers would not tell any more which constraints are active.
+        before = self.coarse(self._attempt(), self._told_from_afar)
+        self._count(before)
+        self._stopped = self._stopped or before.status == "interrupted"
+        return before
 
     @property
     def _over(self) -> bool:
@@ -209,6 +223,11 @@ class Nested:
             max_iterations=max(0, self.options.max_iterations - self._iterations),
             time_limit=max(0.0, self.options.time_limit - (time.monotonic() - self._begin)),
         )
+
+    def _attempt(self) -> Options:
+        """The same for a solve that is given up where it does not get on."""
+        left = self._left()
+        return replace(left, max_iterations=min(left.max_iterations, ITERATIONS), retries=0)
 
     def _count(self, done: Solution | Result) -> None:
         self._iterations += done.iterations

@@ -15,7 +15,6 @@ import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +30,7 @@ from stc.language import read_problem
 from stc.language.constant_values import constant_values
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
-from stc.nested import COARSE, FINE, ITERATIONS, FewerFrames, Fineness, Nested, fewer_frames
+from stc.nested import COARSE, FINE, FewerFrames, Fineness, Nested, fewer_frames
 from stc.phases import named_cuts
 from stc.problem import Problem
 from stc.solution import Solution, read
@@ -231,15 +230,18 @@ class Model:
             method, **overrides: as for :meth:`solve`, which raises the same.
         """
         given = {**self.overrides, **overrides}
-        problem, transcription = self.transcription(method, **given)
-        several = [transcription]
+        problem, transcription = self._compiled(method, given)
         if not transcription.is_quadratic:
             fewer = self._on_fewer_frames(problem, given, FINE)
             if fewer is not None:
-                several.append(self.transcription(problem.method, **{**given, **fewer.constants})[1])
-        for one in several:
-            if one.kernels is None:
-                one.compile()
+                self._compiled(problem.method, {**given, **fewer.constants})
+
+    def _compiled(self, method: str | None, given: Mapping[str, float]) -> tuple[Problem, Transcription]:
+        """The problem and its transcription, compiled."""
+        problem, transcription = self.transcription(method, **given)
+        if transcription.kernels is None:
+            transcription.compile()
+        return problem, transcription
 
     def solve(
         self,
@@ -447,26 +449,16 @@ class _ColdSolve:
     seconds: dict[str, float]
     _reduced: tuple[Problem, Transcription, Mapping[str, float]] | None = None
     _followed: BoundProgram | None = None
-    _iterations: int = 0
-    _factorizations: int = 0
 
     def run(self) -> Result:
         if self.transcription.is_quadratic:  # takes few steps anyway
             return self._fine(self.options, None, self.callback)
         fewer = self._reduce(FINE)
+        nested = Nested(self._coarse, self._follow, self._fine, self.options, self.callback)
         if fewer is not None:
-            steps = Nested(fewer.ratio, self._coarse, self._follow, self._fine, self.options, self.callback)
-            return steps.run()
-        bound = self.transcription.bind(self.problem.constants)
-        begin = time.monotonic()
-        another = partial(self._another, begin)
-        self._followed = bound
-        result = self._fine(self.options, Start(bound.x0, another=another), self.callback)
-        return replace(
-            result,
-            iterations=result.iterations + self._iterations,
-            factorizations=result.factorizations + self._factorizations,
-        )
+            return nested.fewer_first(fewer.ratio)
+        self._followed = self.transcription.bind(self.problem.constants)
+        return nested.fewer_for_help(Start(self._followed.x0), lambda: self._reduce(COARSE) is not None)
 
     def _reduce(self, fineness: Fineness) -> FewerFrames | None:
         fewer = self.model._on_fewer_frames(self.problem, self.given, fineness)
@@ -474,9 +466,7 @@ class _ColdSolve:
             return None
         begin = time.perf_counter()
         given = {**self.given, **fewer.constants}
-        small, reduced = self.model.transcription(self.problem.method, **given)
-        if reduced.kernels is None:
-            reduced.compile()
+        small, reduced = self.model._compiled(self.problem.method, given)
         self._reduced = small, reduced, given
         seconds = self.seconds
         seconds["solve"] -= time.perf_counter() - begin
@@ -501,29 +491,6 @@ class _ColdSolve:
         bound = None if start is None else self._followed
         numbers, minimizer = self.problem.constants, self.minimizer
         return solve(self.transcription, numbers, options, start, told, minimizer=minimizer, bound=bound)[1]
-
-    def _another(self, begin: float) -> FloatArray | None:
-        """Where the motion on very few frames leads to, for a solve that does not get on."""
-        if self._reduce(COARSE) is None:
-            return None
-        spent = time.monotonic() - begin
-        options = replace(
-            self.options,
-            max_iterations=min(self.options.max_iterations, ITERATIONS),
-            time_limit=self.options.time_limit - spent,
-            retries=0,
-        )
-        if not options.time_limit > 0.0:
-            return None
-        told = None if self.callback is None else self._told
-        motion = self._coarse(options, told)
-        self._iterations += motion.iterations
-        self._factorizations += motion.factorizations
-        return self._follow(motion).x if motion.status == "optimal" else None
-
-    def _told(self, record: IterationRecord) -> bool | None:
-        assert self.callback is not None
-        return self.callback(replace(record, x=None))
 
 
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:

@@ -156,7 +156,8 @@ class Fake:
 
     def run(self, options: Options | None = None) -> Result:
         start = Start(np.zeros(1), np.zeros(1), np.zeros(1))
-        return Nested(1.0, self.coarse, lambda _: start, self.fine, options or Options(), None).run()
+        nested = Nested(self.coarse, lambda _: start, self.fine, options or Options(), None)
+        return nested.fewer_first(1.0)
 
 
 def ended(status: Status, objective: float, iterations: int) -> Result:
@@ -252,3 +253,13 @@ def test_a_prepared_solve_has_nothing_left_to_derive_or_compile(n: int) -> None:
     again = model.solve(n=n)
     assert len(model._transcriptions) == (2 if n == 400 else 1)
     assert again.objective == pytest.approx(solution.objective, rel=1e-8)
+
+
+def test_a_stop_while_fewer_frames_are_solved_for_help_ends_the_solve(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("stc.solver.sqp.SOON", 3)
+    model = stc.load(PENDULUM.replace("n = 400", "n = 48"))
+    solution = model.solve(callback=lambda record: record.x is None)
+    assert solution.status == "interrupted"
+    assert solution.n == 48

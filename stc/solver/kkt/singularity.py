@@ -127,43 +127,13 @@ def confirm_zeros(
             return
         checks += 1
         d = 1.0 / a if q < 0 else largest / (a * c - b * b)
-        null = _is_null(
-            k,
-            own_at,
-            p,
-            d,
-            size,
-            pivots,
-            starts,
-            indices,
-            factors,
-            inverse,
-            pointers,
-            columns,
-            values,
-            zeros,
-            z,
-            image,
-        )
-        if null != 0 and q >= 0:
-            null = _is_null(
-                k,
-                own_at,
-                q,
-                d,
-                size,
-                pivots,
-                starts,
-                indices,
-                factors,
-                inverse,
-                pointers,
-                columns,
-                values,
-                zeros,
-                z,
-                image,
-            )
+        null = 1
+        for which in range(1 if q < 0 else 2):
+            if null != 0:
+                null = _is_null(
+                    k, own_at, p if which == 0 else q, d, size, pivots, starts, indices, factors, inverse,
+                    pointers, columns, values, zeros, z, image,
+                )  # fmt: skip
         if null == 0:
             continue
         inverse[3 * k] = 1.0 / (replacement if order[p] < variables else -replacement)
