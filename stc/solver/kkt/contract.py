@@ -10,9 +10,10 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
+from stc.codegen.calls import Bound
 from stc.solver.nlp import Floats
 
-__all__ = ["Inertia", "KKTSystem", "NotFinite"]
+__all__ = ["AttachedKKT", "Inertia", "KKTSystem", "NotFinite"]
 
 
 class NotFinite(ValueError):
@@ -67,4 +68,68 @@ class KKTSystem(Protocol):
 
         Raises:
             ValueError: nothing has been factorised, or an array has the wrong size.
+        """
+
+
+class AttachedKKT(KKTSystem, Protocol):
+    """A system whose caller writes into its arrays and reads from them, without copies.
+
+        kkt.hess[:] = ...; kkt.jac[:] = ...; kkt.primal[:] = ...; kkt.dual[:] = ...
+        inertia = kkt.refactor()
+        kkt.rhs[:] = ...
+        kkt.solve_call()           # one call of machine code, which can be part of a chain
+        kkt.check_solution()
+        kkt.solution               # dx, dy
+
+    The arrays stay the same objects as long as the system lives. ``factorize`` and ``solve`` use the same ones.
+    """
+
+    @property
+    def hess(self) -> Floats:
+        """Values of H, (nnz_H,)."""
+
+    @property
+    def jac(self) -> Floats:
+        """Values of J, (nnz_J,)."""
+
+    @property
+    def primal(self) -> Floats:
+        """p, (n,)."""
+
+    @property
+    def dual(self) -> Floats:
+        """d, (m,)."""
+
+    @property
+    def rhs(self) -> Floats:
+        """What to solve for, (n + m,)."""
+
+    @property
+    def solution(self) -> Floats:
+        """What ``solve_call`` found, (n + m,)."""
+
+    @property
+    def report(self) -> Floats:
+        """What ``solve_call`` tells: ``report[0]`` is the relative residual (see ``last_residual``)."""
+
+    def refactor(self) -> Inertia:
+        """Factorise what is in the arrays; see ``factorize``.
+
+        Raises:
+            NotFinite: a value is not finite.
+        """
+
+    @property
+    def solve_call(self) -> Bound:
+        """The call that solves for ``rhs``, iterative refinement included; valid until the next factorisation.
+
+        Raises:
+            ValueError: nothing has been factorised.
+        """
+
+    def check_solution(self) -> bool:
+        """After ``solve_call``: where the residual is doubtful, factorise more carefully and solve again.
+
+        Returns:
+            Whether that was done: ``solution`` and ``solve_call`` are new then.
         """

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from stc.codegen.calls import Bound
 from stc.solver.kkt.contract import Inertia, NotFinite
-from stc.solver.kkt.entries import checked_values
+from stc.solver.kkt.entries import factorize_copies, solve_copies
 from stc.solver.nlp import Floats, Ints
 
 __all__ = ["DenseKKT", "dense_matrix"]
@@ -77,45 +78,62 @@ class DenseKKT:
             np.asarray(hess_rows),
             np.asarray(hess_cols),
         )
-        self._matrix: Floats | None = None
+        self.hess, self.jac = np.zeros(self._pattern[2].size), np.zeros(self._pattern[0].size)
+        self.primal, self.dual = np.zeros(n), np.zeros(m)
+        self.rhs, self.solution = np.zeros(n + m), np.zeros(n + m)
+        self.report = np.zeros(1)
+        self._solve = Bound.of_python(self._solve_once, ())
+        self._factorized = False
 
     def factorize(
         self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
     ) -> Inertia:
         """See ``KKTSystem.factorize``."""
-        values = checked_values(
-            (hess_values, self._pattern[2].size, "hess_values"),
-            (jac_values, self._pattern[0].size, "jac_values"),
-            (primal_diagonal, self.n, "primal_diagonal"),
-            (dual_diagonal, self.m, "dual_diagonal"),
-        )
+        return factorize_copies(self, hess_values, jac_values, primal_diagonal, dual_diagonal)
+
+    def refactor(self) -> Inertia:
+        """See ``AttachedKKT.refactor``."""
+        self._factorized = False
+        values = self.hess, self.jac, self.primal, self.dual
         if not all(np.isfinite(array).all() for array in values):
             raise NotFinite("the KKT matrix has entries that are not finite")
         self.factorizations += 1
-        self._matrix = dense_matrix(self.n, self.m, *self._pattern, *values)
-        self._scaled, self._scale = equilibrated(self._matrix)
+        matrix = dense_matrix(self.n, self.m, *self._pattern, *values)
+        self._scaled, self._scale = equilibrated(matrix)
         self._eigenvalues, self._vectors = np.linalg.eigh(self._scaled)
+        self._factorized = True
         positive = int((self._eigenvalues > SINGULAR).sum())
         negative = int((self._eigenvalues < -SINGULAR).sum())
         return Inertia(positive, negative, self.n + self.m - positive - negative)
 
     def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
         """See ``KKTSystem.solve``."""
-        if self._matrix is None:
+        return solve_copies(self, rhs_x, rhs_y)
+
+    @property
+    def solve_call(self) -> Bound:
+        """See ``AttachedKKT.solve_call``."""
+        if not self._factorized:
             raise ValueError("factorize before solving")
-        rhs = np.concatenate(checked_values((rhs_x, self.n, "rhs_x"), (rhs_y, self.m, "rhs_y")))
+        return self._solve
+
+    def check_solution(self) -> bool:
+        """See ``AttachedKKT.check_solution``: there is nothing more careful."""
+        self.last_residual = float(self.report[0])
+        return False
+
+    def _solve_once(self) -> None:
+        rhs, solution = self.rhs * self._scale, self.solution
+        solution[:] = 0.0
+        self.report[0] = 0.0
         if rhs.size == 0:
-            self.last_residual = 0.0
-            return np.zeros(0), np.zeros(0)
+            return
         kept = np.abs(self._eigenvalues) > SINGULAR
         vectors = self._vectors[:, kept]
-        scaled_rhs = rhs * self._scale
-        solution = np.zeros_like(rhs)
         for _ in range(3):
-            residual = scaled_rhs - self._scaled @ solution
+            residual = rhs - self._scaled @ solution
             solution += vectors @ ((vectors.T @ residual) / self._eigenvalues[kept])
-        residual = scaled_rhs - self._scaled @ solution
-        norm = np.abs(self._scaled).sum(axis=1).max() * np.abs(solution).max() + np.abs(scaled_rhs).max()
-        self.last_residual = float(np.abs(residual).max() / norm) if norm > 0.0 else 0.0
+        residual = rhs - self._scaled @ solution
+        norm = np.abs(self._scaled).sum(axis=1).max() * np.abs(solution).max() + np.abs(rhs).max()
+        self.report[0] = float(np.abs(residual).max() / norm) if norm > 0.0 else 0.0
         solution *= self._scale
-        return solution[: self.n], solution[self.n :]

@@ -1,12 +1,13 @@
-"""The arrays that come into a KKT system, checked."""
+"""The arrays that come into a KKT system, checked, and its calls that copy them."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from stc.solver.kkt.contract import AttachedKKT, Inertia
 from stc.solver.nlp import Floats
 
-__all__ = ["checked_values"]
+__all__ = ["checked_values", "factorize_copies", "solve_copies"]
 
 
 def checked_values(*arrays: tuple[Floats, int, str]) -> list[Floats]:
@@ -23,3 +24,34 @@ def checked_values(*arrays: tuple[Floats, int, str]) -> list[Floats]:
             raise ValueError(f"{name} has shape {array.shape}, expected ({size},)")
         checked.append(array)
     return checked
+
+
+def factorize_copies(
+    system: AttachedKKT,
+    hess_values: Floats,
+    jac_values: Floats,
+    primal_diagonal: Floats,
+    dual_diagonal: Floats,
+) -> Inertia:
+    """``KKTSystem.factorize`` by way of the system's own arrays."""
+    own = system.hess, system.jac, system.primal, system.dual
+    names = "hess_values", "jac_values", "primal_diagonal", "dual_diagonal"
+    given = hess_values, jac_values, primal_diagonal, dual_diagonal
+    checked = checked_values(
+        *((array, mine.size, name) for array, mine, name in zip(given, own, names, strict=True))
+    )
+    for mine, array in zip(own, checked, strict=True):
+        mine[:] = array
+    return system.refactor()
+
+
+def solve_copies(system: AttachedKKT, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
+    """``KKTSystem.solve`` by way of the system's own arrays."""
+    call = system.solve_call
+    n = system.primal.size
+    rhs_x, rhs_y = checked_values((rhs_x, n, "rhs_x"), (rhs_y, system.dual.size, "rhs_y"))
+    system.rhs[:n] = rhs_x
+    system.rhs[n:] = rhs_y
+    call()
+    system.check_solution()
+    return system.solution[:n].copy(), system.solution[n:].copy()

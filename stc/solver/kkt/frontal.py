@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stc.codegen.calls import Bound
 from stc.solver.kkt import pivots
 from stc.solver.kkt.arrangement import (
     Arrangement,
@@ -15,7 +16,7 @@ from stc.solver.kkt.arrangement import (
 )
 from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.kkt.elimination import FACTORS_FULL, factorize
-from stc.solver.kkt.entries import checked_values
+from stc.solver.kkt.entries import factorize_copies, solve_copies
 from stc.solver.kkt.panel import LARGEST_GROUP, MASKS
 from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.singularity import confirm_zeros
@@ -64,7 +65,7 @@ class FrontalKKT:
     """Sparse LDL^T with threshold pivoting on a window that slides over the stages.
 
     The pattern is arranged at once; the order of elimination is planned from the values of the first
-    factorisation. See ``KKTSystem`` for the arguments and the other members.
+    factorisation. See ``AttachedKKT`` for the arguments and the other members.
 
     Attributes:
         pivot_threshold: u, between 0 and 0.5: larger is more accurate, smaller keeps closer to the plan.
@@ -91,9 +92,9 @@ class FrontalKKT:
         size = n + m
         self._structural_diagonal = np.zeros(size, dtype=bool)
         self._structural_diagonal[self._couplings.hess_variable] = True
-        self._hess, self._jac = np.zeros(self._couplings.hess_count), np.zeros(self._couplings.jac_count)
-        self._primal, self._dual = np.zeros(n), np.zeros(m)
-        self._rhs, self._result = np.zeros(size), np.zeros(size)
+        self.hess, self.jac = np.zeros(self._couplings.hess_count), np.zeros(self._couplings.jac_count)
+        self.primal, self.dual = np.zeros(n), np.zeros(m)
+        self.rhs, self.solution = np.zeros(size), np.zeros(size)
         self._values = np.zeros(size + self._couplings.first.size)
         self._scale, self._most, self._inverse = np.zeros(size), np.zeros(size), np.zeros(3 * size)
         self._zeros = np.zeros(size)
@@ -101,7 +102,7 @@ class FrontalKKT:
         self._slot = np.zeros(size, dtype=np.int32)
         self._pivots = np.zeros(2 * size, dtype=np.int32)
         self._starts = np.zeros(2 * size, dtype=np.int32)
-        self._report = np.zeros(REPORT)
+        self.report = np.zeros(REPORT)
         self._counts = np.zeros(pivots.COUNTS, dtype=np.int64)
         self._capacity = 0
         self._held_slots = HELD_SLOTS
@@ -152,17 +153,11 @@ class FrontalKKT:
         self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
     ) -> Inertia:
         """See ``KKTSystem.factorize``."""
-        hess, jac, primal, dual = checked_values(
-            (hess_values, self._hess.size, "hess_values"),
-            (jac_values, self._jac.size, "jac_values"),
-            (primal_diagonal, self.n, "primal_diagonal"),
-            (dual_diagonal, self.m, "dual_diagonal"),
-        )
+        return factorize_copies(self, hess_values, jac_values, primal_diagonal, dual_diagonal)
+
+    def refactor(self) -> Inertia:
+        """See ``AttachedKKT.refactor``."""
         self._factorized = False
-        self._hess[:] = hess
-        self._jac[:] = jac
-        self._primal[:] = primal
-        self._dual[:] = dual
         if self._load() != 0.0:
             raise NotFinite("the KKT matrix has entries that are not finite")
         self.factorizations += 1
@@ -181,17 +176,23 @@ class FrontalKKT:
 
     def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
         """See ``KKTSystem.solve``."""
+        return solve_copies(self, rhs_x, rhs_y)
+
+    @property
+    def solve_call(self) -> Bound:
+        """See ``AttachedKKT.solve_call``."""
         if not self._factorized:
             raise ValueError("factorize before solving")
-        n = self.n
-        rhs_x, rhs_y = checked_values((rhs_x, n, "rhs_x"), (rhs_y, self.m, "rhs_y"))
-        self._rhs[:n] = rhs_x
-        self._rhs[n:] = rhs_y
-        self._solve()
-        while self._report[0] > DOUBTFUL and self._raise_threshold():
+        return self._solve
+
+    def check_solution(self) -> bool:
+        """See ``AttachedKKT.check_solution``."""
+        repeated = False
+        while self.report[0] > DOUBTFUL and self._raise_threshold():
             self._solve()
-        self.last_residual = float(self._report[0])
-        return self._result[:n].copy(), self._result[n:].copy()
+            repeated = True
+        self.last_residual = float(self.report[0])
+        return repeated
 
     def _raise_threshold(self) -> bool:
         """Factorise the same matrix again with a larger threshold; False when that cannot help."""
@@ -242,7 +243,7 @@ class FrontalKKT:
         self._scale[:] = 1.0
         size = self.n + self.m
         self._load = load.bind(
-            self.n, self.m, self._hess.size, self._jac.size, self._hess, self._jac, self._primal, self._dual,
+            self.n, self.m, self.hess.size, self.jac.size, self.hess, self.jac, self.primal, self.dual,
             a.position, a.hess_target, a.jac_target, self._values,
         )  # fmt: skip
         self._equilibrate = equilibrate.bind(
@@ -327,6 +328,6 @@ class FrontalKKT:
         )  # fmt: skip
         self._solve = solve.bind(
             size, REFINEMENTS, RESIDUAL, a.pointers, a.columns, self._values, self._scale, a.order,
-            self._counts, self._pivots, self._starts, self._indices, self._factors, self._inverse, self._rhs,
-            *self._vectors, self._result, np.zeros(self._stride + 2 * LANES), self._report,
+            self._counts, self._pivots, self._starts, self._indices, self._factors, self._inverse, self.rhs,
+            *self._vectors, self.solution, np.zeros(self._stride + 2 * LANES), self.report,
         )  # fmt: skip

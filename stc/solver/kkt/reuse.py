@@ -13,6 +13,7 @@ from hashlib import blake2b
 
 import numpy as np
 
+from stc.codegen.calls import Bound
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.frontal import FrontalKKT
 from stc.solver.nlp import Floats, Ints
@@ -79,6 +80,54 @@ class StructuredKKT:
     def last_residual(self) -> float:
         """See ``KKTSystem.last_residual``."""
         return self._system.last_residual
+
+    @property
+    def hess(self) -> Floats:
+        """See ``AttachedKKT.hess``."""
+        return self._system.hess
+
+    @property
+    def jac(self) -> Floats:
+        """See ``AttachedKKT.jac``."""
+        return self._system.jac
+
+    @property
+    def primal(self) -> Floats:
+        """See ``AttachedKKT.primal``."""
+        return self._system.primal
+
+    @property
+    def dual(self) -> Floats:
+        """See ``AttachedKKT.dual``."""
+        return self._system.dual
+
+    @property
+    def rhs(self) -> Floats:
+        """See ``AttachedKKT.rhs``."""
+        return self._system.rhs
+
+    @property
+    def solution(self) -> Floats:
+        """See ``AttachedKKT.solution``."""
+        return self._system.solution
+
+    @property
+    def report(self) -> Floats:
+        """See ``AttachedKKT.report``."""
+        return self._system.report
+
+    @property
+    def solve_call(self) -> Bound:
+        """See ``AttachedKKT.solve_call``."""
+        return self._system.solve_call
+
+    def refactor(self) -> Inertia:
+        """See ``AttachedKKT.refactor``."""
+        return self._system.refactor()
+
+    def check_solution(self) -> bool:
+        """See ``AttachedKKT.check_solution``."""
+        return self._system.check_solution()
 
     def factorize(
         self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats

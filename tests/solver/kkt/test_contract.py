@@ -7,7 +7,9 @@ import pytest
 import scipy.linalg
 from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, Pattern, Values, exact_inertia, generic
 
+from stc.codegen.calls import chain
 from stc.solver.kkt import DenseKKT, FrontalKKT, Inertia, KKTSystem
+from stc.solver.kkt.reuse import StructuredKKT
 
 SYSTEMS = [DenseKKT, FrontalKKT]
 
@@ -262,3 +264,31 @@ def test_large_shifts_do_not_look_singular(system, seed):
     kkt = system(*pattern.arguments())
     inertia = kkt.factorize(np.zeros(pattern.hess_rows.size), jac, primal, np.zeros(pattern.m))
     assert inertia == (pattern.n, pattern.m, 0)
+
+
+@pytest.mark.parametrize("system", [*SYSTEMS, StructuredKKT])
+def test_attached_arrays(system):
+    """Values written into the system's own arrays: the same answers, through a call that can be part of a chain."""
+    rng = np.random.default_rng(21)
+    pattern = STRUCTURES["bordered"](rng, 9)
+    kkt, judge = system(*pattern.arguments()), DenseKKT(*pattern.arguments())
+    with pytest.raises(ValueError, match="factorize"):
+        _ = kkt.solve_call
+    arrays = kkt.hess, kkt.jac, kkt.primal, kkt.dual
+    rhs, solution, report = kkt.rhs, kkt.solution, kkt.report
+    for kind in VALUES.values():
+        values = kind(rng, pattern)
+        for own, given in zip(arrays, values.arguments(), strict=True):
+            own[:] = given
+        assert kkt.refactor() == judge.factorize(*values.arguments())
+        rhs[:] = rng.normal(size=rhs.size)
+        expected = np.concatenate(judge.solve(rhs[: pattern.n], rhs[pattern.n :]))
+        chain([kkt.solve_call])()
+        assert kkt.check_solution() is False
+        assert report[0] == kkt.last_residual < 1e-10
+        np.testing.assert_allclose(solution, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+    arrays[0][0] = np.nan
+    with pytest.raises(ValueError, match="finite"):
+        kkt.refactor()
+    with pytest.raises(ValueError, match="factorize"):
+        _ = kkt.solve_call
