@@ -146,8 +146,8 @@ def main() -> None:
     one = np.ones(bound.m)
 
     def everything() -> None:
-        bound._values_call()
-        bound._derivatives_call()
+        bound.values_kernels()
+        bound.derivatives_kernels()
 
     bound.derivatives(bound.x0, one, 1.0)
     contenders: dict[str, Callable[[], Any]] = {"all kernels": everything, "largest kernel": largest}

@@ -25,6 +25,7 @@ from stc.problem import ConstantRef, ParameterRef, VariableRef
 from stc.symbolic.differentiate import gradient, hessian, jacobian
 from stc.symbolic.expr import Expr, sum_of, sym, symbols
 from stc.symbolic.structure import degree
+from stc.transcription.gather import Folding
 from stc.transcription.grid import IntArray, Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import DataRef
@@ -140,37 +141,43 @@ def _is_zero(e: Expr) -> bool:
 
 @dataclass(slots=True)
 class Sparsity:
-    """Entries of a sparse matrix in coordinate form, and which buffer values add up to each.
+    """Entries of a sparse matrix in coordinate form, and where in a kernels' buffer they come from.
 
-    ``rows``, ``cols`` (nnz,) int32; entry e is the sum of ``buffer[source[start[e]:start[e+1]]]``.
+    ``rows``, ``cols``, ``first`` (nnz,) int32: entry e is at ``buffer[first[e]]`` after ``folding``.
     """
 
     rows: NDArray[np.int32]
     cols: NDArray[np.int32]
-    start: IntArray
-    source: IntArray
+    first: NDArray[np.int32]
+    folding: Folding
 
     @classmethod
     def collect(
-        cls, rows: Sequence[IntArray], cols: Sequence[IntArray], source: Sequence[IntArray]
+        cls,
+        rows: Sequence[IntArray],
+        cols: Sequence[IntArray],
+        source: Sequence[IntArray],
+        doubled: Sequence[IntArray] = (),
     ) -> Sparsity:
-        if not rows:
-            empty = np.zeros(0, np.int64)
-            return cls(empty.astype(np.int32), empty.astype(np.int32), np.zeros(1, np.int64), empty)
-        r, c, s = (np.concatenate(a) for a in (rows, cols, source))
-        width = int(c.max()) + 1 if len(c) else 1
+        """Entries sorted by row and column, those at one place joined.
+
+        Args:
+            rows, cols, source: parts of equal lengths: rows, columns and places in the buffer.
+            doubled: parts of the places that count twice.
+        """
+        none = np.zeros(0, np.int64)
+        r, c, s, twice = (np.concatenate([none, *a]) for a in (rows, cols, source, doubled))
+        width = int(c.max(initial=0)) + 1
         code = r * width + c
         order = np.argsort(code, kind="stable")
         code = code[order]
-        first = (
-            np.flatnonzero(np.concatenate([[True], code[1:] != code[:-1]])) if len(code) else np.zeros(0, int)
-        )
-        unique = code[first]
+        start = np.flatnonzero(np.concatenate([[True], code[1:] != code[:-1]])[: len(code)])
+        unique, s = code[start], s[order]
         return cls(
             (unique // width).astype(np.int32),
             (unique % width).astype(np.int32),
-            np.concatenate([first, [len(code)]]),
-            s[order],
+            s[start].astype(np.int32),
+            Folding.of(np.concatenate([start, [len(code)]]), s, twice),
         )
 
     def __len__(self) -> int:
@@ -185,6 +192,8 @@ class Program:
         index_values, index_derivatives: per group (blocks, inputs, LANES) int32 positions in the workspace.
         data_start: per group where its node data begins in the workspace.
         row_group, row_number, row_instance: (m,) where each row comes from.
+        row_source: (m,) int32 where each row is in the values kernels' buffer.
+        objective_source: int32 places there that add up to the objective.
     """
 
     groups: list[Group]
@@ -204,8 +213,8 @@ class Program:
     derivatives_start: list[int]
     values_size: int
     derivatives_size: int
-    row_source: IntArray
-    objective_source: IntArray
+    row_source: NDArray[np.int32]
+    objective_source: NDArray[np.int32]
     gradient: Sparsity
     jacobian: Sparsity
     hessian: Sparsity
@@ -250,11 +259,12 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
         index_derivatives.append(blocks(np.concatenate([values, n + group.row_ids])))
     values_start, values_size = _starts(groups, [_tape(g.values_tape) for g in groups])
     derivatives_start, derivatives_size = _starts(groups, [_tape(g.derivatives_tape) for g in groups])
-    row_source = np.zeros(m, np.int64)
+    row_source = np.zeros(m, np.int32)
     objective_source: list[IntArray] = []
     grad: tuple[list[IntArray], ...] = ([], [], [])
     jac: tuple[list[IntArray], ...] = ([], [], [])
     hess: tuple[list[IntArray], ...] = ([], [], [])
+    doubled: list[IntArray] = []
     for group, start, dstart in zip(groups, values_start, derivatives_start, strict=True):
         width, dwidth = len(_tape(group.values_tape).outputs), len(_tape(group.derivatives_tape).outputs)
         for r in range(len(group.rows)):
@@ -274,10 +284,8 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
             source = outputs_at(dstart, dwidth, out, group.size)
             for part, values in zip(hess, (high, low, source), strict=True):
                 part.append(values)
-            same = (high == low) if a != b else np.zeros(0, bool)
-            if same.any():  # two inputs that are one unknown here: the entry and its mirror both count
-                for part, values in zip(hess, (high[same], low[same], source[same]), strict=True):
-                    part.append(values)
+            if a != b:  # two inputs that are one unknown at a node: the entry and its mirror both count there
+                doubled.append(source[high == low])
             out += 1
     degrees = [g.objective_degree for g in groups if g.objective is not None]
     return Program(
@@ -299,10 +307,10 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
         values_size=values_size,
         derivatives_size=derivatives_size,
         row_source=row_source,
-        objective_source=np.concatenate(objective_source) if objective_source else np.zeros(0, np.int64),
+        objective_source=np.concatenate([np.zeros(0, np.int32), *objective_source]).astype(np.int32),
         gradient=Sparsity.collect(*grad),
         jacobian=Sparsity.collect(*jac),
-        hessian=Sparsity.collect(*hess),
+        hessian=Sparsity.collect(hess[0], hess[1], hess[2], doubled),
         objective_degree=max(degrees, default=0),
     )
 

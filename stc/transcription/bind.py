@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from stc.codegen.calls import Bound, chain
 from stc.codegen.kernel import KernelSet, aligned_zeros
 from stc.problem import ConstantRef, Problem
+from stc.solver.evaluator import Evaluator, Scaling
 from stc.symbolic.expr import Expr, evaluate, symbols
-from stc.transcription.assemble import Program, Sparsity
+from stc.transcription.assemble import Program
+from stc.transcription.gather import begin, collect, place, scatter, total
 from stc.transcription.grid import Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import DataRef, data_values
@@ -195,15 +197,13 @@ class BoundProgram:
         )
         self._values_buffer = aligned_zeros(program.values_size)
         self._derivatives_buffer = aligned_zeros(program.derivatives_size)
-        self._values_call = self._chain(kernels, program.values_start, self._values_buffer, values=True)
-        self._derivatives_call = self._chain(
+        #: The kernels alone: what is at ``workspace`` in, their buffers out.
+        self.values_kernels = self._chain(kernels, program.values_start, self._values_buffer, values=True)
+        self.derivatives_kernels = self._chain(
             kernels, program.derivatives_start, self._derivatives_buffer, values=False
         )
-        self.evaluations = self.derivative_evaluations = 0
-        self._rows = np.zeros(self.m)
-        self._gradient = np.zeros(self.n)
-        self._jacobian = np.zeros(len(program.jacobian))
-        self._hessian = np.zeros(len(program.hessian))
+        self._counts = np.zeros(2, np.int64)
+        self._as_stated: Evaluator | None = None
 
     def _chain(self, kernels: KernelSet, starts: list[int], buffer: FloatArray, values: bool) -> Bound:
         """One call that runs the kernels of all groups, with everything they read and write tied to them."""
@@ -219,41 +219,74 @@ class BoundProgram:
                 calls.append(kernels.bind(number, self.workspace, self.uniform, index, out))
         return chain(calls)
 
+    @property
+    def evaluations(self) -> int:
+        """How often objective and rows have been evaluated."""
+        return int(self._counts[0])
+
+    @property
+    def derivative_evaluations(self) -> int:
+        """How often derivatives have been evaluated."""
+        return int(self._counts[1])
+
+    def evaluator(self, scaling: Scaling) -> Evaluator:
+        """Arrays of its own for one scaling, and the calls that fill them."""
+        program, n, m = self.program, self.n, self.m
+        result = Evaluator.allocate(n, m, len(program.jacobian), len(program.hessian))
+        objective = np.array([scaling.objective])
+        place_x = place(result.x, scaling.variable, self.workspace[:n])
+        buffer, status = self._values_buffer, result.values_status
+        result.values_call = chain(
+            [
+                begin(status, self._counts[:1]),
+                place_x,
+                self.values_kernels,
+                collect(buffer, program.row_source, scaling.row, result.r, status),
+                total(buffer, program.objective_source, objective, result.f, status),
+            ]
+        )
+        buffer, status = self._derivatives_buffer, result.derivatives_status
+        gradient, jacobian, hessian = program.gradient, program.jacobian, program.hessian
+        of_gradient = scaling.gradient()[gradient.cols]
+        of_jac = scaling.jacobian(jacobian.rows, jacobian.cols)
+        of_hess = scaling.hessian(hessian.rows, hessian.cols)
+        result.derivatives_call = chain(
+            [
+                begin(status, self._counts[1:]),
+                place_x,
+                place(result.y, scaling.row, self.workspace[n : n + m]),
+                place(result.weight, objective, self.uniform[-1:]),
+                self.derivatives_kernels,
+                *(fold for part in (gradient, jacobian, hessian) for fold in part.folding.bind(buffer)),
+                scatter(buffer, gradient.first, gradient.cols, of_gradient, result.gradient, status),
+                collect(buffer, jacobian.first, of_jac, result.jac, status),
+                collect(buffer, hessian.first, of_hess, result.hess, status),
+            ]
+        )
+        return result
+
+    def _stated(self) -> Evaluator:
+        if self._as_stated is None:
+            self._as_stated = self.evaluator(Scaling.none(self.n, self.m))
+        return self._as_stated
+
     def values(self, x: FloatArray) -> tuple[float, FloatArray]:
         """Objective and rows at ``x``; the rows' array is reused by the next call."""
-        self.evaluations += 1
-        self.workspace[: self.n] = x
-        self._values_call()
-        buffer = self._values_buffer
-        np.take(buffer, self.program.row_source, out=self._rows)
-        return float(buffer[self.program.objective_source].sum()), self._rows
+        stated = self._as_stated or self._stated()
+        stated.x[:] = x
+        stated.values_call()
+        return float(stated.f[0]), stated.r
 
     def derivatives(
         self, x: FloatArray, multipliers: FloatArray, objective_factor: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Objective gradient, Jacobian values and Hessian values of the Lagrangian; arrays are reused."""
-        self.derivative_evaluations += 1
-        self.workspace[: self.n] = x
-        self.workspace[self.n : self.n + self.m] = multipliers
-        self.uniform[-1] = objective_factor
-        self._derivatives_call()
-        buffer = self._derivatives_buffer
-        gradient = self.program.gradient
-        self._gradient[:] = 0.0
-        if len(gradient):
-            self._gradient[gradient.cols] = _gather(buffer, gradient)
-        _gather(buffer, self.program.jacobian, self._jacobian)
-        _gather(buffer, self.program.hessian, self._hessian)
-        return self._gradient, self._jacobian, self._hessian
-
-
-def _gather(buffer: FloatArray, entries: Sparsity, out: FloatArray | None = None) -> FloatArray:
-    """Adds buffer values up to matrix entries. (nnz,)"""
-    if not len(entries):
-        return np.zeros(0) if out is None else out
-    if len(entries.source) == len(entries):
-        return np.take(buffer, entries.source, out=out)
-    return np.add.reduceat(buffer[entries.source], entries.start[:-1], out=out)
+        stated = self._as_stated or self._stated()
+        stated.x[:] = x
+        stated.y[:] = multipliers
+        stated.weight[0] = objective_factor
+        stated.derivatives_call()
+        return stated.gradient, stated.jac, stated.hess
 
 
 def _row_bounds(program: Program, numbers: Numbers) -> tuple[FloatArray, FloatArray]:

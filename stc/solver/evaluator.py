@@ -1,0 +1,163 @@
+"""Evaluation of a scaled problem between fixed arrays, in calls that machine code can make.
+
+:meth:`NLP.values` and :meth:`NLP.derivatives` take and return arrays, which costs more than small problems take to
+evaluate.  An :class:`Evaluator` reads its point from one set of arrays and leaves the scaled numbers in another;
+its two calls have no arguments, and :func:`stc.codegen.calls.chain` joins them with whatever comes before and after.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from stc.codegen.calls import Bound
+from stc.solver.nlp import NLP, Floats, Ints, Mask
+
+__all__ = ["Evaluable", "Evaluator", "Scaling", "evaluator_of", "python_evaluator"]
+
+
+@dataclass(frozen=True, slots=True)
+class Scaling:
+    """``objective * f(x * variable)`` with rows ``row * r(x * variable)``.
+
+    Derivatives by variables that are not ``live`` are 0, as are those of rows that are not ``bounded``.
+
+    Attributes:
+        variable: factor that turns scaled variables into those as stated, (n,).
+        row: factor of each row, (m,).
+        objective: factor of the objective.
+        live: variables that may change, (n,) bool.
+        bounded: rows that have a bound, (m,) bool.
+    """
+
+    variable: Floats
+    row: Floats
+    objective: float
+    live: Mask
+    bounded: Mask
+
+    @classmethod
+    def none(cls, n: int, m: int) -> Scaling:
+        """Everything as stated."""
+        return cls(np.ones(n), np.ones(m), 1.0, np.ones(n, bool), np.ones(m, bool))
+
+    def gradient(self) -> Floats:
+        """Factors of the objective's gradient, (n,)."""
+        return self.objective * self._columns()
+
+    def jacobian(self, rows: Ints, cols: Ints) -> Floats:
+        """Factors of Jacobian entries, (k,)."""
+        return (self.row * self.bounded)[rows] * self._columns()[cols]
+
+    def hessian(self, rows: Ints, cols: Ints) -> Floats:
+        """Factors of the entries of the Lagrangian's Hessian, (k,)."""
+        columns = self._columns()
+        return columns[rows] * columns[cols]
+
+    def _columns(self) -> Floats:
+        return self.variable * self.live
+
+
+@dataclass(slots=True)
+class Evaluator:
+    """A scaled problem's numbers, and the calls that renew them.
+
+    ``values_call()`` reads ``x`` and writes ``f``, ``r`` and ``values_status``; ``derivatives_call()`` reads ``x``,
+    ``y`` and ``weight`` and writes the others.  Nobody else writes to what they write to.
+
+    Attributes:
+        x: scaled variables, (n,).
+        y: scaled multipliers, (m,).
+        weight: factor of the scaled objective in the Lagrangian's Hessian, (1,); 1 at first.
+        f: scaled objective, (1,).
+        r: scaled rows, (m,).
+        values_status: 0 where ``f`` and all of ``r`` are finite, else nan, (1,).
+        gradient: of the scaled objective, (n,).
+        jac: scaled Jacobian entries, (nnz_J,).
+        hess: scaled entries of the Hessian of ``weight * f + y . r``, (nnz_H,).
+        derivatives_status: 0 where ``gradient``, ``jac`` and ``hess`` are finite, else nan, (1,).
+    """
+
+    x: Floats
+    y: Floats
+    weight: Floats
+    f: Floats
+    r: Floats
+    values_status: Floats
+    gradient: Floats
+    jac: Floats
+    hess: Floats
+    derivatives_status: Floats
+    values_call: Bound
+    derivatives_call: Bound
+
+    @classmethod
+    def allocate(cls, n: int, m: int, jac_entries: int, hess_entries: int) -> Evaluator:
+        """The arrays, zero; the calls do nothing yet."""
+        nothing = Bound.of_python(_nothing, ())
+        return cls(
+            x=np.zeros(n),
+            y=np.zeros(m),
+            weight=np.ones(1),
+            f=np.zeros(1),
+            r=np.zeros(m),
+            values_status=np.zeros(1),
+            gradient=np.zeros(n),
+            jac=np.zeros(jac_entries),
+            hess=np.zeros(hess_entries),
+            derivatives_status=np.zeros(1),
+            values_call=nothing,
+            derivatives_call=nothing,
+        )
+
+
+def _nothing() -> None:
+    pass
+
+
+@runtime_checkable
+class Evaluable(Protocol):
+    """A problem that brings its own evaluators."""
+
+    def evaluator(self, scaling: Scaling) -> Evaluator:
+        """Arrays and calls for one scaling."""
+
+
+def evaluator_of(nlp: NLP, scaling: Scaling) -> Evaluator:
+    """A problem's own evaluator, or one made of its ``values`` and ``derivatives``."""
+    if isinstance(nlp, Evaluable):
+        return nlp.evaluator(scaling)
+    return python_evaluator(nlp, scaling)
+
+
+def python_evaluator(nlp: NLP, scaling: Scaling) -> Evaluator:
+    """The same calls for any problem, by way of Python."""
+    result = Evaluator.allocate(nlp.n, nlp.m, len(nlp.jac_rows), len(nlp.hess_rows))
+    of_gradient = scaling.gradient()
+    of_jac = scaling.jacobian(nlp.jac_rows, nlp.jac_cols)
+    of_hess = scaling.hessian(nlp.hess_rows, nlp.hess_cols)
+
+    def values() -> None:
+        f, r = nlp.values(result.x * scaling.variable)
+        with np.errstate(all="ignore"):
+            result.f[0] = scaling.objective * f
+            np.multiply(scaling.row, r, out=result.r)
+            result.values_status[0] = 0.0 * result.f[0] + (0.0 * result.r).sum()
+
+    def derivatives() -> None:
+        parts = nlp.derivatives(
+            result.x * scaling.variable,
+            result.y * scaling.row,
+            float(result.weight[0]) * scaling.objective,
+        )
+        with np.errstate(all="ignore"):
+            into = (result.gradient, result.jac, result.hess)
+            for part, factors, out in zip(parts, (of_gradient, of_jac, of_hess), into, strict=True):
+                np.multiply(part, factors, out=out)
+            result.derivatives_status[0] = sum(float((0.0 * out).sum()) for out in into)
+
+    result.values_call = Bound.of_python(values, ())
+    result.derivatives_call = Bound.of_python(derivatives, ())
+    return result

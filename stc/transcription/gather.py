@@ -1,0 +1,286 @@
+"""From the outputs of kernels to matrix entries, in compiled calls.
+
+Nearly every entry is one output of one kernel.  Outputs that add up to an entry are added into the first of them
+within the kernels' buffer; after that every entry has one place to come from:
+
+    fold       buffer[into] += buffer[source]        few
+    collect    out = scale * buffer[first]           all
+
+An output belongs to no more than one entry, which makes this possible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.codegen import engine
+from stc.codegen.calls import Bound
+from stc.codegen.native import NativeFunction, f64, f64s, i32s, i64, i64s, native
+
+FloatArray = NDArray[np.float64]
+PlaceArray = NDArray[np.int32]
+IntArray = NDArray[np.int64]
+
+#: Entries of more outputs than this (those of parameters: one per frame) are summed in vectors.
+FEW = 8
+
+
+@dataclass(slots=True)
+class Folding:
+    """Which outputs are added up within a buffer.
+
+    Attributes:
+        doubled: int32 outputs that count twice.
+        source, into: (k,) int32 single additions, made in this order.
+        long_into: (sums,) int32 where each long sum goes.
+        long_start: (sums + 1,) int32 where its outputs begin in ``long_source``.
+        long_source: int32 outputs of the long sums, the one they go to excepted.
+    """
+
+    doubled: PlaceArray
+    source: PlaceArray
+    into: PlaceArray
+    long_into: PlaceArray
+    long_start: PlaceArray
+    long_source: PlaceArray
+
+    @classmethod
+    def of(cls, start: IntArray, source: IntArray, doubled: IntArray) -> Folding:
+        """For entries e that are sums of ``source[start[e]:start[e + 1]]``, one output or more each.
+
+        ``doubled`` are those among all outputs of ``source`` that count twice.
+        """
+        count = np.diff(start)
+        several, many = (count > 1) & (count <= FEW), np.flatnonzero(count > FEW)
+        owner = np.repeat(np.arange(len(count)), count)
+        later = np.ones(len(source), bool)
+        later[start[:-1]] = False
+        few = np.flatnonzero(later & several[owner]) if several.any() else np.zeros(0, np.int64)
+        # One addition to each entry before the second one to any: consecutive ones do not wait for each other.
+        few = few[np.argsort(few - start[owner[few]], kind="stable")]
+        first = source[start[:-1]]
+        rest = source[later & (count > FEW)[owner]] if len(many) else few[:0]
+        return cls(
+            _places(doubled),
+            _places(source[few]),
+            _places(first[owner[few]]),
+            _places(first[many]),
+            _places(np.concatenate([[0], np.cumsum(count[many] - 1)])),
+            _places(rest),
+        )
+
+    def bind(self, buffer: FloatArray) -> list[Bound]:
+        """Calls that fold ``buffer``."""
+        calls = []
+        if len(self.doubled):
+            twice = self.doubled
+            calls.append(_bind(_fold, _fold_numpy, len(twice), twice, twice, buffer))
+        if len(self.into):
+            calls.append(_bind(_fold, _fold_numpy, len(self.into), self.source, self.into, buffer))
+        if len(self.long_into):
+            long = (self.long_into, self.long_start, self.long_source)
+            calls.append(_bind(_fold_long, _fold_long_numpy, len(self.long_into), *long, buffer))
+        return calls
+
+
+def _places(values: IntArray) -> PlaceArray:
+    return np.ascontiguousarray(values, np.int32)
+
+
+def begin(status: FloatArray, counter: IntArray) -> Bound:
+    """A call that sets ``status`` (1,) to 0 and adds 1 to ``counter`` (1,)."""
+    return _bind(_begin, _begin, status, counter)
+
+
+def place(values: FloatArray, scale: FloatArray, into: FloatArray) -> Bound:
+    """A call for ``into = values * scale``; all of one length."""
+    if (scale == 1.0).all():
+        return _bind(_copy, _copy_numpy, len(values), values, into)
+    return _bind(_place, _place_numpy, len(values), values, scale, into)
+
+
+def collect(
+    buffer: FloatArray, source: PlaceArray, scale: FloatArray, out: FloatArray, status: FloatArray
+) -> Bound:
+    """A call for ``out = scale * buffer[source]`` that makes ``status`` (1,) nan where an entry is not finite."""
+    if (scale == 1.0).all():
+        return _bind(_collect, _collect_numpy, len(out), source, buffer, out, status)
+    return _bind(_collect_scaled, _collect_scaled_numpy, len(out), source, scale, buffer, out, status)
+
+
+def scatter(
+    buffer: FloatArray,
+    source: PlaceArray,
+    at: PlaceArray,
+    scale: FloatArray,
+    out: FloatArray,
+    status: FloatArray,
+) -> Bound:
+    """A call for ``out[at] = scale * buffer[source]``; ``scale`` as long as ``at``; status as above."""
+    return _bind(_scatter, _scatter_numpy, len(at), source, at, scale, buffer, out, status)
+
+
+def total(
+    buffer: FloatArray, source: PlaceArray, scale: FloatArray, out: FloatArray, status: FloatArray
+) -> Bound:
+    """A call for ``out[0] = scale[0] * sum(buffer[source])``; status as above."""
+    return _bind(_total, _total_numpy, len(source), source, scale, buffer, out, status)
+
+
+def _bind(compiled: NativeFunction[..., Any], python: Callable[..., Any], *arguments: Any) -> Bound:
+    """Machine code, or what does the same in NumPy."""
+    if engine.llvm_wanted():
+        return compiled.bind(*arguments)
+    if isinstance(python, NativeFunction):
+        python = python.python
+    return Bound.of_python(python, arguments)
+
+
+# -- machine code ---------------------------------------------------------------------------------------------------
+
+
+@native
+def _begin(status: f64s, counter: i64s) -> None:
+    status[0] = 0.0
+    counter[0] += 1
+
+
+@native
+def _copy(count: i64, values: f64s, into: f64s) -> None:
+    for k in range(count):
+        into[k] = values[k]
+
+
+@native
+def _place(count: i64, values: f64s, scale: f64s, into: f64s) -> None:
+    for k in range(count):
+        into[k] = values[k] * scale[k]
+
+
+@native
+def _fold(count: i64, source: i32s, into: i32s, buffer: f64s) -> None:
+    for k in range(count):
+        buffer[into[k]] += buffer[source[k]]
+
+
+@native(fast=True, inline=True)
+def _sum(count: i64, source: i32s, buffer: f64s) -> f64:
+    """In parts: the rounding error of a long sum grows with the length of the parts only."""
+    result = 0.0
+    for first in range(0, count, 128):
+        part = 0.0
+        for k in range(first, min(first + 128, count)):
+            part += buffer[source[k]]
+        result += part
+    return result
+
+
+@native
+def _fold_long(sums: i64, into: i32s, start: i32s, source: i32s, buffer: f64s) -> None:
+    for k in range(sums):
+        first = start[k]
+        buffer[into[k]] += _sum(start[k + 1] - first, source[first:], buffer)
+
+
+@native(fast=True)
+def _collect(count: i64, source: i32s, buffer: f64s, out: f64s, status: f64s) -> None:
+    bad = 0.0
+    for k in range(count):
+        value = buffer[source[k]]
+        out[k] = value
+        bad += 0.0 * value
+    status[0] += bad
+
+
+@native(fast=True)
+def _collect_scaled(count: i64, source: i32s, scale: f64s, buffer: f64s, out: f64s, status: f64s) -> None:
+    bad = 0.0
+    for k in range(count):
+        value = scale[k] * buffer[source[k]]
+        out[k] = value
+        bad += 0.0 * value
+    status[0] += bad
+
+
+@native(fast=True)
+def _scatter(count: i64, source: i32s, at: i32s, scale: f64s, buffer: f64s, out: f64s, status: f64s) -> None:
+    bad = 0.0
+    for k in range(count):
+        value = scale[k] * buffer[source[k]]
+        out[at[k]] = value
+        bad += 0.0 * value
+    status[0] += bad
+
+
+@native
+def _total(count: i64, source: i32s, scale: f64s, buffer: f64s, out: f64s, status: f64s) -> None:
+    value = scale[0] * _sum(count, source, buffer)
+    out[0] = value
+    status[0] += 0.0 * value
+
+
+# -- the same in NumPy ----------------------------------------------------------------------------------------------
+
+
+def _copy_numpy(count: int, values: FloatArray, into: FloatArray) -> None:
+    into[:] = values
+
+
+def _place_numpy(count: int, values: FloatArray, scale: FloatArray, into: FloatArray) -> None:
+    np.multiply(values, scale, out=into)
+
+
+@np.errstate(all="ignore")
+def _fold_numpy(count: int, source: PlaceArray, into: PlaceArray, buffer: FloatArray) -> None:
+    np.add.at(buffer, into, buffer[source])
+
+
+@np.errstate(all="ignore")
+def _fold_long_numpy(
+    sums: int, into: PlaceArray, start: PlaceArray, source: PlaceArray, buffer: FloatArray
+) -> None:
+    buffer[into] += np.add.reduceat(buffer[source], start[:-1])
+
+
+@np.errstate(all="ignore")
+def _collect_numpy(
+    count: int, source: PlaceArray, buffer: FloatArray, out: FloatArray, status: FloatArray
+) -> None:
+    np.take(buffer, source, out=out)
+    status[0] += (0.0 * out).sum()
+
+
+@np.errstate(all="ignore")
+def _collect_scaled_numpy(
+    count: int, source: PlaceArray, scale: FloatArray, buffer: FloatArray, out: FloatArray, status: FloatArray
+) -> None:
+    np.multiply(scale, buffer[source], out=out)
+    status[0] += (0.0 * out).sum()
+
+
+@np.errstate(all="ignore")
+def _scatter_numpy(
+    count: int,
+    source: PlaceArray,
+    at: PlaceArray,
+    scale: FloatArray,
+    buffer: FloatArray,
+    out: FloatArray,
+    status: FloatArray,
+) -> None:
+    values = scale * buffer[source]
+    out[at] = values
+    status[0] += (0.0 * values).sum()
+
+
+@np.errstate(all="ignore")
+def _total_numpy(
+    count: int, source: PlaceArray, scale: FloatArray, buffer: FloatArray, out: FloatArray, status: FloatArray
+) -> None:
+    out[0] = scale[0] * buffer[source].sum()
+    status[0] += 0.0 * out[0]

@@ -1,0 +1,172 @@
+"""Evaluators against the same numbers scaled in NumPy, and sums of outputs against sums written out."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stc.codegen.calls import Bound, chain
+from stc.errors import Source
+from stc.language.elaborate import elaborate
+from stc.language.parser import parse
+from stc.solver.evaluator import Scaling, evaluator_of, python_evaluator
+from stc.transcription import transcribe
+from stc.transcription.gather import FEW, Folding, collect, total
+
+PROBLEMS = Path(__file__).parent.parent / "problems" / "traj"
+SPECS = {
+    "brachistochrone": {"n": 7},
+    "cart_pole": {"n": 9},
+    "goddard_rocket": {"n": 20},  # final time: sums over all frames
+    "hop_free_durations": {"n": 16, "a": 6, "b": 10},
+    "min_time_double_integrator": {"n": 6},
+    "pendulum_dae": {"n": 6},
+}
+# one variable twice in a statement's inputs at some nodes, long sums, an objective at single frames
+MIRRORED = """
+    constants: n = 12;
+    variables: x, u;
+    parameters: T;
+    definitions: h = T/n;
+    guess: T = 1; x = 1 + t; u = t;
+    constraints: [0, n]: x'' = u*t; x[n - i]*x*T >= -9; x[6]*x^2*u <= 9; [0]: x = 1;
+    objective: [0, n]: integral(u^2*x[6]*T); [1]: T^2;
+"""
+
+
+def bound_program(name: str, backend="auto"):
+    if name == "mirrored":
+        source, constants = Source("mirrored", MIRRORED), {}
+    else:
+        source, constants = Source(name, (PROBLEMS / f"{name}.stc").read_text()), SPECS[name]
+    transcription = transcribe(elaborate(parse(source), constants))
+    transcription.compile(backend=backend)
+    return transcription.bind(check=False)
+
+
+def random_scaling(nlp, rng) -> Scaling:
+    return Scaling(
+        np.exp2(rng.integers(-3, 4, nlp.n)),
+        rng.uniform(0.1, 3.0, nlp.m),
+        float(rng.uniform(0.1, 3.0)),
+        rng.random(nlp.n) > 0.2,
+        rng.random(nlp.m) > 0.2,
+    )
+
+
+@pytest.mark.parametrize("backend", ["auto", "numpy"])
+@pytest.mark.parametrize("name", [*SPECS, "mirrored"])
+def test_evaluator_scales_values_and_derivatives(name, backend, monkeypatch):
+    if backend == "numpy":
+        monkeypatch.setenv("STC_BACKEND", "python")
+    nlp = bound_program(name, backend)
+    rng = np.random.default_rng(3)
+    for scaling in (Scaling.none(nlp.n, nlp.m), random_scaling(nlp, rng)):
+        own = nlp.evaluator(scaling)
+        assert own.derivatives_call.native == own.values_call.native == (backend == "auto")
+        for weight in (1.0, 0.4):
+            x = nlp.x0 + 0.1 * rng.standard_normal(nlp.n)
+            y = rng.standard_normal(nlp.m)
+            own.x[:], own.y[:], own.weight[0] = x / scaling.variable, y, weight
+            own.values_call()
+            own.derivatives_call()
+            f, r = nlp.values(x)
+            parts = [np.array(p) for p in nlp.derivatives(x, y * scaling.row, weight * scaling.objective)]
+            live = scaling.variable * scaling.live
+            np.testing.assert_allclose(own.f[0], scaling.objective * f, rtol=1e-14)
+            np.testing.assert_allclose(own.r, scaling.row * r, rtol=1e-14)
+            np.testing.assert_allclose(own.gradient, scaling.objective * parts[0] * live, rtol=1e-13)
+            rows = (scaling.row * scaling.bounded)[nlp.jac_rows]
+            np.testing.assert_allclose(own.jac, parts[1] * rows * live[nlp.jac_cols], rtol=1e-13)
+            columns = live[nlp.hess_rows] * live[nlp.hess_cols]
+            np.testing.assert_allclose(own.hess, parts[2] * columns, rtol=1e-13)
+            assert own.values_status[0] == own.derivatives_status[0] == 0.0
+
+
+def test_any_problem_has_an_evaluator():
+    nlp = bound_program("cart_pole")
+
+    class Plain:
+        """The same problem without evaluators of its own."""
+
+        n, m = nlp.n, nlp.m
+        jac_rows, jac_cols, hess_rows, hess_cols = nlp.jac_rows, nlp.jac_cols, nlp.hess_rows, nlp.hess_cols
+        values, derivatives = nlp.values, nlp.derivatives
+
+    rng = np.random.default_rng(4)
+    scaling = random_scaling(nlp, rng)
+    one, other = evaluator_of(nlp, scaling), evaluator_of(Plain(), scaling)
+    assert one.values_call.native and not other.values_call.native
+    x, y = nlp.x0 + 0.1 * rng.standard_normal(nlp.n), rng.standard_normal(nlp.m)
+    for each in (one, other):
+        each.x[:], each.y[:], each.weight[0] = x, y, 0.7
+        chain([each.values_call, each.derivatives_call])()
+    for name in ("f", "r", "values_status", "gradient", "jac", "hess", "derivatives_status"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-14, err_msg=name)
+
+
+@pytest.mark.parametrize("make", [evaluator_of, python_evaluator])
+def test_status_tells_of_numbers_that_are_none(make):
+    text = "constants: n = 3; variables: x; guess: x = 1; constraints: [0, n]: log(x) >= 0; objective: [0, n]: x;"
+    transcription = transcribe(elaborate(parse(Source("log", text)), {}))
+    transcription.compile()
+    nlp = transcription.bind()
+    evaluator = make(nlp, Scaling.none(nlp.n, nlp.m))
+    for value, healthy in ((-1.0, False), (1.0, True), (0.0, False), (2.0, True)):
+        evaluator.x[:] = 1.0
+        evaluator.x[1] = value
+        evaluator.y[:] = 1.0
+        evaluator.values_call()
+        evaluator.derivatives_call()
+        assert (evaluator.values_status[0] == 0.0) == healthy
+        assert np.isnan(evaluator.values_status[0]) != healthy
+        # 1/x and -1/x^2 have values left of zero
+        assert (evaluator.derivatives_status[0] == 0.0) == (value != 0.0)
+
+
+def test_calls_are_counted():
+    nlp = bound_program("cart_pole")
+    evaluator = nlp.evaluator(Scaling.none(nlp.n, nlp.m))
+    nlp.values(nlp.x0)
+    for _ in range(3):
+        evaluator.values_call()
+    evaluator.derivatives_call()
+    assert (nlp.evaluations, nlp.derivative_evaluations) == (4, 1)
+
+
+@pytest.mark.parametrize("backend", ["auto", "python"])
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.integers(1, 3 * FEW), min_size=1, max_size=12), st.integers(0, 2**31))
+def test_outputs_add_up_to_entries(backend, counts, seed):
+    rng = np.random.default_rng(seed)
+    start = np.concatenate([[0], np.cumsum(counts)])
+    size = int(start[-1]) + 5
+    source = rng.permutation(size)[: start[-1]]
+    doubled = rng.permutation(source)[: rng.integers(0, len(source) + 1)]
+    buffer = np.ldexp(rng.integers(-1000, 1000, size).astype(float), -5)  # sums are exact
+    factor = np.ones(size)
+    factor[doubled] = 2.0
+    expected = [float((buffer * factor)[source[a:b]].sum()) for a, b in pairwise(start)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STC_BACKEND", backend)
+        out, scale = np.zeros(len(counts)), np.exp2(rng.integers(-2, 3, len(counts)))
+        first = source[start[:-1]].astype(np.int32)
+        calls: list[Bound] = Folding.of(start, source, doubled).bind(buffer)
+        chain([*calls, collect(buffer, first, scale, out, np.zeros(1))])()
+    assert out.tolist() == (scale * expected).tolist()
+
+
+def test_long_sums_are_accurate():
+    rng = np.random.default_rng(5)
+    buffer = rng.uniform(0.0, 1.0, 100_000)
+    out, status = np.zeros(1), np.zeros(1)
+    total(buffer, np.arange(buffer.size, dtype=np.int32), np.ones(1), out, status)()
+    exact = math.fsum(buffer)
+    assert abs(out[0] - exact) <= 4e-14 * exact
+    assert status[0] == 0.0
