@@ -143,7 +143,8 @@ def _is_zero(e: Expr) -> bool:
 class Sparsity:
     """Entries of a sparse matrix in coordinate form, and where in a kernels' buffer they come from.
 
-    ``rows``, ``cols``, ``first`` (nnz,) int32: entry e is at ``buffer[first[e]]`` after ``folding``.
+    ``rows``, ``cols``, ``first`` (nnz,) int32: entry e is at ``buffer[first[e]]`` after ``folding``.  The entries
+    are in the order of the buffer, so that most come from consecutive places.
     """
 
     rows: NDArray[np.int32]
@@ -159,7 +160,7 @@ class Sparsity:
         source: Sequence[IntArray],
         doubled: Sequence[IntArray] = (),
     ) -> Sparsity:
-        """Entries sorted by row and column, those at one place joined.
+        """Each place of the matrix once.
 
         Args:
             rows, cols, source: parts of equal lengths: rows, columns and places in the buffer.
@@ -167,18 +168,22 @@ class Sparsity:
         """
         none = np.zeros(0, np.int64)
         r, c, s, twice = (np.concatenate([none, *a]) for a in (rows, cols, source, doubled))
-        width = int(c.max(initial=0)) + 1
-        code = r * width + c
+        held = np.full(int(s.max(initial=-1)) + 1, -1, np.int32)
+        held[s] = np.arange(len(s))
+        s = np.flatnonzero(held >= 0)
+        r, c = r[held[s]], c[held[s]]
+        code = r * (int(c.max(initial=0)) + 1) + c
         order = np.argsort(code, kind="stable")
         code = code[order]
         start = np.flatnonzero(np.concatenate([[True], code[1:] != code[:-1]])[: len(code)])
-        unique, s = code[start], s[order]
-        return cls(
-            (unique // width).astype(np.int32),
-            (unique % width).astype(np.int32),
-            s[start].astype(np.int32),
-            Folding.of(np.concatenate([start, [len(code)]]), s, twice),
+        count = np.diff(start, append=len(code))
+        first = np.zeros(len(s), bool)
+        first[order[start]] = True
+        several = count > 1
+        folding = Folding.of(
+            np.concatenate([[0], np.cumsum(count[several])]), s[order[np.repeat(several, count)]], twice
         )
+        return cls(r[first].astype(np.int32), c[first].astype(np.int32), s[first].astype(np.int32), folding)
 
     def __len__(self) -> int:
         return len(self.rows)

@@ -241,7 +241,7 @@ class BoundProgram:
                 begin(status, self._counts[:1]),
                 place_x,
                 self.values_kernels,
-                collect(buffer, program.row_source, scaling.row, result.r, status),
+                *collect(buffer, program.row_source, scaling.row, result.r, status),
                 total(buffer, program.objective_source, objective, result.f, status),
             ]
         )
@@ -259,8 +259,8 @@ class BoundProgram:
                 self.derivatives_kernels,
                 *(fold for part in (gradient, jacobian, hessian) for fold in part.folding.bind(buffer)),
                 scatter(buffer, gradient.first, gradient.cols, of_gradient, result.gradient, status),
-                collect(buffer, jacobian.first, of_jac, result.jac, status),
-                collect(buffer, hessian.first, of_hess, result.hess, status),
+                *collect(buffer, jacobian.first, of_jac, result.jac, status),
+                *collect(buffer, hessian.first, of_hess, result.hess, status),
             ]
         )
         return result

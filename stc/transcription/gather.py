@@ -28,6 +28,8 @@ IntArray = NDArray[np.int64]
 
 #: Entries of more outputs than this (those of parameters: one per frame) are summed in vectors.
 FEW = 8
+#: Shorter runs of places are gathered one by one.
+RUN = 8
 
 
 @dataclass(slots=True)
@@ -88,7 +90,7 @@ class Folding:
         return calls
 
 
-def _places(values: IntArray) -> PlaceArray:
+def _places(values: NDArray[np.integer]) -> PlaceArray:
     return np.ascontiguousarray(values, np.int32)
 
 
@@ -106,11 +108,25 @@ def place(values: FloatArray, scale: FloatArray, into: FloatArray) -> Bound:
 
 def collect(
     buffer: FloatArray, source: PlaceArray, scale: FloatArray, out: FloatArray, status: FloatArray
-) -> Bound:
-    """A call for ``out = scale * buffer[source]`` that makes ``status`` (1,) nan where an entry is not finite."""
+) -> list[Bound]:
+    """Calls for ``out = scale * buffer[source]`` that make ``status`` (1,) nan where an entry is not finite.
+
+    Runs of consecutive places are copied, the rest is gathered.
+    """
+    begins = np.flatnonzero(np.diff(source, prepend=-2) != 1)
+    length = np.diff(begins, append=len(source))
+    long = length >= RUN
+    if not long.any():
+        return [_bind(_collect, _collect_numpy, len(out), source, scale, buffer, out, status)]
+    runs = _places(source[begins[long]]), _places(begins[long]), _places(length[long])
     if (scale == 1.0).all():
-        return _bind(_collect, _collect_numpy, len(out), source, buffer, out, status)
-    return _bind(_collect_scaled, _collect_scaled_numpy, len(out), source, scale, buffer, out, status)
+        calls = [_bind(_copy_runs, _copy_runs_numpy, len(runs[0]), *runs, buffer, out, status)]
+    else:
+        calls = [_bind(_scale_runs, _scale_runs_numpy, len(runs[0]), *runs, scale, buffer, out, status)]
+    single = np.flatnonzero(np.repeat(~long, length))
+    if len(single):
+        calls.append(scatter(buffer, source[single], _places(single), scale[single], out, status))
+    return calls
 
 
 def scatter(
@@ -188,17 +204,38 @@ def _fold_long(sums: i64, into: i32s, start: i32s, source: i32s, buffer: f64s) -
 
 
 @native(fast=True)
-def _collect(count: i64, source: i32s, buffer: f64s, out: f64s, status: f64s) -> None:
+def _copy_runs(
+    runs: i64, source: i32s, into: i32s, length: i32s, buffer: f64s, out: f64s, status: f64s
+) -> None:
     bad = 0.0
-    for k in range(count):
-        value = buffer[source[k]]
-        out[k] = value
-        bad += 0.0 * value
+    for run in range(runs):
+        values = buffer[source[run] :]
+        target = out[into[run] :]
+        for k in range(length[run]):
+            value = values[k]
+            target[k] = value
+            bad += 0.0 * value
     status[0] += bad
 
 
 @native(fast=True)
-def _collect_scaled(count: i64, source: i32s, scale: f64s, buffer: f64s, out: f64s, status: f64s) -> None:
+def _scale_runs(
+    runs: i64, source: i32s, into: i32s, length: i32s, scale: f64s, buffer: f64s, out: f64s, status: f64s
+) -> None:
+    bad = 0.0
+    for run in range(runs):
+        values = buffer[source[run] :]
+        target = out[into[run] :]
+        factors = scale[into[run] :]
+        for k in range(length[run]):
+            value = factors[k] * values[k]
+            target[k] = value
+            bad += 0.0 * value
+    status[0] += bad
+
+
+@native(fast=True)
+def _collect(count: i64, source: i32s, scale: f64s, buffer: f64s, out: f64s, status: f64s) -> None:
     bad = 0.0
     for k in range(count):
         value = scale[k] * buffer[source[k]]
@@ -248,15 +285,38 @@ def _fold_long_numpy(
 
 
 @np.errstate(all="ignore")
-def _collect_numpy(
-    count: int, source: PlaceArray, buffer: FloatArray, out: FloatArray, status: FloatArray
+def _copy_runs_numpy(
+    runs: int,
+    source: PlaceArray,
+    into: PlaceArray,
+    length: PlaceArray,
+    buffer: FloatArray,
+    out: FloatArray,
+    status: FloatArray,
 ) -> None:
-    np.take(buffer, source, out=out)
-    status[0] += (0.0 * out).sum()
+    _scale_runs_numpy(runs, source, into, length, np.ones(len(out)), buffer, out, status)
 
 
 @np.errstate(all="ignore")
-def _collect_scaled_numpy(
+def _scale_runs_numpy(
+    runs: int,
+    source: PlaceArray,
+    into: PlaceArray,
+    length: PlaceArray,
+    scale: FloatArray,
+    buffer: FloatArray,
+    out: FloatArray,
+    status: FloatArray,
+) -> None:
+    within = np.arange(int(length.sum())) - np.repeat(np.cumsum(length) - length, length)
+    at = np.repeat(into, length) + within
+    values = scale[at] * buffer[np.repeat(source, length) + within]
+    out[at] = values
+    status[0] += (0.0 * values).sum()
+
+
+@np.errstate(all="ignore")
+def _collect_numpy(
     count: int, source: PlaceArray, scale: FloatArray, buffer: FloatArray, out: FloatArray, status: FloatArray
 ) -> None:
     np.multiply(scale, buffer[source], out=out)

@@ -158,7 +158,7 @@ def test_outputs_add_up_to_entries(backend, counts, seed):
         out, scale = np.zeros(len(counts)), np.exp2(rng.integers(-2, 3, len(counts)))
         first = source[start[:-1]].astype(np.int32)
         calls: list[Bound] = Folding.of(start, source, doubled).bind(buffer)
-        chain([*calls, collect(buffer, first, scale, out, np.zeros(1))])()
+        chain([*calls, *collect(buffer, first, scale, out, np.zeros(1))])()
     assert out.tolist() == (scale * expected).tolist()
 
 
