@@ -1,7 +1,8 @@
 """The machine-code engine: LLVM textual IR in, callable addresses out.
 
-One process-wide just-in-time linker loads object code; nothing in here knows what the code computes.
-llvmlite is imported on first use only, because importing :mod:`stc` must stay cheap.
+Nothing in here knows what the code computes.  Compiled objects are laid out as images (:mod:`stc.codegen.image`)
+where that is possible, and else loaded by one process-wide just-in-time linker.  llvmlite is imported only to compile
+or to link: a process that finds all its code on disk does without.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from stc.codegen import cache
+from stc.codegen import cache, machine
+from stc.codegen.image import MAGIC, MappedImage, image_of, map_image, supported
 
 #: Back-end switches, measured on kernels of up to 50,000 operations.  LLVM is to keep the order in which we emit
 #: instructions, which halves the time to compile and gives faster code than its scheduling of basic blocks of
@@ -76,8 +78,8 @@ class Host:
         )
 
 
-class LoadedObject:
-    """Machine code mapped into this process; unmapped when the last reference to it is dropped."""
+class LinkedObject:
+    """Machine code loaded by LLVM's linker; unmapped when the last reference to it is dropped."""
 
     def __init__(self, tracker: Any) -> None:
         self._tracker = tracker
@@ -85,6 +87,10 @@ class LoadedObject:
     def address(self, symbol: str) -> int:
         """Address of an exported symbol, valid as long as this object is referenced."""
         return int(self._tracker[symbol])
+
+
+#: Machine code in this process.
+LoadedObject = LinkedObject | MappedImage
 
 
 def requested_backend() -> str:
@@ -99,6 +105,8 @@ def requested_backend() -> str:
 
 @lru_cache(maxsize=1)
 def _importable() -> bool:
+    if _remembered() is not None:
+        return True
     try:
         import llvmlite.binding as llvm
     except (ImportError, OSError):
@@ -121,25 +129,49 @@ def llvm_wanted() -> bool:
 
 
 @lru_cache(maxsize=1)
+def _host_key() -> str | None:
+    """Where the description of this machine is kept; None where it is not."""
+    identity = machine.identity()
+    return None if identity is None else cache.key_of("host", own_digest(), identity)
+
+
+@lru_cache(maxsize=1)
+def _remembered() -> Host | None:
+    """The description of this machine that an earlier process has kept."""
+    key = _host_key()
+    kept = None if key is None else cache.load(key)
+    fields = [] if kept is None else kept.decode().split("\n")
+    return Host(*fields) if len(fields) == len(Host.__slots__) else None
+
+
+@lru_cache(maxsize=1)
 def host() -> Host:
     """Describe this machine and the LLVM that compiles for it."""
+    known = _remembered()
+    if known is not None:
+        return known
     import llvmlite
     import llvmlite.binding as llvm
 
-    return Host(
+    found = Host(
         triple=llvm.get_process_triple(),
         cpu=llvm.get_host_cpu_name(),
         features=llvm.get_host_cpu_features().flatten(),
         llvmlite=llvmlite.__version__,
         llvm=".".join(map(str, llvm.llvm_version_info)),
     )
+    key = _host_key()
+    if key is not None and _importable():
+        fields = (found.triple, found.cpu, found.features, found.llvmlite, found.llvm)
+        cache.store(key, "\n".join(fields).encode())
+    return found
 
 
 @lru_cache(maxsize=1)
 def has_fma() -> bool:
     """Whether this machine has fused multiply-add instructions."""
-    machine = host()
-    return "+fma" in machine.features.split(",") or machine.triple.startswith(("aarch64", "arm64"))
+    here = host()
+    return "+fma" in here.features.split(",") or here.triple.startswith(("aarch64", "arm64"))
 
 
 @lru_cache(maxsize=1)
@@ -170,9 +202,9 @@ def _target() -> Any:
 def _target_machine(level: int) -> Any:
     # Small code model and position-independent code: constants are one instruction-pointer-relative load;
     # the linker maps each object as one block, so the 2 GB reach is never exceeded.
-    machine = host()
+    here = host()
     return _target().create_target_machine(
-        cpu=machine.cpu, features=machine.features, opt=level, reloc="pic", codemodel="small", jit=True
+        cpu=here.cpu, features=here.features, opt=level, reloc="pic", codemodel="small", jit=True
     )
 
 
@@ -191,13 +223,13 @@ def compile_ir(ir: str, *, level: int, optimise: bool) -> bytes:
     import llvmlite.binding as llvm
 
     with _lock:
-        machine = _target_machine(level)
+        target = _target_machine(level)
         # Process-wide in LLVM, so set anew each time: what is compiled must not depend on what came before.
         for option in _LOOP_OPTIONS if optimise else _KERNEL_OPTIONS:
             llvm.set_option("stc", option)
         module = llvm.parse_assembly(ir, llvm.create_context())
         module.triple = host().triple
-        module.data_layout = str(machine.target_data)
+        module.data_layout = str(target.target_data)
         if optimise:
             # Unrolled and interleaved loops take twice as long to compile, and the solver runs no faster.
             tuning = llvm.create_pipeline_tuning_options(speed_level=2)
@@ -206,9 +238,9 @@ def compile_ir(ir: str, *, level: int, optimise: bool) -> bytes:
             tuning.loop_unrolling = False
             tuning.loop_interleaving = False
             tuning.inlining_threshold = _INLINING_THRESHOLD
-            builder = llvm.create_pass_builder(machine, tuning)
+            builder = llvm.create_pass_builder(target, tuning)
             builder.getModulePassManager().run(module, builder)
-        return bytes(machine.emit_object(module))
+        return bytes(target.emit_object(module))
 
 
 @lru_cache(maxsize=1)
@@ -219,18 +251,22 @@ def _linker() -> Any:
 
 
 def load_object(code: bytes, symbols: Sequence[str]) -> LoadedObject:
-    """Map object code into the process and resolve ``symbols``.
+    """Map object code, or the image of an object, into the process and resolve ``symbols``.
 
     Raises:
-        RuntimeError: not an object file, or a symbol is missing from it.
+        RuntimeError: neither of them, or a symbol is missing from it.
     """
+    if supported():
+        image = code if code.startswith(MAGIC) else image_of(code)
+        if image is not None:
+            return map_image(image, symbols)
     import llvmlite.binding as llvm
 
     with _lock:
         library = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
         for symbol in symbols:
             library.export_symbol(symbol)
-        return LoadedObject(library.link(_linker(), f"stc{next(_counter)}"))
+        return LinkedObject(library.link(_linker(), f"stc{next(_counter)}"))
 
 
 def cached_object(
@@ -254,6 +290,7 @@ def cached_object(
         except RuntimeError:
             pass  # whole by its checksum, and yet not linkable: replace it
     code = make()
+    code = (image_of(code) if supported() else None) or code
     if use_cache:
         cache.store(key, code)
     return load_object(code, symbols), False

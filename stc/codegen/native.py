@@ -149,6 +149,7 @@ class NativeFunction(Generic[P, R]):
         self._packed: Callable[..., Any] | None = None
         self._python: Callable[..., Any] | None = None
         self._object: engine.LoadedObject | None = None
+        self._symbol = ""
         if self._is_global:
             _registry.setdefault(function.__module__, {})[function.__qualname__] = self
 
@@ -174,8 +175,7 @@ class NativeFunction(Generic[P, R]):
         Raises:
             NativeError: a wrong argument; on first use, code outside the subset.
         """
-        if self._call is None:
-            self._prepare()
+        self.prepare()
         names, kinds = self.signature.names, self.signature.types
         if len(args) != len(names):
             raise NativeError(f"{self.__name__}() takes {len(names)} arguments, not {len(args)}")
@@ -183,7 +183,10 @@ class NativeFunction(Generic[P, R]):
         for position, (name, type_, value) in enumerate(zip(names, kinds, args)):
             if type_.is_array:
                 addresses[position] = array_address(value, DTYPES[type_], f"{self.__name__}(): {name}")
-        if self._packed is not None:
+        if self._object is not None:
+            if self._packed is None:
+                entry = self._object.address(self._symbol + ".packed")
+                self._packed = ctypes.CFUNCTYPE(_CTYPES[self.signature.result], ctypes.c_void_p)(entry)
             bound = BoundFunction.of_native(self._packed, addresses, (args, self._object))
         else:
             cells: list[Any] = []
@@ -213,8 +216,15 @@ class NativeFunction(Generic[P, R]):
         Raises:
             NativeError: code outside the subset.
         """
-        if self._call is None:
-            self._prepare()
+        if not self.is_compiled:
+            with _lock:
+                if not self.is_compiled and engine.llvm_wanted():
+                    _compile_unit(self)
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether machine code is at hand."""
+        return self._object is not None
 
     @property
     def python(self) -> Callable[..., Any]:
@@ -228,22 +238,18 @@ class NativeFunction(Generic[P, R]):
 
     def _prepare(self) -> Callable[..., Any]:
         with _lock:
-            if self._call is None:
-                if engine.llvm_wanted():
-                    _compile_unit(self)
-                else:
-                    self._call = self._checked(self.python, convert=False)
-            assert self._call is not None
+            self.prepare()
+            if self._call is None and self._object is not None:
+                kinds = [_CTYPES.get(type_, ctypes.c_void_p) for type_ in self.signature.types]
+                prototype = ctypes.CFUNCTYPE(_CTYPES[self.signature.result], *kinds)
+                self._call = self._checked(prototype(self._object.address(self._symbol)), convert=True)
+            elif self._call is None:
+                self._call = self._checked(self.python, convert=False)
             return self._call
 
     def install(self, loaded: engine.LoadedObject, symbol: str) -> None:
-        """Adopt machine code."""
-        result = _CTYPES[self.signature.result]
-        kinds = [_CTYPES.get(type_, ctypes.c_void_p) for type_ in self.signature.types]
-        entry = ctypes.CFUNCTYPE(result, *kinds)(loaded.address(symbol))
-        self._packed = ctypes.CFUNCTYPE(result, ctypes.c_void_p)(loaded.address(symbol + ".packed"))
-        self._object = loaded
-        self._call = self._checked(entry, convert=True)
+        """Adopt machine code; the ways to call it are made when they are first used, since most never are."""
+        self._symbol, self._object = symbol, loaded  # in this order: other threads ask for the object
 
     def _checked(self, entry: Callable[..., Any], *, convert: bool) -> Callable[..., Any]:
         """Wrap an entry in a function with this one's parameters that checks the arrays."""
@@ -387,7 +393,7 @@ def _compile_unit(wanted: NativeFunction[..., Any]) -> None:
     roots = [wanted]
     if wanted._is_global:
         siblings = _registry.get(wanted.function.__module__, {}).values()
-        roots = [f for f in siblings if f is wanted or f._call is None]
+        roots = [f for f in siblings if f is wanted or not f.is_compiled]
         if not any(f is wanted for f in roots):  # the module was reloaded, and this is its former self
             roots = [wanted]
     functions, described = _reachable(roots)
