@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+
+from stc.records import dataclass, field
 
 #: Lines longer than this are shown as a window around the place that is meant.
 EXCERPT_WIDTH = 110

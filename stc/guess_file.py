@@ -17,7 +17,6 @@ import os
 import warnings
 import zipfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 
 from stc.alignment import Alignment
 from stc.errors import UsageError
+from stc.records import dataclass, field
 from stc.solution import Solution, read
 
 __all__ = ["CoverageWarning", "GivenValues", "SolutionValues", "TableValues", "read_guess"]

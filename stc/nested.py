@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil
 
 import numpy as np
@@ -23,6 +23,7 @@ from stc.language.names import collect_names
 from stc.language.syntax import SpecTree
 from stc.phases import named_cuts
 from stc.problem import Problem
+from stc.records import dataclass
 from stc.same_motion import check_same_motion, takes_longer
 from stc.solution import Solution
 from stc.solver import IterationRecord, Options, Result, Start, Status

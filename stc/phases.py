@@ -8,11 +8,12 @@ Statements on single frames (starts, ends, waypoints) belong to none.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 from stc.problem import DefinitionRef, ObjectiveTerm, Problem, Relation, VariableRef
 from stc.rates import time_derivative
+from stc.records import dataclass
 from stc.symbolic.expr import Expr, substitute, sym, symbols
 
 

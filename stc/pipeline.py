@@ -14,7 +14,7 @@ import time
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,7 @@ from stc.language.parser import parse
 from stc.nested import COARSE, FINE, FewerFrames, Fineness, Nested, fewer_frames
 from stc.phases import named_cuts
 from stc.problem import Problem
+from stc.records import dataclass
 from stc.solution import Solution, read
 from stc.solver import IterationRecord, Options, Result, Start, Status
 from stc.solver.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of

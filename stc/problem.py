@@ -8,9 +8,10 @@ whose symbols carry the keys below.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING
+
+from stc.records import dataclass, field
 
 if TYPE_CHECKING:
     from stc.errors import Diagnostic, Source, Span

@@ -12,7 +12,6 @@ import difflib
 import hashlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, Literal
 
@@ -20,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stc.errors import StcError, UsageError
+from stc.records import dataclass, field
 from stc.trajectory import METHODS, Channel, FloatArray, IntArray, Places, places, places_by_index, sample
 
 Side = Literal["before", "after"]

@@ -7,10 +7,11 @@ balance is closed before the jump and opened anew after it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from stc.records import dataclass
 
 if TYPE_CHECKING:
     import mujoco

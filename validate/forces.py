@@ -14,11 +14,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.solution import Solution
 from stc.validate.metrics import FloatArray
 from stc.validate.model import ModelError, find_actuator, find_object, lines_of, nearest

@@ -7,11 +7,11 @@ error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.validate.dynamics import SmoothDynamics
 
 if TYPE_CHECKING:

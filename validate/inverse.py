@@ -8,11 +8,11 @@ shows wherever it acts.  Contacts are switched off, and the solved contact force
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.metrics import FloatArray
 

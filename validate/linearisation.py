@@ -7,12 +7,12 @@ time step: deviation' = A deviation + B change of control.  Deviations are order
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.metrics import FloatArray
 from stc.validate.model import ModelError

@@ -7,7 +7,6 @@ import hashlib
 import importlib
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from stc import models
 from stc.errors import StcError
+from stc.records import dataclass
 from stc.solution import ReplayChannel, Solution
 
 if TYPE_CHECKING:

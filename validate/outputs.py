@@ -15,11 +15,11 @@ path                                     output
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.solution import ReplayChannel, Solution
 from stc.validate.model import ModelError, find_object, lines_of, nearest
 

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stc.errors import UsageError
+from stc.records import dataclass, field
 from stc.validate import limits
 from stc.validate.metrics import FloatArray
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from stc.records import dataclass, field
 from stc.validate.metrics import Metric
 
 if TYPE_CHECKING:

@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stc.errors import UsageError
+from stc.records import dataclass, field
 from stc.validate import limits
 from stc.validate.contact import ground_distances, time_step_for, travelled
 from stc.validate.metrics import FloatArray

@@ -5,10 +5,10 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stc.records import dataclass
 from stc.solution import Solution
 from stc.validate.fields import apply_fields, set_fields
 from stc.validate.forces import Attachments, Controls, OuterForces

@@ -7,8 +7,8 @@ over one :class:`StatementCheck` each (:mod:`stc.studies.statements`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.metrics import Metric
 

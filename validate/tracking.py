@@ -14,11 +14,11 @@ derivative law for that joint, tuned to the inertia that it has on the way.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.linearisation import Linearisation
 from stc.validate.metrics import FloatArray

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from stc.errors import StcError
+from stc.records import dataclass, field
 from stc.solution import Solution, read
 from stc.validate import limits
 from stc.validate.contact import contact_metrics, friction_note, time_step_for

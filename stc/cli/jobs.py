@@ -6,7 +6,6 @@ Mistakes in the input are raised and turned into a message in :mod:`stc.cli`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +15,7 @@ from stc.cli.inputs import load
 from stc.cli.live import Watch
 from stc.cli.options import SolveOptions, existing_solution, is_solution, writable_solution
 from stc.errors import Diagnostic, UsageError
+from stc.records import dataclass
 
 if TYPE_CHECKING:
     from stc.pipeline import Model

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +11,7 @@ import typer
 from stc.cli.inputs import number
 from stc.cli.searches import Search, search_options
 from stc.errors import UsageError
+from stc.records import dataclass, field
 
 if TYPE_CHECKING:
     pass

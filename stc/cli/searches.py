@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from stc.cli.inputs import number
 from stc.errors import UsageError
+from stc.records import dataclass, field
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ from stc.cli import BAD, GOOD, console, jobs
 from stc.cli.inputs import load
 from stc.cli.options import SolveOptions, is_solution, writable_solution
 from stc.errors import StcError, UsageError
+from stc.records import dataclass
 
 if TYPE_CHECKING:
     from stc.solution import Solution

@@ -12,13 +12,13 @@ import itertools
 import os
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from stc.codegen import cache, machine
 from stc.codegen.image import MAGIC, MappedImage, image_of, map_image, supported
+from stc.records import dataclass
 
 #: Back-end switches, measured on kernels of up to 50,000 operations.  LLVM is to keep the order in which we emit
 #: instructions, which halves the time to compile and gives faster code than its scheduling of basic blocks of

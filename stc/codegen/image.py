@@ -69,7 +69,7 @@ class _Object:
     """An ELF object while it is laid out."""
 
     def __init__(self, code: bytes) -> None:
-        _, kind, machine, _, _, _, table, _, _, _, _, size, count, names = _FILE.unpack_from(code)
+        _, kind, machine, _, _, _, table, _, _, _, _, size, count, _ = _FILE.unpack_from(code)
         if (kind, machine, size) != (_RELOCATABLE, _X86_64, _SECTION.size):
             raise _NoImageError
         self.code = code

@@ -20,7 +20,7 @@ def processor() -> str | None:
     if sys.platform != "linux" or os.uname().machine != "x86_64":
         return None
     try:
-        with open("/proc/cpuinfo", "rb", buffering=0) as file:
+        with Path("/proc/cpuinfo").open("rb", buffering=0) as file:
             text = file.read(16384)
     except OSError:
         return None

@@ -26,11 +26,11 @@ import hashlib
 import struct
 from collections import Counter
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 from stc.codegen.lowering import ABSENT, Lowering, Program
+from stc.records import dataclass
 from stc.symbolic.expr import FUNCTIONS, Expr, reachable
 
 OPERATORS: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2, "neg": 1, **FUNCTIONS}

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 
 from stc.language import syntax
 from stc.language.context import Context
 from stc.language.definition_values import define
 from stc.language.show import show_expression, show_header
 from stc.problem import ConstantRef, FrameRange, VariableRef
+from stc.records import dataclass, field
 from stc.symbolic.differentiate import derivative
 from stc.symbolic.expr import Expr, render, sum_of, symbols
 

@@ -8,13 +8,13 @@ which piece it means depends on the frame.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics
 from stc.language.names import NameTable, dependency_order
 from stc.problem import DefinitionPiece
+from stc.records import dataclass
 
 
 @dataclass(slots=True)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from stc.language.definitions import runs
 from stc.problem import DefinitionPiece, DefinitionRef, FrameRange, Jump, VariableRef
+from stc.records import dataclass
 from stc.symbolic.expr import Expr, substitute, sym, symbols
 
 

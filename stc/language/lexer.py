@@ -8,10 +8,10 @@ Python.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 from stc.errors import Source
 from stc.language.diagnostics import Diagnostics
+from stc.records import dataclass
 
 _LETTER = r"A-Za-z_\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u024f\u0370-\u03ff\u1f00-\u1fff"
 _TOKEN = re.compile(

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics
 from stc.language.words import RESERVED
+from stc.records import dataclass, field
 from stc.symbolic.expr import FUNCTIONS
 
 KINDS = {

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from stc.errors import Source
 from stc.language import syntax
 from stc.language.expressions import ExpressionBuilder
 from stc.problem import ConstantRef, ParameterRef
+from stc.records import dataclass
 from stc.symbolic.expr import ONE, ZERO, Expr, div, mul, neg, sub, sum_of, symbols
 
 _BLANK = re.compile(r"(?:\s|#[^\n]*)+")

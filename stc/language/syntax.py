@@ -8,10 +8,10 @@ thousand terms is no deeper than one of two.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from stc.errors import Source
+from stc.records import dataclass, field
 
 
 @dataclass(slots=True)

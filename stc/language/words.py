@@ -6,7 +6,7 @@ Adding a section means one line in :data:`SECTIONS` and a statement parser of th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from stc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,10 +14,9 @@ method, SIAM J. Optim. 13, 2002).  It converges fast near a solution and is aban
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from stc.records import dataclass
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, multiplier_scale
 from stc.solver.kkt.contract import NotFinite

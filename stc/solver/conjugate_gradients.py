@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.solver.nlp import Floats
 from stc.solver.products import inner, norm
 

@@ -6,10 +6,9 @@ convergence, SIAM J. Optim. 16 (2005), with the second-order correction and the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from stc.records import dataclass
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, refresh
 from stc.solver.newton_system import NewtonSystem

@@ -6,11 +6,10 @@ algorithm: ``nlopt:slsqp``, ``nlopt:auglag:tnewton``, ``nlopt:mlsl``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from stc.errors import UsageError
+from stc.records import dataclass
 from stc.solver.nlp import NLP
 
 __all__ = ["ALGORITHMS", "LARGE", "Algorithm", "Choice", "caution", "choose", "require"]

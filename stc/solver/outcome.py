@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 
+from stc.records import dataclass
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats

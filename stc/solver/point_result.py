@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from stc.records import dataclass
 from stc.solver.dual_estimate import assess_point, possible_gain
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats

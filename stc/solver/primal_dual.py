@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from stc.records import dataclass
 from stc.solver.nlp import Floats, Mask
 from stc.solver.scaled_problem import ScaledProblem
 

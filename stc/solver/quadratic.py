@@ -11,11 +11,10 @@ state constraint; then the barrier method, which never guesses, solves the same 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.records import dataclass
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, errors_of, evaluate, push_inside
 from stc.solver.kkt.contract import NotFinite

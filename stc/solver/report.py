@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
+from stc.records import dataclass, field
 from stc.solver.nlp import Floats
 from stc.solver.status import Status
 

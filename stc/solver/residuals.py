@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from stc.records import dataclass
 from stc.solver.iterate import multiplier_scale
 from stc.solver.nlp import NLP, Floats
 from stc.solver.scaled_problem import relative_violation

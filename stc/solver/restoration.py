@@ -7,10 +7,9 @@ is not zero: ``J^T y + z = 0`` with ``|y| <= 1`` and ``y`` of the sign of each v
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from stc.records import dataclass
 from stc.solver.elastic import ElasticProblem
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import Filter, barrier_value

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.solver.active_set import smaller_multipliers
 from stc.solver.interior import feasible_first, optimise
 from stc.solver.kkt import KKTSystem, structured_kkt

@@ -24,11 +24,10 @@ teaching and for comparison.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from stc.errors import UsageError
+from stc.records import dataclass
 from stc.solver.conjugate_gradients import conjugate_gradients
 from stc.solver.dual_estimate import stationary_violation
 from stc.solver.monitor import Monitor, Stopped

@@ -7,12 +7,13 @@ of its residual.  Ended early or stuck: the statements, frames and values that s
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.records import dataclass, field
 from stc.studies.conflict import Conflict, find_conflict
 from stc.studies.relaxation import needed_relaxation
 from stc.studies.standouts import dependent_rows, largest_residuals, undefined_nearby

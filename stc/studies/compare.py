@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from stc.errors import UsageError
 from stc.pipeline import solve
+from stc.records import dataclass
 from stc.solver import Options
 from stc.solver.optimizers import optimizer_of
 

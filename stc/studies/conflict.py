@@ -10,11 +10,11 @@ from the starts that it is given, here as everywhere.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.records import dataclass
 from stc.solver import Options, Start, Status, minimize
 from stc.solver.residuals import assess
 from stc.studies.feasibility import ElasticProblem, FeasibilityProblem

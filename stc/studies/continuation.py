@@ -9,11 +9,11 @@ new problem is the Euler predictor).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 from stc.errors import EvaluationError, SpecError, UsageError
 from stc.pipeline import Model
+from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.effort import Clock, Effort
 

@@ -26,7 +26,6 @@ costs, not as far as it moves.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -34,6 +33,7 @@ from numpy.typing import NDArray
 
 from stc.phases import phases, resolved, stretches
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef, VariableRef
+from stc.records import dataclass
 from stc.solution import Solution
 from stc.symbolic.differentiate import jacobian
 from stc.symbolic.expr import Expr, evaluate_all, symbols

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from typing import Any
 
+from stc.records import dataclass
 from stc.solution import Solution
 
 

@@ -9,7 +9,6 @@ do, and the tables of terms (:mod:`stc.studies.terms`) tell where they differ fr
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from stc.errors import UsageError
 from stc.phases import Phase, phases
 from stc.problem import ParameterRef, Problem, VariableRef
+from stc.records import dataclass, field
 from stc.studies.spec_equations import SpecEquations, State, constant_values
 from stc.studies.terms import (
     DAMPING,

@@ -8,13 +8,14 @@ least objective by ``-y`` there, to first order (J. Nocedal and S. J. Wright, Nu
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.errors import UsageError
+from stc.records import dataclass
 from stc.transcription.bind import BoundProgram
 from stc.transcription.ownership import Ownership, limits_of
 

@@ -11,7 +11,6 @@ where they were.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -21,6 +20,7 @@ from stc.errors import SpecError, UsageError
 from stc.nested import own_constants
 from stc.pipeline import Model
 from stc.problem import Problem
+from stc.records import dataclass
 from stc.same_motion import BESIDE, check_same_motion, named_frames, takes_longer
 
 __all__ = ["MOST_AT_ONCE", "ORDER", "Spread", "growth_for"]

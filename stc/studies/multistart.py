@@ -8,7 +8,6 @@ generator per start, seeded with the seed and the start's number: start 7 is the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from stc.errors import EvaluationError, SpecError, UsageError
 from stc.guess_file import GivenValues, NodeValues, read_guess
 from stc.pipeline import Model
+from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.effort import Clock, Effort
 from stc.transcription import Transcription

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from stc.errors import UsageError
 from stc.pipeline import Model
 from stc.problem import Problem
+from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.frames import Spread
 from stc.validate import limits

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from stc.records import dataclass, field
 
 if TYPE_CHECKING:
     from stc.solution import Solution

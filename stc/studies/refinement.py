@@ -8,7 +8,7 @@ the one before, so that the finer ones take few iterations.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from itertools import pairwise
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from stc.errors import UsageError
 from stc.pipeline import Model
+from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.discretisation import Estimate, estimate
 from stc.studies.effort import Clock, Effort

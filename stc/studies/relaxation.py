@@ -8,11 +8,10 @@ One unknown more, which belongs to no frame; the statement's rows and bounds bec
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.records import dataclass
 from stc.solver import Options, Start, Status, minimize
 from stc.studies.feasibility import FeasibilityProblem
 from stc.transcription.bind import BoundProgram

@@ -16,7 +16,6 @@ equation becomes ``A x'' + b = 0``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from stc.phases import Equation, Phase, resolved
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef, VariableRef
 from stc.rates import time_derivative
+from stc.records import dataclass
 from stc.symbolic.differentiate import jacobian
 from stc.symbolic.expr import ZERO, Expr, evaluate_all, substitute, symbols
 from stc.symbolic.structure import is_linear

@@ -10,10 +10,11 @@ model's; what then remains is where the two disagree.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from stc.records import dataclass
 
 FloatArray = NDArray[np.float64]
 

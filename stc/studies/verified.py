@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ import numpy as np
 
 from stc.errors import StcError, UsageError
 from stc.pipeline import Model, problem_of
+from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.effort import Clock, Effort
 from stc.studies.frames import Spread, growth_for, observed_order

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
+from stc.records import dataclass
 from stc.symbolic.node import Expr
 from stc.symbolic.traverse import postorder
 

@@ -14,7 +14,6 @@ Everything here depends on the text and on structural constants only; numbers ar
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 
 from stc.codegen.tape import Tape, build_tape
 from stc.problem import ConstantRef, ParameterRef, VariableRef
+from stc.records import dataclass, field
 from stc.symbolic.differentiate import gradient, hessian, jacobian
 from stc.symbolic.expr import Expr, sum_of, sym, symbols
 from stc.symbolic.structure import degree

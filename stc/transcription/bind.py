@@ -7,7 +7,6 @@ constant that shapes nothing binds again in moments; nothing is differentiated o
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from stc.codegen.calls import Bound, chain
 from stc.codegen.kernel import KernelSet, aligned_zeros
 from stc.problem import ConstantRef, Problem
+from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Scaling
 from stc.symbolic.expr import Expr, evaluate, symbols
 from stc.transcription.assemble import Program

@@ -7,13 +7,12 @@ reads.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import distinct
 from stc.problem import DefinitionPiece, FrameRange, Problem
+from stc.records import dataclass
 
 IntArray = NDArray[np.int64]
 

@@ -8,7 +8,6 @@ same form share one expression; what differs between them (positions in the deci
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from stc.problem import DefinitionRef, IndexRef, Problem, TimeRef, VariableRef
 from stc.rates import one_sided, time_derivative
+from stc.records import dataclass
 from stc.symbolic.expr import Expr, substitute, sum_of, sym, symbols
 from stc.transcription.grid import Grid, IntArray, Nodes
 from stc.transcription.layout import Layout

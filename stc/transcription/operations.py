@@ -14,9 +14,9 @@ Three ways to hold the same numbers are compared, over all frames:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from stc.records import dataclass
 from stc.symbolic.counting import naive_hessian_ops, naive_jacobian_ops, shared_ops, tree_ops
 from stc.symbolic.differentiate import gradient, hessian, jacobian
 from stc.symbolic.expr import Expr, sum_of, sym

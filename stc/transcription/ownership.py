@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import distinct
 from stc.problem import Problem
+from stc.records import dataclass
 from stc.transcription.bind import BoundProgram, Numbers
 from stc.transcription.grid import AFTER, BEFORE, IntArray, Nodes
 from stc.transcription.statements import LINK, Bound

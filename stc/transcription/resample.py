@@ -8,13 +8,12 @@ costate), have values of their own that do not depend on the step.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.alignment import Alignment
 from stc.problem import Problem
+from stc.records import dataclass
 from stc.solution import MultiplierBlock, Solution
 from stc.transcription.bind import BoundProgram
 from stc.transcription.grid import AFTER, BEFORE, IntArray, Nodes

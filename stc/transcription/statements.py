@@ -7,13 +7,13 @@ they stand on.  Numbers enter in :mod:`stc.transcription.assemble`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.errors import Diagnostic, SpecError
 from stc.problem import ObjectiveTerm, ParameterRef, Problem, Relation, VariableRef
+from stc.records import dataclass, field
 from stc.symbolic.differentiate import derivative
 from stc.symbolic.expr import ZERO, Expr, substitute, sum_of, sym, symbols
 from stc.transcription.grid import Grid, IntArray, Nodes, join

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from stc.errors import EvaluationError, Span
 from stc.guess_file import GivenValues
 from stc.memory import without_collection
 from stc.problem import ConstantRef, Problem, VariableRef
+from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, symbols
 from stc.transcription.assemble import Program, assemble
 from stc.transcription.bind import BoundProgram, Numbers, evaluate_bounds

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from stc.language.syntax import Declaration, Negate, Number
+from stc.records import dataclass
 from stc.solution import Solution
 
 if TYPE_CHECKING:

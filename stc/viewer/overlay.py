@@ -8,11 +8,11 @@ nothing hides them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.viewer.shapes import Colour, FloatArray, Shape
 
 #: An arrow's head in shares of its shaft's radius, as wide and as long as MuJoCo draws it.

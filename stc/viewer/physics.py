@@ -6,12 +6,12 @@ import threading
 import time
 from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.contact import time_step_for
 from stc.validate.replay import replay

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from stc.errors import StcError
+from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.viewer.live import LiveSolve
 from stc.viewer.motion import Motion

@@ -7,11 +7,11 @@ on one mocap body, by which it can be moved aside.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.validate.fields import apply_fields
 from stc.validate.pictures.camera import fit, usual_camera
 from stc.validate.pictures.motion import solved_at

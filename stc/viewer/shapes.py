@@ -6,11 +6,12 @@ Every viewer of MuJoCo takes such things as ``MjvGeom`` (:mod:`stc.viewer.geoms`
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
+
+from stc.records import dataclass
 
 FloatArray = npt.NDArray[np.float64]
 Colour = tuple[float, float, float, float]

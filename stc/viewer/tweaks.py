@@ -9,11 +9,11 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 from stc.errors import StcError
 from stc.pipeline import model_of
+from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.viewer.constants import Constant, constants_of
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate import limits
 from stc.validate.certificate import blame, table

@@ -8,11 +8,11 @@ must also lie in the cone that the model's friction allows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.metrics import FloatArray, Metric
 from stc.validate.replay import Replay

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.validate.metrics import FloatArray
 from stc.validate.replay import Replay
 from stc.validate.signals import Signals

@@ -11,10 +11,10 @@ import ast
 import operator
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
 
+from stc.records import dataclass, field
 from stc.solution import MultiplierBlock, Solution
 
 _SECTION = re.compile(r"^(\w+)\s*:", re.MULTILINE)

@@ -7,11 +7,11 @@ nowhere, shows here without any simulation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.metrics import Metric
 from stc.validate.setup import Setup

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures.film import slow_motion

@@ -9,11 +9,11 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.validate.certificate.curves import Line, Panel
 from stc.validate.metrics import FloatArray
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
+from stc.records import dataclass
 from stc.solution import Solution
 from stc.validate import limits
 from stc.validate.metrics import Metric

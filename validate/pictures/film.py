@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stc.errors import UsageError
+from stc.records import dataclass
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures import PictureError
 from stc.validate.pictures.motion import paths, simulated_at, solved_at

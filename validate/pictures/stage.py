@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from stc.records import dataclass
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures.camera import fit, usual_camera
 from stc.validate.pictures.context import make_context

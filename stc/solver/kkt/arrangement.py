@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen.native import i32s, i64, native
+from stc.records import dataclass
 from stc.solver.nlp import Ints
 
 __all__ = [

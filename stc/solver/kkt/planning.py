@@ -7,12 +7,11 @@ the plan of a stage depends on its kind and on the state before it, and long reg
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import distinct
+from stc.records import dataclass
 from stc.solver.kkt.arrangement import Arrangement, Couplings, enter_window
 from stc.solver.kkt.grouping import group_stage
 from stc.solver.kkt.ordering import SMALLEST, follow_order, order_stage, take_leaves

@@ -13,13 +13,12 @@ moved to the last of these, and stages themselves are renumbered when some other
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import distinct
 from stc.codegen.native import i32s, i64, native
+from stc.records import dataclass
 from stc.solver.kkt.ordering import LEAF
 from stc.solver.nlp import Ints
 

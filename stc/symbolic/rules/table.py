@@ -20,9 +20,9 @@ The table is checked rule by rule on random values in ``tests/symbolic/test_rule
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
+from stc.records import dataclass
 from stc.symbolic.node import (
     ARITY,
     COMMUTATIVE,
