@@ -59,9 +59,17 @@ def run(arguments: Sequence[str]) -> int:
     """
     as_json = "--json" in arguments
     try:
-        from stc.cli.app import app_for
+        from stc.cli import plain
 
-        status = app_for(arguments)(args=list(arguments), prog_name="stc", standalone_mode=False)
+        told = plain.read(arguments)
+        if told is not None:
+            from stc.cli.jobs import solve_as_told
+
+            status = solve_as_told(**told)
+        else:
+            from stc.cli.app import app_for
+
+            status = app_for(arguments)(args=list(arguments), prog_name="stc", standalone_mode=False)
         sys.stdout.flush()
         return status if isinstance(status, int) else GOOD
     except BrokenPipeError:

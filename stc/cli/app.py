@@ -12,7 +12,8 @@ from typer.models import CommandInfo
 from stc import __version__
 from stc.cli import exports, jobs, perturbed, pictures, studies
 from stc.cli import view as viewing
-from stc.cli.options import (
+from stc.cli.options import solve_options, writable_page
+from stc.cli.parameters import (
     Continue,
     Direct,
     Explain,
@@ -37,8 +38,6 @@ from stc.cli.options import (
     Tolerance,
     UntilVerified,
     WarmStart,
-    solve_options,
-    writable_page,
 )
 from stc.errors import UsageError
 
@@ -102,7 +101,8 @@ def solve(
     json: Json = False,
 ) -> int:
     """Solve a spec and save the motion."""
-    options = solve_options(
+    return jobs.solve_as_told(
+        spec,
         settings,
         method,
         max_iterations,
@@ -118,9 +118,9 @@ def solve(
         seed,
         refine,
         profile,
-        direct=direct,
+        direct,
+        json,
     )
-    return jobs.solve(spec, options, as_json=json)
 
 
 @app.command()
