@@ -7,12 +7,12 @@ its two calls have no arguments, and :func:`stc.codegen.calls.chain` joins them 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from stc.codegen.calls import Bound
+from stc.records import dataclass
 from stc.solver.nlp import NLP, Floats, Ints, Mask
 
 __all__ = ["Evaluable", "Evaluator", "Scaling", "evaluator_of", "python_evaluator"]

@@ -12,7 +12,6 @@ An output belongs to no more than one entry, which makes this possible.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from stc.codegen import engine
 from stc.codegen.calls import Bound
 from stc.codegen.native import NativeFunction, f64, f64s, i32s, i64, i64s, native
+from stc.records import dataclass
 
 FloatArray = NDArray[np.float64]
 PlaceArray = NDArray[np.int32]
