@@ -13,6 +13,9 @@ import numpy as np
 import pytest
 
 import stc
+from stc.codegen import engine
+from stc.codegen.image import supported
+from stc.codegen.shipped import LEVELS
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = {"stc": "stc", "stc/validate": "validate", "stc/models": "models", "stc/specs": "specs"}
@@ -43,9 +46,36 @@ def test_everything_ships(wheel: zipfile.ZipFile, inside: str) -> None:
     wanted = {
         f"{inside}/{path.relative_to(folder).as_posix()}"
         for path in folder.rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts
+        if path.is_file() and not {"__pycache__", "shipped_objects"} & set(path.parts)
     }
     assert wanted <= set(wheel.namelist())
+
+
+def test_the_solvers_own_code_ships_compiled(wheel: zipfile.ZipFile, tmp_path: Path) -> None:
+    """A first solve on a machine compiles nothing but the spec's own kernels."""
+    if not supported() or not engine.llvm_wanted():
+        pytest.skip("machine code ships for Linux on x86-64 only")
+    shipped = [info for info in wheel.infolist() if "/shipped_objects/" in info.filename]
+    assert len(shipped) >= 2 * 10
+    assert sum(info.compress_size for info in shipped) < 500_000
+    assert not [info.filename for info in shipped if str(ROOT).encode() in wheel.read(info)]
+    if not any(level.runs_on(engine.host()) for level in LEVELS):
+        pytest.skip("nothing ships for this machine")
+    wheel.extractall(tmp_path / "installed")
+    code = """
+import sys
+from stc.codegen import engine
+def refuse(ir, *, level, optimise, machine=None):
+    assert not optimise, "the solver's own code is compiled"
+    return compile_ir(ir, level=level, optimise=optimise, machine=machine)
+compile_ir, engine.compile_ir = engine.compile_ir, refuse
+from stc.cli import run
+sys.exit(run(["solve", "cart_pole_swing_up", "--set", "n=20"]))
+"""
+    paths = os.pathsep.join([str(tmp_path / "installed"), *filter(None, [os.environ.get("PYTHONPATH")])])
+    env = {**os.environ, "PYTHONPATH": paths, "STC_CACHE_DIR": str(tmp_path / "cache")}
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_one_version() -> None:

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 _MAGIC = b"stc-object-1\n"
-_SUFFIX = ".stco"
+SUFFIX = ".stco"
 _TEMPORARY = ".tmp"
 #: Least recently used objects are deleted when their sum exceeds this many bytes.
 SIZE_LIMIT = 512 * 1024 * 1024
@@ -56,19 +56,23 @@ def key_of(*parts: str) -> str:
 def load(key: str) -> bytes | None:
     """Object code stored under ``key``; None when absent, unreadable or damaged."""
     folder = directory()
-    if folder is None:
-        return None
-    path = folder / (key + _SUFFIX)
+    code = None if folder is None else load_from(folder, key)
+    if folder is not None and code is not None:
+        with contextlib.suppress(OSError):
+            os.utime(folder / (key + SUFFIX))  # most recently used
+    return code
+
+
+def load_from(folder: Path, key: str) -> bytes | None:
+    """The same from another folder, which is not the user's."""
     try:
-        content = path.read_bytes()
+        content = (folder / (key + SUFFIX)).read_bytes()
     except OSError:
         return None
     header = len(_MAGIC) + 32
     code = content[header:]
     if content[: len(_MAGIC)] != _MAGIC or hashlib.sha256(code).digest() != content[len(_MAGIC) : header]:
         return None
-    with contextlib.suppress(OSError):
-        os.utime(path)  # most recently used
     return code
 
 
@@ -77,21 +81,31 @@ def store(key: str, code: bytes) -> bool:
     folder = directory()
     if folder is None:
         return False
-    temporary: Path | None = None
     try:
         # Machine code is executed as it is read: nobody else may write here.
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError:
+        return False
+    if not store_in(folder, key, code):
+        return False
+    prune(SIZE_LIMIT)
+    return True
+
+
+def store_in(folder: Path, key: str, code: bytes) -> bool:
+    """The same in a folder that exists, however much there is in it."""
+    temporary: Path | None = None
+    try:
         handle, name = tempfile.mkstemp(dir=folder, prefix="new-", suffix=_TEMPORARY)
         temporary = Path(name)
         with os.fdopen(handle, "wb") as file:
             file.write(_MAGIC + hashlib.sha256(code).digest() + code)
-        temporary.replace(folder / (key + _SUFFIX))
+        temporary.replace(folder / (key + SUFFIX))
     except OSError:
         if temporary is not None:
             with contextlib.suppress(OSError):
                 temporary.unlink()
         return False
-    prune(SIZE_LIMIT)
     return True
 
 
@@ -109,7 +123,7 @@ def prune(limit: int) -> None:
             for entry in listing:
                 with contextlib.suppress(OSError):
                     status = entry.stat()
-                    if entry.name.endswith(_SUFFIX):
+                    if entry.name.endswith(SUFFIX):
                         entries.append((status.st_mtime, status.st_size, Path(entry.path)))
                     elif entry.name.endswith(_TEMPORARY) and time.time() - status.st_mtime > 3600.0:
                         Path(entry.path).unlink()

@@ -16,7 +16,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from stc.codegen import cache, machine
+from stc.codegen import cache
+from stc.codegen import machine as this_machine
 from stc.codegen.image import MAGIC, MappedImage, image_of, map_image, supported
 from stc.records import dataclass
 
@@ -131,7 +132,7 @@ def llvm_wanted() -> bool:
 @lru_cache(maxsize=1)
 def _host_key() -> str | None:
     """Where the description of this machine is kept; None where it is not."""
-    identity = machine.identity()
+    identity = this_machine.identity()
     return None if identity is None else cache.key_of("host", own_digest(), identity)
 
 
@@ -190,45 +191,46 @@ def vector_registers() -> int:
     return 32 if vector_width() == 8 else 16
 
 
-@lru_cache(maxsize=1)
-def _target() -> Any:
+@lru_cache(maxsize=2)
+def _target(triple: str) -> Any:
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    return llvm.Target.from_triple(host().triple)
+    return llvm.Target.from_triple(triple)
 
 
-def _target_machine(level: int) -> Any:
+def _target_machine(level: int, here: Host) -> Any:
     # Small code model and position-independent code: constants are one instruction-pointer-relative load;
     # the linker maps each object as one block, so the 2 GB reach is never exceeded.
-    here = host()
-    return _target().create_target_machine(
+    return _target(here.triple).create_target_machine(
         cpu=here.cpu, features=here.features, opt=level, reloc="pic", codemodel="small", jit=True
     )
 
 
-def compile_ir(ir: str, *, level: int, optimise: bool) -> bytes:
-    """Compile textual LLVM IR to object code for this machine.
+def compile_ir(ir: str, *, level: int, optimise: bool, machine: Host | None = None) -> bytes:
+    """Compile textual LLVM IR to object code.
 
     Args:
         ir: one module.
         level: effort of code generation, 0 to 3.
         optimise: for code with loops: run LLVM's ``O2`` pipeline (loop and superword vectorisers included)
             first.  Else for straight-line kernels.
+        machine: what for; by default this machine.
 
     Raises:
-        RuntimeError: the IR is malformed.
+        RuntimeError: the IR is malformed, or nothing is known of the machine.
     """
     import llvmlite.binding as llvm
 
     with _lock:
-        target = _target_machine(level)
+        here = machine or host()
+        target = _target_machine(level, here)
         # Process-wide in LLVM, so set anew each time: what is compiled must not depend on what came before.
         for option in _LOOP_OPTIONS if optimise else _KERNEL_OPTIONS:
             llvm.set_option("stc", option)
         module = llvm.parse_assembly(ir, llvm.create_context())
-        module.triple = host().triple
+        module.triple = here.triple
         module.data_layout = str(target.target_data)
         if optimise:
             # Unrolled and interleaved loops take twice as long to compile, and the solver runs no faster.
@@ -247,7 +249,7 @@ def compile_ir(ir: str, *, level: int, optimise: bool) -> bytes:
 def _linker() -> Any:
     import llvmlite.binding as llvm
 
-    return llvm.create_lljit_compiler(_target_machine(1), use_jit_link=True)
+    return llvm.create_lljit_compiler(_target_machine(1, host()), use_jit_link=True)
 
 
 def load_object(code: bytes, symbols: Sequence[str]) -> LoadedObject:
@@ -270,7 +272,12 @@ def load_object(code: bytes, symbols: Sequence[str]) -> LoadedObject:
 
 
 def cached_object(
-    key: str, symbols: Sequence[str], make: Callable[[], bytes], *, use_cache: bool = True
+    key: str,
+    symbols: Sequence[str],
+    make: Callable[[], bytes],
+    *,
+    use_cache: bool = True,
+    shipped: Callable[[], bytes | None] = lambda: None,
 ) -> tuple[LoadedObject, bool]:
     """Load object code from the cache, or make, keep and load it.
 
@@ -279,11 +286,12 @@ def cached_object(
         symbols: what to resolve.
         make: compiles.
         use_cache: False neither looks nor keeps.
+        shipped: what to load where the cache has nothing; None for nothing.
 
     Returns:
-        The loaded code, and whether it came from the cache.
+        The loaded code, and whether it was found and not made.
     """
-    code = cache.load(key) if use_cache else None
+    code = (cache.load(key) or shipped()) if use_cache else None
     if code is not None:
         try:
             return load_object(code, symbols), True

@@ -38,7 +38,7 @@ from typing import Any, Generic, ParamSpec, TypeVar, overload
 
 import numpy as np
 
-from stc.codegen import cache, engine
+from stc.codegen import cache, engine, shipped
 from stc.codegen.calls import Bound
 from stc.codegen.native_math import ceil, copysign, exp, fabs, floor, inf, isfinite, isnan, log, nan, sqrt
 from stc.codegen.native_types import (
@@ -388,6 +388,42 @@ def unit_ir(functions: list[NativeFunction[..., Any]], exported: int) -> str:
     return module_text(texts)
 
 
+class Unit:
+    """Functions that are compiled into one object.
+
+    Attributes:
+        roots: those that Python calls, in order.
+        functions: with those that they call, roots first.
+        described: everything that the code depends on but the machine and the code generator.
+    """
+
+    def __init__(self, roots: list[NativeFunction[..., Any]]) -> None:
+        self.roots = roots
+        self.functions, self.described = _reachable(roots)
+
+    def ir(self) -> str:
+        """The LLVM module."""
+        return unit_ir(self.functions, len(self.roots))
+
+    def load(self) -> None:
+        """Find the machine code on disk, or compile it, and hand it to the functions."""
+        host = engine.host()
+        symbols = _symbols(self.functions)[: len(self.roots)]
+        loaded, _ = engine.cached_object(
+            cache.key_of("native", host.fingerprint(), *self.described),
+            [name for symbol in symbols for name in (symbol, symbol + ".packed")],
+            lambda: engine.compile_ir(self.ir(), level=1, optimise=True),
+            shipped=lambda: shipped.find(self.described, host, engine.own_digest()),
+        )
+        for native_function, symbol in zip(self.roots, symbols, strict=True):
+            native_function.install(loaded, symbol)
+
+
+def units() -> list[Unit]:
+    """What the functions known so far would be compiled as, each whole module by itself."""
+    return [Unit(list(functions.values())) for functions in _registry.values()]
+
+
 def _compile_unit(wanted: NativeFunction[..., Any]) -> None:
     """Compile, or find on disk, a function together with those of its module that are not compiled yet."""
     roots = [wanted]
@@ -396,17 +432,7 @@ def _compile_unit(wanted: NativeFunction[..., Any]) -> None:
         roots = [f for f in siblings if f is wanted or not f.is_compiled]
         if not any(f is wanted for f in roots):  # the module was reloaded, and this is its former self
             roots = [wanted]
-    functions, described = _reachable(roots)
-    symbols = _symbols(functions)[: len(roots)]
-    exports = [name for symbol in symbols for name in (symbol, symbol + ".packed")]
-    key = cache.key_of("native", engine.host().fingerprint(), *described)
-    loaded, _ = engine.cached_object(
-        key,
-        exports,
-        lambda: engine.compile_ir(unit_ir(functions, len(roots)), level=1, optimise=True),
-    )
-    for native_function, symbol in zip(roots, symbols, strict=True):
-        native_function.install(loaded, symbol)
+    Unit(roots).load()
 
 
 @overload

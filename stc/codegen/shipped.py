@@ -1,0 +1,137 @@
+"""The solver's own machine code, compiled when the package is built.
+
+    python -m stc.codegen.shipped FOLDER
+
+Compiling the functions marked ``@native`` takes longer than solving a small problem a hundred times, so a built package
+carries them for the common levels of the x86-64 architecture.  An object is found by a hash of everything that it
+depends on: the sources of its functions and of the code generator, and the level.  So whatever was changed since is
+compiled as if nothing had been shipped, as is everything on machines of another kind.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stc.codegen import cache
+from stc.records import dataclass
+
+if TYPE_CHECKING:
+    from stc.codegen.engine import Host
+
+FOLDER = Path(__file__).with_name("shipped_objects")
+_TRIPLE = "x86_64-unknown-linux-gnu"
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A level of the x86-64 architecture (System V ABI, AMD64 supplement, section 3.1.1).
+
+    Attributes:
+        name: LLVM's name of a processor that has this and nothing more.
+        tuning: features, as LLVM writes them, on top.
+        needs: features that a machine must have, as LLVM writes them.
+    """
+
+    name: str
+    tuning: str
+    needs: frozenset[str]
+
+    def runs_on(self, host: Host) -> bool:
+        """Whether a machine can execute this level's code."""
+        return host.triple.startswith("x86_64") and self.needs <= set(host.features.split(","))
+
+    def machine(self) -> Host:
+        """What to compile for."""
+        from dataclasses import replace
+
+        from stc.codegen.engine import host
+
+        return replace(host(), triple=_TRIPLE, cpu=self.name, features=self.tuning)
+
+
+def _features(names: str) -> frozenset[str]:
+    return frozenset(f"+{name}" for name in names.split())
+
+
+_V3 = _features("avx avx2 bmi bmi2 cx16 f16c fma lzcnt movbe popcnt sahf sse3 sse4.1 sse4.2 ssse3 xsave")
+_V4 = _V3 | _features("avx512f avx512bw avx512cd avx512dq avx512vl")
+#: Best first.
+LEVELS = (Level("x86-64-v4", "", _V4), Level("x86-64-v3", "", _V3))
+
+
+def find(described: list[str], host: Host, own_digest: str) -> bytes | None:
+    """The shipped image of the best level that this machine can execute.
+
+    Args:
+        described: everything that the code depends on but the machine and the code generator.
+        host: this machine.
+        own_digest: of the code generator.
+    """
+    for level in LEVELS:
+        if level.runs_on(host):
+            return cache.load_from(FOLDER, _key(level, described, own_digest))
+    return None
+
+
+def _key(level: Level, described: list[str], own_digest: str) -> str:
+    return cache.key_of("shipped", level.name, level.tuning, own_digest, *described)
+
+
+def build(folder: Path) -> int:
+    """Compile every native function of the package for all levels into a folder, which is emptied first.
+
+    Returns:
+        How many objects were written.
+    """
+    from stc.codegen import engine, native
+    from stc.codegen.image import image_of
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob("*" + cache.SUFFIX):
+        old.unlink()
+    count = 0
+    for unit in native.units():
+        ir = unit.ir()
+        for level in LEVELS:
+            code = engine.compile_ir(ir, level=1, optimise=True, machine=level.machine())
+            image = image_of(code)
+            if image is not None:
+                key = _key(level, unit.described, engine.own_digest())
+                count += cache.store_in(folder, key, image)
+    for path in folder.glob("*" + cache.SUFFIX):
+        path.chmod(0o644)  # whoever can read the package
+    return count
+
+
+def import_everything() -> None:
+    """Import the modules that declare native functions."""
+    import importlib
+    import pkgutil
+
+    import stc.solver
+    import stc.transcription
+
+    for package in (stc.solver, stc.transcription):
+        for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+            importlib.import_module(module.name)
+
+
+def main() -> None:
+    """Build into the folder that the command line names."""
+    from stc.codegen import engine
+
+    (folder,) = sys.argv[1:]
+    if not engine.llvm_wanted():
+        print(
+            "LLVM is not to be had: the solver's own code will be compiled when it is first used",
+            file=sys.stderr,
+        )
+        return
+    import_everything()
+    print(f"{build(Path(folder))} objects of machine code in {folder}")
+
+
+if __name__ == "__main__":
+    main()
