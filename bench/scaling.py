@@ -49,6 +49,7 @@ def measure(spec: str, n: int) -> dict[str, float]:
 
 def in_fresh_process(spec: str, n: int, cache: str) -> dict[str, float]:
     environment = {**os.environ, "STC_CACHE_DIR": cache, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment["STC_THREADS"] = "1"
     command = [sys.executable, __file__, spec, "--one", str(n)]
     run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if run.returncode:

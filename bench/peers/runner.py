@@ -116,7 +116,7 @@ def merged(before: list[Measured], now: list[Measured]) -> list[Measured]:
 
 def environment(**more: str) -> dict[str, str]:
     """One thread everywhere, bytecode cached as Python does by default, and the repository importable."""
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "STC_THREADS")
     known = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     return {**known, **dict.fromkeys(names, "1"), "PYTHONPATH": os.pathsep.join(paths), **more}

@@ -34,6 +34,7 @@ from stc.cli.parameters import (
     Spec,
     SpecOrSolution,
     Starts,
+    Threads,
     TimeLimit,
     Tolerance,
     UntilVerified,
@@ -98,6 +99,7 @@ def solve(
     explain: Explain = False,
     direct: Direct = False,
     profile: Profile = False,
+    threads: Threads = None,
     json: Json = False,
 ) -> int:
     """Solve a spec and save the motion."""
@@ -120,6 +122,7 @@ def solve(
         profile,
         direct,
         json,
+        threads,
     )
 
 
@@ -140,6 +143,7 @@ def run(
     refine: Refine = None,
     until: UntilVerified = None,
     direct: Direct = False,
+    threads: Threads = None,
     output: Output = None,
     force: Force = False,
     report: Report = None,
@@ -162,6 +166,7 @@ def run(
         refine=refine,
         until=until,
         direct=direct,
+        threads=threads,
     )
     page = None if report is None else writable_page(report)
     return jobs.run(spec, options, force=force, page=page, as_json=json)

@@ -93,6 +93,7 @@ def solve_as_told(
     profile: bool = False,
     direct: bool = False,
     json: bool = False,
+    threads: int | None = None,
 ) -> int:
     """Check what the command line says of a solve, and carry it out."""
     options = solve_options(
@@ -112,6 +113,7 @@ def solve_as_told(
         refine,
         profile,
         direct=direct,
+        threads=threads,
     )
     return solve(spec, options, as_json=json)
 
@@ -284,6 +286,10 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         file = writable_solution(f"{model.name}.npz")
     from stc.solver.optimizers import DEFAULT
 
+    if options.threads is not None:
+        from stc.codegen.threads import limit
+
+        limit(options.threads)
     profile = None
     if options.profile:
         from stc.studies.profile import Profile

@@ -30,6 +30,7 @@ class SolveOptions:
     search: Search = field(default_factory=Search)
     profile: bool = False
     direct: bool = False
+    threads: int | None = None
 
 
 def solve_options(
@@ -50,6 +51,7 @@ def solve_options(
     profile: bool = False,
     until: float | None = None,
     direct: bool = False,
+    threads: int | None = None,
 ) -> SolveOptions:
     """Check the options of one solve before any work is done.
 
@@ -64,6 +66,8 @@ def solve_options(
         raise UsageError(f"--time-limit must be a positive number of seconds, not {time_limit:g}")
     if tolerance is not None and not 0 < tolerance < 1:
         raise UsageError(f"--tolerance must lie between 0 and 1, not {tolerance:g}")
+    if threads is not None and threads < 1:
+        raise UsageError(f"--threads must be at least 1, not {threads}")
     if optimizer is not None:
         check_optimizer(optimizer)
     if profile and optimizer not in (None, "sqp"):
@@ -85,6 +89,7 @@ def solve_options(
         search,
         profile,
         direct,
+        threads,
     )
 
 

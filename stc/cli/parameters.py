@@ -102,6 +102,9 @@ Explain = Annotated[
 Direct = Annotated[
     bool, typer.Option("--direct", help="Solve on all frames at once, never on fewer of them first.")
 ]
+Threads = Annotated[
+    int | None, typer.Option("--threads", metavar="COUNT", help="1 leaves the second processor alone.")
+]
 Profile = Annotated[bool, typer.Option("--profile", help="Also tell where the time went.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Force = Annotated[bool, typer.Option("--force", help="Replay even what the solver did not call optimal.")]

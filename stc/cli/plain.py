@@ -22,6 +22,7 @@ VALUES: dict[str, tuple[str, Callable[[str], Any]]] = {
     "--starts": ("starts", int),
     "--seed": ("seed", int),
     "--refine": ("refine", float),
+    "--threads": ("threads", int),
     "-o": ("output", str),
     "--output": ("output", str),
 }

@@ -68,10 +68,15 @@ def chain(calls: Sequence[Bound]) -> Bound:
         return Bound.of_python(_call_all, (parts,))
     cells = [len(parts)]
     for part in parts:
-        entry = ctypes.cast(part.func, ctypes.c_void_p).value  # type: ignore[arg-type]
-        assert entry is not None
-        cells += [entry, part.args[0]]
+        cells += [packed_address(part), part.args[0]]
     return Bound.of_native(_chain_entry(), cells, parts)
+
+
+def packed_address(call: Bound) -> int:
+    """Where the machine code of a native call is; it takes the address of the cells, ``call.args[0]``."""
+    entry = ctypes.cast(call.func, ctypes.c_void_p).value  # type: ignore[arg-type]
+    assert entry is not None
+    return entry
 
 
 def _call_all(parts: tuple[Bound, ...]) -> None:

@@ -11,14 +11,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.calls import Bound, chain
+from stc.codegen.calls import chain
 from stc.codegen.kernel import KernelSet, aligned_zeros
 from stc.problem import ConstantRef, Problem
 from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Scaling
 from stc.symbolic.expr import Expr, evaluate, symbols
 from stc.transcription.assemble import Program
-from stc.transcription.gather import begin, collect, place, scatter, total
+from stc.transcription.evaluation import evaluator, kernel_calls
 from stc.transcription.grid import Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import DataRef, data_values
@@ -157,7 +157,8 @@ class BoundProgram:
     """A nonlinear program for the solver: :class:`stc.solver.nlp.NLP`.
 
     Attributes follow that protocol; ``contradictions`` tells whether solving is of any use, ``evaluations`` and
-    ``derivative_evaluations`` count the calls.
+    ``derivative_evaluations`` count the calls.  The attributes from ``workspace`` on are for
+    :mod:`stc.transcription.evaluation`.
     """
 
     def __init__(
@@ -195,75 +196,29 @@ class BoundProgram:
         self.uniform = np.array(
             [constants.get(getattr(k, "name", ""), 0.0) for k in program.uniform] or [0.0]
         )
-        self._values_buffer = aligned_zeros(program.values_size)
-        self._derivatives_buffer = aligned_zeros(program.derivatives_size)
+        self.kernels = kernels
+        self.values_buffer = aligned_zeros(program.values_size)
+        self.derivatives_buffer = aligned_zeros(program.derivatives_size)
         #: The kernels alone: what is at ``workspace`` in, their buffers out.
-        self.values_kernels = self._chain(kernels, program.values_start, self._values_buffer, values=True)
-        self.derivatives_kernels = self._chain(
-            kernels, program.derivatives_start, self._derivatives_buffer, values=False
-        )
-        self._counts = np.zeros(2, np.int64)
+        common = program, kernels, self.workspace, self.uniform
+        self.values_kernels = chain(kernel_calls(*common, self.values_buffer, values=True))
+        self.derivatives_kernels = chain(kernel_calls(*common, self.derivatives_buffer, values=False))
+        self.counts = np.zeros(2, np.int64)
         self._as_stated: Evaluator | None = None
-
-    def _chain(self, kernels: KernelSet, starts: list[int], buffer: FloatArray, values: bool) -> Bound:
-        """One call that runs the kernels of all groups, with everything they read and write tied to them."""
-        program = self.program
-        indices = program.index_values if values else program.index_derivatives
-        calls = []
-        for k, (index, start) in enumerate(zip(indices, starts, strict=True)):
-            number = k if values else k + len(program.groups)
-            count = len(kernels.tapes[number].outputs)
-            blocks, _, lanes = index.shape
-            if count and blocks:
-                out = buffer[start : start + blocks * count * lanes].reshape(blocks, count, lanes)
-                calls.append(kernels.bind(number, self.workspace, self.uniform, index, out))
-        return chain(calls)
 
     @property
     def evaluations(self) -> int:
         """How often objective and rows have been evaluated."""
-        return int(self._counts[0])
+        return int(self.counts[0])
 
     @property
     def derivative_evaluations(self) -> int:
         """How often derivatives have been evaluated."""
-        return int(self._counts[1])
+        return int(self.counts[1])
 
     def evaluator(self, scaling: Scaling) -> Evaluator:
         """Arrays of its own for one scaling, and the calls that fill them."""
-        program, n, m = self.program, self.n, self.m
-        result = Evaluator.allocate(n, m, len(program.jacobian), len(program.hessian))
-        objective = np.array([scaling.objective])
-        place_x = place(result.x, scaling.variable, self.workspace[:n])
-        buffer, status = self._values_buffer, result.values_status
-        result.values_call = chain(
-            [
-                begin(status, self._counts[:1]),
-                place_x,
-                self.values_kernels,
-                *collect(buffer, program.row_source, scaling.row, result.r, status),
-                total(buffer, program.objective_source, objective, result.f, status),
-            ]
-        )
-        buffer, status = self._derivatives_buffer, result.derivatives_status
-        gradient, jacobian, hessian = program.gradient, program.jacobian, program.hessian
-        of_gradient = scaling.gradient()[gradient.cols]
-        of_jac = scaling.jacobian(jacobian.rows, jacobian.cols)
-        of_hess = scaling.hessian(hessian.rows, hessian.cols)
-        result.derivatives_call = chain(
-            [
-                begin(status, self._counts[1:]),
-                place_x,
-                place(result.y, scaling.row, self.workspace[n : n + m]),
-                place(result.weight, objective, self.uniform[-1:]),
-                self.derivatives_kernels,
-                *(fold for part in (gradient, jacobian, hessian) for fold in part.folding.bind(buffer)),
-                scatter(buffer, gradient.first, gradient.cols, of_gradient, result.gradient, status),
-                *collect(buffer, jacobian.first, of_jac, result.jac, status),
-                *collect(buffer, hessian.first, of_hess, result.hess, status),
-            ]
-        )
-        return result
+        return evaluator(self, scaling)
 
     def _stated(self) -> Evaluator:
         if self._as_stated is None:

@@ -148,6 +148,11 @@ def total(
     return _bind(_total, _total_numpy, len(source), source, scale, buffer, out, status)
 
 
+def add_up(part: FloatArray, into: FloatArray) -> Bound:
+    """A call that adds ``part`` (1,) to ``into`` (1,) and forgets it."""
+    return _bind(_add_up, _add_up, part, into)
+
+
 def _bind(compiled: NativeFunction[..., Any], python: Callable[..., Any], *arguments: Any) -> Bound:
     """Machine code, or what does the same in NumPy."""
     if engine.llvm_wanted():
@@ -164,6 +169,12 @@ def _bind(compiled: NativeFunction[..., Any], python: Callable[..., Any], *argum
 def _begin(status: f64s, counter: i64s) -> None:
     status[0] = 0.0
     counter[0] += 1
+
+
+@native
+def _add_up(part: f64s, into: f64s) -> None:
+    into[0] += part[0]
+    part[0] = 0.0
 
 
 @native

@@ -11,12 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stc.codegen import threads
 from stc.codegen.calls import Bound, chain
 from stc.errors import Source
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.solver.evaluator import Scaling, evaluator_of, python_evaluator
-from stc.transcription import transcribe
+from stc.transcription import evaluation, transcribe
 from stc.transcription.gather import FEW, Folding, collect, total
 
 PROBLEMS = Path(__file__).parent.parent / "problems" / "traj"
@@ -87,6 +88,34 @@ def test_evaluator_scales_values_and_derivatives(name, backend, monkeypatch):
             columns = live[nlp.hess_rows] * live[nlp.hess_cols]
             np.testing.assert_allclose(own.hess, parts[2] * columns, rtol=1e-13)
             assert own.values_status[0] == own.derivatives_status[0] == 0.0
+
+
+@pytest.mark.parametrize("name", SPECS)
+def test_two_threads_give_the_same_bits(name, monkeypatch):
+    monkeypatch.setattr(threads, "_processors", lambda: 2)
+    monkeypatch.setattr(evaluation, "OPERATIONS", 50)  # everything is large
+    monkeypatch.setattr(evaluation, "NUMBERS", 10)
+    monkeypatch.setattr(evaluation, "SHARED", 1)
+    nlp = bound_program(name)
+    rng = np.random.default_rng(6)
+    scaling = random_scaling(nlp, rng)
+    evaluators = []
+    for count in (1, 2):
+        threads.limit(count)
+        evaluators.append(nlp.evaluator(scaling))
+    assert evaluation._shared(nlp, values=True)
+    threads.limit(None)
+    for healthy in (True, False) * 5:
+        x, y = nlp.x0 + 0.1 * rng.standard_normal(nlp.n), rng.standard_normal(nlp.m)
+        x[0] = x[0] if healthy else np.nan
+        for each in evaluators:
+            each.x[:], each.y[:] = x, y
+            each.values_call()
+            each.derivatives_call()
+        for field in ("f", "r", "values_status", "gradient", "jac", "hess", "derivatives_status"):
+            one, two = (getattr(each, field) for each in evaluators)
+            np.testing.assert_array_equal(one, two, err_msg=field)
+        assert np.isnan(evaluators[1].values_status[0]) != healthy
 
 
 def test_any_problem_has_an_evaluator():

@@ -1,0 +1,192 @@
+"""The calls of a program's evaluators: scaled variables in, kernels, scaled entries out.
+
+Where that is much work, each step is cut into pieces that two threads share; results are the same bits either way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.codegen import threads
+from stc.codegen.calls import Bound, chain
+from stc.codegen.kernel import KernelSet
+from stc.solver.evaluator import Evaluator, Scaling
+from stc.transcription.assemble import Program, Sparsity
+from stc.transcription.gather import add_up, begin, collect, place, scatter, total
+
+if TYPE_CHECKING:
+    from stc.transcription.bind import BoundProgram
+
+FloatArray = NDArray[np.float64]
+
+#: Operations of kernels, on all nodes together, and numbers copied, that take about 10 microseconds: a piece.
+OPERATIONS = 300_000
+NUMBERS = 40_000
+#: Fewer pieces are left to one thread: waking another one up, and waiting for it, would take as long.
+SHARED = 12
+
+
+def kernel_calls(
+    program: Program,
+    kernels: KernelSet,
+    workspace: FloatArray,
+    uniform: FloatArray,
+    buffer: FloatArray,
+    values: bool,
+    cut: bool = False,
+) -> list[Bound]:
+    """Calls of the kernels of all groups, those of values or those of derivatives, whole or in pieces."""
+    starts, indices = program.derivatives_start, program.index_derivatives
+    if values:
+        starts, indices = program.values_start, program.index_values
+    calls = []
+    for k, (index, start) in enumerate(zip(indices, starts, strict=True)):
+        number = k if values else k + len(program.groups)
+        tape = kernels.tapes[number]
+        count = len(tape.outputs)
+        blocks, inputs, lanes = index.shape
+        if count and blocks:
+            out = buffer[start : start + blocks * count * lanes].reshape(blocks, count, lanes)
+            effort = blocks * lanes * (len(tape.ops) + 5 * (count + inputs))
+            for piece in _pieces(blocks, effort / OPERATIONS if cut else 1, 2):
+                calls.append(kernels.bind(number, workspace, uniform, index[piece], out[piece]))
+    return calls
+
+
+def _pieces(count: int, pieces: float, multiple: int = 8) -> Iterator[slice]:
+    """Cuts a range into slices of whole multiples."""
+    if count <= multiple or pieces <= 1:
+        yield slice(0, count)
+        return
+    step = multiple * int(np.ceil(count / np.ceil(pieces) / multiple))
+    for first in range(0, count, step):
+        yield slice(first, min(first + step, count))
+
+
+def _effort(program: Program, kernels: KernelSet, values: bool) -> float:
+    """How many pieces there would be."""
+    first = 0 if values else len(program.groups)
+    operations = sum(group.size * len(kernels.tapes[first + k].ops) for k, group in enumerate(program.groups))
+    numbers = program.values_size if values else program.derivatives_size
+    return operations / OPERATIONS + (program.size + program.row_count + numbers) / NUMBERS
+
+
+class _Steps:
+    """Collects the phases of one evaluator's calls."""
+
+    def __init__(self, status: FloatArray, counter: NDArray[np.int64], shared: bool) -> None:
+        self.status, self.counter, self.shared = status, counter, shared
+        self.phases: list[list[Bound]] = []
+        self.cells: list[FloatArray] = []
+
+    def cell(self) -> FloatArray:
+        """Where a call notes that its numbers are not finite: its own cell where others note at the same time."""
+        if not self.shared:
+            return self.status
+        self.cells.append(np.zeros(8)[:1])  # a cache line each
+        return self.cells[-1]
+
+    def cut(self, count: int) -> Iterator[slice]:
+        return _pieces(count, count / NUMBERS if self.shared else 1)
+
+    def place(self, values: FloatArray, scale: FloatArray, into: FloatArray) -> list[Bound]:
+        return [place(values[at], scale[at], into[at]) for at in self.cut(len(values))]
+
+    def collect(
+        self, buffer: FloatArray, first: NDArray[np.int32], scale: FloatArray, out: FloatArray
+    ) -> list[Bound]:
+        return [
+            chain(collect(buffer, first[at], scale[at], out[at], self.cell())) for at in self.cut(len(first))
+        ]
+
+    def call(self) -> Bound:
+        calls = [begin(self.status, self.counter)]
+        if self.shared:
+            calls.append(threads.parallel(self.phases))
+            calls += [add_up(cell, self.status) for cell in self.cells]
+        else:
+            calls += [call for phase in self.phases for call in phase]
+        return chain(calls)
+
+
+def evaluator(nlp: BoundProgram, scaling: Scaling) -> Evaluator:
+    """Arrays of its own for one scaling, and the calls that fill them."""
+    program = nlp.program
+    result = Evaluator.allocate(program.size, program.row_count, len(program.jacobian), len(program.hessian))
+    objective = np.array([scaling.objective])
+    result.values_call = _values_call(nlp, scaling, objective, result)
+    result.derivatives_call = _derivatives_call(nlp, scaling, objective, result)
+    return result
+
+
+def _shared(nlp: BoundProgram, values: bool) -> bool:
+    return (
+        nlp.kernels.backend == "llvm"
+        and _effort(nlp.program, nlp.kernels, values) >= SHARED
+        and threads.allowed() > 1
+    )
+
+
+def _values_call(nlp: BoundProgram, scaling: Scaling, objective: FloatArray, result: Evaluator) -> Bound:
+    program, buffer, shared = nlp.program, nlp.values_buffer, _shared(nlp, values=True)
+    steps = _Steps(result.values_status, nlp.counts[:1], shared)
+    kernels = [nlp.values_kernels]
+    if shared:
+        kernels = kernel_calls(program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, True, cut=True)
+    steps.phases = [
+        steps.place(result.x, scaling.variable, nlp.workspace[: nlp.n]),
+        kernels,
+        [
+            total(buffer, program.objective_source, objective, result.f, steps.cell()),
+            *steps.collect(buffer, program.row_source, scaling.row, result.r),
+        ],
+    ]
+    return steps.call()
+
+
+def _derivatives_call(nlp: BoundProgram, scaling: Scaling, objective: FloatArray, result: Evaluator) -> Bound:
+    program, buffer, shared = nlp.program, nlp.derivatives_buffer, _shared(nlp, values=False)
+    n, m = nlp.n, nlp.m
+    gradient, jacobian, hessian = program.gradient, program.jacobian, program.hessian
+    of_gradient = scaling.gradient()[gradient.cols]
+    of_jac = scaling.jacobian(jacobian.rows, jacobian.cols)
+    of_hess = scaling.hessian(hessian.rows, hessian.cols)
+    steps = _Steps(result.derivatives_status, nlp.counts[1:], shared)
+    kernels = [nlp.derivatives_kernels]
+    if shared:
+        kernels = kernel_calls(program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, False, cut=True)
+    steps.phases = [
+        [
+            *steps.place(result.x, scaling.variable, nlp.workspace[:n]),
+            *steps.place(result.y, scaling.row, nlp.workspace[n : n + m]),
+            place(result.weight, objective, nlp.uniform[-1:]),
+        ],
+        kernels,
+        [fold for part in (gradient, jacobian, hessian) for fold in _folds(part, buffer)],
+        [
+            *(
+                scatter(
+                    buffer,
+                    gradient.first[at],
+                    gradient.cols[at],
+                    of_gradient[at],
+                    result.gradient,
+                    steps.cell(),
+                )
+                for at in steps.cut(len(gradient))
+            ),
+            *steps.collect(buffer, jacobian.first, of_jac, result.jac),
+            *steps.collect(buffer, hessian.first, of_hess, result.hess),
+        ],
+    ]
+    return steps.call()
+
+
+def _folds(part: Sparsity, buffer: FloatArray) -> list[Bound]:
+    """The additions to one matrix's entries, in their order: one call, or none."""
+    calls = part.folding.bind(buffer)
+    return [chain(calls)] if calls else []

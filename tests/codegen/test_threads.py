@@ -1,0 +1,167 @@
+"""Calls shared between threads: every one is made once, phase by phase, and the numbers are those of one thread."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+from stc.codegen import threads
+from stc.codegen.calls import Bound, chain
+from stc.codegen.native import f64s, i64, native
+from stc.errors import UsageError
+
+
+@native
+def _double_and_add(count: i64, source: f64s, into: f64s) -> None:
+    for k in range(count):
+        into[k] = 2.0 * into[k] + source[k]
+
+
+@native
+def _sum_into(count: i64, source: f64s, into: f64s) -> None:
+    total = 0.0
+    for k in range(count):
+        total += source[k]
+    into[0] = total
+
+
+@pytest.fixture
+def two(monkeypatch):
+    """Two threads whatever the environment says and the machine has."""
+    monkeypatch.setattr(threads, "_processors", lambda: 2)
+    threads.limit(2)
+    yield
+    threads.limit(None)
+
+
+def _job(pieces: int, size: int, seed: int):
+    rng = np.random.default_rng(seed)
+    source = rng.standard_normal((pieces, size))
+    into = np.zeros((pieces, size))
+    sums, total = np.zeros(pieces), np.zeros(1)
+    phases = [
+        [_double_and_add.bind(size, source[k], into[k]) for k in range(pieces)],
+        [_sum_into.bind(size, into[k], sums[k : k + 1]) for k in range(pieces)],
+        [_sum_into.bind(pieces, sums, total)],
+    ]
+    return phases, into, total
+
+
+@pytest.mark.parametrize("size", [1, 300, 20_000])
+def test_same_bits_as_on_one_thread(two, size):
+    pieces = 13
+    shared, into, total = _job(pieces, size, 7)
+    alone, expected_into, expected_total = _job(pieces, size, 7)
+    call = threads.parallel(shared)
+    reference = chain([part for phase in alone for part in phase])
+    assert call.native
+    for _ in range(60 if size > 1000 else 400):  # more calls than it is tried both ways
+        call()
+        reference()
+        assert total[0] == expected_total[0]
+    assert (into == expected_into).all()
+
+
+def test_two_callers_at_once(two):
+    """Only one of them is helped, both get their results."""
+    jobs = [_job(8, 2000, seed) for seed in (1, 2)]
+    calls = [threads.parallel(phases) for phases, _, _ in jobs]
+
+    def repeat(call: Bound) -> None:
+        for _ in range(300):
+            call()
+
+    callers = [threading.Thread(target=repeat, args=(call,)) for call in calls]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join()
+    for seed, (_, into, total) in zip((1, 2), jobs, strict=True):
+        phases, expected, expected_total = _job(8, 2000, seed)
+        repeat(chain([part for phase in phases for part in phase]))
+        assert (into == expected).all()
+        assert total[0] == expected_total[0]
+
+
+def test_joins_a_chain_and_nests(two):
+    phases, _, total = _job(4, 50, 3)
+    first = np.zeros(1)
+    inner = threads.parallel(phases)
+    outer = threads.parallel([[inner], [_sum_into.bind(1, total, first)]])
+    chained = chain([outer, _sum_into.bind(1, first, total)])
+    assert chained.native
+    for _ in range(20):
+        chained()
+        assert first[0] == total[0]
+
+
+def test_one_thread_is_a_chain(two):
+    phases, _, total = _job(4, 50, 3)
+    threads.limit(1)
+    call = threads.parallel(phases)
+    call()
+    assert call.native
+    assert total[0] != 0.0
+    python = threads.parallel([[Bound.of_python(list, ()), Bound.of_python(list, ())]])
+    assert not python.native
+    python()
+
+
+def test_how_many(monkeypatch):
+    monkeypatch.setattr(threads, "_processors", lambda: 8)
+    for text, count in (("", 2), ("1", 1), ("2", 2), ("16", 2)):
+        monkeypatch.setenv("STC_THREADS", text)
+        assert threads.allowed() == count
+    monkeypatch.setattr(threads, "_processors", lambda: 1)
+    assert threads.allowed() == 1
+    for text in ("0", "-1", "two"):
+        monkeypatch.setenv("STC_THREADS", text)
+        with pytest.raises(UsageError, match="STC_THREADS"):
+            threads.allowed()
+    with pytest.raises(UsageError):
+        threads.limit(0)
+
+
+SCRIPT = """
+import os, sys, numpy as np
+from stc.codegen import threads
+threads._processors = lambda: 2
+from stc.codegen.native import native_source
+text = '''
+from stc.codegen.native import *
+@native
+def add(count: i64, x: f64s) -> None:
+    for k in range(count):
+        x[k] += 1.0
+'''
+add = native_source(text, "add")["add"]
+x = np.zeros((6, 1000))
+call = threads.parallel([[add.bind(1000, row) for row in x]])
+for _ in range(50):
+    call()
+child = os.fork() if hasattr(os, "fork") else 0
+for _ in range(50):
+    call()
+assert (x == 100.0).all()
+if child:
+    assert os.waitpid(child, 0)[1] == 0
+print("done" if child else "child")
+"""
+
+
+def test_child_processes_and_the_end_of_the_program():
+    run = subprocess.run(
+        [sys.executable, "-c", SCRIPT],
+        env={**os.environ, "STC_THREADS": "2"},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    assert sorted(run.stdout.split()) in (["child", "done"], ["child"])
