@@ -41,7 +41,8 @@ _INLINING_THRESHOLD = 50
 #: Pointers without types, the pass pipeline, and the attributes that generated code uses.
 _OLDEST_LLVM = (16, 0, 0)
 
-_lock = threading.RLock()
+#: Held while LLVM's options, which are those of the process, must not change.
+compiler_lock = threading.RLock()
 _counter = itertools.count()
 
 
@@ -221,9 +222,19 @@ def compile_ir(ir: str, *, level: int, optimise: bool, machine: Host | None = No
     Raises:
         RuntimeError: the IR is malformed, or nothing is known of the machine.
     """
+    with compiler_lock:
+        target, module = parsed(ir, level=level, optimise=optimise, machine=machine)
+        return bytes(target.emit_object(module))
+
+
+def parsed(ir: str, *, level: int, optimise: bool, machine: Host | None = None) -> tuple[Any, Any]:
+    """Target machine and module of :func:`compile_ir`, ready to be turned into object code.
+
+    Call it, and use what it returns, while holding :data:`compiler_lock`.
+    """
     import llvmlite.binding as llvm
 
-    with _lock:
+    with compiler_lock:
         here = machine or host()
         target = _target_machine(level, here)
         # Process-wide in LLVM, so set anew each time: what is compiled must not depend on what came before.
@@ -242,7 +253,7 @@ def compile_ir(ir: str, *, level: int, optimise: bool, machine: Host | None = No
             tuning.inlining_threshold = _INLINING_THRESHOLD
             builder = llvm.create_pass_builder(target, tuning)
             builder.getModulePassManager().run(module, builder)
-        return bytes(target.emit_object(module))
+        return target, module
 
 
 @lru_cache(maxsize=1)
@@ -264,7 +275,7 @@ def load_object(code: bytes, symbols: Sequence[str]) -> LoadedObject:
             return map_image(image, symbols)
     import llvmlite.binding as llvm
 
-    with _lock:
+    with compiler_lock:
         library = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
         for symbol in symbols:
             library.export_symbol(symbol)

@@ -16,6 +16,7 @@ from __future__ import annotations
 import ctypes
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from stc.codegen import cache as object_cache
 from stc.codegen import engine, reference
 from stc.codegen.calls import Bound
+from stc.codegen.compiling import compile_modules
 from stc.codegen.llvm import LANES, module_ir
 from stc.codegen.tape import Tape
 from stc.memory import without_collection
@@ -46,17 +48,15 @@ def aligned_zeros(shape: int | tuple[int, ...]) -> FloatArray:
 class Kernel:
     """One compiled tape."""
 
-    def __init__(self, tape: Tape, position: int) -> None:
+    def __init__(self, tape: Tape) -> None:
         self.tape = tape
-        self.position = position
         self._entry: Callable[..., Any] | None = None
         self._packed: Callable[..., Any] | None = None
         self._object: engine.LoadedObject | None = None
 
-    def install(self, loaded: engine.LoadedObject) -> None:
+    def install(self, loaded: engine.LoadedObject, symbol: str) -> None:
         """Adopt machine code."""
         pointers = [ctypes.c_void_p] * 4
-        symbol = f"kernel{self.position}"
         self._entry = ctypes.CFUNCTYPE(None, *pointers, ctypes.c_int64)(loaded.address(symbol))
         self._packed = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(loaded.address(symbol + ".packed"))
         self._object = loaded
@@ -137,7 +137,7 @@ class KernelSet:
         self.backend = backend
         self.seconds = 0.0
         self.cached = False
-        self._kernels = [Kernel(tape, position) for position, tape in enumerate(self.tapes)]
+        self._kernels = [Kernel(tape) for tape in self.tapes]
 
     def __len__(self) -> int:
         return len(self._kernels)
@@ -155,19 +155,19 @@ class KernelSet:
         return self._kernels[k].bind(workspace, uniform, index, out)
 
     def llvm_ir(self) -> str:
-        """The LLVM module of these kernels, as text."""
-        if self.backend == "numpy":
-            return module_ir(self.tapes)
-        return module_ir(
-            self.tapes,
-            width=engine.vector_width(),
-            registers=engine.vector_registers(),
-            fused=engine.has_fma(),
-        )
+        """One LLVM module with all of these kernels, as text."""
+        return module_ir(self.tapes) if self.backend == "numpy" else _own_ir(self.tapes)
+
+
+def _own_ir(tapes: Sequence[Tape]) -> str:
+    """The LLVM module for this machine."""
+    return module_ir(
+        tapes, width=engine.vector_width(), registers=engine.vector_registers(), fused=engine.has_fma()
+    )
 
 
 def compile_tapes(tapes: Sequence[Tape], backend: Backend = "auto", cache: bool = True) -> KernelSet:
-    """Compile tapes into one object, or find it in the object cache.
+    """Compile tapes, or find the machine code in the object cache.
 
     Args:
         tapes: the programs; kernel ``k`` runs ``tapes[k]``.
@@ -198,18 +198,56 @@ def effort(tapes: Sequence[Tape]) -> int:
     return 0 if sum(len(tape.ops) for tape in tapes) > _LONG else 1
 
 
+#: Tapes of more operations than this together are compiled as two modules, which two threads can do side by side,
+#: if the smaller one has at least this part of the work.
+_DIVIDED = 2_000
+_SMALLER = 0.15
+
+
+def parts(tapes: Sequence[Tape]) -> list[list[int]]:
+    """Positions of the tapes that are compiled together, decided by the tapes alone; the longer part first."""
+    work = [len(tape.ops) + 2 * (len(tape.outputs) + tape.n_varying) for tape in tapes]
+    everything = list(range(len(tapes)))
+    if sum(len(tape.ops) for tape in tapes) <= _DIVIDED:
+        return [everything]
+    halves: list[list[int]] = [[], []]
+    loads = [0, 0]
+    for k in sorted(everything, key=lambda k: -work[k]):
+        lighter = int(loads[1] < loads[0])
+        halves[lighter].append(k)
+        loads[lighter] += work[k]
+    if min(loads) < _SMALLER * sum(loads):
+        return [everything]
+    return [sorted(halves[k]) for k in sorted((0, 1), key=lambda k: -loads[k])]
+
+
 @without_collection()
 def _load_or_compile(kernels: KernelSet, cache: bool) -> None:
-    symbols = [f"kernel{k}{suffix}" for k in range(len(kernels)) for suffix in ("", ".packed")]
-    digests = [tape.digest() for tape in kernels.tapes]
-    key = object_cache.key_of(
-        "kernels", engine.host().fingerprint(), f"width {engine.vector_width()}", *digests
-    )
-    loaded, kernels.cached = engine.cached_object(
-        key,
-        symbols,
-        lambda: engine.compile_ir(kernels.llvm_ir(), level=effort(kernels.tapes), optimise=False),
-        use_cache=cache,
-    )
-    for kernel in kernels:
-        kernel.install(loaded)
+    level = effort(kernels.tapes)
+    groups = [[kernels.tapes[k] for k in part] for part in parts(kernels.tapes)]
+    made: dict[int, bytes] = {}
+
+    def make(number: int) -> bytes:
+        if number not in made:  # nor will the later ones be found
+            wanted = range(number, len(groups))
+            codes = compile_modules([partial(_own_ir, groups[k]) for k in wanted], level)
+            made.update(zip(wanted, codes, strict=True))
+        return made[number]
+
+    kernels.cached = True
+    for number, positions in enumerate(parts(kernels.tapes)):
+        names = [f"kernel{k}" for k in range(len(positions))]
+        loaded, cached = engine.cached_object(
+            object_cache.key_of(
+                "kernels",
+                engine.host().fingerprint(),
+                f"width {engine.vector_width()} level {level}",
+                *(tape.digest() for tape in groups[number]),
+            ),
+            [name + suffix for name in names for suffix in ("", ".packed")],
+            partial(make, number),
+            use_cache=cache,
+        )
+        kernels.cached &= cached
+        for name, position in zip(names, positions, strict=True):
+            kernels[position].install(loaded, name)
