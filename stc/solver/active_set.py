@@ -14,14 +14,18 @@ method, SIAM J. Optim. 13, 2002).  It converges fast near a solution and is aban
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from stc.records import dataclass
+from stc.solver.conditions import project_entries, restrict
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, multiplier_scale
+from stc.solver.kkt.attached import attached
 from stc.solver.kkt.contract import NotFinite
 from stc.solver.monitor import Monitor
-from stc.solver.nlp import Floats, Mask
+from stc.solver.nlp import Floats
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["Finish", "Projection", "newton_on_active_set", "project", "smaller_multipliers"]
@@ -47,8 +51,8 @@ class Projection:
         f, r: objective and rows (m,).
         gradient, jac, hess: derivatives at the point.
         lagrangian: ``grad f + J^T y``, (n,); the multipliers of the bounds are its negative.
-        active_x: variables at a bound, (n,), and ``x_target`` that bound (elsewhere ``x``).
-        active_rows: rows at a bound, (m,), and ``row_target`` that bound.
+        active_x: 1 for variables at a bound, else 0, (n,), and ``x_target`` that bound.
+        active_rows: 1 for rows at a bound, else 0, (m,), and ``row_target`` that bound.
         error: the largest violated condition, dual ones over the size of the multipliers.
     """
 
@@ -60,9 +64,9 @@ class Projection:
     jac: Floats
     hess: Floats
     lagrangian: Floats
-    active_x: Mask
+    active_x: Floats
     x_target: Floats
-    active_rows: Mask
+    active_rows: Floats
     row_target: Floats
     error: float
 
@@ -76,39 +80,16 @@ def project(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
     lagrangian = gradient + form.transpose_times(jac, y)
     if not np.isfinite(lagrangian.sum() + hess.sum()):
         return None
-    x_lower, x_upper = form.true_x
-    row_lower, row_upper = form.true_rows
-    x_target, active_x = _nearer_bound(x, -lagrangian, x_lower, x_upper)
-    active_x |= form.held
-    row_target, active_rows = _nearer_bound(r, y, row_lower, row_upper)
-    active_rows |= form.equality
-    dual = np.where(active_x, 0.0, lagrangian)
-    dual_rows = np.where(active_rows, 0.0, y)
-    primal = np.where(active_x, x - x_target, 0.0)
-    primal_rows = np.where(active_rows, r - row_target, 0.0)
-    size = float(np.abs(y).sum() + np.abs(lagrangian[active_x]).sum())
-    dual_scale = multiplier_scale(size, form.m + form.n)
-    error = max(
-        _largest(dual) / dual_scale, _largest(dual_rows) / dual_scale, _largest(primal), _largest(primal_rows)
-    )
+    n, m = form.n, form.m
+    x_target, active_x, row_target, active_rows = np.empty(n), np.empty(n), np.empty(m), np.empty(m)
+    of_x, of_rows = np.empty(3), np.empty(3)
+    project_entries(n, 1, x, lagrangian, *form.true_x, form.held_factor, x_target, active_x, of_x)
+    project_entries(m, 0, r, y, *form.true_rows, form.equality_factor, row_target, active_rows, of_rows)
+    (primal, dual, total), (primal_rows, dual_rows, total_rows) = of_x.tolist(), of_rows.tolist()
+    error = max(primal, primal_rows, max(dual, dual_rows) / multiplier_scale(total + total_rows, m + n))
     return Projection(
         x, y, f, r, gradient, jac, hess, lagrangian, active_x, x_target, active_rows, row_target, error
     )
-
-
-def _nearer_bound(value: Floats, push: Floats, lower: Floats, upper: Floats) -> tuple[Floats, Mask]:
-    """Where ``value`` ends when pushed and clipped, and which entries are clipped.
-
-    A push away from the bound nearby leaves that bound; it does not reach the one on the other side.
-    """
-    pushed = value + push
-    target = np.clip(pushed, lower, upper)
-    below, above = pushed < lower, pushed > upper
-    with np.errstate(invalid="ignore"):
-        far = np.where(
-            push > 0.0, above & (value - lower < upper - value), below & (upper - value < value - lower)
-        )
-    return target, (below | above) & ~(far & (lower < upper))
 
 
 def _largest(v: Floats) -> float:
@@ -159,10 +140,9 @@ def newton_on_active_set(
         contraction = new.error / max(point.error, 1e-300)
         certified = True
         monitor.count()
-        x_user, f_user, violation = form.user_view(new.x, new.f, new.r)
+        f_user, violation = form.user_measures(new.x, new.f, new.r)
         monitor.record(
-            x_user,
-            form.user_multipliers(new.y),
+            partial(form.as_stated, new.x, new.y),
             f_user,
             violation,
             new.error,
@@ -197,33 +177,31 @@ class Finish:
 
 def _newton_step(form: ScaledProblem, point: Projection) -> tuple[Floats, Floats] | None:
     """One equality-constrained Newton step, or None where the curvature on the active set isn't positive."""
-    fixed, active = point.active_x, point.active_rows
-    free = ~fixed
-    dx_fixed = np.where(fixed, point.x_target - point.x, 0.0)
-    dy_inactive = np.where(active, 0.0, -point.y)
-    rhs_x = -(point.lagrangian + form.transpose_times(point.jac, dy_inactive))
-    rhs_y = np.where(active, point.row_target - point.r, 0.0)
-    if dx_fixed.any():
-        rhs_x -= form.hessian_times(point.hess, dx_fixed)
-        rhs_y -= np.where(active, form.jacobian_times(point.jac, dx_fixed), 0.0)
-    rhs_x[fixed] = 0.0
-    hess = point.hess * (free[form.hess_rows] & free[form.hess_cols])
-    jac = point.jac * (active[form.jac_rows] & free[form.jac_cols])
-    flat = PRIMAL_SHIFT * max(1.0, _largest(hess))
+    n, m = form.n, form.m
+    kkt = attached(form.kkt, n, m, form.jac_rows.size, form.hess_rows.size)
+    dx, dy = np.empty(n), np.empty(m)
+    largest = restrict(
+        n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows, form.hess_cols,
+        point.jac, point.hess, point.active_x, point.active_rows, point.x, point.y, point.r, point.lagrangian,
+        point.x_target, point.row_target, dx, dy, kkt.hess, kkt.jac, kkt.rhs,
+    )  # fmt: skip
+    flat = PRIMAL_SHIFT * max(1.0, largest)
     for shift_x, shift_y in ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT)):
-        primal = np.where(fixed, 1.0, shift_x)
+        kkt.primal[:] = shift_x + (1.0 - shift_x) * point.active_x
+        kkt.dual[:] = 1.0 + (shift_y - 1.0) * point.active_rows
         try:
-            inertia = form.kkt.factorize(hess, jac, primal, np.where(active, shift_y, 1.0))
+            inertia = kkt.refactor()
         except NotFinite:
             return None
         if inertia.zero == 0 and inertia.negative == form.m:
             break
     else:
         return None
-    dx, dy = form.kkt.solve(rhs_x, rhs_y)
-    if not np.isfinite(dx.sum() + dy.sum()):
-        return None
-    return dx + dx_fixed, dy + dy_inactive
+    kkt.solve_call()
+    kkt.check_solution()
+    dx += kkt.solution[:n]
+    dy += kkt.solution[n:]
+    return (dx, dy) if np.isfinite(dx.sum() + dy.sum()) else None
 
 
 def smaller_multipliers(form: ScaledProblem, x: Floats, y: Floats) -> Floats:
@@ -235,7 +213,7 @@ def smaller_multipliers(form: ScaledProblem, x: Floats, y: Floats) -> Floats:
     point = project(form, x, y)
     if point is None:
         return y
-    free, active = ~point.active_x, point.active_rows
+    free, active = point.active_x == 0.0, point.active_rows != 0.0
     jac = point.jac * (active[form.jac_rows] & free[form.jac_cols])
     form.kkt.factorize(np.zeros_like(point.hess), jac, np.ones(form.n), np.where(active, DUAL_SHIFT, 1.0))
     _, smaller = form.kkt.solve(np.where(free, -point.gradient, 0.0), np.zeros(form.m))

@@ -8,14 +8,14 @@ is solved and then reduced superlinearly (Fiacco and McCormick), which is what t
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from stc.solver.formulation import Formulation
 from stc.solver.globalization import Filter, largest_step
-from stc.solver.iterate import Iterate, errors_of
 from stc.solver.newton_system import NewtonSystem
-from stc.solver.nlp import Floats
-from stc.solver.products import inner, least_error
+from stc.solver.passes import DUAL_STEP, PRIMAL_STEP, PRODUCTS, SIGMA
+from stc.solver.workspace import Workspace
 
 __all__ = ["BarrierParameter"]
 
@@ -33,8 +33,7 @@ RECENTRE = 0.1
 LONG = 0.1
 REACH = 0.3
 GAIN = 0.1
-PRODUCTS = (0.1, 10.0)
-CENTRING = np.array([1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0])
+NEAR_MU = (0.1, 10.0)
 
 
 class BarrierParameter:
@@ -47,18 +46,19 @@ class BarrierParameter:
         changed: True when mu changed, which invalidates the filter.
     """
 
-    def __init__(self, form: Formulation, mu: float, smallest: float, adaptive: bool = True) -> None:
-        self.form = form
+    def __init__(self, work: Workspace, mu: float, smallest: float, adaptive: bool = True) -> None:
+        self.work = work
+        self.form = form = work.form
         self.mu = mu
         self.smallest = smallest
         self.adaptive = adaptive
         self.free = adaptive and form.gaps > 0
         self.tau = SMALLEST_TAU
         self.changed = False
-        self._largest = np.inf
+        self._largest = math.inf
         self._short = 0
         self._error = 1.0
-        self._accepted = Filter(np.inf)
+        self._accepted = Filter(math.inf)
         if form.gaps == 0:
             self.mu = 0.0
 
@@ -66,8 +66,8 @@ class BarrierParameter:
         """Note the length of the last step: several very short ones in a row call for more centring."""
         self._short = self._short + 1 if length < SHORT else 0
 
-    def update(self, it: Iterate, error: float, stuck: bool) -> None:
-        """Decide the mode for this iterate and, in the held mode, the parameter.
+    def update(self, error: float, stuck: bool) -> None:
+        """Decide the mode for the iterate, just measured, and, in the held mode, the parameter.
 
         Args:
             error: the KKT error of the iterate.
@@ -77,8 +77,9 @@ class BarrierParameter:
         self._error = min(1.0, error)
         if self.form.gaps == 0:
             return
-        average = inner(it.gap, it.z) / self.form.gaps
-        if not np.isfinite(self._largest):
+        it = self.work.it
+        average = self.work.s[PRODUCTS] / self.form.gaps
+        if not math.isfinite(self._largest):
             self._largest = LARGEST_GROWTH * max(average, self.smallest)
         if self.free:
             if self._short >= MANY:
@@ -87,24 +88,25 @@ class BarrierParameter:
                 mu = max(average, RECENTRE * self._error)
                 self._set(min(mu, max(self._largest, average)))
                 return
-            if not stuck and self._progress(it):
+            if not stuck and self._progress():
                 self._accepted.add(it.theta, it.f)
                 return
             self.free = False
-            self._set(float(np.clip(HELD_FRACTION * average, self.smallest, self._largest)))
+            self._set(min(max(HELD_FRACTION * average, self.smallest), self._largest))
             return
-        if self.adaptive and not stuck and self._progress(it):
+        if self.adaptive and not stuck and self._progress():
             self.free = True
             self._accepted.add(it.theta, it.f)
             return
-        while errors_of(self.form, it, self.mu).total <= SOLVED * self.mu or stuck:
+        while self.work.errors(self.mu).total <= SOLVED * self.mu or stuck:
             lower = max(self.smallest, min(LINEAR_DECREASE * self.mu, self.mu**SUPERLINEAR_DECREASE))
             if lower >= self.mu:
                 break
             self._set(lower)
             stuck = False
 
-    def _progress(self, it: Iterate) -> bool:
+    def _progress(self) -> bool:
+        it = self.work.it
         margin = MARGIN * self._error
         return self._accepted.accepts(it.theta + margin, it.f + margin)
 
@@ -113,71 +115,44 @@ class BarrierParameter:
         self.mu = mu
         self.tau = max(SMALLEST_TAU, 1.0 - mu)
 
-    def step(self, it: Iterate, system: NewtonSystem) -> tuple[Floats, Floats, Floats]:
-        """The step ``(dw, dy, dz)`` with the factorised system; chooses mu first in the free mode."""
-        if self.form.gaps == 0:
-            return system.step(it, it.z, it.c)
+    def step(self, system: NewtonSystem) -> None:
+        """Find the workspace's step with the factorised system; chooses mu first in the free mode."""
+        work = self.work
         if not self.free:
-            return system.step(it, self.mu / it.gap, it.c)
-        form = self.form
-        affine = system.step(it, np.zeros(form.gaps), it.c)
-        average = inner(it.gap, it.z) / form.gaps
-        centring = system.centring(average / it.gap)
-        sigma = self._best_centring(it, affine, centring, average)
+            work.mu[0] = self.mu
+            work.mu_centre_call()
+            system.find_step(work.step)
+            work.limit_step(self.tau)
+            return
+        work.predict()
+        average = work.s[PRODUCTS] / self.form.gaps
         floor = max(self.smallest, ERROR_FRACTION * self._error)
-        self._set(float(np.clip(sigma * average, floor, max(floor, self._largest))))
+        self._set(min(max(work.s[SIGMA] * average, floor), max(floor, self._largest)))
         self.changed = True
-        sigma = self.mu / average
-        step = (
-            affine[0] + sigma * centring[0],
-            affine[1] + sigma * centring[1],
-            affine[2] + sigma * centring[2],
-        )
-        return self._corrected(it, system, step)
+        work.combine(self.mu / average, self.tau)
+        self._correct(system)
 
-    def _corrected(
-        self, it: Iterate, system: NewtonSystem, step: tuple[Floats, Floats, Floats]
-    ) -> tuple[Floats, Floats, Floats]:
+    def _correct(self, system: NewtonSystem) -> None:
         """Where the bounds allow only a short step: the same with its worst complementarity products
         brought back near mu, if that lets it go further (J. Gondzio, Multiple centrality corrections in a
         primal-dual method for linear programming, Comput. Optim. Appl. 6, 1996).
         """
-        form = self.form
-        gap_step = form.sign * step[0][form.index]
-        primal, dual = largest_step(it.gap, gap_step, self.tau), largest_step(it.z, step[2], self.tau)
+        form, work = self.form, self.work
+        it, step = work.it, work.step
+        primal, dual = work.s[PRIMAL_STEP], work.s[DUAL_STEP]
         if min(primal, dual) >= LONG:
-            return step
+            return
+        gap_step = form.sign * step.dw[form.index]
         further_primal, further_dual = min(1.0, primal + REACH), min(1.0, dual + REACH)
-        products = (it.gap + further_primal * gap_step) * (it.z + further_dual * step[2])
-        wanted = np.clip(products, PRODUCTS[0] * self.mu, PRODUCTS[1] * self.mu) - products
-        wanted = np.maximum(wanted, -PRODUCTS[1] * self.mu)
-        extra = system.centring(wanted / it.gap)
-        new = (step[0] + extra[0], step[1] + extra[1], step[2] + extra[2])
-        new_primal = largest_step(it.gap, form.sign * new[0][form.index], self.tau)
-        new_dual = largest_step(it.z, new[2], self.tau)
+        products = (it.gap + further_primal * gap_step) * (it.z + further_dual * step.dz)
+        wanted = np.clip(products, NEAR_MU[0] * self.mu, NEAR_MU[1] * self.mu) - products
+        wanted = np.maximum(wanted, -NEAR_MU[1] * self.mu)
+        work.centre[:] = wanted / it.gap
+        extra = work.centring
+        system.find_centring(extra)
+        new_primal = largest_step(it.gap, gap_step + form.sign * extra.dw[form.index], self.tau)
+        new_dual = largest_step(it.z, step.dz + extra.dz, self.tau)
         further = new_primal + new_dual >= primal + dual + GAIN * REACH
-        return new if further and min(new_primal, new_dual) >= min(primal, dual) else step
-
-    def _best_centring(
-        self,
-        it: Iterate,
-        affine: tuple[Floats, Floats, Floats],
-        centring: tuple[Floats, Floats, Floats],
-        average: float,
-    ) -> float:
-        """Minimise the predicted error over a grid of centring parameters."""
-        form = self.form
-        dual_residual = it.dual - form.scatter(it.z)
-        best = least_error(
-            CENTRING,
-            np.maximum(SMALLEST_TAU, 1.0 - CENTRING * average),
-            it.gap,
-            it.z,
-            form.sign * affine[0][form.index],
-            form.sign * centring[0][form.index],
-            affine[2],
-            centring[2],
-            inner(dual_residual, dual_residual) / max(1, int(form.moving.sum())),
-            inner(it.c, it.c) / max(1, form.m),
-        )
-        return float(CENTRING[best])
+        if further and min(new_primal, new_dual) >= min(primal, dual):
+            step.add(extra)
+            work.limit_step(self.tau)

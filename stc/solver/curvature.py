@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.solver.formulation import Formulation
 from stc.solver.globalization import largest_step
-from stc.solver.iterate import Iterate, refresh
+from stc.solver.iterate import evaluate
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.products import inner, norm
@@ -22,20 +21,22 @@ RETURNS = 3
 SIGNIFICANT = 1e-11
 
 
-def leave_saddle(form: Formulation, it: Iterate, system: NewtonSystem, seed: int) -> bool:
+def leave_saddle(system: NewtonSystem, seed: int) -> bool:
     """Move off a stationary point along negative curvature of the Lagrangian on the constraints.
 
     When the matrix at ``it`` has the right inertia only after a shift, inverse iteration with the shifted
     factorisation turns a random vector into the direction of most negative curvature.
 
     Returns:
-        True when ``it`` was moved to a point of lower objective; False when it satisfies the second-order
+        True when the iterate was moved to a point of lower objective; False when it satisfies the second-order
         conditions as far as can be told.
     """
+    form, work = system.form, system.work
+    it = work.it
     mu = inner(it.gap, it.z) / max(1, form.gaps)
     try:
-        system.factorize(it, max(mu, 1e-9))
-        system.tighten(it)
+        system.factorize(max(mu, 1e-9))
+        system.tighten()
     except SingularSystem:
         return False
     if system.shift <= NEGLIGIBLE:
@@ -57,12 +58,13 @@ def leave_saddle(form: Formulation, it: Iterate, system: NewtonSystem, seed: int
         return False
     if inner(it.dual[: form.n], v) > 0.0:
         dw = -dw
-    return _descend(form, it, system, dw)
+    return _descend(system, dw)
 
 
-def _descend(form: Formulation, it: Iterate, system: NewtonSystem, dw: Floats) -> bool:
+def _descend(system: NewtonSystem, dw: Floats) -> bool:
     """Walk along ``dw`` or its opposite, back onto the rows after each trial, as far as the objective falls."""
-    n = form.n
+    form, work = system.form, system.work
+    it, n = work.it, form.n
     scale = FIRST_TRIAL * max(1.0, float(np.abs(it.w[:n]).max(initial=0.0)))
     price = 1.0 + 2.0 * float(np.abs(it.y).max(initial=0.0))
     merit = it.f + price * it.theta
@@ -77,8 +79,11 @@ def _descend(form: Formulation, it: Iterate, system: NewtonSystem, dw: Floats) -
                 if not np.isfinite(f + theta):
                     break
                 if f + price * theta < merit - SIGNIFICANT * (1.0 + abs(it.f)):
-                    it.w, it.f, it.r, it.c, it.theta, it.gap = w, f, r, c, theta, form.gap(w)
-                    return refresh(form, it)
+                    moved = evaluate(form, w, it.y.copy(), it.z.copy())
+                    if not moved.is_finite:
+                        return False
+                    work.load(moved)
+                    return True
                 if theta <= it.theta:
                     break
                 back, _ = system.solve(np.zeros(form.size), c)

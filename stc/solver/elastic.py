@@ -150,10 +150,13 @@ class ElasticProblem(Formulation):
             full[self.held] = 0.0
         return full, np.concatenate([jac, self._columns]), hess
 
-    def user_view(self, x: Floats, f: float, r: Floats) -> tuple[Floats, float, float]:
+    def user_variables(self, x: Floats) -> Floats:
+        return self.base.user_variables(self.split(x)[0])
+
+    def user_measures(self, x: Floats, f: float, r: Floats) -> tuple[float, float]:
         own, p, q = self.split(x)
         f_own, _ = self.base.values(own)
-        return self.base.user_view(own, f_own, r + p - q)
+        return self.base.user_measures(own, f_own, r + p - q)
 
     def start(self, w: Floats, y: Floats, z_base: Floats, mu: float) -> Iterate:
         """An iterate at the problem's own point ``w`` (n + m,), p and q optimal for it at ``mu``.

@@ -10,17 +10,44 @@ and the Lagrangian is ``f + y.(r - s) - z.gap``.
 
 from __future__ import annotations
 
+import weakref
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from stc.codegen.calls import Bound
+from stc.solver.evaluator import Evaluator
 from stc.solver.nlp import Floats, Ints, Mask
-from stc.solver.products import symmetric_times, times
+from stc.solver.passes import EQUALITY, IGNORED, INEQUALITY
+from stc.solver.products import Indices, symmetric_times, times
 
 if TYPE_CHECKING:
     from stc.solver.kkt.contract import KKTSystem
+    from stc.solver.workspace import Workspace
 
 __all__ = ["Formulation", "summed"]
+
+
+def _form_evaluator(form: Formulation) -> Evaluator:
+    """The evaluator of a form that evaluates in Python."""
+    result = Evaluator.allocate(form.n, form.m, form.jac_rows.size, form.hess_rows.size)
+    own = weakref.ref(form)  # which keeps the evaluator
+
+    def values() -> None:
+        its = own()
+        assert its is not None
+        result.f[0], result.r[:] = its.values(result.x)
+
+    def derivatives() -> None:
+        its = own()
+        assert its is not None
+        result.gradient[:], result.jac[:], result.hess[:] = its.derivatives(result.x, result.y)
+
+    result.values_call, result.derivatives_call = (
+        Bound.of_python(values, ()),
+        Bound.of_python(derivatives, ()),
+    )
+    return result
 
 
 def summed(index: Ints, values: Floats, size: int) -> Floats:
@@ -42,12 +69,17 @@ class Formulation:
         index, sign, bound: the gaps, (gaps,) each.
         extra_diagonal: constant added to the Hessian's diagonal, (n,), or None.
         kkt: the linear algebra for this sparsity.
+        stated_limits: of rows and of variables: which ones, the limits, and the factors that turn
+            ``limit - value`` into a violation in the user's terms; None where there are no such terms.
+        workspace: see :func:`stc.solver.workspace.workspace_of`.
     """
 
     n: int
     m: int
     kkt: KKTSystem
     extra_diagonal: Floats | None = None
+    workspace: Workspace | None = None
+    stated_limits: tuple[Indices, Floats, Floats, Indices, Floats, Floats] | None = None
 
     def _set_bounds(self, x_lower: Floats, x_upper: Floats, row_lower: Floats, row_upper: Floats) -> None:
         n, m = self.n, self.m
@@ -71,6 +103,16 @@ class Formulation:
         self.moving = np.concatenate([self.free, self.inequality])  # entries of w that the iteration changes
         self.all_moving = bool(self.moving.all())
         self.size = n + m
+        # The same for compiled passes.
+        self.free_factor, self.moving_factor = self.free.astype(float), self.moving.astype(float)
+        self.held_factor, self.equality_factor = self.held.astype(float), self.equality.astype(float)
+        self.kind = np.where(self.equality, EQUALITY, np.where(self.ignored, IGNORED, INEQUALITY)).astype(
+            np.int32
+        )
+
+    def evaluator(self) -> Evaluator:
+        """Functions and derivatives at fixed places."""
+        return _form_evaluator(self)
 
     def _set_pattern(self, jac_rows: Ints, jac_cols: Ints, hess_rows: Ints, hess_cols: Ints) -> None:
         self.jac_rows = np.ascontiguousarray(jac_rows, dtype=np.int64)
@@ -88,8 +130,16 @@ class Formulation:
         """Gradient (n,), Jacobian entries and the Lagrangian's Hessian entries, all owned by the caller."""
         raise TypeError(f"{type(self).__name__} does not evaluate functions")
 
-    def user_view(self, x: Floats, f: float, r: Floats) -> tuple[Floats, float, float]:
-        """Variables, objective and violation in the user's terms."""
+    def user_variables(self, x: Floats) -> Floats:
+        """Variables in the user's terms, (n,)."""
+        raise TypeError(f"{type(self).__name__} has no user's terms")
+
+    def user_objective(self, f: float) -> float:
+        """Objective in the user's terms."""
+        raise TypeError(f"{type(self).__name__} has no user's terms")
+
+    def user_measures(self, x: Floats, f: float, r: Floats) -> tuple[float, float]:
+        """Objective and violation in the user's terms."""
         raise TypeError(f"{type(self).__name__} has no user's terms")
 
     # -- products ----------------------------------------------------------------------------------------------

@@ -6,14 +6,15 @@ convergence, SIAM J. Optim. 16 (2005), with the second-order correction and the 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from stc.records import dataclass
-from stc.solver.formulation import Formulation
-from stc.solver.iterate import Iterate, refresh
+from stc.solver.iterate import evaluate
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.nlp import Floats
-from stc.solver.products import inner
+from stc.solver.passes import LOG_SLOPE, PRIMAL_STEP, RELATIVE, SLOPE, TRIAL_THETA
+from stc.solver.workspace import Step, Workspace
 
 __all__ = ["Filter", "LineSearch", "barrier_value", "largest_step"]
 
@@ -25,8 +26,11 @@ S_PHI = 2.3
 ETA = 1e-8
 GAMMA_ALPHA = 0.05
 SMALL_THETA = 1e-4
+SHORTENED, TRIALS = 10, 3
+"""After so many shortened steps in a row, so many whole ones are taken on trial."""
 CORRECTIONS = 4
 CORRECTION_PROGRESS = 0.99
+SMALLEST_POWER = 1e-300
 EPSILON = float(np.finfo(float).eps)
 OBJECTIVE_LIMIT = 5.0
 """Largest admissible increase of the barrier function, in powers of ten."""
@@ -67,205 +71,197 @@ class Filter:
         return theta <= self.largest_theta and all(theta <= t or phi <= p for t, p in self._entries)
 
 
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """A point on the search path."""
+class _Watch:
+    """The point and the step from which whole steps are tried that the filter does not accept.
 
-    w: Floats
-    f: float
-    r: Floats
-    gap: Floats
-    c: Floats
-    theta: float
-    phi: float
+    Args:
+        work: whose iterate and step they are.
+        reference: theta, phi and slope there, and the fraction of the step that the bounds allow.
+    """
+
+    def __init__(self, work: Workspace, reference: tuple[float, float, float, float]) -> None:
+        it = work.it
+        self.theta, self.phi, self.slope, self.limit = reference
+        self.trials = 0
+        self._point = it.w.copy(), it.y.copy(), it.z.copy()
+        self._step = Step(work.form)
+        self._step.become(work.step)
+
+    def go_back(self, work: Workspace, tau: float) -> None:
+        """Make that point the iterate again, and that step the step."""
+        work.load(evaluate(work.form, *self._point))
+        work.errors()
+        work.step.become(self._step)
+        work.limit_step(tau)
 
 
 class LineSearch:
     """Backtracks along a step until the filter accepts.
 
+    Where it had to backtrack many times in a row, a few whole steps are taken on trial: they often lead to where the
+    rows can be met, through points that the filter does not accept (R. M. Chamberlain, M. J. D. Powell, C. Lemarechal
+    and H. C. Pedersen, The watchdog technique for forcing convergence in algorithms for constrained optimization,
+    Math. Program. Study 16, 1982). If they do not, the search goes back to where they began.
+
     Attributes:
         filter: the filter, which survives from step to step until the barrier parameter changes.
         tiny: True when the last accepted step was below rounding error.
+        went_back: True when the last search ended steps on trial, so that the factorisation at hand is not that of
+            the iterate.
     """
 
-    def __init__(self, form: Formulation, theta0: float, largest_theta: float) -> None:
-        self.form = form
+    def __init__(self, work: Workspace, largest_theta: float) -> None:
+        self.work = work
+        self.form = form = work.form
+        theta0 = work.it.theta
         self._shifts_count = bool(form.equality.any())
         self.small_theta = SMALL_THETA * max(1.0, theta0)
         self.filter = Filter(largest_theta * max(1.0, theta0))
-        self.tiny = False
+        self.tiny = self.went_back = False
         self.corrections = 0
+        self._shortened = 0
+        self._watch: _Watch | None = None
 
-    def trial(self, w: Floats, mu: float) -> Trial | None:
-        """Functions at ``w``; None where one is undefined."""
-        form = self.form
-        f, r = form.values(w[: form.n])
-        c = form.residual(r, w)
-        theta = float(np.abs(c).sum())
-        if not np.isfinite(f + theta):
-            return None
-        gap = form.gap(w)
-        if gap.size and gap.min() <= 0.0:
-            return None
-        return Trial(w, f, r, gap, c, theta, barrier_value(f, gap, mu))
+    def reset(self) -> None:
+        """Forget the points before, as when the barrier parameter changes."""
+        self.filter.reset()
+        self._watch = None
 
-    def search(
-        self,
-        it: Iterate,
-        system: NewtonSystem,
-        mu: float,
-        tau: float,
-        dw: Floats,
-        dy: Floats,
-        dz: Floats,
-        shortest: float = 0.0,
-    ) -> float:
-        """Move ``it`` along the step; returns the accepted fraction, 0 when there is none.
+    def search(self, system: NewtonSystem, mu: float, tau: float, shortest: float = 0.0) -> float:
+        """Move the iterate along the workspace's step; returns the accepted fraction, 0 when there is none.
 
-        Fractions below ``shortest`` of what the bounds allow are not tried.  The derivatives of ``it`` are current
-        on return when the fraction is positive.
+        Fractions below ``shortest`` of what the bounds allow are not tried.  The derivatives of the iterate are
+        current on return when the fraction is positive.
         """
-        form = self.form
-        self._jac = it.jac
-        self._pull = (
-            system.shift * (dw[: form.n] * form.free) if self._shifts_count and system.shift else None
-        )
-        self._dual = it.dual - form.scatter(it.z)
-        phi = barrier_value(it.f, it.gap, mu)
-        slope = inner(it.gradient, dw[: form.n])
-        if form.gaps:
-            slope -= mu * float((form.sign * dw[form.index] / it.gap).sum())
-        theta = it.theta
-        limit = largest_step(it.gap, form.sign * dw[form.index], tau)
-        dual_limit = largest_step(it.z, dz, tau)
-        size = float((np.abs(dw) / (1.0 + np.abs(it.w))).max(initial=0.0))
-        self.tiny = size < 10.0 * EPSILON and theta < 1e-4
+        work, s = self.work, self.work.s
+        phi, theta = work.phi(mu), work.it.theta
+        slope = s[SLOPE] - mu * s[LOG_SLOPE]
+        limit = s[PRIMAL_STEP]
+        self._shift = system.shift if self._shifts_count else 0.0
+        self.tiny = s[RELATIVE] < 10.0 * EPSILON and theta < 1e-4
+        self.went_back = False
+        if self._watch is None and self._shortened >= SHORTENED:
+            self._watch = _Watch(work, (theta, phi, slope, limit))
+        if self._watch is not None:
+            watch = self._watch
+            if self._on_trial(watch, limit, mu):
+                return limit
+            watch.go_back(work, tau)
+            theta, phi, slope, limit, shortest = watch.theta, watch.phi, watch.slope, watch.limit, 0.0
+            self._watch, self.went_back, self._shift = None, True, 0.0
         smallest = max(self._smallest(theta, slope), shortest * limit)
         alpha = limit
         first = True
+        if self.went_back:
+            alpha, first = 0.5 * limit, False
         while alpha >= smallest or first:
-            trial = self.trial(it.w + alpha * dw, mu)
-            if trial is not None:
-                kind = "free" if self.tiny else self._verdict(theta, phi, slope, alpha, trial)
-                if kind is None and first and trial.theta >= theta > 0.0:
-                    corrected = self._correct(it, system, mu, tau, alpha, trial, theta, phi, slope)
-                    if corrected is not None and self._move(it, *corrected, alpha, dy, dual_limit, dz, mu):
+            if work.try_step(alpha):
+                trial = s[TRIAL_THETA], work.trial_phi(mu)
+                kind = "free" if self.tiny else self._verdict(theta, phi, slope, alpha, *trial)
+                if kind is not None:
+                    if self._move(kind, theta, phi, alpha, mu):
+                        self._shortened = 0 if first else self._shortened + 1
                         return alpha
-                if kind is not None and self._move(
-                    it, trial, kind, theta, phi, alpha, dy, dual_limit, dz, mu
-                ):
-                    return alpha
+                elif first and trial[0] >= theta > 0.0:
+                    kind = self._correct(system, mu, tau, alpha, theta, phi, slope)
+                    if kind is not None and self._move(kind, theta, phi, alpha, mu):
+                        self._shortened = 0
+                        return alpha
             first = False
             alpha *= 0.5
         return 0.0
+
+    def _on_trial(self, watch: _Watch, limit: float, mu: float) -> bool:
+        """Take the whole step; False when there have been too many that led nowhere."""
+        work = self.work
+        if not work.try_step(limit):
+            return False
+        trial = work.s[TRIAL_THETA], work.trial_phi(mu)
+        kind = self._verdict(watch.theta, watch.phi, watch.slope, watch.limit, *trial)
+        if kind is not None:
+            if not self._move(kind, watch.theta, watch.phi, limit, mu):
+                return False
+            self._watch, self._shortened = None, 0
+            return True
+        watch.trials += 1
+        return watch.trials <= TRIALS and work.move(limit, mu, self._shift)
 
     def _smallest(self, theta: float, slope: float) -> float:
         smallest = GAMMA_THETA
         if slope < 0.0:
             smallest = min(smallest, GAMMA_PHI * theta / -slope)
             if theta <= self.small_theta:
-                smallest = min(smallest, DELTA * _power(theta, S_THETA) / _power(-slope, S_PHI))
+                smallest = min(
+                    smallest, DELTA * _power(theta, S_THETA) / max(_power(-slope, S_PHI), SMALLEST_POWER)
+                )
         return max(GAMMA_ALPHA * smallest, 1e-14)
 
-    def _verdict(self, theta: float, phi: float, slope: float, alpha: float, trial: Trial) -> str | None:
+    def _verdict(
+        self, theta: float, phi: float, slope: float, alpha: float, trial_theta: float, trial_phi: float
+    ) -> str | None:
         """``"armijo"`` or ``"filter"`` when acceptable, the latter also extending the filter; else None."""
-        if not self.filter.accepts(trial.theta, trial.phi):
+        if not self.filter.accepts(trial_theta, trial_phi):
             return None
         noise = 10.0 * EPSILON * abs(phi)
         descent = slope < 0.0 and alpha * _power(-slope, S_PHI) > DELTA * _power(theta, S_THETA)
         if descent and theta <= self.small_theta:
-            return "armijo" if trial.phi - phi - noise <= ETA * alpha * slope else None
-        if trial.phi > phi and np.log10(trial.phi - phi) > OBJECTIVE_LIMIT + max(
-            1.0, np.log10(abs(phi)) if abs(phi) > 10.0 else 1.0
+            return "armijo" if trial_phi - phi - noise <= ETA * alpha * slope else None
+        if trial_phi > phi and math.log10(trial_phi - phi) > OBJECTIVE_LIMIT + max(
+            1.0, math.log10(abs(phi)) if abs(phi) > 10.0 else 1.0
         ):
             return None
-        better = trial.theta <= (1.0 - GAMMA_THETA) * theta or trial.phi - phi - noise <= -GAMMA_PHI * theta
+        better = trial_theta <= (1.0 - GAMMA_THETA) * theta or trial_phi - phi - noise <= -GAMMA_PHI * theta
         return "filter" if better else None
 
     def _correct(
         self,
-        it: Iterate,
         system: NewtonSystem,
         mu: float,
         tau: float,
         alpha: float,
-        trial: Trial,
         theta: float,
         phi: float,
         slope: float,
-    ) -> tuple[Trial, str, float, float] | None:
-        """Second-order correction: the step that also removes the violation seen at the trial point."""
-        form = self.form
-        c = alpha * it.c + trial.c
-        centre = mu / it.gap
-        last = trial.theta
+    ) -> str | None:
+        """Second-order correction: try the step that also removes the violation seen at the point tried.
+
+        Returns the verdict when the point tried last is acceptable.
+        """
+        form, work = self.form, self.work
+        it, correction = work.it, work.correction
+        c = work.correction_c
+        c[:] = alpha * it.c + work.trial_c
+        last = work.s[TRIAL_THETA]
         for _ in range(CORRECTIONS):
-            dw, _, _ = system.step(it, centre, c)
-            length = largest_step(it.gap, form.sign * dw[form.index], tau)
-            corrected = self.trial(it.w + length * dw, mu)
-            if corrected is None:
+            work.mu[0] = mu
+            work.mu_centre_call()
+            system.find_step(correction, c, "correction")
+            length = largest_step(it.gap, form.sign * correction.dw[form.index], tau)
+            if not work.try_point(it.w + length * correction.dw):
                 return None
-            kind = self._verdict(theta, phi, slope, alpha, corrected)
+            now = work.s[TRIAL_THETA]
+            kind = self._verdict(theta, phi, slope, alpha, now, work.trial_phi(mu))
             if kind is not None:
                 self.corrections += 1
-                return corrected, kind, theta, phi
-            if corrected.theta > CORRECTION_PROGRESS * last:
+                return kind
+            if now > CORRECTION_PROGRESS * last:
                 return None
-            last = corrected.theta
-            c = length * c + corrected.c
+            last = now
+            c[:] = length * c + work.trial_c
         return None
 
-    def _row_fraction(self, primal: float, dual: float, dy: Floats, dz: Floats) -> float:
-        """Fraction of ``dy`` that leaves the smallest gradient of the Lagrangian, to first order, when the
-        primal and the dual variables take different fractions of their steps.
-
-        A shift of the Hessian is no part of the Lagrangian, and a large one shows in ``dy``: it counts as well.
-        """
-        form = self.form
-        n = form.n
-        rows = np.empty(form.size)
-        rows[:n] = form.transpose_times(self._jac, dy)
-        np.negative(dy, out=rows[n:])
-        if not form.all_moving:
-            rows[~form.moving] = 0.0
-        size = inner(rows, rows)
-        if (primal == dual and self._pull is None) or size == 0.0:
-            return primal
-        left = (1.0 - primal) * self._dual + (primal - dual) * form.scatter(dz)
-        if self._pull is not None:
-            left[:n] -= primal * self._pull
-        return min(max(primal - inner(left, rows) / size, 0.0), 1.0)
-
-    def _move(
-        self,
-        it: Iterate,
-        trial: Trial,
-        kind: str,
-        theta: float,
-        phi: float,
-        alpha: float,
-        dy: Floats,
-        dual_limit: float,
-        dz: Floats,
-        mu: float,
-    ) -> bool:
-        """Make the trial point the iterate, unless a derivative is undefined there."""
-        old = (it.w, it.y, it.z, it.f, it.r, it.gap, it.c, it.theta, it.gradient, it.jac, it.hess, it.dual)
-        it.w, it.f, it.r, it.gap, it.c, it.theta = trial.w, trial.f, trial.r, trial.gap, trial.c, trial.theta
-        it.y = it.y + self._row_fraction(alpha, dual_limit, dy, dz) * dy
-        it.z = it.z + dual_limit * dz
-        if self.form.gaps:
-            np.clip(it.z, mu / (1e10 * it.gap), 1e10 * mu / it.gap, out=it.z)
-        if not refresh(self.form, it):
-            (it.w, it.y, it.z, it.f, it.r, it.gap, it.c, it.theta, it.gradient, it.jac, it.hess, it.dual) = (
-                old
-            )
+    def _move(self, kind: str, theta: float, phi: float, alpha: float, mu: float) -> bool:
+        """Make the point tried the iterate, unless a derivative is undefined there."""
+        if not self.work.move(alpha, mu, self._shift):
             return False
         if kind == "filter":
             self.filter.add(theta, phi)
         return True
 
 
-def _power(base: float, exponent: float) -> np.float64:
-    """``base ** exponent``, inf where that is too large; Python's own raises, and so does its division by 0."""
-    return np.float64(base) ** exponent
+def _power(base: float, exponent: float) -> float:
+    """``base ** exponent``, inf where that is too large."""
+    try:
+        return float(base**exponent)
+    except OverflowError:
+        return math.inf

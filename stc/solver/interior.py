@@ -16,24 +16,26 @@ from stc.solver.curvature import leave_saddle
 from stc.solver.elastic import ElasticProblem
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import LineSearch, barrier_value
-from stc.solver.iterate import Iterate, errors_of, evaluate
+from stc.solver.iterate import Iterate, evaluate
 from stc.solver.monitor import Monitor
 from stc.solver.multipliers import LaggingMultipliers, least_squares_multipliers
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
-from stc.solver.products import inner, norm
+from stc.solver.passes import FARTHEST, FINITE, LENGTH, PRIMAL, PRODUCTS, STEP
+from stc.solver.products import inner
 from stc.solver.progress import Drift, Nearest, Stall
 from stc.solver.restoration import Acceptance, back_from, elastic_start
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.unboundedness import is_unbounded
+from stc.solver.workspace import Step, workspace_of
 
 __all__ = ["feasible_first", "optimise"]
 
 ESCAPES = 5
 LARGEST_ERROR = 1e50
-FARTHEST = 1e20
+TOO_FAR = 1e20
 GAP = 1e-7
 """Largest sum of gap times multiplier, relative to the objective, which it bounds the error of."""
 MANY_GAPS = 100.0
@@ -42,7 +44,7 @@ TOO_LITTLE = 0.99
 DOUBTFUL = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 LONG_PATIENCE = 100
-SHORTEST = 0.02
+SHORTEST = 2e-3
 SHORTER = (10.0, 10.0, 1e3, 1e8)
 SAME_SIZE = 0.8
 """A stiffer Hessian that leaves the step longer than this fraction of it is of no use."""
@@ -100,9 +102,12 @@ class _Loop:
         tactics: Tactics,
         stop: Condition | None,
     ) -> None:
-        self.form, self.it, self.options, self.monitor = form, it, options, monitor
+        self.form, self.options, self.monitor = form, options, monitor
+        self.work = workspace_of(form)
+        self.work.load(it)
+        self.it = self.work.it
         self.tactics, self.stop = tactics, stop
-        self.system = NewtonSystem(form)
+        self.system = NewtonSystem(self.work)
         self.finish = Finish(form, options.tolerance, monitor)
         self.lagging = LaggingMultipliers()
         self.drift = Drift()
@@ -117,8 +122,8 @@ class _Loop:
         """Forget how the current iterate was reached."""
         form = self.form
         smallest = self.options.tolerance / 11.0 / max(1.0, form.gaps / MANY_GAPS)
-        self.barrier = BarrierParameter(form, mu, smallest, self.adaptive)
-        self.search = LineSearch(form, self.it.theta, self.tactics.largest_theta)
+        self.barrier = BarrierParameter(self.work, mu, smallest, self.adaptive)
+        self.search = LineSearch(self.work, self.tactics.largest_theta)
         self.nearest = Nearest(form, self.it)
         self.stall = Stall()
         self.stuck = False
@@ -134,13 +139,13 @@ class _Loop:
                     continue
                 return self._outcome(End.CONVERGED)
             if self._stalled():
-                self.nearest.return_to(self.it)
+                self.nearest.return_to(self.work)
                 if self._leave_saddle() or self._hold_barrier():
                     continue
                 return self._give_up()
-            self.barrier.update(self.it, self.error, self.stuck)
+            self.barrier.update(self.error, self.stuck)
             try:
-                self.system.factorize(self.it, self.barrier.mu)
+                self.system.factorize(self.barrier.mu)
             except SingularSystem:
                 return self._give_up()
             if self._advance() and not self.stall.blocked(self.length, self.it.theta):
@@ -154,17 +159,16 @@ class _Loop:
     def _measure(self) -> None:
         """Errors of the iterate; tell whoever keeps account of them."""
         form, it = self.form, self.it
-        errors = errors_of(form, it, 0.0)
+        errors = self.work.errors()
         self.drift.note(it.f, errors.dual)
         if self.lagging.due(errors, self.length):
-            errors = self.lagging.renew(form, it, errors)
+            errors = self.lagging.renew(self.work, errors)
         self.error = errors.total
         self.nearest.note(it, self.error)
-        x, f, violation = form.user_view(it.w[: form.n], it.f, it.r)
         own = isinstance(form, ScaledProblem)
+        f, violation = self.work.user_measures()
         self.monitor.record(
-            x,
-            form.user_multipliers(it.y) if isinstance(form, ScaledProblem) else None,
+            self._as_stated,
             f,
             violation,
             self.error,
@@ -175,15 +179,22 @@ class _Loop:
             "barrier" if own else "restoration",
         )
 
+    def _as_stated(self) -> tuple[Floats, Floats]:
+        """Variables and row multipliers in the user's terms; no multipliers while rows may be violated."""
+        form, it = self.form, self.it
+        if isinstance(form, ScaledProblem):
+            return form.as_stated(it.w[: form.n], it.y)
+        return form.user_variables(it.w[: form.n]), np.zeros(0)
+
     def _end(self) -> Outcome | None:
         """The outcome when the iterate ends the loop at once."""
         form, it = self.form, self.it
         if self.stop is not None and self.stop(form, it):
             return self._outcome(End.STOPPED)
-        if is_unbounded(form, it):
+        if is_unbounded(form, it, self.work.s[FARTHEST]):
             return self._outcome(End.UNBOUNDED)
-        if not self.error < LARGEST_ERROR or float(np.abs(it.w).max(initial=0.0)) > FARTHEST:
-            feasible = float(np.abs(it.c).max(initial=0.0)) <= ACCEPTABLE
+        if not self.error < LARGEST_ERROR or self.work.s[FARTHEST] > TOO_FAR:
+            feasible = self.work.s[PRIMAL] <= ACCEPTABLE
             return self._outcome(End.UNBOUNDED) if feasible and self.drift.falling else self._give_up()
         done = None if self.drift.falling else self.finish.attempt(it, self.error)
         if done is not None:
@@ -195,13 +206,14 @@ class _Loop:
 
     def _open(self) -> bool:
         """Whether products of gaps and multipliers may still hide an error of the objective."""
-        return inner(self.it.gap, self.it.z) > GAP * max(1.0, abs(self.it.f))
+        return self.work.s[PRODUCTS] > GAP * max(1.0, abs(self.it.f))
 
     def _stalled(self) -> bool:
         return self.stall.stalled or self.nearest.waited or self.monitor.iterations >= self.last
 
     def _outcome(self, end: End) -> Outcome:
-        return Outcome(end, self.form, self.it.w[: self.form.n], self.it.y, self.error, self.it)
+        it = self.it
+        return Outcome(end, self.form, it.w[: self.form.n].copy(), it.y.copy(), self.error, it.snapshot())
 
     def _give_up(self) -> Outcome:
         return self.nearest.outcome(self.it)
@@ -211,7 +223,7 @@ class _Loop:
     def _leave_saddle(self) -> bool:
         """Move off a stationary point that is no minimum; False when there is no way or need to."""
         seed = self.options.seed + self.escapes
-        if self.escapes >= ESCAPES or not leave_saddle(self.form, self.it, self.system, seed):
+        if self.escapes >= ESCAPES or not leave_saddle(self.system, seed):
             return False
         self.escapes += 1
         self.monitor.count()
@@ -232,12 +244,11 @@ class _Loop:
 
     def _advance(self) -> bool:
         """Take a step; False when none was acceptable."""
-        before = self.it.w
         self.length = self._search()
         self.system.relax(self.length)
         self.barrier.blocked(self.length)
         self.monitor.count()
-        self.step = float((np.abs(self.it.w - before) / (1.0 + np.abs(before))).max(initial=0.0))
+        self.step = self.work.s[STEP] if self.length > 0.0 else 0.0
         self.stuck = self.search.tiny or self.length == 0.0
         if self.length > 0.0:
             self.stall.note(self.step, self.search.tiny and not self.barrier.changed)
@@ -250,30 +261,30 @@ class _Loop:
         is computed anew with a stiffer Hessian, which also turns it. Where that does not make it shorter, it is the
         rows that ask for the step, and the first one is searched to the end.
         """
-        it, system, barrier, search = self.it, self.system, self.barrier, self.search
-        step: tuple[Floats, Floats, Floats] | None = None
+        work, system, barrier, search = self.work, self.system, self.barrier, self.search
+        before: tuple[Step, float] | None = None
         for shorter in (*SHORTER, 0.0):
-            before, step = step, barrier.step(it, system)
+            barrier.step(system)
             if barrier.changed:
-                search.filter.reset()
-            if not np.isfinite(step[0].sum() + step[1].sum()):
+                search.reset()
+            if work.s[FINITE] != 0.0:
                 return 0.0
             final = not shorter
-            if before is not None and self._size(step) > SAME_SIZE * self._size(before):
+            if before is not None and work.s[LENGTH] > SAME_SIZE * before[1]:
                 system.soften()
-                step, final = before, True
-            length = search.search(it, system, barrier.mu, barrier.tau, *step, 0.0 if final else SHORTEST)
-            if length > 0.0 or final:
+                work.step.become(before[0])
+                work.limit_step(barrier.tau)
+                final = True
+            length = search.search(system, barrier.mu, barrier.tau, 0.0 if final else SHORTEST)
+            if length > 0.0 or final or search.went_back:
                 return length
+            before = work.spare, work.s[LENGTH]
+            work.spare.become(work.step)
             try:
-                system.stiffen(it, step[0], shorter)
+                system.stiffen(work.step.dw, shorter)
             except SingularSystem:
                 return 0.0
         return 0.0
-
-    def _size(self, step: tuple[Floats, Floats, Floats]) -> float:
-        """Length of the variables' part of a step."""
-        return norm(step[0][: self.form.n])
 
     def _restore(self) -> Outcome | None:
         """Run the restoration phase from a point where no step was acceptable.
@@ -293,6 +304,7 @@ class _Loop:
             elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=acceptance
         )
         end = _return(form, it, elastic, outcome, self.options)
+        self.work.load(it)
         if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):
             return self._give_up()
         self.stall = Stall()
@@ -303,6 +315,7 @@ def _return(
     form: ScaledProblem, it: Iterate, elastic: ElasticProblem, outcome: Outcome, options: Options
 ) -> End | None:
     """Move ``it`` to where an elastic problem without an objective ended; why to stop there, or None."""
+    assert outcome.iterate is not None
     w, z = back_from(elastic, outcome.iterate)
     restored = evaluate(form, w, np.zeros(form.m), z)
     if not np.isfinite(restored.theta + restored.f + restored.dual.sum()):

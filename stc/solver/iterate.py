@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from stc.records import dataclass
@@ -10,13 +12,14 @@ from stc.solver.nlp import Floats
 
 __all__ = ["Errors", "Iterate", "errors_of", "evaluate", "multiplier_scale", "push_inside", "refresh"]
 
+ARRAYS = ("w", "y", "z", "r", "gradient", "jac", "hess", "gap", "c", "dual")
 MEAN_MULTIPLIER = 100.0
 LARGEST_SCALE = 1e3
 
 
 @dataclass(slots=True)
 class Iterate:
-    """A point of the barrier iteration.
+    """A point of the barrier iteration.  Its arrays may be kept: others may look at them, but not hold on to them.
 
     Attributes:
         w: variables and slacks, (n + m,).
@@ -43,10 +46,21 @@ class Iterate:
     hess: Floats
     dual: Floats
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether functions and derivatives are defined here."""
+        total = self.f + self.theta + self.dual.sum() + self.jac.sum() + self.hess.sum()
+        return bool(np.isfinite(total))
+
+    def snapshot(self) -> Iterate:
+        """A copy with arrays of its own."""
+        return replace(self, **{name: getattr(self, name).copy() for name in ARRAYS})
+
     def become(self, other: Iterate) -> None:
-        """Take over every quantity of another iterate."""
-        for name in self.__slots__:
-            setattr(self, name, getattr(other, name))
+        """Take over every quantity of another iterate, copied."""
+        self.f, self.theta = other.f, other.theta
+        for name in ARRAYS:
+            getattr(self, name)[:] = getattr(other, name)
 
 
 @dataclass(frozen=True, slots=True)

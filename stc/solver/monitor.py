@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
-
-import numpy as np
 
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
@@ -46,8 +45,7 @@ class Monitor:
 
     def record(
         self,
-        x: Floats,
-        multipliers: Floats | None,
+        as_stated: Callable[[], tuple[Floats, Floats]],
         objective: float,
         violation: float,
         optimality: float,
@@ -59,6 +57,10 @@ class Monitor:
     ) -> None:
         """Log a point in the user's terms.
 
+        Args:
+            as_stated: gives its variables and row multipliers, arrays that the caller may use again; no multipliers
+                where they are not those of the problem.
+
         Raises:
             Stopped: at a limit, or when the callback returns True.
         """
@@ -67,9 +69,9 @@ class Monitor:
         )
         self.history.append(entry)
         if self._is_better(objective, violation):
-            y = np.zeros(0) if multipliers is None else multipliers
+            x, y = as_stated()
             self.best = (violation, objective, x.copy(), y.copy())
-        if self._callback is not None and self._callback(replace(entry, x=x)):
+        if self._callback is not None and self._callback(replace(entry, x=as_stated()[0])):
             raise Stopped(Status.INTERRUPTED)
         self.check()
 

@@ -7,6 +7,7 @@ import numpy as np
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Errors, Iterate, errors_of, evaluate
 from stc.solver.nlp import Floats
+from stc.solver.workspace import Workspace
 
 __all__ = ["LaggingMultipliers", "least_squares_multipliers"]
 
@@ -56,13 +57,14 @@ class LaggingMultipliers:
         self._dual = errors.dual
         return self._waited >= LAGGING_STEPS
 
-    def renew(self, form: Formulation, it: Iterate, errors: Errors) -> Errors:
-        """Give ``it`` its least-squares multipliers if they are better; the errors then."""
+    def renew(self, work: Workspace, errors: Errors) -> Errors:
+        """Give the iterate its least-squares multipliers if they are better; the errors then."""
         self._waited = 0
+        form, it = work.form, work.it
         y = least_squares_multipliers(form, it, LARGEST_LATER)
         other = evaluate(form, it.w, y, it.z)
         new = errors_of(form, other, 0.0)
         if not new.total < HALF * errors.total:
             return errors
-        it.become(other)
-        return new
+        work.load(other)
+        return work.errors()

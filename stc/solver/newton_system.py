@@ -14,11 +14,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.solver.formulation import Formulation, summed
-from stc.solver.iterate import Iterate
 from stc.solver.kkt.contract import NotFinite
 from stc.solver.nlp import Floats
 from stc.solver.products import inner
+from stc.solver.workspace import Step, Workspace
 
 __all__ = ["NewtonSystem", "SingularSystem"]
 
@@ -32,7 +31,8 @@ DECAY = 1.0 / 3.0
 DUAL_SHIFT = 1e-8
 ALWAYS = 3
 """Iterations in a row that met dependent rows, after which they are expected."""
-SMALLEST_SIGMA = 1e-16
+MOST_UNTRIED = 3
+"""Iterations in a row at most in which a matrix without a shift is not tried, after it has failed again and again."""
 WHOLE = 0.5
 SOFTER = 0.01
 SMALLEST_STIFFNESS = 1e-8
@@ -43,7 +43,7 @@ class SingularSystem(ArithmeticError):
 
 
 class NewtonSystem:
-    """Factorises and solves the system above for a sequence of iterates.
+    """Factorises and solves the system above for the iterates of a workspace.
 
     Attributes:
         shift: the delta_w in use.
@@ -51,8 +51,9 @@ class NewtonSystem:
         deficient: True when the last factorisation met dependent rows.
     """
 
-    def __init__(self, form: Formulation) -> None:
-        self.form = form
+    def __init__(self, work: Workspace) -> None:
+        self.work = work
+        self.form = form = work.form
         self.shift = 0.0
         self.dual_shift = 0.0
         self.deficient = False
@@ -61,34 +62,28 @@ class NewtonSystem:
         self._before = (0.0, 0.0)
         self._any_equality = bool(form.equality.any())
         self._deficiencies = 0
-        self._d = np.zeros(form.m)
-        self._sigma_z = np.zeros(form.gaps)
+        self._failures = self._untried = 0
+        place = work.shifted_call.position
+        self._places = place("shift"), place("dual_shift")
 
-    def factorize(self, it: Iterate, mu: float) -> None:
-        """Factorise at an iterate, shifting until the inertia is right.
+    def factorize(self, mu: float) -> None:
+        """Factorise at the iterate, shifting until the inertia is right.
 
         Raises:
             SingularSystem: when no shift helps.
         """
-        form = self.form
-        self._ratio = it.z / it.gap
-        sigma = summed(form.index, self._ratio, form.size)
-        primal = sigma[: form.n]
-        if form.extra_diagonal is not None:
-            primal = primal + form.extra_diagonal
-        if form.any_held:
-            primal = np.where(form.held, 1.0, primal)
-        self._d = 1.0 / np.maximum(sigma[form.n :], SMALLEST_SIGMA)
-        if form.any_ignored:
-            self._d[form.ignored] = 1.0
-        self._jac, self._hess = it.jac, it.hess
+        self.work.diagonals_call()
         self.shift = self._stiffness
+        untried = self._untried > 0 and self.shift == 0.0
+        if untried:  # without a shift: it has failed again and again
+            self._untried -= 1
+            self.shift = max(SMALLEST_SHIFT, DECAY * self._last_shift)
         dual_shift = DUAL_SHIFT * max(mu, 1e-12) ** 0.25
         # Rows that have been dependent all the time are so by their structure.
         self.deficient = self._deficiencies >= ALWAYS
         self.dual_shift = dual_shift if self.deficient else 0.0
         while True:
-            verdict = self._try(it, primal)
+            verdict = self._try()
             if verdict == "good":
                 break
             if verdict == "singular" and self.dual_shift == 0.0 and self._any_equality:
@@ -96,27 +91,30 @@ class NewtonSystem:
                 self.deficient = True
                 if self.shift == 0.0:
                     continue
+            if self.shift == 0.0:
+                self._failures += 1
+                self._untried = min(self._failures - 1, MOST_UNTRIED)
             self.shift = self._larger_shift()
+        if self.shift == 0.0:
+            self._failures = 0
         self._deficiencies = self._deficiencies + 1 if self.deficient else 0
-        self._primal = primal
-        self._barrier = sigma[: form.n]
         if self.shift > 0.0:
             self._last_shift = self.shift
 
-    def stiffen(self, it: Iterate, dw: Floats, shorter: float) -> None:
+    def stiffen(self, dw: Floats, shorter: float) -> None:
         """Factorise with a shift that makes a step like ``dw`` (n + m,) ``shorter`` times shorter.
 
         Raises:
             SingularSystem: the matrix cannot be factorised.
         """
-        form = self.form
+        form, work = self.form, self.work
         dx = dw[: form.n]
-        curved = form.hessian_times(it.hess, dx) + self._barrier * dx
+        curved = form.hessian_times(work.it.hess, dx) + work.sigma[: form.n] * dx
         curvature = inner(dx, curved) / max(inner(dx, dx), 1e-300) + self.shift
         self._before = self._stiffness, self.shift
         self.shift = max(GROWTH * self.shift, shorter * abs(curvature), SMALLEST_SHIFT)
         self._stiffness = self.shift
-        while self._try(it, self._primal) != "good":
+        while self._try() != "good":
             self.shift = self._larger_shift()
 
     def soften(self) -> None:
@@ -137,21 +135,21 @@ class NewtonSystem:
             if self._stiffness < SMALLEST_STIFFNESS:
                 self._stiffness = 0.0
 
-    def tighten(self, it: Iterate) -> None:
+    def tighten(self) -> None:
         """Halve the shift as often as the inertia stays right, and factorise with the last one."""
         if self.shift == 0.0:
             return
         while self.shift > SMALLEST_SHIFT:
             self.shift *= 0.5
-            if self._try(it, self._primal) != "good":
+            if self._try() != "good":
                 self.shift *= 2.0
                 break
-        self._try(it, self._primal)
+        self._try()
 
     def _ordinary_curvature(self) -> float:
         """What shifts are measured in: the Hessian's entries shrink with the steps of a finer motion."""
         form = self.form
-        diagonal = np.abs(self._hess[form.hess_rows == form.hess_cols])
+        diagonal = np.abs(self.work.it.hess[form.hess_rows == form.hess_cols])
         diagonal = diagonal[diagonal > 0.0]
         if not diagonal.size:
             return 1.0
@@ -170,49 +168,40 @@ class NewtonSystem:
             raise SingularSystem
         return grown
 
-    def _try(self, it: Iterate, primal: Floats) -> str:
-        form = self.form
-        d = self._d
-        if self._any_equality:
-            d = np.where(form.equality, self.dual_shift, d)
-        if self.shift:
-            primal = primal + self.shift * form.free
+    def _try(self) -> str:
+        work = self.work
+        shifted = work.shifted_call
+        shifted.floats[self._places[0]], shifted.floats[self._places[1]] = self.shift, self.dual_shift
+        shifted()
         try:
-            inertia = form.kkt.factorize(it.hess, it.jac, primal, d)
+            inertia = work.kkt.refactor()
         except NotFinite as error:  # a derivative or the ratio of a multiplier to its gap has overflowed
             raise SingularSystem from error
-        if inertia.zero > 0 or inertia.negative < form.m:
+        if inertia.zero > 0 or inertia.negative < self.form.m:
             return "singular"
-        return "good" if inertia.negative == form.m else "indefinite"
+        return "good" if inertia.negative == self.form.m else "indefinite"
 
     def solve(self, rhs_w: Floats, c: Floats) -> tuple[Floats, Floats]:
         """Steps ``(dw, dy)`` for a right-hand side ``rhs_w`` (n + m,) of the dual part and residual ``c`` (m,)."""
         form = self.form
         n = form.n
-        scaled = np.where(form.inequality, self._d * rhs_w[n:], 0.0)
+        scaled = np.where(form.inequality, self.work.d * rhs_w[n:], 0.0)
         dx, dy = form.kkt.solve(rhs_w[:n], scaled - c)
         if form.any_held:
             dx[form.held] = 0.0
         dw = np.empty(form.size)
         dw[:n] = dx
-        dw[n:] = np.where(form.inequality, form.jacobian_times(self._jac, dx) + c, 0.0)
+        dw[n:] = np.where(form.inequality, form.jacobian_times(self.work.it.jac, dx) + c, 0.0)
         return dw, dy
 
-    def step(self, it: Iterate, centre: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
-        """Steps ``(dw, dy, dz)`` towards ``gap * z = centre * gap`` and zero residual.
+    def find_step(self, step: Step, c: Floats | None = None, name: str = "newton") -> None:
+        """Fill ``step`` with that towards ``gap * z = centre * gap`` and zero residual, ``centre`` as in the workspace.
 
         Args:
-            centre: target of each gap's multiplier, usually ``mu / gap``, (gaps,).
-            c: residual of the rows, (m,).
+            c: residual of the rows, (m,), always the same array for a name; the iterate's own when None.
         """
-        form = self.form
-        dw, dy = self.solve(form.scatter(centre) - it.dual, c)
-        dz = centre - it.z - self._ratio * (form.sign * dw[form.index])
-        return dw, dy, dz
+        self.work.solve(name, step, self.work.it.c if c is None else c)
 
-    def centring(self, centre: Floats) -> tuple[Floats, Floats, Floats]:
-        """The part of :meth:`step` that is linear in ``centre``."""
-        form = self.form
-        dw, dy = self.solve(form.scatter(centre), np.zeros(form.m))
-        dz = centre - self._ratio * (form.sign * dw[form.index])
-        return dw, dy, dz
+    def find_centring(self, step: Step) -> None:
+        """Fill ``step`` with the part of the Newton step that is linear in ``centre``."""
+        self.work.solve_centring(step)

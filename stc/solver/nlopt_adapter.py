@@ -402,7 +402,7 @@ class _Watch:
         if not whole:
             monitor.note(x, f, violation)
             return
-        monitor.record(x, None, f, violation, optimality, step, 1.0, 0.0, 0.0, "nlopt")
+        monitor.record(lambda: (x, np.zeros(0)), f, violation, optimality, step, 1.0, 0.0, 0.0, "nlopt")
         if solve.optimal_at is not None:
             self._stop(None)
             return

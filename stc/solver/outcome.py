@@ -49,7 +49,7 @@ class Outcome:
         form: the formulation that was solved.
         x, y: the point, (n,) and (m,), in the formulation's scale.
         error: KKT error there.
-        iterate: the last iterate of the barrier.
+        iterate: the last iterate of the barrier, where there was one.
     """
 
     end: End
@@ -57,4 +57,4 @@ class Outcome:
     x: Floats
     y: Floats
     error: float
-    iterate: Iterate
+    iterate: Iterate | None = None

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from stc.records import dataclass
+from stc.solver.conditions import POINT, point_conditions
 from stc.solver.nlp import Floats, Mask
 from stc.solver.scaled_problem import ScaledProblem
 
@@ -53,26 +56,15 @@ def measure(
     if not np.isfinite(f + r.sum()):
         return None
     gradient, jac, hess = form.derivatives(x, y)
-    lagrangian = gradient + form.transpose_times(jac, y)
-    if not np.isfinite(lagrangian.sum() + hess.sum()):
+    n, m = form.n, form.m
+    lagrangian, out, z = np.empty(n), np.empty(POINT), z.copy()
+    balanced = form.held_factor if balancing is None else np.maximum(form.held_factor, balancing)
+    point_conditions(
+        n, m, form.jac_rows.size, balanced, form.jac_rows, form.jac_cols, x, y, z, r, gradient, jac, x_lower, x_upper,
+        row_lower, row_upper, lagrangian, out,
+    )  # fmt: skip
+    violation, dual, total = out.tolist()
+    if not math.isfinite(dual + total) or not np.isfinite(hess.sum()):
         return None
-    z = np.where(form.held if balancing is None else form.held | balancing, -lagrangian, z)
-    size = (np.abs(y).sum() + np.abs(z).sum()) / max(1, form.m + form.n)
-    dual = max(
-        _largest(lagrangian + z),
-        _complementarity(z, x - x_lower, x_upper - x),
-        _complementarity(y, r - row_lower, row_upper - r),
-    )
-    violation = float(np.maximum(row_lower - r, r - row_upper).max(initial=0.0))
-    error = max(violation, dual / max(1.0, size / MEAN_MULTIPLIER))
+    error = max(violation, dual / max(1.0, total / max(1, m + n) / MEAN_MULTIPLIER))
     return PrimalDual(x, y, z, f, r, gradient, jac, hess, lagrangian, error)
-
-
-def _complementarity(multiplier: Floats, below: Floats, above: Floats) -> float:
-    """Largest product of a multiplier and the distance to the bound it belongs to; far bounds count as near."""
-    distance = np.where(multiplier > 0.0, above, np.where(multiplier < 0.0, below, 0.0))
-    return _largest(multiplier * np.clip(distance, 0.0, 1.0))
-
-
-def _largest(v: Floats) -> float:
-    return float(np.abs(v).max(initial=0.0))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from copy import copy
-
 import numpy as np
 
 from stc.solver.formulation import Formulation
-from stc.solver.iterate import Iterate
+from stc.solver.iterate import Iterate, evaluate
 from stc.solver.outcome import ACCEPTABLE, End, Outcome
+from stc.solver.workspace import Workspace
 
 __all__ = ["Drift", "Nearest", "Stall"]
 
@@ -36,7 +35,7 @@ class Nearest:
         self._form = form
         self.error = np.inf
         self._waiting = 0
-        self._it = it
+        self._kept = it.w.copy(), it.y.copy(), it.z.copy()
         self.patience = PATIENCE
 
     def note(self, it: Iterate, error: float) -> None:
@@ -46,22 +45,25 @@ class Nearest:
         elif self.error <= ACCEPTABLE:
             self._waiting += 1
         if error < self.error:
-            self.error, self._it = error, copy(it)  # the arrays of an iterate are replaced, never changed
+            self.error = error
+            for kept, now in zip(self._kept, (it.w, it.y, it.z)):
+                kept[:] = now
 
     @property
     def waited(self) -> bool:
         """See the class."""
         return self._waiting >= self.patience
 
-    def return_to(self, it: Iterate) -> None:
-        """Make ``it`` that iterate again where its error is acceptable."""
+    def return_to(self, work: Workspace) -> None:
+        """Make the iterate that one again where its error is acceptable."""
         if self.error <= ACCEPTABLE:
-            it.become(self._it)
+            work.load(evaluate(self._form, *self._kept))
 
     def outcome(self, it: Iterate) -> Outcome:
         """The end of an iteration that got stuck, at that iterate; ``it`` is the last one."""
         n = self._form.n
-        return Outcome(End.STUCK, self._form, self._it.w[:n], self._it.y, self.error, it)
+        w, y, _ = self._kept
+        return Outcome(End.STUCK, self._form, w[:n].copy(), y.copy(), self.error, it.snapshot())
 
 
 class Stall:

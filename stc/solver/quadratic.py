@@ -15,18 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.records import dataclass
+from stc.solver.conditions import better_signs, respond, restrict
 from stc.solver.formulation import Formulation
-from stc.solver.iterate import Iterate, errors_of, evaluate, push_inside
+from stc.solver.iterate import Iterate, evaluate, push_inside
+from stc.solver.kkt.attached import attached
 from stc.solver.kkt.contract import NotFinite
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
+from stc.solver.passes import DUAL_STEP, FINITE, PRIMAL_STEP
 from stc.solver.primal_dual import PrimalDual
 from stc.solver.products import inner
 from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.workspace import Workspace
 
 __all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_multipliers"]
 
-Signs = NDArray[np.int8]
+Signs = NDArray[np.int32]
 
 CHANGES = 12
 """How many active sets are tried before the barrier method takes over, ..."""
@@ -63,10 +67,6 @@ class ActiveSet:
         """Equal for equal sets."""
         return self.x.tobytes() + self.rows.tobytes()
 
-    def distance(self, other: ActiveSet) -> int:
-        """How many constraints differ."""
-        return int(np.count_nonzero(self.x != other.x) + np.count_nonzero(self.rows != other.rows))
-
 
 @dataclass(frozen=True, slots=True)
 class QuadraticSolution:
@@ -99,7 +99,7 @@ def guess_from_multipliers(form: ScaledProblem, point: PrimalDual) -> ActiveSet:
 def _signs(multiplier: Floats, least: Floats, lower: Floats, upper: Floats) -> Signs:
     at_upper = (multiplier > least) & np.isfinite(upper)
     at_lower = (multiplier < -least) & np.isfinite(lower)
-    return at_upper.astype(np.int8) - at_lower.astype(np.int8)
+    return at_upper.astype(np.int32) - at_lower.astype(np.int32)
 
 
 def _diverges(differences: list[int]) -> bool:
@@ -110,10 +110,6 @@ def _diverges(differences: list[int]) -> bool:
     if last > FEW and last > MORE * least:
         return True
     return len(differences) >= EARLY and least > HARDLY_FEWER * differences[0]
-
-
-def _largest(v: Floats) -> float:
-    return float(np.abs(v).max(initial=0.0))
 
 
 class QuadraticProgram:
@@ -135,9 +131,9 @@ class QuadraticProgram:
         self.room_x = (x_lower - point.x, x_upper - point.x)
         self.room_rows = (row_lower - point.r, row_upper - point.r)
         self.regularity = regularity
-        self._fixed = np.zeros(form.n, bool)
-        self._held_rows = np.zeros(form.m, bool)
-        self._jac = point.jac
+        self._kkt = attached(form.kkt, form.n, form.m, form.jac_rows.size, form.hess_rows.size)
+        self._fixed, self._held_rows = form.held_factor, form.equality_factor
+        self._nothing = np.zeros(max(form.n, form.m))
 
     def solve(self, guess: ActiveSet, *, thorough: bool = True) -> QuadraticSolution | None:
         """The solution with the help of a guess; None where no method found one.
@@ -161,53 +157,62 @@ class QuadraticProgram:
 
     def _by_active_sets(self, guess: ActiveSet) -> QuadraticSolution | None:
         form, point = self.form, self.point
+        n, m = form.n, form.m
         tried: set[bytes] = set()
         differences: list[int] = []
         active = guess
         while len(tried) < CHANGES and active.key() not in tried and not _diverges(differences):
             tried.add(active.key())
-            if not self._factorize(active):
+            fixed_d = np.empty(n)
+            if not self._factorize(active, fixed_d):
                 return None
-            fixed_d = self._target(active.x, form.held, self.room_x)
-            rhs_x, rhs_y = -point.gradient, self._target(active.rows, form.equality, self.room_rows)
-            if fixed_d.any():
-                rhs_x = rhs_x - form.hessian_times(point.hess, fixed_d)
-                rhs_y -= np.where(self._held_rows, form.jacobian_times(point.jac, fixed_d), 0.0)
-            rhs_x[self._fixed] = 0.0
-            dx, y = self._solved(rhs_x, rhs_y)
-            d = dx + fixed_d
-            if not np.isfinite(d.sum() + y.sum()):
+            d, y = self._solved()
+            d += fixed_d
+            pull, moved = np.empty(n), np.empty(m)
+            finite = respond(
+                n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows,
+                form.hess_cols, point.jac, point.hess, point.gradient, d, y, pull, moved,
+            )  # fmt: skip
+            if finite != 0.0:
                 return None
-            bent = form.hessian_times(point.hess, d)
-            pull = -(point.gradient + bent + form.transpose_times(point.jac, y))
-            better = ActiveSet(
-                self._corrected(active.x, d, pull, self.room_x, form.held),
-                self._corrected(
-                    active.rows, form.jacobian_times(point.jac, d), y, self.room_rows, form.equality
-                ),
+            better = ActiveSet(np.empty(n, np.int32), np.empty(m, np.int32))
+            slack = self.tolerance
+            different = better_signs(n, slack, active.x, form.held_factor, d, pull, *self.room_x, better.x)
+            different += better_signs(
+                m, slack, active.rows, form.equality_factor, moved, y, *self.room_rows, better.rows
             )
-            if better.key() == active.key():
-                z = np.where(self._fixed, pull, 0.0)
-                return QuadraticSolution(d, y, z, active, True)
-            differences.append(active.distance(better))
+            if not different:
+                return QuadraticSolution(d, y, self._fixed * pull, active, True)
+            differences.append(different)
             active = better
         return None
 
-    def _factorize(self, active: ActiveSet) -> bool:
-        """Factorise with the active set's rows and free variables; whether the curvature on it is positive."""
-        form, point = self.form, self.point
-        self._fixed = form.held | (active.x != 0)
-        self._held_rows = form.equality | (active.rows != 0)
-        free = ~self._fixed
-        hess = point.hess * (free[form.hess_rows] & free[form.hess_cols])
-        jac = self._jac = point.jac * (self._held_rows[form.jac_rows] & free[form.jac_cols])
-        flat = PRIMAL_SHIFT * max(1.0, _largest(hess))
+    def _factorize(self, active: ActiveSet, fixed_d: Floats) -> bool:
+        """Factorise with the active set's rows and free variables; whether the curvature on it is positive.
+
+        Args:
+            fixed_d: becomes the part of the step that the active bounds determine, (n,).
+        """
+        form, point, kkt = self.form, self.point, self._kkt
+        n, m = form.n, form.m
+        self._fixed = np.maximum(form.held_factor, active.x != 0)
+        self._held_rows = np.maximum(form.equality_factor, active.rows != 0)
+        target_x = self._target(active.x, form.held, self.room_x)
+        target_rows = self._target(active.rows, form.equality, self.room_rows)
+        nothing = self._nothing
+        largest = restrict(
+            n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows, form.hess_cols,
+            point.jac, point.hess, self._fixed, self._held_rows, nothing, nothing, nothing, point.gradient, target_x,
+            target_rows, fixed_d, np.empty(m), kkt.hess, kkt.jac, kkt.rhs,
+        )  # fmt: skip
+        flat = PRIMAL_SHIFT * max(1.0, largest)
         shifts = ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT))
         while True:
             shift_x, shift_y = shifts[self.regularity]
-            primal, dual = np.where(self._fixed, 1.0, shift_x), np.where(self._held_rows, shift_y, 1.0)
+            kkt.primal[:] = shift_x + (1.0 - shift_x) * self._fixed
+            kkt.dual[:] = 1.0 + (shift_y - 1.0) * self._held_rows
             try:
-                inertia = form.kkt.factorize(hess, jac, primal, dual)
+                inertia = kkt.refactor()
             except NotFinite:
                 return False
             if inertia.zero == 0 and inertia.negative == form.m:
@@ -216,18 +221,26 @@ class QuadraticProgram:
                 return False
             self.regularity += 1  # the next set of this program starts with what was needed here
 
-    def _solved(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
+    def _solved(self) -> tuple[Floats, Floats]:
         """Step and multipliers; of dependent rows' multipliers the smallest ones.
 
         Dependent rows are factorised with a small shift, whose effect on the step is then taken out again.
         """
-        form = self.form
-        dx, y = form.kkt.solve(rhs_x, rhs_y)
+        form, kkt = self.form, self._kkt
+        n = form.n
+        rhs_y = kkt.rhs[n:].copy()
+        kkt.solve_call()
+        kkt.check_solution()
+        dx, y = kkt.solution[:n].copy(), kkt.solution[n:].copy()
         if self.regularity:
             for _ in range(REFINEMENTS):
-                missing = np.where(self._held_rows, rhs_y - form.jacobian_times(self._jac, dx), 0.0)
-                more_x, more_y = form.kkt.solve(np.zeros(form.n), missing)
-                dx, y = dx + more_x, y + more_y
+                kkt.rhs[:n] = 0.0
+                # of active rows and free variables, which is what has been factorised
+                kkt.rhs[n:] = (rhs_y - form.jacobian_times(kkt.jac, dx)) * self._held_rows
+                kkt.solve_call()
+                kkt.check_solution()
+                dx += kkt.solution[:n]
+                y += kkt.solution[n:]
         return dx, y
 
     @staticmethod
@@ -235,21 +248,6 @@ class QuadraticProgram:
         """Where the active ones have to go; 0 for the others."""
         below = (active < 0) | equal
         return np.where(below, room[0], np.where(active > 0, room[1], 0.0))
-
-    def _corrected(
-        self,
-        active: Signs,
-        move: Floats,
-        multiplier: Floats,
-        room: tuple[Floats, Floats],
-        equal: NDArray[np.bool_],
-    ) -> Signs:
-        """The active set that a solution for ``active`` suggests."""
-        slack = self.tolerance
-        keep = np.where(active > 0, multiplier >= -slack, np.where(active < 0, multiplier <= slack, False))
-        above, below = move > room[1] + slack, move < room[0] - slack
-        new = np.where(keep, active, np.where(active != 0, 0, above.astype(np.int8) - below.astype(np.int8)))
-        return np.where(equal, 0, new).astype(np.int8)
 
     def correct(self, new: PrimalDual, active: ActiveSet) -> tuple[Floats, Floats]:
         """One more Newton step at ``new`` with the factorisation for ``active`` at hand: ``(dx, dy)``.
@@ -259,7 +257,7 @@ class QuadraticProgram:
         """
         form = self.form
         lower, upper = form.true_rows
-        rhs_x = np.where(self._fixed, 0.0, -new.lagrangian)
+        rhs_x = (self._fixed - 1.0) * new.lagrangian
         rhs_y = self._target(active.rows, form.equality, (lower - new.r, upper - new.r))
         return form.kkt.solve(rhs_x, rhs_y)
 
@@ -273,8 +271,11 @@ class QuadraticProgram:
         """
         form = self.form
         model = _Model(form, self.point)
-        system = NewtonSystem(model)
-        it = best = self._on_central_path(model)
+        work = Workspace(model)
+        system = NewtonSystem(work)
+        it, step, s = work.it, work.step, work.s
+        work.load(self._on_central_path(model))
+        best = self._read_off(model, it)
         smallest = np.inf
         enough = ROUGH * self.point.error
         blocked = 0
@@ -284,29 +285,32 @@ class QuadraticProgram:
                 break
             mu = inner(it.gap, it.z) / max(1, model.gaps)
             try:
-                system.factorize(it, mu)
+                system.factorize(mu)
             except SingularSystem:
                 break
-            dw, _, dz = system.step(it, np.zeros(model.gaps), it.c)
-            dgap = model.sign * dw[model.index]
-            length = _longest(it, dgap, dz, 1.0)
-            ahead = inner(it.gap + length * dgap, it.z + length * dz) / max(1, model.gaps)
-            centre = ((ahead / max(mu, 1e-300)) ** 3 * mu - dgap * dz) / it.gap
-            dw, dy, dz = system.step(it, centre, it.c)
-            dgap = model.sign * dw[model.index]
-            length = _longest(it, dgap, dz, max(0.99, 1.0 - mu))
+            work.centre[:] = 0.0
+            system.find_step(step)
+            work.limit_step(1.0)
+            length = min(s[PRIMAL_STEP], s[DUAL_STEP])
+            dgap = model.sign * step.dw[model.index]
+            ahead = inner(it.gap + length * dgap, it.z + length * step.dz) / max(1, model.gaps)
+            work.centre[:] = ((ahead / max(mu, 1e-300)) ** 3 * mu - dgap * step.dz) / it.gap
+            system.find_step(step)
+            work.limit_step(max(0.99, 1.0 - mu))
+            length = min(s[PRIMAL_STEP], s[DUAL_STEP])
             blocked += length < SHORT
-            if blocked > MOST_BLOCKED or not np.isfinite(dw.sum() + dy.sum() + dz.sum()):
+            if blocked > MOST_BLOCKED or s[FINITE] != 0.0:
                 break
-            it = evaluate(model, it.w + length * dw, it.y + length * dy, it.z + length * dz)
+            moved = (it.w + length * step.dw, it.y + length * step.dy, it.z + length * step.dz)
+            work.load(evaluate(model, *moved))
             if not float(it.gap.min(initial=1.0)) > 0.0:  # rounding put it onto a bound
                 break
-            error = errors_of(model, it, 0.0).total
+            error = work.errors().total
             if error < smallest and system.shift == 0.0:
-                smallest, best = error, it
+                smallest, best = error, self._read_off(model, it)
             if error <= self.tolerance or (error > FARTHER * smallest and smallest <= enough):
                 break
-        return self._read_off(model, best), smallest
+        return best, smallest
 
     def _on_central_path(self, model: _Model) -> Iterate:
         """Gaps and multipliers whose products agree, as near to the point's own as that allows.
@@ -331,17 +335,11 @@ class QuadraticProgram:
 
     def _read_off(self, model: _Model, it: Iterate) -> QuadraticSolution:
         near = it.z > it.gap
-        signs = np.zeros(model.size, np.int8)
+        signs = np.zeros(model.size, np.int32)
         signs[model.index[near]] = -model.sign[near]
         n = model.n
         z = -model.scatter(it.z)[:n]
-        return QuadraticSolution(it.w[:n], it.y, z, ActiveSet(signs[:n], signs[n:]), False)
-
-
-def _longest(it: Iterate, dgap: Floats, dz: Floats, share: float) -> float:
-    """The longest step up to 1 that goes no farther than ``share`` of the way to any bound."""
-    fall = max(float((-dgap / it.gap).max(initial=0.0)), float((-dz / it.z).max(initial=0.0)))
-    return min(1.0, share / max(fall, 1e-300))
+        return QuadraticSolution(it.w[:n].copy(), it.y.copy(), z, ActiveSet(signs[:n], signs[n:]), False)
 
 
 class _Model(Formulation):
@@ -369,5 +367,8 @@ class _Model(Formulation):
         point = self._point
         return point.gradient + self.hessian_times(point.hess, x), point.jac, point.hess
 
-    def user_view(self, x: Floats, f: float, r: Floats) -> tuple[Floats, float, float]:
-        return x, f, 0.0
+    def user_variables(self, x: Floats) -> Floats:
+        return x
+
+    def user_measures(self, x: Floats, f: float, r: Floats) -> tuple[float, float]:
+        return f, 0.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from stc.records import dataclass
+from stc.solver.conditions import STATED, stated_conditions
 from stc.solver.iterate import multiplier_scale
 from stc.solver.nlp import NLP, Floats
-from stc.solver.scaled_problem import relative_violation
 
 __all__ = ["Assessment", "assess"]
 
@@ -36,29 +36,22 @@ def assess(nlp: NLP, x: Floats, y: Floats, z: Floats | None = None) -> Assessmen
     Without ``z`` (n,) the multipliers of the bounds are those that leave the smallest error: the negative
     gradient of the Lagrangian where it pushes against a bound nearby.
     """
+    n, m = nlp.n, nlp.m
     f, r = nlp.values(x)
     gradient, jac, _ = nlp.derivatives(x, y, 1.0)
-    terms = jac * y[nlp.jac_rows]
-    lagrangian = gradient + np.bincount(nlp.jac_cols, weights=terms, minlength=nlp.n)
-    if z is None:
-        room = np.where(lagrangian > 0.0, x - nlp.x_lower, nlp.x_upper - x)
-        held = nlp.x_lower == nlp.x_upper
-        z = np.where(held | (room < 1.0), -lagrangian, 0.0)
-    multipliers = multiplier_scale(float(np.abs(y).sum() + np.abs(z).sum()), nlp.m + nlp.n)
-    size = max(1.0, _largest(gradient), _largest(terms), _largest(z), multipliers)
-    stationarity = _largest(lagrangian + z)
-    slack_x = np.where(z > 0.0, nlp.x_upper - x, x - nlp.x_lower)
-    slack_r = np.where(y > 0.0, nlp.row_upper - r, r - nlp.row_lower)
-    complementarity = max(
-        _largest(z * np.clip(slack_x, 0.0, 1.0)) if nlp.n else 0.0,
-        _largest(y * np.clip(slack_r, 0.0, 1.0)) if nlp.m else 0.0,
-    )
-    violation = max(
-        float(relative_violation(r, nlp.row_lower, nlp.row_upper).max(initial=0.0)),
-        float(relative_violation(x, nlp.x_lower, nlp.x_upper).max(initial=0.0)),
-    )
-    return Assessment(float(f), violation, max(stationarity, complementarity) / size, z)
+    chosen = np.zeros(n) if z is None else _own(z)
+    out = np.zeros(STATED)
+    stated_conditions(
+        n, m, len(jac), int(z is not None), _own(x), _own(y), chosen, _own(r), _own(gradient),
+        np.ascontiguousarray(nlp.jac_rows, np.int32), np.ascontiguousarray(nlp.jac_cols, np.int32), _own(jac),
+        _own(nlp.x_lower), _own(nlp.x_upper), _own(nlp.row_lower), _own(nlp.row_upper), np.zeros(n), out,
+    )  # fmt: skip
+    stationarity, complementarity, violation, steepest, term, largest, total = out.tolist()
+    size = max(1.0, steepest, term, largest, multiplier_scale(total, m + n))
+    violation = violation if violation == violation else np.inf
+    return Assessment(float(f), violation, max(stationarity, complementarity) / size, chosen)
 
 
-def _largest(v: Floats) -> float:
-    return float(np.abs(v).max(initial=0.0))
+def _own(values: Floats) -> Floats:
+    """As compiled functions take them."""
+    return np.ascontiguousarray(values, dtype=float)

@@ -14,9 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.arrays import scattered
+from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.formulation import Formulation
-from stc.solver.nlp import NLP, Floats, Ints
+from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
+from stc.solver.passes import overstepped
+from stc.solver.products import Indices
 
 if TYPE_CHECKING:
     from stc.solver.kkt.contract import KKTSystem
@@ -71,9 +74,9 @@ class ScaledProblem(Formulation):
         below = below if self._is_defined(np.where(np.isfinite(below), below, start)) else lower
         above = above if self._is_defined(np.where(np.isfinite(above), above, start)) else upper
         self._set_bounds(below, above, *_relaxed(row_lower, row_upper))
-        self._stated_bounds = (
-            _units(self.true_rows, (nlp.row_lower, nlp.row_upper), 1.0 / self.row_scale),
-            _units(self.true_x, (nlp.x_lower, nlp.x_upper), self.x_scale),
+        self.stated_limits = (
+            *_limits(self.true_rows, (nlp.row_lower, nlp.row_upper), 1.0 / self.row_scale),
+            *_limits(self.true_x, (nlp.x_lower, nlp.x_upper), self.x_scale),
         )
         self.linear = bool(np.all(nlp.row_linear))
         self.quadratic_program = self.linear and nlp.objective_degree <= 2
@@ -87,6 +90,10 @@ class ScaledProblem(Formulation):
             nlp.var_stage,
             nlp.row_stage,
         )
+
+    def release(self) -> None:
+        """Let go of the program, so that it may keep the form."""
+        del self.nlp
 
     def _is_defined(self, x: Floats) -> bool:
         """True where functions and derivatives are finite."""
@@ -119,12 +126,12 @@ class ScaledProblem(Formulation):
         return float((np.abs(gradient) * self.x_scale)[free].max(initial=0.0)), rows
 
     def _combine_scales(self) -> None:
-        nlp, x_scale = self.nlp, self.x_scale
-        live = (~self._held_user).astype(float)
+        nlp = self.nlp
         bounded = np.isfinite(nlp.row_lower) | np.isfinite(nlp.row_upper)
-        self._gradient_scale = self.objective_scale * x_scale * live
-        self._jac_scale = (self.row_scale * bounded)[self.jac_rows] * (x_scale * live)[self.jac_cols]
-        self._hess_scale = (x_scale * live)[self.hess_rows] * (x_scale * live)[self.hess_cols]
+        self._scaling = Scaling(self.x_scale, self.row_scale, self.objective_scale, ~self._held_user, bounded)
+        self._gradient_scale = self._scaling.gradient()
+        self._jac_scale = self._scaling.jacobian(self.jac_rows, self.jac_cols)
+        self._hess_scale = self._scaling.hessian(self.hess_rows, self.hess_cols)
 
     # -- functions ---------------------------------------------------------------------------------------------
 
@@ -142,18 +149,31 @@ class ScaledProblem(Formulation):
         )
         return gradient * self._gradient_scale, jac * self._jac_scale, hess * self._hess_scale
 
+    def evaluator(self) -> Evaluator:
+        return evaluator_of(self.nlp, self._scaling)
+
     def violation(self, x: Floats, r: Floats) -> float:
         """Largest violation in the user's units of rows ``r`` (m,) and of the bounds of ``x`` (n,), scaled both."""
-        worst = 0.0
-        for values, (below, low, low_unit, above, high, high_unit) in zip((r, x), self._stated_bounds):
-            if below.size:
-                worst = max(worst, float(((low - values[below]) * low_unit).max()))
-            if above.size:
-                worst = max(worst, float(((values[above] - high) * high_unit).max()))
-        return worst if np.isfinite(r.sum()) else np.inf
+        out = np.empty(1)
+        assert self.stated_limits is not None
+        row_places, row_limits, row_units, x_places, x_limits, x_units = self.stated_limits
+        overstepped(
+            row_places.size, row_places, row_limits, row_units, r, x_places.size, x_places, x_limits, x_units, x, out
+        )  # fmt: skip
+        return float(out[0])
 
-    def user_view(self, x: Floats, f: float, r: Floats) -> tuple[Floats, float, float]:
-        return x * self.x_scale, f / self.objective_scale, self.violation(x, r)
+    def user_variables(self, x: Floats) -> Floats:
+        return x * self.x_scale
+
+    def user_measures(self, x: Floats, f: float, r: Floats) -> tuple[float, float]:
+        return self.user_objective(f), self.violation(x, r)
+
+    def user_objective(self, f: float) -> float:
+        return f / self.objective_scale
+
+    def as_stated(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Variables (n,) and row multipliers (m,) in the user's terms."""
+        return self.user_variables(x), self.user_multipliers(y)
 
     def user_point(self, x: Floats) -> Floats:
         """Variables as stated, rounding errors at the bounds removed, (n,)."""
@@ -172,17 +192,20 @@ class ScaledProblem(Formulation):
         return z * self.x_scale * self.objective_scale
 
 
-def _units(
+def _limits(
     scaled: tuple[Floats, Floats], stated: tuple[Floats, Floats], unit: Floats
-) -> tuple[Ints, Floats, Floats, Ints, Floats, Floats]:
-    """Which entries have a lower bound, that bound scaled, and what turns a violation of it into the user's
-    relative one; the same for the upper bounds.
-    """
-    below, above = np.flatnonzero(np.isfinite(stated[0])), np.flatnonzero(np.isfinite(stated[1]))
-    low, high = (
-        unit[at] / np.maximum(1.0, np.abs(side[at])) for at, side in ((below, stated[0]), (above, stated[1]))
+) -> tuple[Indices, Floats, Floats]:
+    """Entries with bounds, these bounds scaled, and what turns ``bound - value`` into the user's relative violation."""
+    sides = []
+    for sign, bound, side in zip((1.0, -1.0), scaled, stated):
+        at = np.flatnonzero(np.isfinite(side))
+        sides.append((at, bound[at], sign * unit[at] / np.maximum(1.0, np.abs(side[at]))))
+    below, above = sides
+    return (
+        np.concatenate([below[0], above[0]]),
+        np.concatenate([below[1], above[1]]),
+        np.concatenate([below[2], above[2]]),
     )
-    return below, scaled[0][below], low, above, scaled[1][above], high
 
 
 def _factors(gradients: Floats, nearby: Floats) -> Floats:

@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from stc.records import dataclass
-from stc.solver.active_set import smaller_multipliers
+from stc.solver.active_set import newton_on_active_set, smaller_multipliers
 from stc.solver.interior import feasible_first, optimise
+from stc.solver.keeping import give_back, scaled_form
 from stc.solver.kkt import KKTSystem, structured_kkt
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats
@@ -27,6 +28,7 @@ __all__ = ["minimize"]
 NEARBY = 0.1
 ELSEWHERE = 3.0
 RESCALINGS = 3
+QUADRATIC_STEPS = 3
 UNCHANGED = 1e-9
 LARGE_MULTIPLIER = 1e6
 LARGEST_MULTIPLIER = 1e12
@@ -98,16 +100,18 @@ class _Solve:
             violation = assess(nlp, x0, np.zeros(nlp.m), np.zeros(0)).violation
             feasible = violation <= self.options.feasibility_tolerance
             return self._result(Status.OPTIMAL if feasible else Status.INFEASIBLE, x0)
+        form = self.form = scaled_form(nlp, x0, self.options, self.new_kkt)
         try:
-            return self._solve(x0)
+            return self._solve(form, x0)
         except Stopped as stopped:
             return self._best(stopped.status)
         except KeyboardInterrupt:
             return self._best(Status.INTERRUPTED)
+        finally:
+            give_back(form, nlp, x0, self.options, self.new_kkt)
 
-    def _solve(self, x0: Floats) -> Result:
+    def _solve(self, form: ScaledProblem, x0: Floats) -> Result:
         options = self.options
-        form = self.form = ScaledProblem(self.nlp, x0, options, self.new_kkt)
         if options.warm_start and self.start.row_multipliers is not None:
             y = form.scaled_multipliers(self.start.row_multipliers)
             z = self.start.bound_multipliers
@@ -137,6 +141,10 @@ class _Solve:
 
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """From the guess; where that does not lead to a solution soon, from another one, if there is one."""
+        if form.quadratic_program and not form.gaps:
+            outcome = self._linear_equations(form, x0)
+            if outcome is not None:
+                return outcome
         if self.start.another is None:
             return self._barrier(form, x0, Tactics())
         before = self.monitor.iterations
@@ -150,9 +158,20 @@ class _Solve:
                 return other
         if outcome.end is End.STUCK and self.monitor.iterations - before >= SOON:
             it = outcome.iterate  # it was on its way
+            assert it is not None
             mu = inner(it.gap, it.z) / max(1, form.gaps)
             return optimise(form, it, mu, self.options, self.monitor, tactics=Tactics())
         return outcome
+
+    def _linear_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
+        """A quadratic program without inequalities: its optimality conditions are linear equations."""
+        x, y = np.where(form.held, form.held_value, x0 / form.x_scale), np.zeros(form.m)
+        point, solved = newton_on_active_set(
+            form, x, y, self.monitor, steps=QUADRATIC_STEPS, tolerance=self.options.tolerance
+        )
+        if point is None or not solved:
+            return None
+        return Outcome(End.CONVERGED, form, point.x, point.y, point.error)
 
     def _feasible_first(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Find a feasible point before looking at the objective."""

@@ -19,18 +19,20 @@ FEASIBLE = 1e-6
 RELATIVE = 1e-8
 
 
-def is_unbounded(form: Formulation, it: Iterate) -> bool:
+def is_unbounded(form: Formulation, it: Iterate, size: float) -> bool:
     """True when the objective is below any sensible value, or keeps falling along the ray through a far iterate.
 
     Both the iterate and the points tried on the ray have to be feasible, relative to the size of the terms in
     each row.
+
+    Args:
+        size: of the largest variable.
     """
     if not isinstance(form, ScaledProblem):
         return False
-    x = it.w[: form.n]
-    size = float(np.abs(x).max(initial=0.0))
     if it.f > -1.0 or not (size > FAR or it.f < LOW):
         return False
+    x = it.w[: form.n]
     if not _feasible(form, x, it.r):
         return False
     if it.f < (LOW_WHEN_FAR if size > FAR else LOW):

@@ -7,6 +7,8 @@ globalisation: where the error does not fall, the caller starts anew from the po
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from stc.solver.monitor import Monitor
@@ -55,10 +57,10 @@ def from_neighbour(
         if new is None:
             return None
         monitor.count()
-        x_user, f_user, violation = form.user_view(new.x, new.f, new.r)
+        f_user, violation = form.user_measures(new.x, new.f, new.r)
         step = float(np.abs(new.x - point.x).max(initial=0.0))
         monitor.record(
-            x_user, form.user_multipliers(new.y), f_user, violation, new.error, step, 1.0, 0.0, 0.0, "warm"
+            partial(form.as_stated, new.x, new.y), f_user, violation, new.error, step, 1.0, 0.0, 0.0, "warm"
         )
         if new.error <= options.tolerance:
             return new

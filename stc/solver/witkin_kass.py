@@ -164,8 +164,7 @@ class _Solve:
         found = judged.conditions
         size = step if np.isfinite(step) else 0.0
         self.monitor.record(
-            point.x,
-            judged.y,
+            lambda: (point.x, judged.y),
             point.f,
             found.violation,
             found.optimality,

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stc.codegen.calls import Bound
 from stc.records import dataclass, field
+from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 
 if TYPE_CHECKING:
     from stc.solution import Solution
@@ -66,6 +69,39 @@ class _Timed:
         return getattr(self._inner, name)
 
 
+class _TimedKKT(_Timed):
+    """A factorisation, its prepared solve timed as well."""
+
+    def __init__(self, inner: Any, factorize: Watch, backsolve: Watch) -> None:
+        super().__init__(inner, factorize=factorize, refactor=factorize, solve=backsolve)
+        self._backsolve = backsolve
+        self._timed: tuple[Bound, Bound] | None = None
+
+    @property
+    def solve_call(self) -> Bound:
+        call = self._inner.solve_call
+        if self._timed is None or self._timed[0] is not call:
+            self._timed = call, Bound.of_python(self._backsolve.over(call), ())
+        return self._timed[1]
+
+
+class _TimedProgram(_Timed):
+    """A program, the prepared calls of its evaluators timed as well."""
+
+    def __init__(self, inner: Any, values: Watch, derivatives: Watch) -> None:
+        super().__init__(inner, values=values, derivatives=derivatives)
+        self._watches = values, derivatives
+
+    def evaluator(self, scaling: Scaling) -> Evaluator:
+        found = evaluator_of(self._inner, scaling)
+        values, derivatives = self._watches
+        return replace(
+            found,
+            values_call=Bound.of_python(values.over(found.values_call), ()),
+            derivatives_call=Bound.of_python(derivatives.over(found.derivatives_call), ()),
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
     """One line of the profile.
@@ -113,9 +149,9 @@ class Profile:
         from stc.solver.sqp import minimize
 
         def new_kkt(*args: Any, **kwargs: Any) -> Any:
-            return _Timed(structured_kkt(*args, **kwargs), factorize=self.factorize, solve=self.backsolve)
+            return _TimedKKT(structured_kkt(*args, **kwargs), self.factorize, self.backsolve)
 
-        program: Any = _Timed(nlp, values=self.values, derivatives=self.derivatives)
+        program: Any = _TimedProgram(nlp, self.values, self.derivatives)
         begin = time.perf_counter()
         result = minimize(program, options, callback, start, new_kkt)
         self.seconds += time.perf_counter() - begin

@@ -6,6 +6,7 @@ constant that shapes nothing binds again in moments; nothing is differentiated o
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 
 import numpy as np
@@ -16,6 +17,7 @@ from stc.codegen.kernel import KernelSet, aligned_zeros
 from stc.problem import ConstantRef, Problem
 from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Scaling
+from stc.solver.keeping import Keeper
 from stc.symbolic.expr import Expr, evaluate, symbols
 from stc.transcription.assemble import Program
 from stc.transcription.evaluation import evaluator, kernel_calls
@@ -172,15 +174,14 @@ class BoundProgram:
         constants: Mapping[str, float],
     ) -> None:
         self.program = program
+        self.keeper = Keeper()
         self.bounds = bounds
         self.numbers = numbers
         self.n, self.m = program.size, program.row_count
-        self.x0 = x0
-        idle = np.ones(self.n, bool)
+        self._idle = np.ones(self.n, bool)
         for group in program.groups:
-            idle[group.positions] = False
-        # What nothing determines keeps its guess: the solver sees it as fixed.
-        self.x_lower, self.x_upper = np.where(idle, x0, bounds.lower), np.where(idle, x0, bounds.upper)
+            self._idle[group.positions] = False
+        self._start_at(x0)
         self.row_lower, self.row_upper = _row_bounds(program, numbers)
         self.jac_rows, self.jac_cols = program.jacobian.rows, program.jacobian.cols
         self.hess_rows, self.hess_cols = program.hessian.rows, program.hessian.cols
@@ -205,6 +206,18 @@ class BoundProgram:
         self.derivatives_kernels = chain(kernel_calls(*common, self.derivatives_buffer, values=False))
         self.counts = np.zeros(2, np.int64)
         self._as_stated: Evaluator | None = None
+
+    def _start_at(self, x0: FloatArray) -> None:
+        self.x0 = x0
+        # What nothing determines keeps its guess: the solver sees it as fixed.
+        self.x_lower = np.where(self._idle, x0, self.bounds.lower)
+        self.x_upper = np.where(self._idle, x0, self.bounds.upper)
+
+    def started(self, x0: FloatArray) -> BoundProgram:
+        """The same program with another start, (n,); the two are not to be evaluated at the same time."""
+        other = copy.copy(self)
+        other._start_at(x0)
+        return other
 
     @property
     def evaluations(self) -> int:

@@ -20,10 +20,22 @@ Statement = tuple[str, str]
 """Kind (``row`` or ``link``) and text of what rows come from."""
 
 
-def rows_by_statement(transcription: Transcription) -> dict[Statement, tuple[Nodes, IntArray, IntArray]]:
-    """Nodes, row numbers and relations, (k,) each and in order of time, of every statement with rows."""
+Rows = tuple[Nodes, IntArray, IntArray]
+"""Nodes, row numbers and relations, (k,) each and in order of time."""
+
+Places = tuple[str, Nodes, IntArray]
+"""A name, nodes in order of time, and positions in the decision vector."""
+
+
+def rows_by_statement(transcription: Transcription) -> dict[Statement, Rows]:
+    """The rows of every statement that has some; found once per transcription."""
+    known: dict[Statement, Rows] = transcription.remembered("rows by statement", _rows_by_statement)
+    return known
+
+
+def _rows_by_statement(transcription: Transcription) -> dict[Statement, Rows]:
     problem = transcription.problem
-    parts: dict[Statement, list[tuple[Nodes, IntArray, IntArray]]] = {}
+    parts: dict[Statement, list[Rows]] = {}
     for group in transcription.program.groups:
         for r, row in enumerate(group.rows):
             ids = group.row_ids[r]
@@ -45,8 +57,13 @@ def rows_by_statement(transcription: Transcription) -> dict[Statement, tuple[Nod
     return found
 
 
-def bound_nodes(transcription: Transcription) -> Iterator[tuple[str, Nodes, IntArray]]:
-    """Name, nodes in order of time, and positions in the decision vector, of every variable and parameter."""
+def bound_nodes(transcription: Transcription) -> list[Places]:
+    """Where every variable and parameter is; found once per transcription."""
+    known: list[Places] = transcription.remembered("bound nodes", lambda found: list(_bound_nodes(found)))
+    return known
+
+
+def _bound_nodes(transcription: Transcription) -> Iterator[Places]:
     layout = transcription.layout
     for name, order, before, after, middle in layout.slots():
         frames = np.arange(len(before))

@@ -63,6 +63,8 @@ def resample_multipliers(
             density = np.full(mine.sum(), k > 0) if kind == "link" else wide[mine]
             rows[ids[mine]] = strand.at(nodes[mine], n, lengths, density)
     for label, nodes, position in bound_nodes(transcription):
+        if ("bound", label) not in earlier:
+            continue
         owners = bound.bounds.lower_from[position], bound.bounds.upper_from[position]
         wide = _is_wide(problem, np.maximum(*owners)) & (len(nodes) > 1)
         for strand in earlier.get(("bound", label), [])[:1]:
@@ -123,20 +125,27 @@ class _Strand:
     density: FloatArray
 
     def at(self, nodes: Nodes, n: int, lengths: FloatArray, density: NDArray[np.bool_]) -> FloatArray:
-        """The multipliers at other nodes. (len(nodes),)"""
-        share = _shares(nodes, n)
-        simpson = bool(nodes.is_midpoint.any())
-        spread = self._between(share, self.density) * node_weights(nodes, lengths, simpson)
-        return np.where(density, spread, self._between(share, self.value))
+        """The multipliers at other nodes: linear between those here, where ``density`` (len(nodes),) is True those
+        per unit of time. (len(nodes),)
 
-    def _between(self, share: FloatArray, values: FloatArray) -> FloatArray:
-        """Linear between nodes; 0 beside a node without a multiplier: what holds on one frame holds there alone."""
-        last = len(values) - 1
-        right = np.clip(np.searchsorted(self.share, share), 0, last)
-        left = np.clip(right - 1, 0, last)
-        here = np.abs(self.share[right] - share) <= APART
-        idle = (values[left] == 0.0) | (values[right] == 0.0)
-        return np.where(here, values[right], np.where(idle, 0.0, np.interp(share, self.share, values)))
+        They are 0 beside a node without a multiplier: what holds on one frame holds there alone.
+        """
+        if not self.value.any():
+            return np.zeros(len(nodes))
+        share = _shares(nodes, n)
+        last = len(self.share) - 1
+        right = np.minimum(np.searchsorted(self.share, share), last)
+        left = np.maximum(right - 1, 0)
+        value = np.where(density, self.density[right], self.value[right])
+        before = np.where(density, self.density[left], self.value[left])
+        gap = self.share[right] - self.share[left]
+        part = np.clip((share - self.share[left]) / np.where(gap > 0.0, gap, 1.0), 0.0, 1.0)
+        between = np.where((value == 0.0) | (before == 0.0), 0.0, before + part * (value - before))
+        result = np.where(np.abs(self.share[right] - share) <= APART, value, between)
+        if density.any():
+            simpson = bool(nodes.is_midpoint.any())
+            result *= np.where(density, node_weights(nodes, lengths, simpson), 1.0)
+        return result
 
 
 def _strands(block: MultiplierBlock, alignment: Alignment, n: int, lengths: FloatArray) -> list[_Strand]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +31,26 @@ from stc.transcription.steps import Steps
 FloatArray = NDArray[np.float64]
 
 
+LARGEST_KEPT = 300_000
+"""Variables and rows of the largest program that is kept for the case that its numbers are bound again."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """The program that was bound last.
+
+    Attributes:
+        key: thread and constants.
+        x0: where it starts, (n,).
+        usable: whether that is the spec's own guess, and one where every function is defined.
+    """
+
+    key: tuple[int, tuple[tuple[str, float], ...]]
+    program: BoundProgram
+    x0: FloatArray
+    usable: bool
+
+
 @dataclass(slots=True)
 class Transcription:
     """Everything derived from a problem's text and structural constants.
@@ -47,12 +69,21 @@ class Transcription:
     tapes: list[Tape]
     kernels: KernelSet | None = None
     seconds: dict[str, float] = field(default_factory=dict)
+    _bound: _Known | None = None
+    _remembered: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    def remembered(self, name: str, find: Callable[[Transcription], Any]) -> Any:
+        """What ``find`` returns for this transcription, called once."""
+        if name not in self._remembered:
+            self._remembered[name] = find(self)
+        return self._remembered[name]
 
     def compile(self, backend: Backend = "auto", cache: bool = True) -> None:
         """Compiles the kernels, or takes them from the object cache."""
         begin = time.perf_counter()
         self.kernels = compile_tapes(self.tapes, backend=backend, cache=cache)
         self.seconds["compile"] = time.perf_counter() - begin
+        self._bound = None
 
     def bind(
         self,
@@ -62,6 +93,8 @@ class Transcription:
         check: bool = True,
     ) -> BoundProgram:
         """The nonlinear program for these constants (default: the problem's own).
+
+        Programs bound one after the other for the same constants share all but their start.
 
         Args:
             constants: values for all constants; none of the structural ones may differ from the problem's.
@@ -77,27 +110,40 @@ class Transcription:
             self.compile()
         assert self.kernels is not None
         constants = self.problem.constants if constants is None else constants
-        coefficients = self.steps.coefficients(constants)
-        numbers = Numbers(self.statements, self.steps, coefficients, constants)
-        bounds = evaluate_bounds(self.problem, self.statements, self.layout, numbers)
+        key = threading.get_ident(), tuple(constants.items())
+        known = self._bound if self._bound is not None and self._bound.key == key else None
+        own = start is None and guess is None
+        if known is not None and own and known.usable:
+            return known.program.started(known.x0)
+        if known is None:
+            self._bound = None  # before the next one takes its place in memory
+            numbers = Numbers(self.statements, self.steps, self.steps.coefficients(constants), constants)
+            bounds = evaluate_bounds(self.problem, self.statements, self.layout, numbers)
+        else:
+            numbers, bounds = known.program.numbers, known.program.bounds
+        low, high = bounds.lower, np.maximum(bounds.lower, bounds.upper)
         if start is None:
-            low, high = bounds.lower, np.maximum(bounds.lower, bounds.upper)
             x0 = starting_point(
-                self.problem, self.grid, self.layout, self.steps, coefficients, constants, low, high, guess
+                self.problem,
+                self.grid,
+                self.layout,
+                self.steps,
+                numbers.coefficients,
+                constants,
+                low,
+                high,
+                guess,
             )
         else:
-            x0 = np.clip(start, bounds.lower, np.maximum(bounds.lower, bounds.upper))
-        bound = BoundProgram(
-            self.program,
-            self.layout,
-            numbers,
-            bounds,
-            x0,
-            self.kernels,
-            constants,
-        )
+            x0 = np.clip(start, low, high)
+        if known is None:
+            bound = BoundProgram(self.program, self.layout, numbers, bounds, x0, self.kernels, constants)
+        else:
+            bound = known.program.started(x0)
         if check and not bound.contradictions:
             self._check_start(bound)
+        if bound.n + bound.m <= LARGEST_KEPT and (known is None or (own and check)):
+            self._bound = _Known(key, bound, x0, own and check)
         return bound
 
     @property

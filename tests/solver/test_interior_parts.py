@@ -6,57 +6,20 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scaled_program import dense, inside, program, scaled
 from symbolic_program import INF, SymbolicProgram
 
 from stc.solver import Options
 from stc.solver.active_set import project, smaller_multipliers
 from stc.solver.elastic import ElasticKKT, ElasticProblem
 from stc.solver.globalization import Filter, largest_step
-from stc.solver.iterate import Iterate, errors_of, evaluate
+from stc.solver.iterate import errors_of, evaluate
 from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem, relative_violation
 from stc.solver.starting import cold_iterate, warm_iterate
-from stc.symbolic.expr import call
-
-
-def program() -> SymbolicProgram:
-    """One of everything: an equality, one- and two-sided rows, a row without bounds, a fixed variable."""
-    return SymbolicProgram(
-        [1.5, 0.7, 2.0, 0.3],
-        lambda x: call("exp", x[0]) + x[0] * x[1] + x[2] ** 2 + 3 * x[3] ** 2,
-        lambda x: [
-            (x[0] * x[1] + x[3], 1.0, 1.0),
-            (x[0] ** 2 + x[2], -INF, 9.0),
-            (x[1] + x[3], -1.0, 2.0),
-            (x[0] * x[3], -INF, INF),
-            (x[1] * x[2] - x[0], -3.0, INF),
-        ],
-        lower=[0.0, -INF, 2.0, -1.0],
-        upper=[4.0, 5.0, 2.0, INF],
-    )
-
-
-def scaled(scaling: bool = True) -> ScaledProblem:
-    nlp = program()
-    return ScaledProblem(nlp, nlp.x0, Options(scaling=scaling), DenseKKT)
-
-
-def inside(form: ScaledProblem, seed: int) -> Iterate:
-    """A random primal-dual point strictly inside the bounds."""
-    rng = np.random.default_rng(seed)
-    it = cold_iterate(form, program().x0 / form.x_scale)
-    w = it.w + 0.2 * rng.uniform(-1, 1, form.size) * form.moving
-    w = np.clip(w, form.lower + 0.05, form.upper - 0.05)
-    y = np.where(form.ignored, 0.0, rng.standard_normal(form.m))
-    return evaluate(form, w, y, rng.uniform(0.1, 2.0, form.gaps))
-
-
-def dense(rows: np.ndarray, cols: np.ndarray, values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    matrix = np.zeros(shape)
-    matrix[rows, cols] = values
-    return matrix
+from stc.solver.workspace import Workspace
 
 
 @given(st.integers(0, 1000))
@@ -65,9 +28,13 @@ def test_the_reduced_system_solves_the_full_one(seed: int) -> None:
     form = scaled(scaling=False)
     it = inside(form, seed)
     n, m, size, mu = form.n, form.m, form.size, 0.1
-    system = NewtonSystem(form)
-    system.factorize(it, mu)
-    dw, dy, dz = system.step(it, mu / it.gap, it.c)
+    work = Workspace(form)
+    work.load(it)
+    system = NewtonSystem(work)
+    system.factorize(mu)
+    work.centre[:] = mu / it.gap
+    system.find_step(work.step)
+    dw, dy, dz = work.step.dw, work.step.dy, work.step.dz
 
     hess = dense(form.hess_rows, form.hess_cols, it.hess, (n, n))
     hess = hess + np.tril(hess, -1).T + system.shift * np.diag(form.free)
@@ -95,8 +62,10 @@ def test_the_shifted_matrix_gives_descent(seed: int) -> None:
     it = inside(form, seed)
     it.y = it.y * 10.0 - 20.0  # makes the Hessian indefinite
     it = evaluate(form, it.w, np.where(form.ignored, 0.0, it.y), it.z)
-    system = NewtonSystem(form)
-    system.factorize(it, 0.1)
+    work = Workspace(form)
+    work.load(it)
+    system = NewtonSystem(work)
+    system.factorize(0.1)
     n, m = form.n, form.m
     hess = dense(form.hess_rows, form.hess_cols, it.hess, (n, n))
     sigma = np.zeros(form.size)

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from symbolic_program import SymbolicProgram
 
+from stc.solver import Options
 from stc.solver.kkt import FrontalKKT
 from stc.solver.kkt.contract import NotFinite
 from stc.solver.kkt.dense import DenseKKT
 from stc.solver.newton_system import NewtonSystem, SingularSystem
+from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.workspace import Workspace
 
 
 @pytest.mark.parametrize("kind", [FrontalKKT, DenseKKT])
@@ -28,21 +32,8 @@ class Overflowing:
 
 
 def test_a_newton_system_counts_as_singular() -> None:
-    class Form:
-        n = m = 1
-        gaps = 0
-        size = 2
-        equality = np.array([True])
-        held = np.array([False])
-        free = ~held
-        any_held = any_ignored = False
-        extra_diagonal = None
-        index = np.zeros(0, int)
-        kkt = Overflowing()
-
-    class Point:
-        z = gap = np.zeros(0)
-        jac = hess = np.ones(1)
-
+    nlp = SymbolicProgram([0.5], lambda x: x[0] ** 2, lambda x: [(x[0] + 1.0, 2.0, 2.0)])
+    form = ScaledProblem(nlp, nlp.x0, Options(), DenseKKT)
+    form.kkt = Overflowing()
     with pytest.raises(SingularSystem):
-        NewtonSystem(Form()).factorize(Point(), 0.1)
+        NewtonSystem(Workspace(form)).factorize(0.1)

@@ -1,11 +1,11 @@
-"""Products with sparse matrices against dense ones, the centring search against the formulas written out."""
+"""Products with sparse matrices against dense ones."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from stc.solver.products import inner, least_error, norm, symmetric_times, times
+from stc.solver.products import inner, norm, symmetric_times, times
 
 
 def test_products_are_those_of_the_dense_matrix() -> None:
@@ -39,21 +39,3 @@ def test_inner_products_of_views(size: int) -> None:
     a, b = np.arange(2.0 * size)[::2] / size, np.full(size, 0.5)
     assert inner(a, b) == pytest.approx(0.5 * a.sum(), rel=1e-12)
     assert norm(b) == pytest.approx(0.5 * np.sqrt(size), rel=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_the_centring_with_the_least_predicted_error_is_found(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    centring = np.array([0.01, 0.1, 0.5, 1.0, 2.0])
-    taus = np.maximum(0.9, 1.0 - 0.1 * centring)
-    gap, z = rng.uniform(0.1, 1.0, (2, 30))
-    steps = rng.standard_normal((4, 30)) * 0.3
-    errors = []
-    for sigma, tau in zip(centring, taus, strict=True):
-        gap_step, z_step = steps[0] + sigma * steps[1], steps[2] + sigma * steps[3]
-        a = min(1.0, tau / np.max(-gap_step / gap))
-        b = min(1.0, tau / np.max(-z_step / z))
-        products = (gap + a * gap_step) * (z + b * z_step)
-        errors.append(np.mean(products**2) + (1 - b) ** 2 * 0.7 + (1 - a) ** 2 * 0.3)
-    found = least_error(centring, taus, gap, z, *steps, 0.7, 0.3)
-    assert found == int(np.argmin(errors))

@@ -60,9 +60,9 @@ def random_problem(seed, cubic=0.0):
 
 
 def guess_of(rng, lower, upper):
-    signs = rng.integers(-1, 2, len(lower)).astype(np.int8)
+    signs = rng.integers(-1, 2, len(lower)).astype(np.int32)
     reachable = np.where(signs > 0, np.isfinite(upper), np.isfinite(lower))
-    return np.where(reachable & (lower < upper), signs, 0).astype(np.int8)
+    return np.where(reachable & (lower < upper), signs, 0).astype(np.int32)
 
 
 @given(seed=st.integers(0, 10_000))

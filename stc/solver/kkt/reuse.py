@@ -66,6 +66,10 @@ class StructuredKKT:
         if n + m <= LARGEST:
             weakref.finalize(self, _keep, key, system).atexit = False
 
+    def restart(self) -> None:
+        """Forget all matrices, as if new, but not the plan."""
+        self._system.restart()
+
     @property
     def factorizations(self) -> int:
         """How many matrices have been factorised so far."""

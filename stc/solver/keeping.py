@@ -1,0 +1,62 @@
+"""One solve after another of the same program: what the first allocated and scaled serves the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from stc.solver.kkt.contract import KKTSystem
+from stc.solver.kkt.reuse import StructuredKKT
+from stc.solver.nlp import NLP, Floats
+from stc.solver.options import Options
+from stc.solver.scaled_problem import ScaledProblem
+
+__all__ = ["Keeper", "give_back", "scaled_form"]
+
+
+#: Variables and rows of the largest program that something is kept of.
+LARGEST = 300_000
+
+
+class Keeper:
+    """What a solve leaves for the next one of the same program.
+
+    Programs whose functions and bounds of rows never change have one as their attribute ``keeper``.
+    """
+
+    def __init__(self) -> None:
+        self._kept: tuple[object, ScaledProblem] | None = None
+
+    def take(self, key: object) -> ScaledProblem | None:
+        """What was left under this key; whatever was left is gone then."""
+        kept, self._kept = self._kept, None
+        return kept[1] if kept is not None and kept[0] == key else None
+
+    def give(self, key: object, form: ScaledProblem) -> None:
+        """Leave a form, of which nobody makes use any more."""
+        form.release()
+        self._kept = key, form
+
+
+def scaled_form(nlp: NLP, x0: Floats, options: Options, new_kkt: Callable[..., KKTSystem]) -> ScaledProblem:
+    """``nlp`` scaled at ``x0`` (n,); as an earlier solve left it where that began at the same point."""
+    keeper: Keeper | None = getattr(nlp, "keeper", None)
+    form = None if keeper is None else keeper.take(_key(nlp, x0, options, new_kkt))
+    if form is not None and isinstance(form.kkt, StructuredKKT):
+        form.nlp = nlp
+        form.kkt.restart()
+        return form
+    return ScaledProblem(nlp, x0, options, new_kkt)
+
+
+def give_back(
+    form: ScaledProblem, nlp: NLP, x0: Floats, options: Options, new_kkt: Callable[..., KKTSystem]
+) -> None:
+    """Keep a form for the next solve of the same program."""
+    keeper: Keeper | None = getattr(nlp, "keeper", None)
+    if keeper is not None and isinstance(form.kkt, StructuredKKT) and nlp.n + nlp.m <= LARGEST:
+        keeper.give(_key(nlp, x0, options, new_kkt), form)
+
+
+def _key(nlp: NLP, x0: Floats, options: Options, new_kkt: Callable[..., KKTSystem]) -> tuple[object, ...]:
+    bounds = nlp.x_lower.tobytes(), nlp.x_upper.tobytes()
+    return x0.tobytes(), *bounds, options.scaling, new_kkt

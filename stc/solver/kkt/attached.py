@@ -1,0 +1,63 @@
+"""The attached interface for factorisations that only take copies."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+
+from stc.codegen.calls import Bound
+from stc.solver.kkt.contract import AttachedKKT, Inertia, KKTSystem
+from stc.solver.nlp import Floats
+
+__all__ = ["attached"]
+
+
+def attached(kkt: KKTSystem, n: int, m: int, jac_count: int, hess_count: int) -> AttachedKKT:
+    """``kkt`` itself where it has arrays of its own, else a wrapper that copies."""
+    if hasattr(kkt, "refactor"):
+        return cast("AttachedKKT", kkt)
+    return _Copying(kkt, n, m, jac_count, hess_count)
+
+
+class _Copying:
+    """See ``AttachedKKT``."""
+
+    def __init__(self, kkt: KKTSystem, n: int, m: int, jac_count: int, hess_count: int) -> None:
+        self._kkt, self._n = kkt, n
+        self.hess, self.jac = np.zeros(hess_count), np.zeros(jac_count)
+        self.primal, self.dual = np.zeros(n), np.zeros(m)
+        self.rhs, self.solution = np.zeros(n + m), np.zeros(n + m)
+        self.report = np.zeros(1)
+        self.solve_call = Bound.of_python(self._solve, ())
+
+    @property
+    def factorizations(self) -> int:
+        return self._kkt.factorizations
+
+    @property
+    def nnz_factor(self) -> int:
+        return self._kkt.nnz_factor
+
+    @property
+    def last_residual(self) -> float:
+        return self._kkt.last_residual
+
+    def factorize(
+        self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
+    ) -> Inertia:
+        return self._kkt.factorize(hess_values, jac_values, primal_diagonal, dual_diagonal)
+
+    def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
+        return self._kkt.solve(rhs_x, rhs_y)
+
+    def refactor(self) -> Inertia:
+        return self._kkt.factorize(self.hess, self.jac, self.primal, self.dual)
+
+    def _solve(self) -> None:
+        n = self._n
+        self.solution[:n], self.solution[n:] = self._kkt.solve(self.rhs[:n], self.rhs[n:])
+        self.report[0] = self._kkt.last_residual
+
+    def check_solution(self) -> bool:
+        return False  # the wrapped one has done so

@@ -1,0 +1,508 @@
+"""The arithmetic of one iteration, compiled: each pass goes once over the vectors and leaves a few numbers.
+
+Vectors are those of :class:`stc.solver.workspace.Workspace`, ``s`` is its array of numbers with the places below.
+``index``, ``sign``, ``kind``, ``free`` and ``moving`` describe the form of the problem (:mod:`stc.solver.formulation`):
+rows are equalities, inequalities or ignored (:data:`EQUALITY`, :data:`INEQUALITY`, :data:`IGNORED`).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, inf, log, native, sqrt
+
+EQUALITY: Final = 0
+INEQUALITY: Final = 1
+IGNORED: Final = 2
+
+#: Places in the array of numbers.
+OBJECTIVE: Final = 0  # f, |c|_1 and the sum of the gaps' logarithms at the iterate
+THETA: Final = 1
+LOGARITHMS: Final = 2
+DUAL: Final = 3  # the iterate's errors, not scaled
+PRIMAL: Final = 4
+COMPLEMENTARITY: Final = 5
+Z_SUM: Final = 6
+Y_SUM: Final = 7
+PRODUCTS: Final = 8  # sum of gap times multiplier
+DUAL_SQUARED: Final = 9
+PRIMAL_SQUARED: Final = 10
+FARTHEST: Final = 11  # largest |w|
+SIGMA: Final = 12  # the centring parameter found best
+PRIMAL_STEP: Final = 13  # fractions of the step that the bounds allow
+DUAL_STEP: Final = 14
+SLOPE: Final = 15  # of f, and of the sum of logarithms
+LOG_SLOPE: Final = 16
+LENGTH: Final = 17  # of the variables' part of the step
+RELATIVE: Final = 18  # largest |dw| / (1 + |w|)
+FINITE: Final = 19  # 0 where all of the step is finite, else nan
+TRIAL_THETA: Final = 20
+TRIAL_LOGARITHMS: Final = 21
+TRIAL_GAP: Final = 22  # the smallest
+MOVED: Final = 23  # 1 when the trial point has become the iterate
+STEP: Final = 24  # largest relative change of a variable
+FIRST_RESIDUAL: Final = 25
+VIOLATION: Final = 26  # in the user's terms
+NUMBERS: Final = 32
+
+#: Products of gaps between these are collected before their logarithm is taken.
+TINY: Final = 1e-140
+HUGE: Final = 1e140
+#: Gap multipliers stay within this factor of mu / gap.
+NEAR_CENTRE: Final = 1e10
+
+
+@native(fast=True)
+def log_sum(count: i64, values: f64s) -> f64:
+    """Sum of the logarithms of positive numbers, nan when one is not."""
+    total = 0.0
+    product = 1.0
+    for k in range(count):
+        value = values[k]
+        if not (value > 0.0):
+            return value * 0.0 / 0.0
+        if value < TINY or value > HUGE:
+            total += log(value)
+        else:
+            product *= value
+            if product < TINY or product > HUGE:
+                total += log(product)
+                product = 1.0
+    return total + log(product)
+
+
+@native(fast=True)
+def signed_sum(size: i64, gaps: i64, index: i64s, sign: f64s, values: f64s, out: f64s) -> None:
+    """``out`` (size,): the sum of ``sign * values`` over the gaps of each entry."""
+    for i in range(size):
+        out[i] = 0.0
+    for k in range(gaps):
+        out[index[k]] += sign[k] * values[k]
+
+
+@native(fast=True)
+def measure(
+    size: i64, m: i64, gaps: i64, index: i64s, sign: f64s, mu: f64s,
+    w: f64s, y: f64s, z: f64s, gap: f64s, c: f64s, dual: f64s, residual: f64s, s: f64s,
+) -> None:  # fmt: skip
+    """Errors of the optimality conditions; ``residual`` becomes the gradient of the whole Lagrangian."""
+    z_sum = 0.0
+    products = 0.0
+    largest = 0.0
+    target = mu[0]
+    for k in range(gaps):
+        product = gap[k] * z[k]
+        z_sum += z[k]
+        products += product
+        largest = max(largest, fabs(product - target))
+    s[COMPLEMENTARITY] = largest + products * 0.0
+    s[Z_SUM] = z_sum
+    s[PRODUCTS] = products
+    for i in range(size):
+        residual[i] = dual[i]
+    for k in range(gaps):
+        residual[index[k]] -= sign[k] * z[k]
+    largest = 0.0
+    squared = 0.0
+    far = 0.0
+    check = 0.0
+    for i in range(size):
+        value = residual[i]
+        largest = max(largest, fabs(value))
+        squared += value * value
+        check += value * 0.0
+        far = max(far, fabs(w[i]))
+    s[DUAL] = largest + check
+    s[DUAL_SQUARED] = squared
+    s[FARTHEST] = far
+    largest = 0.0
+    squared = 0.0
+    y_sum = 0.0
+    check = 0.0
+    for r in range(m):
+        value = c[r]
+        largest = max(largest, fabs(value))
+        squared += value * value
+        check += value * 0.0
+        y_sum += fabs(y[r])
+    s[PRIMAL] = largest + check
+    s[PRIMAL_SQUARED] = squared
+    s[Y_SUM] = y_sum
+
+
+@native(fast=True)
+def overstepped(
+    row_count: i64, row_places: i64s, row_limits: f64s, row_units: f64s, r: f64s, x_count: i64, x_places: i64s,
+    x_limits: f64s, x_units: f64s, x: f64s, out: f64s,
+) -> None:  # fmt: skip
+    """Largest ``(limit - value) * unit`` of rows and variables, at least 0; infinite where a row is no number."""
+    worst = 0.0
+    check = 0.0
+    for k in range(row_count):
+        value = r[row_places[k]]
+        check += value * 0.0
+        worst = max(worst, (row_limits[k] - value) * row_units[k])
+    for k in range(x_count):
+        worst = max(worst, (x_limits[k] - x[x_places[k]]) * x_units[k])
+    out[0] = worst if check == 0.0 else inf
+
+
+@native(fast=True)
+def diagonals(
+    n: i64, m: i64, gaps: i64, index: i64s, free: f64s, kind: i32s, extra: f64s, smallest: f64,
+    z: f64s, gap: f64s, ratio: f64s, sigma: f64s, primal: f64s, d: f64s,
+) -> None:  # fmt: skip
+    """``ratio = z / gap``, its sum per entry of w, and the diagonals without shifts."""
+    for i in range(n + m):
+        sigma[i] = 0.0
+    for k in range(gaps):
+        ratio[k] = z[k] / gap[k]
+    for k in range(gaps):
+        sigma[index[k]] += ratio[k]
+    for i in range(n):
+        primal[i] = sigma[i] + extra[i] if free[i] != 0.0 else 1.0
+    for r in range(m):
+        d[r] = 1.0 / max(sigma[n + r], smallest)
+        if kind[r] == IGNORED:
+            d[r] = 1.0
+
+
+@native(fast=True)
+def shifted(
+    n: i64, m: i64, shift: f64, dual_shift: f64, free: f64s, kind: i32s, primal: f64s, d: f64s,
+    out_primal: f64s, out_dual: f64s,
+) -> None:  # fmt: skip
+    """The diagonals with shifts."""
+    for i in range(n):
+        out_primal[i] = primal[i] + shift * free[i]
+    for r in range(m):
+        out_dual[r] = dual_shift if kind[r] == EQUALITY else d[r]
+
+
+@native(fast=True)
+def copy(count: i64, source: f64s, target: f64s) -> None:
+    """Copy a vector."""
+    for i in range(count):
+        target[i] = source[i]
+
+
+@native(fast=True)
+def zero_centre(gaps: i64, centre: f64s) -> None:
+    """The target of the predictor."""
+    for k in range(gaps):
+        centre[k] = 0.0
+
+
+@native(fast=True)
+def mean_centre(gaps: i64, gap: f64s, centre: f64s, s: f64s) -> None:
+    """The target of equal products of gaps and multipliers, as large as they are on average."""
+    average = s[PRODUCTS] / gaps
+    for k in range(gaps):
+        centre[k] = average / gap[k]
+
+
+@native(fast=True)
+def mu_centre(gaps: i64, mu: f64s, gap: f64s, centre: f64s) -> None:
+    """``mu / gap``."""
+    for k in range(gaps):
+        centre[k] = mu[0] / gap[k]
+
+
+@native(fast=True)
+def right_hand_side(
+    n: i64, m: i64, gaps: i64, with_residuals: i64, index: i64s, sign: f64s, kind: i32s,
+    centre: f64s, dual: f64s, c: f64s, d: f64s, pull: f64s, rhs: f64s,
+) -> None:  # fmt: skip
+    """Of the reduced system, for gaps' multipliers that are to become ``centre``.
+
+    Without residuals: the part that is linear in ``centre``.
+    """
+    for i in range(n + m):
+        pull[i] = 0.0
+    for k in range(gaps):
+        pull[index[k]] += sign[k] * centre[k]
+    if with_residuals != 0:
+        for i in range(n + m):
+            pull[i] -= dual[i]
+    for i in range(n):
+        rhs[i] = pull[i]
+    for r in range(m):
+        value = 0.0
+        if kind[r] == INEQUALITY:
+            value = d[r] * pull[n + r]
+        if with_residuals != 0:
+            value -= c[r]
+        rhs[n + r] = value
+
+
+@native(fast=True)
+def recover(
+    n: i64, m: i64, gaps: i64, with_residuals: i64, entries: i64, index: i64s, sign: f64s, free: f64s, kind: i32s,
+    rows: i64s, cols: i64s, jac: f64s, c: f64s, z: f64s, ratio: f64s, centre: f64s, solution: f64s,
+    dw: f64s, dy: f64s, dz: f64s,
+) -> None:  # fmt: skip
+    """Steps of variables, slacks and gap multipliers from the solution of the reduced system."""
+    for i in range(n):
+        dw[i] = solution[i] * free[i]
+    slacks = dw[n:]
+    for r in range(m):
+        slacks[r] = 0.0
+        dy[r] = solution[n + r]
+    for e in range(entries):
+        slacks[rows[e]] += jac[e] * dw[cols[e]]
+    for r in range(m):
+        value = slacks[r]
+        if with_residuals != 0:
+            value += c[r]
+        slacks[r] = value if kind[r] == INEQUALITY else 0.0
+    for k in range(gaps):
+        value = centre[k] - ratio[k] * (sign[k] * dw[index[k]])
+        dz[k] = value
+    if with_residuals != 0:
+        for k in range(gaps):
+            dz[k] -= z[k]
+
+
+@native(fast=True)
+def gap_steps(gaps: i64, index: i64s, sign: f64s, dw: f64s, out: f64s) -> None:
+    """Change of each gap."""
+    for k in range(gaps):
+        out[k] = sign[k] * dw[index[k]]
+
+
+@native(fast=True)
+def lengths(
+    n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, tau: f64s, w: f64s, z: f64s, gap: f64s, gradient: f64s,
+    dw: f64s, dy: f64s, dz: f64s, s: f64s,
+) -> None:  # fmt: skip
+    """How far the bounds let a step go, and how it begins."""
+    fall = 0.0
+    fall_z = 0.0
+    log_slope = 0.0
+    for k in range(gaps):
+        change = sign[k] * dw[index[k]] / gap[k]
+        fall = max(fall, -change)
+        log_slope += change
+        fall_z = max(fall_z, -dz[k] / z[k])
+    fraction = tau[0]
+    s[PRIMAL_STEP] = 1.0 if fall <= fraction else fraction / fall
+    s[DUAL_STEP] = 1.0 if fall_z <= fraction else fraction / fall_z
+    s[LOG_SLOPE] = log_slope
+    slope = 0.0
+    squared = 0.0
+    for i in range(n):
+        slope += gradient[i] * dw[i]
+        squared += dw[i] * dw[i]
+    s[SLOPE] = slope
+    s[LENGTH] = sqrt(squared)
+    check = 0.0
+    most = 0.0
+    for i in range(n + m):
+        most = max(most, fabs(dw[i]) / (1.0 + fabs(w[i])))
+        check += dw[i] * 0.0
+    for r in range(m):
+        check += dy[r] * 0.0
+    for k in range(gaps):
+        check += dz[k] * 0.0
+    s[RELATIVE] = most
+    s[FINITE] = check
+
+
+@native(fast=True)
+def combine(count: i64, factor: f64s, one: f64s, other: f64s, out: f64s) -> None:
+    """``out = one + factor * other``."""
+    for i in range(count):
+        out[i] = one[i] + factor[0] * other[i]
+
+
+@native(fast=True)
+def place(n: i64, size: i64, alpha: f64s, w: f64s, dw: f64s, trial: f64s, x: f64s) -> None:
+    """The point at a fraction of the step, and its variables where the functions look for them."""
+    for i in range(size):
+        trial[i] = w[i] + alpha[0] * dw[i]
+    for i in range(n):
+        x[i] = trial[i]
+
+
+@native(fast=True)
+def inspect(
+    n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, bound: f64s, kind: i32s, w: f64s, r: f64s,
+    gap: f64s, c: f64s, s: f64s,
+) -> None:  # fmt: skip
+    """Gaps, residual of the rows and what the filter asks of a point whose rows have been evaluated."""
+    theta = 0.0
+    for k in range(m):
+        value = r[k] - w[n + k]
+        value = 0.0 if kind[k] == IGNORED else value
+        c[k] = value
+        theta += fabs(value)
+    smallest = 1e300
+    for k in range(gaps):
+        value = sign[k] * (w[index[k]] - bound[k])
+        gap[k] = value
+        smallest = min(smallest, value)
+    s[TRIAL_THETA] = theta
+    s[TRIAL_GAP] = smallest
+    s[TRIAL_LOGARITHMS] = log_sum(gaps, gap)
+
+
+@native(fast=True)
+def blend(
+    n: i64, m: i64, gaps: i64, entries: i64, index: i64s, sign: f64s, free: f64s, moving: f64s, rows: i64s, cols: i64s,
+    jac: f64s, alpha: f64s, shift: f64s, mu: f64s, residual: f64s, dw: f64s, dy: f64s, dz: f64s, y: f64s, z: f64s,
+    trial_gap: f64s, left: f64s, turn: f64s, trial_y: f64s, trial_z: f64s, evaluated_y: f64s, s: f64s,
+) -> None:  # fmt: skip
+    """Multipliers of the trial point.
+
+    The rows' multipliers take that fraction of their step that leaves the smallest gradient of the Lagrangian, to
+    first order, when the primal and the dual variables take different fractions of theirs. A shift of the Hessian is
+    no part of the Lagrangian, and a large one shows in ``dy``: it counts as well.
+    """
+    primal = alpha[0]
+    dual = s[DUAL_STEP]
+    fraction = primal
+    if primal != dual or shift[0] != 0.0:
+        for i in range(n):
+            turn[i] = 0.0
+        for r in range(m):
+            turn[n + r] = -dy[r]
+        for e in range(entries):
+            turn[cols[e]] += jac[e] * dy[rows[e]]
+        for i in range(n + m):
+            left[i] = 0.0
+        for k in range(gaps):
+            left[index[k]] += sign[k] * dz[k]
+        for i in range(n + m):
+            turn[i] *= moving[i]
+            left[i] = (1.0 - primal) * residual[i] + (primal - dual) * left[i]
+        for i in range(n):
+            left[i] -= primal * shift[0] * dw[i] * free[i]
+        length = 0.0
+        product = 0.0
+        for i in range(n + m):
+            length += turn[i] * turn[i]
+            product += left[i] * turn[i]
+        if length != 0.0:
+            fraction = min(max(primal - product / length, 0.0), 1.0)
+    for r in range(m):
+        trial_y[r] = y[r] + fraction * dy[r]
+        evaluated_y[r] = trial_y[r]
+    for k in range(gaps):
+        value = z[k] + dual * dz[k]
+        centre = mu[0] / trial_gap[k]
+        trial_z[k] = min(max(value, centre / NEAR_CENTRE), NEAR_CENTRE * centre)
+
+
+@native(fast=True)
+def lagrangian(
+    n: i64, m: i64, entries: i64, curved: i64, moving: f64s, rows: i64s, cols: i64s, y: f64s, gradient: f64s, jac: f64s,
+    hess: f64s, dual: f64s,
+) -> f64:  # fmt: skip
+    """``dual = (grad f + J^T y, -y)``; 0, or nan where a derivative is not finite."""
+    check = 0.0
+    for i in range(n):
+        dual[i] = gradient[i]
+    for e in range(entries):
+        check += jac[e] * 0.0
+        dual[cols[e]] += jac[e] * y[rows[e]]
+    for r in range(m):
+        dual[n + r] = -y[r]
+    for i in range(n + m):
+        dual[i] *= moving[i]
+        check += dual[i] * 0.0
+    for e in range(curved):
+        check += hess[e] * 0.0
+    return check
+
+
+@native(fast=True)
+def move(
+    n: i64, m: i64, gaps: i64, entries: i64, curved: i64, moving: f64s, rows: i64s, cols: i64s, gradient: f64s,
+    jac: f64s, hess: f64s, trial_w: f64s, trial_y: f64s, trial_z: f64s, trial_f: f64s, trial_r: f64s, trial_gap: f64s,
+    trial_c: f64s, trial_dual: f64s, w: f64s, y: f64s, z: f64s, r: f64s, gap: f64s, c: f64s, dual: f64s, s: f64s,
+) -> None:  # fmt: skip
+    """Make the trial point the iterate, unless a derivative is not finite there."""
+    check = lagrangian(n, m, entries, curved, moving, rows, cols, trial_y, gradient, jac, hess, trial_dual)
+    if check != 0.0:
+        s[MOVED] = 0.0
+        return
+    s[MOVED] = 1.0
+    step = 0.0
+    for i in range(n + m):
+        step = max(step, fabs(trial_w[i] - w[i]) / (1.0 + fabs(w[i])))
+        w[i] = trial_w[i]
+        dual[i] = trial_dual[i]
+    for k in range(m):
+        y[k] = trial_y[k]
+        r[k] = trial_r[k]
+        c[k] = trial_c[k]
+    for k in range(gaps):
+        z[k] = trial_z[k]
+        gap[k] = trial_gap[k]
+    s[STEP] = step
+    s[OBJECTIVE] = trial_f[0]
+    s[THETA] = s[TRIAL_THETA]
+    s[LOGARITHMS] = s[TRIAL_LOGARITHMS]
+
+
+@native(fast=True)
+def choose_centring(
+    gaps: i64, count: i64, moving: f64, rows: f64, smallest_tau: f64, index: i64s, sign: f64s, grid: f64s, gap: f64s,
+    z: f64s, affine: f64s, affine_z: f64s, centring: f64s, centring_z: f64s, gap_1: f64s, gap_2: f64s, fall_1: f64s,
+    fall_2: f64s, fall_z1: f64s, fall_z2: f64s, s: f64s,
+) -> None:  # fmt: skip
+    """The centring parameter of those in ``grid`` (count,) whose step is predicted to leave the smallest squared error.
+
+    A step for sigma is ``affine + sigma * centring``; ``moving`` and ``rows`` are the numbers of dual and primal
+    conditions.
+    """
+    average = s[PRODUCTS] / gaps
+    for k in range(gaps):
+        gap_1[k] = sign[k] * affine[index[k]]
+        gap_2[k] = sign[k] * centring[index[k]]
+    for k in range(gaps):
+        inverse = -1.0 / gap[k]
+        fall_1[k] = gap_1[k] * inverse
+        fall_2[k] = gap_2[k] * inverse
+        inverse_z = -1.0 / z[k]
+        fall_z1[k] = affine_z[k] * inverse_z
+        fall_z2[k] = centring_z[k] * inverse_z
+    best = 1.0
+    least = 0.0
+    for trial in range(count):
+        sigma = grid[trial]
+        tau = max(smallest_tau, 1.0 - sigma * average)
+        fall = 1e-300
+        fall_z = 1e-300
+        for k in range(gaps):
+            fall = max(fall, fall_1[k] + sigma * fall_2[k])
+            fall_z = max(fall_z, fall_z1[k] + sigma * fall_z2[k])
+        a = min(1.0, tau / fall)
+        b = min(1.0, tau / fall_z)
+        error = 0.0
+        for k in range(gaps):
+            product = (gap[k] + a * (gap_1[k] + sigma * gap_2[k])) * (
+                z[k] + b * (affine_z[k] + sigma * centring_z[k])
+            )
+            error += product * product
+        error = (
+            error / gaps
+            + (1.0 - b) ** 2 * s[DUAL_SQUARED] / moving
+            + (1.0 - a) ** 2 * s[PRIMAL_SQUARED] / rows
+        )
+        if trial == 0 or error < least:
+            best = sigma
+            least = error
+    s[SIGMA] = best
+
+
+@native
+def note_residual(report: f64s, s: f64s) -> None:
+    """Keep the residual of a solve while another one is made."""
+    s[FIRST_RESIDUAL] = report[0]
+
+
+@native
+def join_residuals(report: f64s, s: f64s) -> None:
+    """Report the larger residual of the two."""
+    report[0] = max(report[0], s[FIRST_RESIDUAL])

@@ -1,0 +1,411 @@
+"""The vectors of one iteration at fixed places, and the passes over them as prepared calls.
+
+An iteration on a short horizon takes less time than a hundred NumPy calls. So all its vectors are allocated once,
+its arithmetic is done by a handful of compiled passes (:mod:`stc.solver.passes`), and what follows one another
+without a decision in between is one call.
+"""
+
+from __future__ import annotations
+
+import weakref
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.codegen.calls import Bound, chain
+from stc.solver import passes
+from stc.solver.formulation import Formulation
+from stc.solver.iterate import Errors, Iterate, multiplier_scale
+from stc.solver.kkt.attached import attached
+from stc.solver.nlp import Floats
+from stc.solver.passes import (
+    COMPLEMENTARITY,
+    DUAL,
+    LOGARITHMS,
+    MOVED,
+    OBJECTIVE,
+    PRIMAL,
+    THETA,
+    TRIAL_GAP,
+    TRIAL_LOGARITHMS,
+    TRIAL_THETA,
+    VIOLATION,
+    Y_SUM,
+    Z_SUM,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from stc.solver.evaluator import Evaluator
+
+__all__ = ["Step", "Workspace", "workspace_of"]
+
+SMALLEST_SIGMA = 1e-16
+#: The centring parameters to choose from, and the smallest fraction of the way to the bounds that goes with them.
+CENTRING = np.array([1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0])
+SMALLEST_TAU = 0.99
+
+
+class Step:
+    """A step ``dw`` (n + m,), ``dy`` (m,), ``dz`` (gaps,) at fixed places."""
+
+    __slots__ = ("dw", "dy", "dz")
+
+    def __init__(self, form: Formulation) -> None:
+        self.dw, self.dy, self.dz = np.zeros(form.size), np.zeros(form.m), np.zeros(form.gaps)
+
+    def become(self, other: Step) -> None:
+        """Copy another step."""
+        self.dw[:], self.dy[:], self.dz[:] = other.dw, other.dy, other.dz
+
+    def add(self, other: Step) -> None:
+        """Add another step."""
+        self.dw += other.dw
+        self.dy += other.dy
+        self.dz += other.dz
+
+
+def workspace_of(form: Formulation) -> Workspace:
+    """The workspace that a form keeps: for one iteration at a time."""
+    if form.workspace is None:
+        form.workspace = Workspace(form)
+    return form.workspace
+
+
+class Workspace:
+    """One iterate, the point tried next, the steps between them, and what is done with them.
+
+    Attributes:
+        it: the iterate; its arrays stay the same objects.
+        s: numbers that the passes leave (see :mod:`stc.solver.passes`); reading one gives a float.
+        step: the step in use.
+        mu, tau, alpha, shift: arguments of passes, (1,) each.
+        centre: target of the gaps' multipliers, (gaps,).
+        residual: gradient of the whole Lagrangian, (n + m,), since the last measurement.
+        primal, d, sigma, ratio: diagonals without shifts, and what they are made of.
+        trial_w, trial_c, trial_gap: the point tried.
+        kkt: the linear algebra, with arrays of its own.
+    """
+
+    def __init__(self, form: Formulation) -> None:
+        self._form = weakref.ref(form)  # which may keep the workspace
+        n, m, gaps, size = form.n, form.m, form.gaps, form.size
+        self.kkt = attached(form.kkt, n, m, form.jac_rows.size, form.hess_rows.size)
+        self.evaluator: Evaluator = form.evaluator()
+        ev = self.evaluator
+        zeros = np.zeros
+        self.it = Iterate(
+            zeros(size), zeros(m), zeros(gaps), 0.0, zeros(m), zeros(gaps), zeros(m), 0.0,
+            ev.gradient, ev.jac, ev.hess, zeros(size),
+        )  # fmt: skip
+        self._s = zeros(passes.NUMBERS)
+        self.s: memoryview[float] = memoryview(self._s.data)
+        self.mu, self.tau, self.alpha, self.shift = (zeros(1) for _ in range(4))
+        self.centre, self.residual = zeros(gaps), zeros(size)
+        self.primal, self.d, self.sigma, self.ratio = zeros(n), zeros(m), zeros(size), zeros(gaps)
+        self.step, self.affine, self.centring = Step(form), Step(form), Step(form)
+        self.trial_w, self.trial_gap, self.trial_c = zeros(size), zeros(gaps), zeros(m)
+        self._trial_y, self._trial_z, self._trial_dual = zeros(m), zeros(gaps), zeros(size)
+        self._pull, self._turn = zeros(size), zeros(size)
+        self._no_residual, self._factor, self._target = np.zeros(m), np.zeros(1), np.zeros(1)
+        self._solve: Bound | None = None
+        self._parts: dict[str, Bound] = {}
+        self._chains: dict[str, Bound] = {}
+        self._bind()
+
+    def _bind(self) -> None:
+        form, it, ev, kkt = self.form, self.it, self.evaluator, self.kkt
+        n, m, gaps, size = form.n, form.m, form.gaps, form.size
+        entries, curved = form.jac_rows.size, form.hess_rows.size
+        index, sign, free, kind, moving = (
+            form.index,
+            form.sign,
+            form.free_factor,
+            form.kind,
+            form.moving_factor,
+        )
+        rows, cols, s = form.jac_rows, form.jac_cols, self._s
+        extra = np.zeros(n) if form.extra_diagonal is None else form.extra_diagonal
+        step = self.step
+        kkt_report, affine, centring = kkt.report, self.affine, self.centring
+        self._zero_centre_call = passes.zero_centre.bind(gaps, self.centre)
+        self._mean_centre_call = passes.mean_centre.bind(gaps, it.gap, self.centre, s)
+        self._note_call = passes.note_residual.bind(kkt_report, s)
+        self._join_call = passes.join_residuals.bind(kkt_report, s)
+        scratch = [np.zeros(gaps) for _ in range(6)]
+        self._choose_call = passes.choose_centring.bind(
+            gaps,
+            CENTRING.size,
+            max(1, int(form.moving.sum())),
+            max(1, m),
+            SMALLEST_TAU,
+            index,
+            sign,
+            CENTRING,
+            it.gap,
+            it.z,
+            affine.dw,
+            affine.dz,
+            centring.dw,
+            centring.dz,
+            *scratch,
+            s,
+        )
+        self.measure_call: Bound = passes.measure.bind(
+            size,
+            m,
+            gaps,
+            index,
+            sign,
+            self._target,
+            it.w,
+            it.y,
+            it.z,
+            it.gap,
+            it.c,
+            it.dual,
+            self.residual,
+            s,
+        )
+        if form.stated_limits is not None:
+            row_places, row_limits, row_units, x_places, x_limits, x_units = form.stated_limits
+            watch = passes.overstepped.bind(
+                row_places.size, row_places, row_limits, row_units, it.r, x_places.size, x_places, x_limits, x_units,
+                it.w, self._s[VIOLATION : VIOLATION + 1],
+            )  # fmt: skip
+            self.measure_call = chain([self.measure_call, watch])
+        self.diagonals_call = chain(
+            [
+                passes.diagonals.bind(
+                    n, m, gaps, index, free, kind, extra, SMALLEST_SIGMA, it.z, it.gap, self.ratio, self.sigma,
+                    self.primal, self.d,
+                ),
+                passes.copy.bind(curved, ev.hess, kkt.hess),
+                passes.copy.bind(entries, ev.jac, kkt.jac),
+            ]
+        )  # fmt: skip
+        self.shifted_call = passes.shifted.bind(
+            n, m, 0.0, 0.0, free, kind, self.primal, self.d, kkt.primal, kkt.dual
+        )
+        self.mu_centre_call = passes.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
+        self.lengths_call = passes.lengths.bind(
+            n, m, gaps, index, sign, self.tau, it.w, it.z, it.gap, it.gradient, step.dw, step.dy, step.dz, s
+        )
+        self.combine_call = chain(
+            [
+                passes.combine.bind(size, self._factor, affine.dw, centring.dw, step.dw),
+                passes.combine.bind(m, self._factor, affine.dy, centring.dy, step.dy),
+                passes.combine.bind(gaps, self._factor, affine.dz, centring.dz, step.dz),
+                self.lengths_call,
+            ]
+        )
+        self.inspect_call = passes.inspect.bind(
+            n, m, gaps, index, sign, form.bound, kind, self.trial_w, ev.r, self.trial_gap, self.trial_c, s
+        )
+        self.trial_call = chain(
+            [
+                passes.place.bind(n, size, self.alpha, it.w, step.dw, self.trial_w, ev.x),
+                ev.values_call,
+                self.inspect_call,
+            ]
+        )
+        self.move_call = chain(
+            [
+                passes.blend.bind(
+                    n, m, gaps, entries, index, sign, free, moving, rows, cols, it.jac, self.alpha, self.shift, self.mu,
+                    self.residual, step.dw, step.dy, step.dz, it.y, it.z, self.trial_gap, self._pull, self._turn,
+                    self._trial_y, self._trial_z, ev.y, s,
+                ),
+                ev.derivatives_call,
+                passes.move.bind(
+                    n, m, gaps, entries, curved, moving, rows, cols, it.gradient, it.jac, it.hess, self.trial_w,
+                    self._trial_y, self._trial_z, ev.f, ev.r, self.trial_gap, self.trial_c, self._trial_dual, it.w,
+                    it.y, it.z, it.r, it.gap, it.c, it.dual, s,
+                ),
+            ]
+        )  # fmt: skip
+
+    @property
+    def form(self) -> Formulation:
+        """The form of the problem that the workspace belongs to."""
+        form = self._form()
+        assert form is not None
+        return form
+
+    @cached_property
+    def spare(self) -> Step:
+        """A step that may be needed again."""
+        return Step(self.form)
+
+    @cached_property
+    def correction(self) -> Step:
+        """Of second order."""
+        return Step(self.form)
+
+    @cached_property
+    def correction_c(self) -> Floats:
+        """The residual of the rows that it removes, (m,)."""
+        return np.zeros(self.form.m)
+
+    # -- the iterate -----------------------------------------------------------------------------------------------
+
+    def load(self, it: Iterate) -> None:
+        """Take over an iterate."""
+        own = self.it
+        own.become(it)
+        s = self.s
+        s[OBJECTIVE], s[THETA] = own.f, own.theta
+        s[LOGARITHMS] = passes.log_sum(own.gap.size, own.gap)
+
+    def errors(self, mu: float = 0.0) -> Errors:
+        """Errors of the optimality conditions with barrier parameter ``mu``."""
+        self._target[0] = mu
+        self.measure_call()
+        s, form = self.s, self.form
+        dual_scale = multiplier_scale(s[Y_SUM] + s[Z_SUM], form.m + form.gaps)
+        gap_scale = multiplier_scale(s[Z_SUM], form.gaps)
+        return Errors(s[DUAL] / dual_scale, s[PRIMAL], s[COMPLEMENTARITY] / gap_scale)
+
+    def user_measures(self) -> tuple[float, float]:
+        """Objective and violation of the iterate, just measured, in the user's terms."""
+        form, it = self.form, self.it
+        if form.stated_limits is None:
+            return form.user_measures(it.w[: form.n], it.f, it.r)
+        return form.user_objective(it.f), self.s[VIOLATION]
+
+    def phi(self, mu: float) -> float:
+        """The barrier function at the iterate."""
+        s = self.s
+        return s[OBJECTIVE] - mu * s[LOGARITHMS] if self.form.gaps else s[OBJECTIVE]
+
+    # -- steps -----------------------------------------------------------------------------------------------------
+
+    def solve_call(self, name: str, step: Step, c: Floats, *, residuals: bool) -> Bound:
+        """The call that solves for ``centre`` and ``c`` (m,), with what the iterate lacks or without.
+
+        It holds until the next factorisation.
+        """
+        self._renew()
+        known = self._chains.get(name)
+        if known is None:
+            known = self._chains[name] = chain(
+                [self._begin(name, c, residuals), self.kkt.solve_call, self._end(name, step, c, residuals)]
+            )
+        return known
+
+    def _renew(self) -> None:
+        """Drop the chains that hold an earlier factorisation's solve."""
+        solve = self.kkt.solve_call
+        if solve is not self._solve:
+            self._solve = solve
+            self._chains.clear()
+
+    def _begin(self, name: str, c: Floats, residuals: bool) -> Bound:
+        form = self.form
+        return self._once(
+            name + " begins",
+            lambda: passes.right_hand_side.bind(
+                form.n, form.m, form.gaps, residuals, form.index, form.sign, form.kind, self.centre, self.it.dual, c,
+                self.d, self._pull, self.kkt.rhs,
+            ),
+        )  # fmt: skip
+
+    def _end(self, name: str, step: Step, c: Floats, residuals: bool) -> Bound:
+        form, it = self.form, self.it
+        return self._once(
+            name + " ends",
+            lambda: passes.recover.bind(
+                form.n, form.m, form.gaps, residuals, form.jac_rows.size, form.index, form.sign, form.free_factor,
+                form.kind, form.jac_rows, form.jac_cols, it.jac, c, it.z, self.ratio, self.centre, self.kkt.solution,
+                step.dw, step.dy, step.dz,
+            ),
+        )  # fmt: skip
+
+    def _once(self, name: str, make: Callable[[], Bound]) -> Bound:
+        if name not in self._parts:
+            self._parts[name] = make()
+        return self._parts[name]
+
+    def solve(self, name: str, step: Step, c: Floats, *, residuals: bool = True) -> None:
+        """Fill ``step`` with the solution for ``centre`` and ``c`` (m,)."""
+        self.solve_call(name, step, c, residuals=residuals)()
+        if self.kkt.check_solution():
+            self._end(name, step, c, residuals)()
+
+    def predict(self) -> None:
+        """Find the affine and the centring step, and the centring parameter that suits them."""
+        self._renew()
+        name = "predictor"
+        if name not in self._chains:
+            self._chains[name] = chain(
+                [
+                    self._zero_centre_call, self._begin("affine", self.it.c, True), self.kkt.solve_call,
+                    self._end("affine", self.affine, self.it.c, True), self._note_call, self._mean_centre_call,
+                    self._begin("centring", self._no_residual, False), self.kkt.solve_call,
+                    self._end("centring", self.centring, self._no_residual, False), self._choose_call,
+                    self._join_call,
+                ]
+            )  # fmt: skip
+        self._chains[name]()
+        if self.kkt.check_solution():  # factorised anew
+            self._zero_centre_call()
+            self.solve("affine", self.affine, self.it.c)
+            self._mean_centre_call()
+            self.solve_centring(self.centring)
+            self._choose_call()
+
+    def solve_centring(self, step: Step) -> None:
+        """Fill ``step`` with the part of a step that is linear in ``centre``."""
+        self.solve("centring", step, self._no_residual, residuals=False)
+
+    def combine(self, centring: float, tau: float) -> None:
+        """Make the step from the affine one and ``centring`` times the centring one; see :meth:`limit_step`."""
+        self._factor[0], self.tau[0] = centring, tau
+        self.combine_call()
+
+    def limit_step(self, tau: float) -> None:
+        """See how far the step may go towards the bounds: ``tau`` of the way."""
+        self.tau[0] = tau
+        self.lengths_call()
+
+    # -- the trial point -------------------------------------------------------------------------------------------
+
+    def try_step(self, alpha: float) -> bool:
+        """Evaluate the functions at a fraction of the step; False where one is undefined or a gap is closed."""
+        self.alpha[0] = alpha
+        self.trial_call()
+        return self._is_inside()
+
+    def try_point(self, w: Floats) -> bool:
+        """The same at a point of its own, (n + m,)."""
+        self.trial_w[:] = w
+        ev = self.evaluator
+        ev.x[:] = w[: self.form.n]
+        ev.values_call()
+        self.inspect_call()
+        return self._is_inside()
+
+    def _is_inside(self) -> bool:
+        s = self.s
+        total = float(self.evaluator.f[0]) + s[TRIAL_THETA]
+        return total - total == 0.0 and s[TRIAL_GAP] > 0.0
+
+    def trial_phi(self, mu: float) -> float:
+        """The barrier function at the point tried."""
+        f = float(self.evaluator.f[0])
+        return f - mu * self.s[TRIAL_LOGARITHMS] if self.form.gaps else f
+
+    def move(self, alpha: float, mu: float, shift: float) -> bool:
+        """Make the point tried the iterate, multipliers moved along; False where a derivative is undefined."""
+        self.alpha[0], self.mu[0], self.shift[0] = alpha, mu, shift
+        self.move_call()
+        it, s = self.it, self.s
+        if s[MOVED]:
+            it.f, it.theta = s[OBJECTIVE], s[THETA]
+            return True
+        ev = self.evaluator
+        ev.x[:], ev.y[:] = it.w[: self.form.n], it.y
+        ev.derivatives_call()
+        return False

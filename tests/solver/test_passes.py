@@ -1,0 +1,138 @@
+"""The compiled passes of an iteration against the formulas written out in NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scaled_program import dense, inside, scaled
+
+from stc.solver import passes
+from stc.solver.globalization import largest_step
+from stc.solver.iterate import errors_of, evaluate
+from stc.solver.newton_system import NewtonSystem
+from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.workspace import Workspace
+
+
+def at_work(seed: int) -> tuple[ScaledProblem, Workspace]:
+    """A workspace at a random interior point, measured, with a random step in it."""
+    form = scaled()
+    work = Workspace(form)
+    work.load(inside(form, seed))
+    work.errors()
+    rng = np.random.default_rng(seed + 1)
+    step = work.step
+    step.dw[:] = 0.3 * rng.standard_normal(form.size) * form.moving
+    step.dy[:], step.dz[:] = rng.standard_normal(form.m), rng.standard_normal(form.gaps)
+    return form, work
+
+
+@given(st.integers(0, 1000), st.sampled_from([0.0, 1e-3, 0.5]))
+def test_errors_are_those_of_the_definition(seed: int, mu: float) -> None:
+    form, work = at_work(seed)
+    found, wanted = work.errors(mu), errors_of(form, work.it, mu)
+    for name in ("dual", "primal", "complementarity"):
+        assert getattr(found, name) == pytest.approx(getattr(wanted, name), rel=1e-12)
+    assert work.s[passes.PRODUCTS] == pytest.approx(float(work.it.gap @ work.it.z), rel=1e-12)
+    x, r = work.it.w[: form.n], work.it.r
+    assert work.user_measures() == pytest.approx(form.user_measures(x, work.it.f, r), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["w", "y", "z", "c", "dual"])
+def test_an_error_that_is_no_number_shows(name: str) -> None:
+    _, work = at_work(0)
+    getattr(work.it, name)[0] = np.nan
+    total = work.errors().total if name not in ("w", "y") else np.nan
+    work.step.dw[0] = np.nan
+    work.limit_step(0.99)
+    assert not np.isfinite(work.s[passes.FINITE])
+    if name in ("c", "dual", "z"):
+        errors = work.errors()
+        assert not all(np.isfinite([errors.dual, errors.primal, errors.complementarity])), total
+
+
+@given(st.integers(0, 1000), st.floats(0.5, 1.0))
+def test_steps_end_before_the_bounds(seed: int, tau: float) -> None:
+    form, work = at_work(seed)
+    it, step = work.it, work.step
+    work.limit_step(tau)
+    gap_step = form.sign * step.dw[form.index]
+    s = work.s
+    assert s[passes.PRIMAL_STEP] == pytest.approx(largest_step(it.gap, gap_step, tau), rel=1e-12)
+    assert s[passes.DUAL_STEP] == pytest.approx(largest_step(it.z, step.dz, tau), rel=1e-12)
+    assert s[passes.SLOPE] == pytest.approx(float(it.gradient @ step.dw[: form.n]), rel=1e-10, abs=1e-12)
+    assert s[passes.LOG_SLOPE] == pytest.approx(float((gap_step / it.gap).sum()), rel=1e-10, abs=1e-12)
+    assert s[passes.LENGTH] == pytest.approx(float(np.linalg.norm(step.dw[: form.n])), rel=1e-12)
+    alpha = s[passes.PRIMAL_STEP]
+    assert work.try_step(alpha)
+    trial = evaluate(form, it.w + alpha * step.dw, it.y, it.z)
+    assert s[passes.TRIAL_THETA] == pytest.approx(trial.theta, rel=1e-12)
+    assert work.trial_phi(0.3) == pytest.approx(trial.f - 0.3 * np.log(trial.gap).sum(), rel=1e-12)
+
+
+@given(st.integers(0, 1000), st.sampled_from([0.0, 0.7]))
+def test_rows_multipliers_move_as_far_as_suits_the_lagrangian(seed: int, shift: float) -> None:
+    """No other fraction of their step leaves a smaller gradient, to first order."""
+    form, work = at_work(seed)
+    it, step, n = work.it, work.step, form.n
+    work.step.dw *= 0.2
+    work.limit_step(0.9)
+    before = it.snapshot()
+    residual, alpha, dual = work.residual.copy(), work.s[passes.PRIMAL_STEP], work.s[passes.DUAL_STEP]
+    assert work.try_step(alpha)
+    assert work.move(alpha, 0.1, shift)
+    moved = it.y - before.y
+    whole = np.flatnonzero(np.abs(step.dy) > 1e-9)
+    fraction = float(moved[whole[0]] / step.dy[whole[0]])
+    np.testing.assert_allclose(moved, fraction * step.dy, atol=1e-12)
+    jac = dense(form.jac_rows, form.jac_cols, before.jac, (form.m, n))
+
+    def left(share: float) -> float:
+        g = (1 - alpha) * residual + (alpha - dual) * form.scatter(step.dz)
+        g[:n] -= alpha * shift * step.dw[:n] * form.free
+        turn = np.concatenate([jac.T @ step.dy, -step.dy]) * form.moving
+        return float(np.linalg.norm(g + (share - alpha) * turn))
+
+    if alpha == dual and not shift:
+        assert fraction == pytest.approx(alpha)
+    else:
+        least = min(left(share) for share in np.linspace(0.0, 1.0, 101))
+        assert left(fraction) <= least + 1e-9
+    wanted = evaluate(form, it.w, it.y, it.z)
+    for name in ("f", "theta", "r", "gap", "c", "gradient", "jac", "hess", "dual"):
+        np.testing.assert_allclose(getattr(it, name), getattr(wanted, name), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_centring_with_the_least_predicted_error_is_found(seed: int) -> None:
+    form, work = at_work(seed)
+    it, s = work.it, work.s
+    system = NewtonSystem(work)
+    system.factorize(0.1)
+    work.predict()
+    average = s[passes.PRODUCTS] / form.gaps
+    grid = [1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0]
+    errors = []
+    for sigma in grid:
+        dw = work.affine.dw + sigma * work.centring.dw
+        gap_step, z_step = form.sign * dw[form.index], work.affine.dz + sigma * work.centring.dz
+        tau = max(0.99, 1.0 - sigma * average)
+        a, b = largest_step(it.gap, gap_step, tau), largest_step(it.z, z_step, tau)
+        products = (it.gap + a * gap_step) * (it.z + b * z_step)
+        dual = float(work.residual @ work.residual) / form.moving.sum()
+        primal = float(it.c @ it.c) / form.m
+        errors.append(np.mean(products**2) + (1 - b) ** 2 * dual + (1 - a) ** 2 * primal)
+    assert s[passes.SIGMA] == grid[int(np.argmin(errors))]
+
+
+@given(st.lists(st.floats(1e-300, 1e300), max_size=30))
+def test_logarithms_of_products_are_sums_of_logarithms(values: list[float]) -> None:
+    found = passes.log_sum(len(values), np.array(values))
+    assert found == pytest.approx(sum(np.log(v) for v in values), rel=1e-12, abs=1e-10)
+
+
+def test_a_logarithm_of_nothing_is_no_number() -> None:
+    assert np.isnan(passes.log_sum(2, np.array([1.0, 0.0])))
+    assert np.isnan(passes.log_sum(2, np.array([-1.0, -1.0])))
