@@ -12,10 +12,8 @@ Either may also be a saved solution, whose frames then keep their share of the m
 
 from __future__ import annotations
 
-import csv
 import os
 import warnings
-import zipfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -191,6 +189,9 @@ def read_guess(path: str | os.PathLike[str]) -> GivenValues:
         UsageError: no such file, another kind of file, or what is in it is no table of numbers.
         SolutionError: a damaged solution.
     """
+    import csv
+    import zipfile
+
     source = Path(path)
     suffix = source.suffix.lower()
     if suffix not in (".csv", ".npz"):
@@ -220,6 +221,8 @@ def _read_npz(source: Path) -> GivenValues:
 
 
 def _read_csv(source: Path) -> GivenValues:
+    import csv
+
     text = source.read_text(encoding="utf-8-sig")
     if text.startswith("# facts"):
         return SolutionValues(read(source))

@@ -38,6 +38,10 @@ else:
         return make if cls is None else make(cls)
 
 
+#: Instances that are made before a constructor is worth generating: that takes as long as thirty of them.
+_OFTEN = 30
+
+
 class _Maker:
     """Makes one class."""
 
@@ -77,8 +81,7 @@ class _Maker:
             if self.frozen and not own_hash:
                 made.__hash__ = _late(made, "__hash__", lambda: (_hash_text(compared), {}))
         if "__init__" not in names:
-            late = _late(made, "__init__", lambda: _init_text(made, self.fields, self.frozen))
-            made.__init__ = late
+            made.__init__ = _few_inits(made, self.fields, self.frozen)
         if self.frozen:
             made.__setattr__ = _refusing(made, "__setattr__", self.fields, "assign to")
             made.__delattr__ = _refusing(made, "__delattr__", self.fields, "delete")
@@ -181,6 +184,38 @@ def _equal_text(names: tuple[str, ...]) -> str:
 
 def _hash_text(names: tuple[str, ...]) -> str:
     return f"def __hash__(self):\n    return hash({_values(names, 'self')})"
+
+
+def _few_inits(cls: type, fields: dict[str, Field[Any]], frozen: bool) -> Callable[..., None]:
+    """A constructor that reads the fields anew at every call; where it is called often, or wrongly, it is replaced."""
+    generated = _late(cls, "__init__", lambda: _init_text(cls, fields, frozen))
+    plain = [name for name, each in fields.items() if not each.kw_only]
+    ordinary = all(each.init for each in fields.values())
+    put = object.__setattr__ if frozen else setattr
+    calls = 0
+
+    def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
+        nonlocal calls
+        calls += 1
+        values = {**dict(zip(plain, args)), **kwargs}
+        fits = ordinary and len(args) <= len(plain) and len(values) == len(args) + len(kwargs)
+        if calls > _OFTEN or not fits or not fields.keys() >= values.keys():
+            return generated(self, *args, **kwargs)
+        for name, each in fields.items():
+            if name in values:
+                put(self, name, values[name])
+            elif each.default is not MISSING:
+                put(self, name, each.default)
+            elif each.default_factory is not MISSING:
+                put(self, name, each.default_factory())
+            else:
+                return generated(self, *args, **kwargs)
+        if hasattr(cls, "__post_init__"):
+            self.__post_init__()
+        return None
+
+    __init__.__qualname__ = f"{cls.__qualname__}.__init__"
+    return __init__
 
 
 def _init_text(cls: type, fields: dict[str, Field[Any]], frozen: bool) -> tuple[str, dict[str, Any]]:

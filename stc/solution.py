@@ -8,8 +8,6 @@ numbers only and no expressions; whoever solves evaluates those and constructs o
 
 from __future__ import annotations
 
-import difflib
-import hashlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
@@ -18,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from stc.digests import sha256
 from stc.errors import StcError, UsageError
 from stc.records import dataclass, field
 from stc.trajectory import METHODS, Channel, FloatArray, IntArray, Places, places, places_by_index, sample
@@ -190,7 +189,7 @@ class Solution:
         for key in ("x", "row_multipliers", "bound_multipliers"):
             setattr(self, key, np.array(getattr(self, key), dtype=np.float64))
         self.iterations, self.factorizations = int(self.iterations), int(self.factorizations)
-        self.sha256 = hashlib.sha256(self.source.encode()).hexdigest()
+        self.sha256 = sha256(self.source.encode()).hexdigest()
         if not self.stc_version:
             self.stc_version = _version()
         if self.force_frames is None:
@@ -271,7 +270,9 @@ class Solution:
             return f"the solution of {self.name} has no {name}: no such derivative is used (it has {known})"
         if base in self.parameters:
             return f"{base} is a parameter of {self.name}; it has no derivative"
-        near = difflib.get_close_matches(name, self.names, n=1, cutoff=0.0)
+        from difflib import get_close_matches
+
+        near = get_close_matches(name, self.names, n=1, cutoff=0.0)
         hint = f"; did you mean {near[0]}?" if near else ""
         return f"the solution of {self.name} has no {name}{hint}"
 

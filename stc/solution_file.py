@@ -23,11 +23,9 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import os
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
@@ -79,6 +77,8 @@ def write(solution: Solution, path: str | os.PathLike[str]) -> None:
 
 def load(path: str | os.PathLike[str]) -> Solution:
     """Read a solution; see :func:`stc.solution.read`."""
+    import zipfile
+
     source = Path(path)
     readers: dict[str, Callable[[Path], Solution]] = {".npz": _read_npz, ".csv": _read_csv}
     reader = readers.get(source.suffix.lower())
@@ -235,6 +235,8 @@ def _write_npz(solution: Solution, stream: IO[bytes]) -> None:
 
 
 def _read_npz(path: Path) -> Solution:
+    import zipfile
+
     if path.is_file() and not zipfile.is_zipfile(path):  # NumPy would advise to load it unsafely
         raise zipfile.BadZipFile("it is no zip archive")
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
@@ -261,6 +263,8 @@ def _read_npz(path: Path) -> Solution:
 
 
 def _write_csv(solution: Solution, stream: IO[bytes]) -> None:
+    import csv
+
     channels = list(_channels(solution))
     split = np.zeros(solution.n + 1, dtype=bool)
     for _, channel in channels:
@@ -294,6 +298,8 @@ def _column(solution: Solution, place: str) -> str:
 
 
 def _read_csv(path: Path) -> Solution:
+    import csv
+
     facts: Any = None
     vectors: dict[str, FloatArray] = {}
     lines = path.read_text().splitlines()

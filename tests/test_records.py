@@ -143,11 +143,13 @@ def behaviour(classes: dict[str, Any]) -> list[Any]:
 
 
 @pytest.mark.parametrize("options", OPTIONS, ids=lambda one: " ".join(one) or "none")
-def test_behaviour_is_that_of_the_standard_library(options: dict[str, Any]) -> None:
-    ours = behaviour(family(records.dataclass, **options))
+@pytest.mark.parametrize("often", [0, 3, 1000])
+def test_behaviour_is_that_of_the_standard_library(
+    options: dict[str, Any], often: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     theirs = behaviour(family(dataclasses.dataclass, **options))
-    assert ours == theirs
-    assert behaviour(family(records.dataclass, **options)) == ours
+    monkeypatch.setattr(records, "_OFTEN", often)
+    assert behaviour(family(records.dataclass, **options)) == theirs
 
 
 @records.dataclass(frozen=True, slots=True)

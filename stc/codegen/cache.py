@@ -8,14 +8,14 @@ that cannot be written costs nothing but the time to compile again.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import sys
-import tempfile
 import time
 from pathlib import Path
 
-_MAGIC = b"stc-object-1\n"
+from stc.digests import blake2b
+
+_MAGIC = b"stc-object-2\n"
 SUFFIX = ".stco"
 _TEMPORARY = ".tmp"
 #: Least recently used objects are deleted when their sum exceeds this many bytes.
@@ -45,7 +45,7 @@ def directory() -> Path | None:
 
 def key_of(*parts: str) -> str:
     """Hash of everything the object depends on; parts are kept apart, so ("ab", "c") is not ("a", "bc")."""
-    digest = hashlib.sha256()
+    digest = blake2b(digest_size=32)
     for part in parts:
         data = part.encode()
         digest.update(len(data).to_bytes(8, "little"))
@@ -71,7 +71,10 @@ def load_from(folder: Path, key: str) -> bytes | None:
         return None
     header = len(_MAGIC) + 32
     code = content[header:]
-    if content[: len(_MAGIC)] != _MAGIC or hashlib.sha256(code).digest() != content[len(_MAGIC) : header]:
+    if (
+        content[: len(_MAGIC)] != _MAGIC
+        or blake2b(code, digest_size=32).digest() != content[len(_MAGIC) : header]
+    ):
         return None
     return code
 
@@ -94,12 +97,14 @@ def store(key: str, code: bytes) -> bool:
 
 def store_in(folder: Path, key: str, code: bytes) -> bool:
     """The same in a folder that exists, however much there is in it."""
+    import tempfile  # takes longer to import than to find what is kept
+
     temporary: Path | None = None
     try:
         handle, name = tempfile.mkstemp(dir=folder, prefix="new-", suffix=_TEMPORARY)
         temporary = Path(name)
         with os.fdopen(handle, "wb") as file:
-            file.write(_MAGIC + hashlib.sha256(code).digest() + code)
+            file.write(_MAGIC + blake2b(code, digest_size=32).digest() + code)
         temporary.replace(folder / (key + SUFFIX))
     except OSError:
         if temporary is not None:

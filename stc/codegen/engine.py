@@ -7,7 +7,6 @@ or to link: a process that finds all its code on disk does without.
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import os
 import threading
@@ -19,6 +18,7 @@ from typing import Any
 from stc.codegen import cache
 from stc.codegen import machine as this_machine
 from stc.codegen.image import MAGIC, MappedImage, image_of, map_image, supported
+from stc.digests import blake2b
 from stc.records import dataclass
 
 #: Back-end switches, measured on kernels of up to 50,000 operations.  LLVM is to keep the order in which we emit
@@ -49,7 +49,7 @@ _counter = itertools.count()
 @lru_cache(maxsize=1)
 def own_digest() -> str:
     """Hash of this package's source: an object made by another version of the code generator is not this one's."""
-    digest = hashlib.sha256()
+    digest = blake2b(digest_size=32)
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()

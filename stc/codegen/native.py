@@ -34,6 +34,7 @@ import linecache
 import threading
 import types
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, Generic, ParamSpec, TypeVar, overload
 
 import numpy as np
@@ -271,6 +272,16 @@ class NativeFunction(Generic[P, R]):
         return names["call"]
 
 
+def _source_of(filename: str) -> str:
+    """A file's text as it is on disk, or of what was never in a file; no need to find out how it is encoded."""
+    if filename.startswith("<"):
+        return _text_of(filename)
+    try:
+        return Path(filename).read_bytes().decode("latin-1")
+    except OSError:
+        return _text_of(filename)
+
+
 def _text_of(filename: str) -> str:
     return "".join(linecache.getlines(filename))
 
@@ -345,7 +356,7 @@ def _reachable(roots: list[NativeFunction[..., Any]]) -> tuple[list[NativeFuncti
         )
         if code.co_filename not in files:
             files.add(code.co_filename)
-            described.append(_text_of(code.co_filename))
+            described.append(_source_of(code.co_filename))
         for path, value in _dependencies(inner):
             if isinstance(value, NativeFunction):
                 described.append(f"{path} is {value!r}")

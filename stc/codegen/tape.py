@@ -22,7 +22,6 @@ The operators are those of :data:`OPERATORS` and nothing else.  What is reduced 
 
 from __future__ import annotations
 
-import hashlib
 import struct
 from collections import Counter
 from collections.abc import Hashable, Sequence
@@ -30,6 +29,7 @@ from functools import cached_property
 from typing import Final
 
 from stc.codegen.lowering import ABSENT, Lowering, Program
+from stc.digests import sha256
 from stc.records import dataclass
 from stc.symbolic.expr import FUNCTIONS, Expr, reachable
 
@@ -97,7 +97,7 @@ class Tape:
 
     @cached_property
     def _digest(self) -> str:
-        content = hashlib.sha256(b"stc tape 1\n")
+        content = sha256(b"stc tape 1\n")
         content.update(struct.pack("<4q", self.n_uniform, self.n_varying, len(self.constants), len(self.ops)))
         content.update(struct.pack(f"<{len(self.constants)}d", *self.constants))
         content.update("\n".join([f"{op} {a} {b}" for op, a, b in self.ops]).encode())

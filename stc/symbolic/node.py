@@ -23,9 +23,9 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Callable, Hashable, Iterable
-from hashlib import blake2b
 from typing import Any, Final
 
+from stc.digests import blake2b
 from stc.symbolic.fingerprint import (
     OF_FUNCTION,
     PRIME,

@@ -9,11 +9,11 @@ from __future__ import annotations
 import threading
 import weakref
 from collections import OrderedDict
-from hashlib import blake2b
 
 import numpy as np
 
 from stc.codegen.calls import Bound
+from stc.digests import blake2b
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.frontal import FrontalKKT
 from stc.solver.nlp import Floats, Ints
