@@ -24,6 +24,9 @@ __all__ = ["main", "run"]
 GOOD, BAD, MISTAKE = 0, 1, 2
 
 
+#: Whether this process was started for one command.
+owns_process = False
+
 #: New objects between two searches for unreachable cycles.  Python's own 700 mean hundreds of searches during a
 #: start, which find nothing: 10 ms.
 _COLLECT_EVERY = 100_000
@@ -31,6 +34,8 @@ _COLLECT_EVERY = 100_000
 
 def main() -> NoReturn:
     """The console script: run the command line of this process and exit."""
+    global owns_process
+    owns_process = True
     gc.set_threshold(_COLLECT_EVERY, 20, 20)
     _leave(run(sys.argv[1:]))
 

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import stc.cli as cli
 from stc.cli import BAD, GOOD, console, reasons, record, searches
 from stc.cli.inputs import load
 from stc.cli.live import Watch
@@ -295,6 +296,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         from stc.studies.profile import Profile
 
         profile = Profile()
+        profile.begin(cli.owns_process)
     with Watch(model.name) as watch, console.warnings_as_notes():
         found = searches.find(
             model,
@@ -311,7 +313,8 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         )
         solution = found.solution
         if file is not None:
-            solution.save(file)
+            keep = solution.save if profile is None else profile.saving.over(solution.save)
+            keep(file)
     console.warn(model.warnings)
     parts = () if profile is None else profile.parts(solution)
     if solution.status != "optimal":

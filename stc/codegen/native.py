@@ -435,6 +435,13 @@ def units() -> list[Unit]:
     return [Unit(list(functions.values())) for functions in _registry.values()]
 
 
+def load_all() -> None:
+    """Find, or compile, the code of all functions known so far, as their first calls would."""
+    for functions in list(_registry.values()):
+        for native_function in list(functions.values()):
+            native_function.prepare()
+
+
 def _compile_unit(wanted: NativeFunction[..., Any]) -> None:
     """Compile, or find on disk, a function together with those of its module that are not compiled yet."""
     roots = [wanted]

@@ -2,7 +2,8 @@
 
 The solve runs as always, its program and its linear algebra behind stop-watches.  Floors: for evaluations, the
 machine code of the kernels alone, called again as often; for factorisations and solves, the fastest one times
-their number; for everything between them, nothing.
+their number; for everything between them, nothing.  What comes before and after is there too: where a cold start
+goes is mostly the interpreter and the imports.
 """
 
 from __future__ import annotations
@@ -135,7 +136,23 @@ class Profile:
     factorize: Watch = field(default_factory=Watch)
     backsolve: Watch = field(default_factory=Watch)
     seconds: float = 0.0
+    before: float = 0.0
+    loading: float = 0.0
+    saving: Watch = field(default_factory=Watch)
     _floors: dict[str, float] = field(default_factory=dict)
+
+    def begin(self, whole_process: bool) -> None:
+        """Note what it took to get here, and load the solver's machine code now, lest it counts where it is first used.
+
+        Args:
+            whole_process: the process was started for this solve alone.
+        """
+        from stc.codegen.native import load_all
+
+        self.before = time.process_time() if whole_process else 0.0
+        begin = time.perf_counter()
+        load_all()
+        self.loading = time.perf_counter() - begin
 
     def minimize(
         self,
@@ -178,8 +195,15 @@ class Profile:
             ("solve", self.backsolve, self.backsolve.floor),
         ]
         known = dict(solution.seconds)
-        lines = [Part(name, known[name]) for name in ("parse", "derive", "compile") if name in known]
+        first = [name for name in ("parse", "derive", "compile") if name in known]
+        lines = [Part("start, imports", self.before)] if self.before else []
+        lines += [Part("load the solver's code", self.loading)] if self.loading else []
+        lines += [Part(name, known[name]) for name in first]
         lines += [Part(name, watch.seconds, watch.calls, floor) for name, watch, floor in watched]
         rest = self.seconds - sum(watch.seconds for _, watch, _ in watched)
         lines.append(Part("line search, tests and steps between", max(0.0, rest), solution.iterations, 0.0))
+        around = known.get("total", 0.0) - self.seconds - sum(known[name] for name in first)
+        lines.append(Part("bind, collect", max(0.0, around)))
+        if self.saving.calls:
+            lines.append(Part("save", self.saving.seconds, self.saving.calls))
         return lines

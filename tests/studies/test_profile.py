@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -20,13 +25,38 @@ def test_parts_add_up_and_count_what_the_solver_counts() -> None:
     assert parts["factorise"].calls == solution.factorizations > 0
     assert parts["values"].calls > 0
     assert parts["derivatives"].calls > 0
-    inside = [name for name in parts if name not in ("parse", "derive", "compile")]
+    assert "start, imports" not in parts  # who calls from Python knows better what a start is
+    inside = [name for name in parts if name not in ("parse", "derive", "compile", "bind, collect")]
     assert sum(parts[name].seconds for name in inside) == pytest.approx(profile.seconds, rel=1e-9)
     assert profile.seconds <= solution.seconds["total"]
     for part in parts.values():
         assert part.seconds >= 0.0
         assert part.floor is None or part.floor >= 0.0
     assert parts["factorise"].floor <= parts["factorise"].seconds
+
+
+def test_start_loading_and_saving_are_told(tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "stc",
+        "solve",
+        "particle_waypoints",
+        "--set",
+        "n=12",
+        "--profile",
+        "--json",
+    ]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    record = json.loads(done.stdout)
+    parts = {part["part"]: part for part in record["profile"]}
+    assert list(parts)[:3] == ["start, imports", "load the solver's code", "parse"]
+    assert list(parts)[-1] == "save"
+    assert parts["start, imports"]["seconds"] > 0.0
+    assert parts["save"]["calls"] == 1
+    inside = sum(part["seconds"] for name, part in parts.items() if name not in ("save", *list(parts)[:2]))
+    assert inside == pytest.approx(record["seconds"]["total"], rel=1e-6)
 
 
 def test_a_watch_counts_failures_too() -> None:
