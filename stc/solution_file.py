@@ -32,6 +32,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from stc import npz
 from stc.errors import UsageError
 from stc.solution import MultiplierBlock, ReplayChannel, Solution, SolutionError
 from stc.trajectory import Channel, FloatArray
@@ -231,7 +232,7 @@ def _write_npz(solution: Solution, stream: IO[bytes]) -> None:
         if channel.mid is not None:
             arrays[f"{place}/mid"] = channel.mid
     arrays.update(_vectors(solution))
-    np.savez(stream, **arrays)
+    npz.save(stream, arrays)
 
 
 def _read_npz(path: Path) -> Solution:

@@ -352,7 +352,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.
     def full_disk(*_: object, **__: object) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr("numpy.savez", full_disk)
+    monkeypatch.setattr("stc.npz.save", full_disk)
     with pytest.raises(OSError, match="no space"):
         solution.save(path)
     assert path.read_bytes() == old
