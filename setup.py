@@ -20,7 +20,7 @@ class BuildWithMachineCode(build_py):
         root = Path(__file__).parent if self.editable_mode else Path(self.build_lib)
         paths = [str(root.resolve()), *filter(None, [os.environ.get("PYTHONPATH")])]
         done = subprocess.run(
-            [sys.executable, "-B", "-m", "stc.codegen.shipped", "stc/codegen/shipped_objects"],
+            [sys.executable, "-B", "-m", "stc.compile_ahead", "stc/codegen/shipped_objects"],
             cwd=root,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
             check=False,

@@ -436,10 +436,11 @@ def units() -> list[Unit]:
 
 
 def load_all() -> None:
-    """Find, or compile, the code of all functions known so far, as their first calls would."""
-    for functions in list(_registry.values()):
-        for native_function in list(functions.values()):
-            native_function.prepare()
+    """Find, or compile, the code of this package's functions known so far, as their first calls would."""
+    for module, functions in list(_registry.items()):
+        if module.startswith("stc."):
+            for native_function in list(functions.values()):
+                native_function.prepare()
 
 
 def _compile_unit(wanted: NativeFunction[..., Any]) -> None:

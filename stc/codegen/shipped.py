@@ -1,16 +1,13 @@
 """The solver's own machine code, compiled when the package is built.
 
-    python -m stc.codegen.shipped FOLDER
-
 Compiling the functions marked ``@native`` takes longer than solving a small problem a hundred times, so a built package
-carries them for the common levels of the x86-64 architecture.  An object is found by a hash of everything that it
-depends on: the sources of its functions and of the code generator, and the level.  So whatever was changed since is
-compiled as if nothing had been shipped, as is everything on machines of another kind.
+carries them (:mod:`stc.compile_ahead` makes them) for the common levels of the x86-64 architecture.  An object is found
+by a hash of everything that it depends on: the sources of its functions and of the code generator, and the level.  So
+whatever was changed since is compiled as if nothing had been shipped, as is everything on machines of another kind.
 """
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -80,7 +77,7 @@ def _key(level: Level, described: list[str], own_digest: str) -> str:
 
 
 def build(folder: Path) -> int:
-    """Compile every native function of the package for all levels into a folder, which is emptied first.
+    """Compile all native functions known so far for all levels into a folder, which is emptied first.
 
     Returns:
         How many objects were written.
@@ -103,35 +100,3 @@ def build(folder: Path) -> int:
     for path in folder.glob("*" + cache.SUFFIX):
         path.chmod(0o644)  # whoever can read the package
     return count
-
-
-def import_everything() -> None:
-    """Import the modules that declare native functions."""
-    import importlib
-    import pkgutil
-
-    import stc.solver
-    import stc.transcription
-
-    for package in (stc.solver, stc.transcription):
-        for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
-            importlib.import_module(module.name)
-
-
-def main() -> None:
-    """Build into the folder that the command line names."""
-    from stc.codegen import engine
-
-    (folder,) = sys.argv[1:]
-    if not engine.llvm_wanted():
-        print(
-            "LLVM is not to be had: the solver's own code will be compiled when it is first used",
-            file=sys.stderr,
-        )
-        return
-    import_everything()
-    print(f"{build(Path(folder))} objects of machine code in {folder}")
-
-
-if __name__ == "__main__":
-    main()
