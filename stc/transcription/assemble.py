@@ -139,6 +139,35 @@ def _is_zero(e: Expr) -> bool:
     return e.op == "num" and e.payload == 0.0
 
 
+GRADIENT, JACOBIAN, HESSIAN = 1, 2, 3
+
+
+class _Outputs:
+    """Which matrix, and which place in it, each output in a buffer of kernels belongs to."""
+
+    def __init__(self, size: int) -> None:
+        self.matrix = np.zeros(size, np.int8)  # 0: none, as where there are no nodes
+        self.rows = np.empty(size, np.int32)
+        self.cols = np.empty(size, np.int32)
+        self.doubled: list[IntArray] = []
+
+    def add(self, matrix: int, rows: IntArray, cols: IntArray, start: int, width: int, output: int) -> None:
+        """One output of the kernel at ``start`` that has ``width``, for all nodes; ``rows``, ``cols`` (nodes,)."""
+        size = len(cols)
+        whole, rest = divmod(size, LANES)
+        given = (self.matrix, np.full(size, matrix)), (self.rows, rows), (self.cols, cols)
+        for entries, values in given:
+            of_kernel = entries[start : start + -(-size // LANES) * width * LANES].reshape(-1, width, LANES)
+            of_kernel[:whole, output] = values[: size - rest].reshape(-1, LANES)
+            if rest:
+                of_kernel[whole, output, :rest] = values[size - rest :]
+
+    def double(self, where: NDArray[np.bool_], start: int, width: int, output: int) -> None:
+        """Let an output count twice at some nodes; ``where`` (nodes,)."""
+        nodes = np.flatnonzero(where)
+        self.doubled.append(start + (nodes // LANES * width + output) * LANES + nodes % LANES)
+
+
 @dataclass(slots=True)
 class Sparsity:
     """Entries of a sparse matrix in coordinate form, and where in a kernels' buffer they come from.
@@ -153,37 +182,25 @@ class Sparsity:
     folding: Folding
 
     @classmethod
-    def collect(
-        cls,
-        rows: Sequence[IntArray],
-        cols: Sequence[IntArray],
-        source: Sequence[IntArray],
-        doubled: Sequence[IntArray] = (),
-    ) -> Sparsity:
-        """Each place of the matrix once.
-
-        Args:
-            rows, cols, source: parts of equal lengths: rows, columns and places in the buffer.
-            doubled: parts of the places that count twice.
-        """
-        none = np.zeros(0, np.int64)
-        r, c, s, twice = (np.concatenate([none, *a]) for a in (rows, cols, source, doubled))
-        held = np.full(int(s.max(initial=-1)) + 1, -1, np.int32)
-        held[s] = np.arange(len(s))
-        s = np.flatnonzero(held >= 0)
-        r, c = r[held[s]], c[held[s]]
-        code = r * (int(c.max(initial=0)) + 1) + c
+    def of(cls, outputs: _Outputs, matrix: int) -> Sparsity:
+        """One of the matrices, each place of it once."""
+        held = np.flatnonzero(outputs.matrix == matrix)
+        r, c, place = outputs.rows[held], outputs.cols[held], held.astype(np.int32)
+        code = r * (np.int64(c.max(initial=0)) + 1) + c
         order = np.argsort(code, kind="stable")
         code = code[order]
-        start = np.flatnonzero(np.concatenate([[True], code[1:] != code[:-1]])[: len(code)])
-        count = np.diff(start, append=len(code))
-        first = np.zeros(len(s), bool)
-        first[order[start]] = True
+        new = np.ones(len(code), bool)
+        np.not_equal(code[1:], code[:-1], out=new[1:])
+        twice = np.concatenate([held[:0], *(outputs.doubled if matrix == HESSIAN else ())])
+        if new.all():
+            return cls(r, c, place, Folding.of(np.zeros(1, np.int64), held[:0], twice))
+        count = np.diff(np.flatnonzero(new), append=len(code))
         several = count > 1
-        folding = Folding.of(
-            np.concatenate([[0], np.cumsum(count[several])]), s[order[np.repeat(several, count)]], twice
-        )
-        return cls(r[first].astype(np.int32), c[first].astype(np.int32), s[first].astype(np.int32), folding)
+        start = np.concatenate([[0], np.cumsum(count[several])])
+        folding = Folding.of(start, held[order[np.repeat(several, count)]], twice)
+        first = np.zeros(len(place), bool)
+        first[order[new]] = True
+        return cls(r[first], c[first], place[first], folding)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -266,10 +283,7 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
     derivatives_start, derivatives_size = _starts(groups, [_tape(g.derivatives_tape) for g in groups])
     row_source = np.zeros(m, np.int32)
     objective_source: list[IntArray] = []
-    grad: tuple[list[IntArray], ...] = ([], [], [])
-    jac: tuple[list[IntArray], ...] = ([], [], [])
-    hess: tuple[list[IntArray], ...] = ([], [], [])
-    doubled: list[IntArray] = []
+    outputs = _Outputs(derivatives_size)
     for group, start, dstart in zip(groups, values_start, derivatives_start, strict=True):
         width, dwidth = len(_tape(group.values_tape).outputs), len(_tape(group.derivatives_tape).outputs)
         for r in range(len(group.rows)):
@@ -278,19 +292,16 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
             objective_source.append(outputs_at(start, width, len(group.rows), group.size))
         out = 0
         for k in group.gradient:
-            _append(grad, np.zeros(group.size, np.int64), group.positions[k], dstart, dwidth, out, group.size)
+            outputs.add(GRADIENT, np.zeros(group.size, np.int64), group.positions[k], dstart, dwidth, out)
             out += 1
         for r, k in group.jacobian:
-            _append(jac, group.row_ids[r], group.positions[k], dstart, dwidth, out, group.size)
+            outputs.add(JACOBIAN, group.row_ids[r], group.positions[k], dstart, dwidth, out)
             out += 1
         for a, b in group.hessian:
             pa, pb = group.positions[a], group.positions[b]
-            high, low = np.maximum(pa, pb), np.minimum(pa, pb)
-            source = outputs_at(dstart, dwidth, out, group.size)
-            for part, values in zip(hess, (high, low, source), strict=True):
-                part.append(values)
+            outputs.add(HESSIAN, np.maximum(pa, pb), np.minimum(pa, pb), dstart, dwidth, out)
             if a != b:  # two inputs that are one unknown at a node: the entry and its mirror both count there
-                doubled.append(source[high == low])
+                outputs.double(pa == pb, dstart, dwidth, out)
             out += 1
     degrees = [g.objective_degree for g in groups if g.objective is not None]
     return Program(
@@ -313,9 +324,9 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
         derivatives_size=derivatives_size,
         row_source=row_source,
         objective_source=np.concatenate([np.zeros(0, np.int32), *objective_source]).astype(np.int32),
-        gradient=Sparsity.collect(*grad),
-        jacobian=Sparsity.collect(*jac),
-        hessian=Sparsity.collect(hess[0], hess[1], hess[2], doubled),
+        gradient=Sparsity.of(outputs, GRADIENT),
+        jacobian=Sparsity.of(outputs, JACOBIAN),
+        hessian=Sparsity.of(outputs, HESSIAN),
         objective_degree=max(degrees, default=0),
     )
 
@@ -323,20 +334,6 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
 def _tape(tape: Tape | None) -> Tape:
     assert tape is not None
     return tape
-
-
-def _append(
-    parts: tuple[list[IntArray], ...],
-    rows: IntArray,
-    cols: IntArray,
-    start: int,
-    width: int,
-    output: int,
-    size: int,
-) -> None:
-    parts[0].append(rows)
-    parts[1].append(cols)
-    parts[2].append(outputs_at(start, width, output, size))
 
 
 def outputs_at(start: int, width: int, output: int, size: int) -> IntArray:

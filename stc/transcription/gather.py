@@ -113,7 +113,9 @@ def collect(
 
     Runs of consecutive places are copied, the rest is gathered.
     """
-    begins = np.flatnonzero(np.diff(source, prepend=-2) != 1)
+    new = np.ones(len(source), bool)
+    np.not_equal(source[1:] - source[:-1], 1, out=new[1:])
+    begins = np.flatnonzero(new)
     length = np.diff(begins, append=len(source))
     long = length >= RUN
     if not long.any():
