@@ -202,8 +202,10 @@ class BoundProgram:
         self.derivatives_buffer = aligned_zeros(program.derivatives_size)
         #: The kernels alone: what is at ``workspace`` in, their buffers out.
         common = program, kernels, self.workspace, self.uniform
-        self.values_kernels = chain(kernel_calls(*common, self.values_buffer, values=True))
-        self.derivatives_kernels = chain(kernel_calls(*common, self.derivatives_buffer, values=False))
+        self.values_kernels = chain([c for c, _, _ in kernel_calls(*common, self.values_buffer, values=True)])
+        self.derivatives_kernels = chain(
+            [c for c, _, _ in kernel_calls(*common, self.derivatives_buffer, values=False)]
+        )
         self.counts = np.zeros(2, np.int64)
         self._as_stated: Evaluator | None = None
 

@@ -15,7 +15,7 @@ from stc.codegen import threads
 from stc.codegen.calls import Bound, chain
 from stc.codegen.kernel import KernelSet
 from stc.solver.evaluator import Evaluator, Scaling
-from stc.transcription.assemble import Program, Sparsity
+from stc.transcription.assemble import Program
 from stc.transcription.gather import add_up, begin, collect, place, scatter, total
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ FloatArray = NDArray[np.float64]
 #: Operations of kernels, on all nodes together, and numbers copied, that take about 10 microseconds: a piece.
 OPERATIONS = 300_000
 NUMBERS = 40_000
+#: A piece's outputs, which are copied before they leave the processor's own cache (of 128 kB).
+OUTPUTS = 16_000
 #: Fewer pieces are left to one thread: waking another one up, and waiting for it, would take as long.
 SHARED = 12
 
@@ -38,8 +40,11 @@ def kernel_calls(
     buffer: FloatArray,
     values: bool,
     cut: bool = False,
-) -> list[Bound]:
-    """Calls of the kernels of all groups, those of values or those of derivatives, whole or in pieces."""
+) -> list[tuple[Bound, int, int]]:
+    """Calls of the kernels of all groups, those of values or those of derivatives, whole or in pieces.
+
+    With each call comes where its outputs begin and end in ``buffer``.
+    """
     starts, indices = program.derivatives_start, program.index_derivatives
     if values:
         starts, indices = program.values_start, program.index_values
@@ -48,12 +53,14 @@ def kernel_calls(
         number = k if values else k + len(program.groups)
         tape = kernels.tapes[number]
         count = len(tape.outputs)
-        blocks, inputs, lanes = index.shape
-        if count and blocks:
-            out = buffer[start : start + blocks * count * lanes].reshape(blocks, count, lanes)
-            effort = blocks * lanes * (len(tape.ops) + 5 * (count + inputs))
-            for piece in _pieces(blocks, effort / OPERATIONS if cut else 1, 2):
-                calls.append(kernels.bind(number, workspace, uniform, index[piece], out[piece]))
+        blocks, _, lanes = index.shape
+        width = count * lanes
+        if width and blocks:
+            out = buffer[start : start + blocks * width].reshape(blocks, count, lanes)
+            pieces = max(blocks * lanes * len(tape.ops) / OPERATIONS, blocks * width / OUTPUTS) if cut else 1
+            for piece in _pieces(blocks, pieces, 2):
+                call = kernels.bind(number, workspace, uniform, index[piece], out[piece])
+                calls.append((call, start + piece.start * width, start + piece.stop * width))
     return calls
 
 
@@ -134,12 +141,10 @@ def _shared(nlp: BoundProgram, values: bool) -> bool:
 def _values_call(nlp: BoundProgram, scaling: Scaling, objective: FloatArray, result: Evaluator) -> Bound:
     program, buffer, shared = nlp.program, nlp.values_buffer, _shared(nlp, values=True)
     steps = _Steps(result.values_status, nlp.counts[:1], shared)
-    kernels = [nlp.values_kernels]
-    if shared:
-        kernels = kernel_calls(program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, True, cut=True)
+    kernels = kernel_calls(program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, True, cut=shared)
     steps.phases = [
         steps.place(result.x, scaling.variable, nlp.workspace[: nlp.n]),
-        kernels,
+        [call for call, _, _ in kernels],
         [
             total(buffer, program.objective_source, objective, result.f, steps.cell()),
             *steps.collect(buffer, program.row_source, scaling.row, result.r),
@@ -149,44 +154,58 @@ def _values_call(nlp: BoundProgram, scaling: Scaling, objective: FloatArray, res
 
 
 def _derivatives_call(nlp: BoundProgram, scaling: Scaling, objective: FloatArray, result: Evaluator) -> Bound:
-    program, buffer, shared = nlp.program, nlp.derivatives_buffer, _shared(nlp, values=False)
+    program, buffer = nlp.program, nlp.derivatives_buffer
     n, m = nlp.n, nlp.m
     gradient, jacobian, hessian = program.gradient, program.jacobian, program.hessian
     of_gradient = scaling.gradient()[gradient.cols]
-    of_jac = scaling.jacobian(jacobian.rows, jacobian.cols)
-    of_hess = scaling.hessian(hessian.rows, hessian.cols)
-    steps = _Steps(result.derivatives_status, nlp.counts[1:], shared)
-    kernels = [nlp.derivatives_kernels]
-    if shared:
-        kernels = kernel_calls(program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, False, cut=True)
+    matrices = (
+        (jacobian, scaling.jacobian(jacobian.rows, jacobian.cols), result.jac),
+        (hessian, scaling.hessian(hessian.rows, hessian.cols), result.hess),
+    )
+    steps = _Steps(result.derivatives_status, nlp.counts[1:], _shared(nlp, values=False))
+
+    def copied(begin: int, end: int) -> Iterator[Bound]:
+        """Copies the outputs at these places of the buffer to where they belong."""
+        status = steps.cell()
+        ends = np.array(
+            [begin, end], np.int32
+        )  # of the type of what is searched, which is not converted then
+        at = slice(*np.searchsorted(gradient.first, ends))
+        if at.start < at.stop:
+            yield scatter(
+                buffer, gradient.first[at], gradient.cols[at], of_gradient[at], result.gradient, status
+            )
+        for part, scale, out in matrices:
+            at = slice(*np.searchsorted(part.first, ends))
+            if at.start < at.stop:
+                yield from collect(buffer, part.first[at], scale[at], out[at], status)
+
+    def folded() -> Iterator[Bound]:
+        """Adds up what belongs together, and copies it again."""
+        status = steps.cell()
+        for part, scale, out, place_of in (
+            (gradient, of_gradient, result.gradient, gradient.cols),
+            *((*matrix, None) for matrix in matrices),
+        ):
+            calls = part.folding.bind(buffer)
+            if calls:
+                yield from calls
+                at = np.flatnonzero(np.isin(part.first, part.folding.changed()))
+                into = at.astype(np.int32) if place_of is None else place_of[at]
+                yield scatter(buffer, part.first[at], into, scale[at], out, status)
+
     steps.phases = [
         [
             *steps.place(result.x, scaling.variable, nlp.workspace[:n]),
             *steps.place(result.y, scaling.row, nlp.workspace[n : n + m]),
             place(result.weight, objective, nlp.uniform[-1:]),
         ],
-        kernels,
-        [fold for part in (gradient, jacobian, hessian) for fold in _folds(part, buffer)],
         [
-            *(
-                scatter(
-                    buffer,
-                    gradient.first[at],
-                    gradient.cols[at],
-                    of_gradient[at],
-                    result.gradient,
-                    steps.cell(),
-                )
-                for at in steps.cut(len(gradient))
-            ),
-            *steps.collect(buffer, jacobian.first, of_jac, result.jac),
-            *steps.collect(buffer, hessian.first, of_hess, result.hess),
+            chain([call, *copied(begin, end)])
+            for call, begin, end in kernel_calls(
+                program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, values=False, cut=True
+            )
         ],
+        [chain(calls)] if (calls := list(folded())) else [],
     ]
     return steps.call()
-
-
-def _folds(part: Sparsity, buffer: FloatArray) -> list[Bound]:
-    """The additions to one matrix's entries, in their order: one call, or none."""
-    calls = part.folding.bind(buffer)
-    return [chain(calls)] if calls else []

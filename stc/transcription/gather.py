@@ -76,6 +76,10 @@ class Folding:
             _places(rest),
         )
 
+    def changed(self) -> PlaceArray:
+        """Places whose values folding changes."""
+        return np.concatenate([self.doubled, self.into, self.long_into])
+
     def bind(self, buffer: FloatArray) -> list[Bound]:
         """Calls that fold ``buffer``."""
         calls = []

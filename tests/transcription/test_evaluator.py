@@ -90,16 +90,15 @@ def test_evaluator_scales_values_and_derivatives(name, backend, monkeypatch):
             assert own.values_status[0] == own.derivatives_status[0] == 0.0
 
 
-@pytest.mark.parametrize("name", SPECS)
-def test_two_threads_give_the_same_bits(name, monkeypatch):
+@pytest.mark.parametrize("name", [*SPECS, "mirrored"])
+def test_pieces_and_threads_give_the_same_bits(name, monkeypatch):
     monkeypatch.setattr(threads, "_processors", lambda: 2)
-    monkeypatch.setattr(evaluation, "OPERATIONS", 50)  # everything is large
-    monkeypatch.setattr(evaluation, "NUMBERS", 10)
-    monkeypatch.setattr(evaluation, "SHARED", 1)
     nlp = bound_program(name)
     rng = np.random.default_rng(6)
     scaling = random_scaling(nlp, rng)
-    evaluators = []
+    evaluators = [nlp.evaluator(scaling)]
+    for limit, size in (("OPERATIONS", 50), ("NUMBERS", 10), ("OUTPUTS", 60), ("SHARED", 1)):
+        monkeypatch.setattr(evaluation, limit, size)  # everything is large
     for count in (1, 2):
         threads.limit(count)
         evaluators.append(nlp.evaluator(scaling))
@@ -113,9 +112,11 @@ def test_two_threads_give_the_same_bits(name, monkeypatch):
             each.values_call()
             each.derivatives_call()
         for field in ("f", "r", "values_status", "gradient", "jac", "hess", "derivatives_status"):
-            one, two = (getattr(each, field) for each in evaluators)
-            np.testing.assert_array_equal(one, two, err_msg=field)
-        assert np.isnan(evaluators[1].values_status[0]) != healthy
+            for other in evaluators[1:]:
+                np.testing.assert_array_equal(
+                    getattr(evaluators[0], field), getattr(other, field), err_msg=field
+                )
+        assert np.isnan(evaluators[2].values_status[0]) != healthy
 
 
 def test_any_problem_has_an_evaluator():
