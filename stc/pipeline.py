@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import os
 import time
-import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -30,13 +29,13 @@ from stc.language import read_problem
 from stc.language.constant_values import constant_values
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
-from stc.nested import COARSE, FINE, FewerFrames, Fineness, Nested, fewer_frames
+from stc.nested import FINE, FewerFrames, Fineness, fewer_frames
 from stc.phases import named_cuts
 from stc.problem import Problem
-from stc.records import dataclass
 from stc.solution import Solution, read
 from stc.solver import IterationRecord, Options, Result, Start, Status
-from stc.solver.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
+from stc.solver.optimizers import DEFAULT, Minimizer
+from stc.solving import ColdSolve, solve
 from stc.transcription import Transcription
 from stc.transcription import transcribe as _transcribe
 from stc.transcription.bind import BoundProgram
@@ -73,74 +72,6 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
 def transcribe(problem: Problem) -> Transcription:
     """The nonlinear program's structure, differentiated but not compiled yet."""
     return _transcribe(problem)
-
-
-def solve(
-    transcription: Transcription,
-    constants: Mapping[str, float] | None = None,
-    options: Options | None = None,
-    start: Start | None = None,
-    callback: Callback | None = None,
-    optimizer: str = DEFAULT,
-    minimizer: Minimizer | None = None,
-    bound: BoundProgram | None = None,
-) -> tuple[BoundProgram, Result]:
-    """Binds constants, compiles what is not compiled, and minimises.
-
-    Args:
-        transcription: of the problem.
-        constants: values of all constants, default those of the problem.
-        options: of the solver.
-        start: decision vector (and multipliers) to start from instead of the guess.
-        callback: called after every iteration; returning True stops.
-        optimizer: its name, see :mod:`stc.solver.optimizers`.
-        minimizer: called in its stead, say to measure it.
-        bound: the transcription with these constants, if it is at hand.
-
-    Raises:
-        SpecError, EvaluationError: the starting point is no place to start from.
-        UsageError: no such optimizer, or one that cannot do what the problem needs.
-    """
-    minimizer = minimizer or optimizer_of(optimizer)
-    if bound is None:
-        bound = transcription.bind(constants, None if start is None else start.x)
-        if start is not None:
-            start = replace(start, x=bound.x0)
-    if bound.contradictions:
-        return bound, _contradicted(transcription, bound)
-    if remark := caution(optimizer, bound):
-        warnings.warn(remark, SizeWarning, stacklevel=2)
-    return bound, minimizer(bound, options or Options(), start=start, callback=callback)
-
-
-def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
-    """The result where bounds exclude each other before any step is taken."""
-    lines = []
-    for contradiction in bound.contradictions[:5]:
-        places = [transcription.problem.relations[k].span.location for k in contradiction.relations if k >= 0]
-        lines.append(f"{contradiction.message} ({' and '.join(dict.fromkeys(places))})")
-    more = len(bound.contradictions) - len(lines)
-    if more > 0:
-        lines.append(f"and {more} more")
-    objective, rows = bound.values(bound.x0)
-    with np.errstate(invalid="ignore"):
-        low = np.maximum(bound.x_lower - bound.x0, bound.x0 - bound.x_upper)
-        rlow = np.maximum(bound.row_lower - rows, rows - bound.row_upper)
-    worst = max((c.gap for c in bound.contradictions), default=0.0)
-    violation = float(max(np.max(low, initial=0.0), np.max(rlow, initial=0.0), worst))
-    return Result(
-        status=Status.INFEASIBLE,
-        x=bound.x0,
-        row_multipliers=np.zeros(bound.m),
-        bound_multipliers=np.zeros(bound.n),
-        objective=objective,
-        violation=violation,
-        optimality=float("nan"),
-        scaled_optimality=float("nan"),
-        iterations=0,
-        factorizations=0,
-        message="The bounds contradict each other: " + "; ".join(lines) + ".",
-    )
 
 
 class Model:
@@ -224,20 +155,34 @@ class Model:
                 return replace(problem, constants=values), known
         return None
 
-    def prepare(self, method: str | None = None, **overrides: float) -> None:
-        """Derives and compiles what a solve with these constants needs, so that it has nothing left but to solve.
+    def prepare(
+        self,
+        method: str | None = None,
+        *,
+        max_iterations: int | None = None,
+        time_limit: float | None = None,
+        **overrides: float,
+    ) -> ColdSolve:
+        """Derives, compiles and binds what a solve with these constants needs.
 
         Args:
-            method, **overrides: as for :meth:`solve`, which raises the same.
+            all: as for :meth:`solve`, which raises the same.
+
+        Returns:
+            What is left to do: its ``run`` solves, as often as it is called, and returns the solver's result alone.
         """
         given = {**self.overrides, **overrides}
-        problem, transcription = self._compiled(method, given)
+        problem, transcription = self.compiled(method, given)
+        transcription.bind(problem.constants)
         if not transcription.is_quadratic:
-            fewer = self._on_fewer_frames(problem, given, FINE)
+            fewer = self.on_fewer_frames(problem, given, FINE)
             if fewer is not None:
-                self._compiled(problem.method, {**given, **fewer.constants})
+                small, reduced = self.compiled(problem.method, {**given, **fewer.constants})
+                reduced.bind(small.constants)
+        options = _options(max_iterations=max_iterations, time_limit=time_limit)
+        return ColdSolve(self, problem, transcription, given, options)
 
-    def _compiled(self, method: str | None, given: Mapping[str, float]) -> tuple[Problem, Transcription]:
+    def compiled(self, method: str | None, given: Mapping[str, float]) -> tuple[Problem, Transcription]:
         """The problem and its transcription, compiled."""
         problem, transcription = self.transcription(method, **given)
         if transcription.kernels is None:
@@ -297,13 +242,6 @@ class Model:
             transcription.compile()
         seconds["compile"] = transcription.seconds.pop("compile", 0.0)
         seconds["solve"] = 0.0
-        limits: dict[str, Any] = {}
-        if tolerance is not None:
-            limits["tolerance"] = tolerance
-        if max_iterations is not None:
-            limits["max_iterations"] = max_iterations
-        if time_limit is not None:
-            limits["time_limit"] = time_limit
         if warm_start is not None and guess is not None:
             raise UsageError("a solve starts from a solution or from a guess, not from both")
         start: Start | None = None
@@ -313,12 +251,14 @@ class Model:
             values = guess if not isinstance(guess, str | os.PathLike) else read_guess(guess)
             check_names(values, problem)
             start = Start(transcription.bind(problem.constants, guess=values).x0)
-        if start is not None:
-            limits["warm_start"] = start.row_multipliers is not None
-        options = Options(**limits)
+        warm = start is not None and start.row_multipliers is not None
+        options = replace(
+            _options(tolerance=tolerance, max_iterations=max_iterations, time_limit=time_limit),
+            warm_start=warm,
+        )
         solving = time.perf_counter()
         if fewer_first and start is None and optimizer == DEFAULT:
-            result = _ColdSolve(
+            result = ColdSolve(
                 self, problem, transcription, given, options, callback, minimizer, seconds
             ).run()
         else:
@@ -331,7 +271,7 @@ class Model:
         solution.origin = self
         return solution
 
-    def _on_fewer_frames(
+    def on_fewer_frames(
         self, problem: Problem, given: Mapping[str, float], fineness: Fineness
     ) -> FewerFrames | None:
         """The same motion on fewer frames, if the spec offers it; the last answers are remembered."""
@@ -387,9 +327,9 @@ class Model:
     ) -> Start:
         """Where to start from an earlier solution; with multipliers where it was optimal."""
         earlier = warm_start if isinstance(warm_start, Solution) else read(warm_start)
-        return self._follow(earlier, transcription, problem)[0]
+        return self.follow(earlier, transcription, problem)[0]
 
-    def _follow(
+    def follow(
         self, earlier: Solution, transcription: Transcription, problem: Problem
     ) -> tuple[Start, BoundProgram | None]:
         """As :meth:`_start`, and the program that was bound for it."""
@@ -432,66 +372,9 @@ class Model:
         return even if old.n != earlier.n else Alignment.of(named_cuts(old), named_cuts(problem))
 
 
-@dataclass(slots=True)
-class _ColdSolve:
-    """A solve from a spec's own guess: by way of fewer frames where there are many, with their help where it is hard.
-
-    Attributes:
-        seconds: what deriving and compiling the motion on fewer frames takes is added there, and taken off the solve.
-    """
-
-    model: Model
-    problem: Problem
-    transcription: Transcription
-    given: Mapping[str, float]
-    options: Options
-    callback: Callback | None
-    minimizer: Minimizer | None
-    seconds: dict[str, float]
-    _reduced: tuple[Problem, Transcription, Mapping[str, float]] | None = None
-    _followed: BoundProgram | None = None
-
-    def run(self) -> Result:
-        if self.transcription.is_quadratic:  # takes few steps anyway
-            return self._fine(self.options, None, self.callback)
-        fewer = self._reduce(FINE)
-        nested = Nested(self._coarse, self._follow, self._fine, self.options, self.callback)
-        if fewer is not None:
-            return nested.fewer_first(fewer.ratio)
-        self._followed = self.transcription.bind(self.problem.constants)
-        return nested.fewer_for_help(Start(self._followed.x0), lambda: self._reduce(COARSE) is not None)
-
-    def _reduce(self, fineness: Fineness) -> FewerFrames | None:
-        fewer = self.model._on_fewer_frames(self.problem, self.given, fineness)
-        if fewer is None:
-            return None
-        begin = time.perf_counter()
-        given = {**self.given, **fewer.constants}
-        small, reduced = self.model._compiled(self.problem.method, given)
-        self._reduced = small, reduced, given
-        seconds = self.seconds
-        seconds["solve"] -= time.perf_counter() - begin
-        seconds["derive"] += reduced.seconds.pop("derive", 0.0)
-        seconds["compile"] += reduced.seconds.pop("compile", 0.0)
-        return fewer
-
-    def _coarse(self, options: Options, told: Callback | None) -> Solution:
-        """The motion on fewer frames."""
-        assert self._reduced is not None
-        small, reduced, given = self._reduced
-        _, result = solve(reduced, small.constants, options, None, told, minimizer=self.minimizer)
-        return collect(reduced, result, small.constants, given, {})
-
-    def _follow(self, motion: Solution) -> Start:
-        """Where it leads to on all frames."""
-        found, self._followed = self.model._follow(motion, self.transcription, self.problem)
-        return found
-
-    def _fine(self, options: Options, start: Start | None, told: Callback | None) -> Result:
-        """All frames."""
-        bound = None if start is None else self._followed
-        numbers, minimizer = self.problem.constants, self.minimizer
-        return solve(self.transcription, numbers, options, start, told, minimizer=minimizer, bound=bound)[1]
+def _options(**given: Any) -> Options:
+    """The solver's options, its own where None is given."""
+    return Options(**{name: value for name, value in given.items() if value is not None})
 
 
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:

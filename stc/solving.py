@@ -1,0 +1,175 @@
+"""From a transcription to the solver's result: as it is, or by way of the same motion on fewer frames."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from stc.collecting import collect
+from stc.nested import COARSE, FINE, FewerFrames, Fineness, Nested
+from stc.problem import Problem
+from stc.records import dataclass, field
+from stc.solution import Solution
+from stc.solver import Options, Result, Start, Status
+from stc.solver.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
+from stc.transcription import Transcription
+from stc.transcription.bind import BoundProgram
+
+__all__ = ["ColdSolve", "solve"]
+
+Callback = Callable[[Any], bool | None]
+
+
+class Motions(Protocol):
+    """What a spec offers on other numbers of frames: :class:`stc.pipeline.Model`."""
+
+    def on_fewer_frames(
+        self, problem: Problem, given: Mapping[str, float], fineness: Fineness
+    ) -> FewerFrames | None:
+        """Constants for the same motion on fewer frames."""
+
+    def compiled(self, method: str | None, given: Mapping[str, float]) -> tuple[Problem, Transcription]:
+        """The problem for some constants, ready to be solved."""
+
+    def follow(
+        self, earlier: Solution, transcription: Transcription, problem: Problem
+    ) -> tuple[Start, BoundProgram | None]:
+        """Where to start from a solution, and the program that was bound for it."""
+
+
+def solve(
+    transcription: Transcription,
+    constants: Mapping[str, float] | None = None,
+    options: Options | None = None,
+    start: Start | None = None,
+    callback: Callback | None = None,
+    optimizer: str = DEFAULT,
+    minimizer: Minimizer | None = None,
+    bound: BoundProgram | None = None,
+) -> tuple[BoundProgram, Result]:
+    """Binds constants, compiles what is not compiled, and minimises.
+
+    Args:
+        transcription: of the problem.
+        constants: values of all constants, default those of the problem.
+        options: of the solver.
+        start: decision vector (and multipliers) to start from instead of the guess.
+        callback: called after every iteration; returning True stops.
+        optimizer: its name, see :mod:`stc.solver.optimizers`.
+        minimizer: called in its stead, say to measure it.
+        bound: the transcription with these constants, if it is at hand.
+
+    Raises:
+        SpecError, EvaluationError: the starting point is no place to start from.
+        UsageError: no such optimizer, or one that cannot do what the problem needs.
+    """
+    minimizer = minimizer or optimizer_of(optimizer)
+    if bound is None:
+        bound = transcription.bind(constants, None if start is None else start.x)
+        if start is not None:
+            start = replace(start, x=bound.x0)
+    if bound.contradictions:
+        return bound, _contradicted(transcription, bound)
+    if remark := caution(optimizer, bound):
+        warnings.warn(remark, SizeWarning, stacklevel=2)
+    return bound, minimizer(bound, options or Options(), start=start, callback=callback)
+
+
+def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
+    """The result where bounds exclude each other before any step is taken."""
+    lines = []
+    for contradiction in bound.contradictions[:5]:
+        places = [transcription.problem.relations[k].span.location for k in contradiction.relations if k >= 0]
+        lines.append(f"{contradiction.message} ({' and '.join(dict.fromkeys(places))})")
+    more = len(bound.contradictions) - len(lines)
+    if more > 0:
+        lines.append(f"and {more} more")
+    objective, rows = bound.values(bound.x0)
+    with np.errstate(invalid="ignore"):
+        low = np.maximum(bound.x_lower - bound.x0, bound.x0 - bound.x_upper)
+        rlow = np.maximum(bound.row_lower - rows, rows - bound.row_upper)
+    worst = max((c.gap for c in bound.contradictions), default=0.0)
+    violation = float(max(np.max(low, initial=0.0), np.max(rlow, initial=0.0), worst))
+    return Result(
+        status=Status.INFEASIBLE,
+        x=bound.x0,
+        row_multipliers=np.zeros(bound.m),
+        bound_multipliers=np.zeros(bound.n),
+        objective=objective,
+        violation=violation,
+        optimality=float("nan"),
+        scaled_optimality=float("nan"),
+        iterations=0,
+        factorizations=0,
+        message="The bounds contradict each other: " + "; ".join(lines) + ".",
+    )
+
+
+@dataclass(slots=True)
+class ColdSolve:
+    """A solve from a spec's own guess: by way of fewer frames where there are many, with their help where it is hard.
+
+    Attributes:
+        seconds: what deriving and compiling the motion on fewer frames takes is added there, and taken off the solve.
+    """
+
+    model: Motions
+    problem: Problem
+    transcription: Transcription
+    given: Mapping[str, float]
+    options: Options
+    callback: Callback | None = None
+    minimizer: Minimizer | None = None
+    seconds: dict[str, float] = field(
+        default_factory=lambda: dict.fromkeys(("derive", "compile", "solve"), 0.0)
+    )
+    _reduced: tuple[Problem, Transcription, Mapping[str, float]] | None = None
+    _followed: BoundProgram | None = None
+
+    def run(self) -> Result:
+        """Solve; the same again when called again."""
+        if self.transcription.is_quadratic:  # takes few steps anyway
+            return self._fine(self.options, None, self.callback)
+        fewer = self._reduce(FINE)
+        nested = Nested(self._coarse, self._follow, self._fine, self.options, self.callback)
+        if fewer is not None:
+            return nested.fewer_first(fewer.ratio)
+        self._followed = self.transcription.bind(self.problem.constants)
+        return nested.fewer_for_help(Start(self._followed.x0), lambda: self._reduce(COARSE) is not None)
+
+    def _reduce(self, fineness: Fineness) -> FewerFrames | None:
+        fewer = self.model.on_fewer_frames(self.problem, self.given, fineness)
+        if fewer is None:
+            return None
+        begin = time.perf_counter()
+        given = {**self.given, **fewer.constants}
+        small, reduced = self.model.compiled(self.problem.method, given)
+        self._reduced = small, reduced, given
+        seconds = self.seconds
+        seconds["solve"] -= time.perf_counter() - begin
+        seconds["derive"] += reduced.seconds.pop("derive", 0.0)
+        seconds["compile"] += reduced.seconds.pop("compile", 0.0)
+        return fewer
+
+    def _coarse(self, options: Options, told: Callback | None) -> Solution:
+        """The motion on fewer frames."""
+        assert self._reduced is not None
+        small, reduced, given = self._reduced
+        _, result = solve(reduced, small.constants, options, None, told, minimizer=self.minimizer)
+        return collect(reduced, result, small.constants, given, {})
+
+    def _follow(self, motion: Solution) -> Start:
+        """Where it leads to on all frames."""
+        found, self._followed = self.model.follow(motion, self.transcription, self.problem)
+        return found
+
+    def _fine(self, options: Options, start: Start | None, told: Callback | None) -> Result:
+        """All frames."""
+        bound = None if start is None else self._followed
+        numbers, minimizer = self.problem.constants, self.minimizer
+        return solve(self.transcription, numbers, options, start, told, minimizer=minimizer, bound=bound)[1]
