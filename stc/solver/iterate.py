@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from stc.records import dataclass
+from stc.solver import passes
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import Floats
 
@@ -122,10 +123,6 @@ def errors_of(form: Formulation, it: Iterate, mu: float) -> Errors:
 
 def push_inside(form: Formulation, w: Floats, push: float) -> Floats:
     """``w`` (n + m,) moved inside its bounds by ``push``, relative to the bound's size or the bounds' distance."""
-    lower, upper = form.lower, form.upper
-    below, above = np.isfinite(lower), np.isfinite(upper)
-    low, high = np.where(below, lower, 0.0), np.where(above, upper, 0.0)
-    span = upper - lower
-    low += push * np.minimum(np.maximum(1.0, np.abs(low)), span)
-    high -= push * np.minimum(np.maximum(1.0, np.abs(high)), span)
-    return np.clip(w, np.where(below, low, -np.inf), np.where(above, high, np.inf))
+    moved = w.copy()
+    passes.push_inside(form.size, push, form.lower, form.upper, moved)
+    return moved

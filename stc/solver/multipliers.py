@@ -6,6 +6,7 @@ import numpy as np
 
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Errors, Iterate, errors_of, evaluate
+from stc.solver.kkt.attached import attached
 from stc.solver.nlp import Floats
 from stc.solver.workspace import Workspace
 
@@ -27,13 +28,17 @@ def least_squares_multipliers(form: Formulation, it: Iterate, largest: float = L
     if form.m == 0:
         return np.zeros(0)
     d = np.where(form.equality, DUAL_SHIFT * min(1.0, float(np.abs(it.jac).max(initial=0.0)) ** 2), 1.0)
-    form.kkt.factorize(np.zeros_like(it.hess), it.jac, np.ones(form.n), d)
+    n = form.n
+    kkt = attached(form.kkt, n, form.m, form.jac_rows.size, form.hess_rows.size)
+    kkt.hess[:], kkt.jac[:], kkt.primal[:], kkt.dual[:] = 0.0, it.jac, 1.0, d
+    kkt.refactor()
     pull = form.scatter(it.z)
-    rhs_x = pull[: form.n] - it.gradient
-    if form.any_held:
-        rhs_x[form.held] = 0.0
-    rhs_s = np.where(form.inequality, pull[form.n :], 0.0)
-    _, y = form.kkt.solve(rhs_x, rhs_s)
+    np.subtract(pull[:n], it.gradient, out=kkt.rhs[:n])
+    kkt.rhs[:n] *= form.free_factor
+    np.multiply(pull[n:], form.inequality, out=kkt.rhs[n:])
+    kkt.solve_call()
+    kkt.check_solution()
+    y = kkt.solution[n:].copy()
     if not np.isfinite(y.sum()) or np.abs(y).max(initial=0.0) > largest:
         return np.zeros(form.m)
     return y

@@ -506,3 +506,28 @@ def note_residual(report: f64s, s: f64s) -> None:
 def join_residuals(report: f64s, s: f64s) -> None:
     """Report the larger residual of the two."""
     report[0] = max(report[0], s[FIRST_RESIDUAL])
+
+
+@native(fast=True)
+def adopt(
+    n: i64, m: i64, entries: i64, curved: i64, moving: f64s, rows: i64s, cols: i64s, y: f64s, gradient: f64s, jac: f64s,
+    hess: f64s, dual: f64s, f: f64s, s: f64s,
+) -> None:  # fmt: skip
+    """Complete an iterate that has been evaluated and inspected."""
+    lagrangian(n, m, entries, curved, moving, rows, cols, y, gradient, jac, hess, dual)
+    s[OBJECTIVE] = f[0]
+    s[THETA] = s[TRIAL_THETA]
+    s[LOGARITHMS] = s[TRIAL_LOGARITHMS]
+
+
+@native
+def push_inside(size: i64, push: f64, lower: f64s, upper: f64s, w: f64s) -> None:
+    """Move ``w`` inside its bounds by ``push``, relative to the bound's size or the bounds' distance."""
+    for i in range(size):
+        low, high = lower[i], upper[i]
+        span = high - low
+        if low > -inf:
+            low += push * min(max(1.0, fabs(low)), span)
+        if high < inf:
+            high -= push * min(max(1.0, fabs(high)), span)
+        w[i] = min(max(w[i], low), high)

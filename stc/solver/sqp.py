@@ -17,7 +17,7 @@ from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.products import inner
 from stc.solver.report import Callback, Result, Start
-from stc.solver.residuals import assess
+from stc.solver.residuals import Assessment, assess
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 from stc.solver.status import Status, advice, sentence
@@ -87,6 +87,7 @@ class _Solve:
         self.monitor = Monitor(options, callback)
         self.new_kkt: Callable[..., KKTSystem] = new_kkt or structured_kkt
         self.form: ScaledProblem | None = None
+        self._assessed: tuple[_Point, Assessment] | None = None
 
     def run(self) -> Result:
         nlp = self.nlp
@@ -220,7 +221,7 @@ class _Solve:
                 outcome.y = smaller_multipliers(form, outcome.x, outcome.y)
             point = self._stated(outcome)
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
-                judged = assess(self.nlp, point.x, point.y)
+                judged = self._assess(point)
                 feasible = judged.violation <= self.options.feasibility_tolerance
                 stationary = judged.optimality <= self.options.unscaled_tolerance
                 credible = np.abs(outcome.y).max(initial=0.0) <= LARGEST_MULTIPLIER
@@ -240,6 +241,13 @@ class _Solve:
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome
+
+    def _assess(self, point: _Point) -> Assessment:
+        """The conditions at a point of the problem as stated, of the last one without evaluating them again."""
+        known = self._assessed
+        if known is None or not (np.array_equal(known[0].x, point.x) and np.array_equal(known[0].y, point.y)):
+            known = self._assessed = point, assess(self.nlp, point.x, point.y)
+        return known[1]
 
     def _stated(self, outcome: Outcome) -> _Point:
         """The outcome's point and row multipliers for the problem as stated.
@@ -289,7 +297,7 @@ class _Solve:
     def _result(self, status: Status, x: Floats, y: Floats | None = None, message: str = "") -> Result:
         nlp = self.nlp
         y = np.zeros(nlp.m) if y is None else y
-        report = assess(nlp, x, y)
+        report = self._assess(_Point(x, y))
         last = self.monitor.history[-1].optimality if self.monitor.history else report.optimality
         text = message or f"{sentence(status)} {advice(status)}".strip()
         return Result(

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.formulation import Formulation
-from stc.solver.iterate import Iterate, evaluate, push_inside
+from stc.solver.iterate import Iterate, push_inside
 from stc.solver.multipliers import least_squares_multipliers
 from stc.solver.nlp import Floats
 from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.workspace import workspace_of
 
 __all__ = ["WARM_BARRIER", "cold_iterate", "warm_iterate"]
 
@@ -20,12 +21,13 @@ SMALLEST_PUSH = 1e-12
 
 def cold_iterate(form: ScaledProblem, x: Floats) -> Iterate:
     """A strictly interior point near ``x`` (n,), scaled, with all gap multipliers 1 and least-squares row
-    multipliers.
+    multipliers; it is the iterate of the form's workspace.
     """
     w = _inside(form, x, PUSH)
     z = np.ones(form.gaps)
-    y = least_squares_multipliers(form, evaluate(form, w, np.zeros(form.m), z))
-    return evaluate(form, w, y, z)
+    work = workspace_of(form)
+    y = least_squares_multipliers(form, work.evaluate(w, np.zeros(form.m), z))
+    return work.evaluate(w, y, z)
 
 
 def warm_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
@@ -35,9 +37,9 @@ def warm_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
     multipliers tell of a larger one, that.
     """
     w = _inside(form, x, WARM_PUSH)
-    it = evaluate(form, w, y, np.zeros(form.gaps))
-    z = np.maximum(form.sign * it.dual[form.index], WARM_BARRIER / it.gap)
-    return evaluate(form, w, y, z)
+    work = workspace_of(form)
+    it = work.evaluate(w, y, np.zeros(form.gaps))
+    return work.evaluate(w, y, np.maximum(form.sign * it.dual[form.index], WARM_BARRIER / it.gap))
 
 
 def _inside(form: Formulation, x: Floats, push: float) -> Floats:

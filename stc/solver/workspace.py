@@ -109,6 +109,7 @@ class Workspace:
         self.trial_w, self.trial_gap, self.trial_c = zeros(size), zeros(gaps), zeros(m)
         self._trial_y, self._trial_z, self._trial_dual = zeros(m), zeros(gaps), zeros(size)
         self._pull, self._turn = zeros(size), zeros(size)
+        self._nowhere = np.zeros(1)
         self._no_residual, self._factor, self._target = np.zeros(m), np.zeros(1), np.zeros(1)
         self._solve: Bound | None = None
         self._parts: dict[str, Bound] = {}
@@ -204,6 +205,32 @@ class Workspace:
         self.inspect_call = passes.inspect.bind(
             n, m, gaps, index, sign, form.bound, kind, self.trial_w, ev.r, self.trial_gap, self.trial_c, s
         )
+        self._evaluate_call = chain(
+            [
+                passes.place.bind(n, size, self._nowhere, it.w, it.w.copy(), self.trial_w, ev.x),
+                passes.copy.bind(m, it.y, ev.y),
+                ev.values_call,
+                passes.copy.bind(m, ev.r, it.r),
+                passes.inspect.bind(n, m, gaps, index, sign, form.bound, kind, it.w, ev.r, it.gap, it.c, s),
+                ev.derivatives_call,
+                passes.adopt.bind(
+                    n,
+                    m,
+                    entries,
+                    curved,
+                    moving,
+                    rows,
+                    cols,
+                    it.y,
+                    it.gradient,
+                    it.jac,
+                    it.hess,
+                    it.dual,
+                    ev.f,
+                    s,
+                ),
+            ]
+        )
         self.trial_call = chain(
             [
                 passes.place.bind(n, size, self.alpha, it.w, step.dw, self.trial_w, ev.x),
@@ -251,10 +278,19 @@ class Workspace:
 
     # -- the iterate -----------------------------------------------------------------------------------------------
 
+    def evaluate(self, w: Floats, y: Floats, z: Floats) -> Iterate:
+        """Make ``(w, y, z)`` the iterate; functions may be undefined there."""
+        it, s = self.it, self.s
+        it.w[:], it.y[:], it.z[:] = w, y, z
+        self._evaluate_call()
+        it.f, it.theta = s[OBJECTIVE], s[THETA]
+        return it
+
     def load(self, it: Iterate) -> None:
         """Take over an iterate."""
         own = self.it
-        own.become(it)
+        if it is not own:
+            own.become(it)
         s = self.s
         s[OBJECTIVE], s[THETA] = own.f, own.theta
         s[LOGARITHMS] = passes.log_sum(own.gap.size, own.gap)
