@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from stc.codegen import native_math, native_vector
 from stc.codegen.native_blocks import BlockBuilder, Value
 from stc.codegen.native_types import Signature, Type
+from stc.codegen.native_vector_ir import vector_call
 from stc.codegen.vector import hexadecimal
 
 
@@ -192,10 +193,12 @@ class ExpressionEmitter(BlockBuilder):
 
     def binary(self, op: ast.operator, left: Value, right: Value, node: ast.AST) -> Value:
         """``left op right`` on scalars."""
-        if isinstance(op, ast.Div):
+        if isinstance(op, ast.Div) and Type.F64V not in (left.type, right.type):
             left, right = self.convert(left, Type.F64, node), self.convert(right, Type.F64, node)
             return self.compute(Type.F64, f"fdiv{self.flags} double {left.text}, {right.text}")
         name = _ARITHMETIC.get(type(op))
+        if isinstance(op, ast.Div):
+            name = "div"
         if name is not None and Type.F64V in (left.type, right.type):
             left, right = self.convert(left, Type.F64V, node), self.convert(right, Type.F64V, node)
             return self.compute(Type.F64V, f"f{name}{self.flags} {Type.F64V.ir} {left.text}, {right.text}")
@@ -386,22 +389,22 @@ class ExpressionEmitter(BlockBuilder):
             return self._call_native(node, callee)
         name = ast.unparse(node.func)
         if target in _UNARY_FLOAT:
-            (value,) = self._arguments(node, 1, name, Type.F64)
+            (value,) = self.arguments(node, 1, name, Type.F64)
             return self.compute(
                 Type.F64, f"call{self.flags} double @{_UNARY_FLOAT[target]}(double {value.text})"
             )
         if target is native_math.isnan:
-            (value,) = self._arguments(node, 1, name, Type.F64)
+            (value,) = self.arguments(node, 1, name, Type.F64)
             return self.compute(Type.BOOL, f"fcmp uno double {value.text}, 0.0")
         if target in (native_math.isfinite, math.isfinite):
-            (value,) = self._arguments(node, 1, name, Type.F64)
+            (value,) = self.arguments(node, 1, name, Type.F64)
             size = self.compute(Type.F64, f"call double @llvm.fabs.f64(double {value.text})")
             return self.compute(Type.BOOL, f"fcmp olt double {size.text}, {hexadecimal(math.inf)}")
         if target in (native_math.copysign, math.copysign):
-            x, y = self._arguments(node, 2, name, Type.F64)
+            x, y = self.arguments(node, 2, name, Type.F64)
             return self.compute(Type.F64, f"call double @llvm.copysign.f64(double {x.text}, double {y.text})")
         if target in _VECTOR:
-            return self._vector(node, target, name)
+            return vector_call(self, node, target, name)
         if target in (builtins.min, builtins.max):
             return self._extremum(node, "lt" if target is builtins.min else "gt")
         if target in (builtins.abs, builtins.float, builtins.int):
@@ -409,38 +412,8 @@ class ExpressionEmitter(BlockBuilder):
         what = "is not defined" if target is None else "is not compiled itself"
         raise self.error(node, f"{name}() cannot be called from compiled code: it {what}")
 
-    def _vector(self, node: ast.Call, target: Any, name: str) -> Value:
-        """The functions of stc.codegen.native_vector."""
-        vector = Type.F64V.ir
-        if target in (native_vector.load8, native_vector.store8):
-            stores = target is native_vector.store8
-            if len(node.args) != 2 + stores:
-                raise self.error(node, f"{name}() takes {2 + stores} arguments, not {len(node.args)}")
-            type_, address = self.element_address(
-                ast.copy_location(ast.Subscript(node.args[0], node.args[1], ast.Load()), node)
-            )
-            if type_ is not Type.F64S:
-                raise self.error(node, f"{name}() needs an array of floats")
-            if not stores:
-                return self.compute(Type.F64V, f"load {vector}, ptr {address}, align 8")
-            value = self.convert(self.number(node.args[2]), Type.F64V, node)
-            self.emit(f"store {vector} {value.text}, ptr {address}, align 8")
-            return Value(Type.NONE, "")
-        arguments = self._arguments(node, 2 if target is native_vector.max8 else 1, name, Type.F64V)
-        texts = [f"{vector} {argument.text}" for argument in arguments]
-        if target is native_vector.splat8:
-            return arguments[0]
-        if target is native_vector.abs8:
-            return self.compute(Type.F64V, f"call {vector} @llvm.fabs.v8f64({texts[0]})")
-        if target is native_vector.largest8:
-            return self.compute(Type.F64, f"call nnan double @llvm.vector.reduce.fmax.v8f64({texts[0]})")
-        if target is native_vector.sum8:
-            call = f"call reassoc double @llvm.vector.reduce.fadd.v8f64(double -0.0, {texts[0]})"
-            return self.compute(Type.F64, call)
-        larger = self.compute(Type.BOOL, f"fcmp ogt {texts[0]}, {arguments[1].text}")
-        return self.compute(Type.F64V, f"select <8 x i1> {larger.text}, {', '.join(texts)}")
-
-    def _arguments(self, node: ast.Call, count: int, name: str, type_: Type | None = None) -> list[Value]:
+    def arguments(self, node: ast.Call, count: int, name: str, type_: Type | None = None) -> list[Value]:
+        """The arguments of a call, so many, converted to a type."""
         if len(node.args) != count:
             raise self.error(
                 node, f"{name}() takes {count} argument{'s' * (count > 1)}, not {len(node.args)}"
@@ -449,7 +422,7 @@ class ExpressionEmitter(BlockBuilder):
         return values if type_ is None else [self.convert(value, type_, node, "argument") for value in values]
 
     def _builtin(self, node: ast.Call, target: Any) -> Value:
-        (value,) = self._arguments(node, 1, target.__name__)
+        (value,) = self.arguments(node, 1, target.__name__)
         if target is builtins.float:
             return self.convert(value, Type.F64, node)
         if value.type is Type.BOOL:

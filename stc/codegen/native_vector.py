@@ -5,7 +5,7 @@
         total += factors[t] * load8(rows, 8 * t)
     store8(sums, 0, total)
 
-Vectors are added, subtracted and multiplied with each other and with numbers.  In plain Python they are arrays.
+Vectors are added, subtracted, multiplied and divided, by each other and by numbers.  In plain Python they are arrays.
 """
 
 from __future__ import annotations
@@ -15,7 +15,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["abs8", "largest8", "load8", "max8", "splat8", "store8", "sum8"]
+__all__ = [
+    "abs8",
+    "gather8",
+    "largest8",
+    "load8",
+    "max8",
+    "negative8",
+    "scatter8",
+    "splat8",
+    "store8",
+    "sum8",
+]
 
 #: A local vector: it is never an argument, nor a result.
 Vector = Any
@@ -31,6 +42,21 @@ def store8(x: NDArray[np.float64], k: int, vector: Vector) -> None:
     x[k : k + 8] = vector
 
 
+def gather8(x: NDArray[np.float64], places: NDArray[np.int32], k: int) -> Vector:
+    """The elements of ``x`` at ``places[k]`` to ``places[k + 7]``."""
+    return x[places[k : k + 8]]
+
+
+def scatter8(x: NDArray[np.float64], places: NDArray[np.int32], k: int, vector: Vector) -> None:
+    """Write a vector to the elements of ``x`` at ``places[k]`` to ``places[k + 7]``; the last one stays of equals."""
+    x[places[k : k + 8]] = vector
+
+
+def negative8(vector: Vector) -> Vector:
+    """1 where a number is negative, 0 elsewhere."""
+    return (vector < 0.0).astype(np.float64)
+
+
 def splat8(value: float) -> Vector:
     """Eight times the same number."""
     return np.full(8, value)
@@ -42,7 +68,7 @@ def abs8(vector: Vector) -> Vector:
 
 
 def max8(one: Vector, other: Vector) -> Vector:
-    """The larger one of each pair; of a nan and a number either."""
+    """The larger one of each pair; where the first is nan the other one, where the second is nan either."""
     return np.fmax(one, other)
 
 

@@ -5,8 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stc.codegen.native import NativeError, f64, f64s, i64, native
-from stc.codegen.native_vector import abs8, largest8, load8, max8, splat8, store8, sum8
+from stc.codegen.native import NativeError, f64, f64s, i32s, i64, native
+from stc.codegen.native_vector import (
+    abs8,
+    gather8,
+    largest8,
+    load8,
+    max8,
+    negative8,
+    scatter8,
+    splat8,
+    store8,
+    sum8,
+)
 
 
 @native(fast=True)
@@ -38,6 +49,37 @@ def test_products_and_extremes(plain):
     assert sums[9] == 0.0
     from_integers(sums)
     assert (sums[:8] == 3.0).all()
+
+
+@native
+def quotients(count: i64, x: f64s, places: i32s, out: f64s, signs: f64s) -> None:
+    for k in range(count):
+        value = gather8(x, places, 8 * k)
+        scatter8(out, places, 8 * k, 1.0 / value - value / 2.0)
+        store8(signs, 8 * k, negative8(value))
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_gathering_scattering_dividing_and_signs(plain):
+    rng = np.random.default_rng(4)
+    x, places = rng.normal(size=24), rng.permutation(24).astype(np.int32)
+    x[places[3]] = 0.0
+    out, signs = np.zeros(24), np.zeros(16)
+    with np.errstate(divide="ignore"):
+        (quotients.python if plain else quotients)(2, x, places, out, signs)
+        expected = np.zeros(24)
+        expected[places[:16]] = (1.0 / x - x / 2.0)[places[:16]]
+    np.testing.assert_array_equal(out, expected)
+    np.testing.assert_array_equal(signs, x[places[:16]] < 0.0)
+
+
+def test_places_are_integers():
+    @native
+    def wrong(x: f64s, y: f64s) -> f64:
+        return sum8(gather8(x, y, 0))
+
+    with pytest.raises(NativeError, match="32-bit"):
+        wrong(np.zeros(8), np.zeros(8))
 
 
 def test_vectors_are_no_conditions():

@@ -2,12 +2,46 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import AttachedKKT, Inertia
+from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
-__all__ = ["checked_values", "factorize_copies", "solve_copies"]
+__all__ = ["Arrays", "aligned_zeros", "checked_values", "factorize_copies", "solve_copies"]
+
+
+@dataclass(frozen=True)
+class Arrays:
+    """The arrays of an ``AttachedKKT``; ``given`` is H, J, p and d one after the other."""
+
+    given: Floats
+    hess: Floats
+    jac: Floats
+    primal: Floats
+    dual: Floats
+    rhs: Floats
+    solution: Floats
+    report: Floats
+
+    @staticmethod
+    def of(couplings: Couplings) -> Arrays:
+        """New ones for a pattern."""
+        sizes = couplings.hess_count, couplings.jac_count, couplings.n, couplings.m
+        given = np.zeros(sum(sizes))
+        hess, jac, primal, dual = np.split(given, np.cumsum(sizes)[:-1])
+        size = couplings.size
+        return Arrays(given, hess, jac, primal, dual, np.zeros(size), np.zeros(size), np.zeros(REPORT))
+
+
+def aligned_zeros(size: int) -> Floats:
+    """Zeros, (size,), that begin at a cache line: vectors that straddle two of them take twice as long."""
+    array = np.zeros(size + 7)
+    begin = -(array.ctypes.data // 8) % 8
+    return array[begin : begin + size]
 
 
 def checked_values(*arrays: tuple[Floats, int, str]) -> list[Floats]:

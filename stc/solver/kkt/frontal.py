@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound
 from stc.solver.kkt import pivots
@@ -16,12 +19,12 @@ from stc.solver.kkt.arrangement import (
 )
 from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.kkt.elimination import FACTORS_FULL, factorize
-from stc.solver.kkt.entries import factorize_copies, solve_copies
+from stc.solver.kkt.entries import Arrays, factorize_copies, solve_copies
 from stc.solver.kkt.panel import LARGEST_GROUP, MASKS
 from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.singularity import confirm_zeros
 from stc.solver.kkt.staging import assign_stages
-from stc.solver.kkt.substitution import REPORT, solve
+from stc.solver.kkt.substitution import solve
 from stc.solver.kkt.values import count_nonzero, equilibrate, load
 from stc.solver.kkt.window import LANES
 from stc.solver.nlp import Floats, Ints
@@ -40,6 +43,11 @@ REPLACEMENT = 1e-8
 #: Sweeps of equilibration at most. Each takes the root of what is left to do: shifts of 1e40 need them all, and where
 #: they were too few, regular matrices came out as singular.
 SWEEPS = 12
+#: A scale serves as long as the largest entries of all rows are within this factor of 1.
+STALE = 4.0
+#: For a matrix that comes scaled as part of another one, less is enough.
+SWEEPS_OF_PART = 4
+STALE_OF_PART = 64.0
 #: Iterative refinement: steps at most, and relative residual to reach.
 REFINEMENTS = 10
 RESIDUAL = 1e-14
@@ -82,19 +90,41 @@ class FrontalKKT:
         var_stage: Ints,
         row_stage: Ints,
     ) -> None:
-        self.n = n
-        self.m = m
+        couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
+        stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
+        self._prepare(couplings, stage, Arrays.of(couplings))
+
+    @classmethod
+    def of_couplings(
+        cls, couplings: Couplings, stage: NDArray[np.int64], arrays: Arrays, *, part: bool = False
+    ) -> FrontalKKT:
+        """For a pattern that is known already, whose rows may also couple with each other.
+
+        Args:
+            stage: elimination group of each unknown, (N,).
+            arrays: those it works with.
+            part: whether the matrix is part of another one, and scaled.
+        """
+        system = cls.__new__(cls)
+        system._prepare(couplings, stage, arrays, part)
+        return system
+
+    def _prepare(
+        self, couplings: Couplings, stage: NDArray[np.int64], arrays: Arrays, part: bool = False
+    ) -> None:
+        self._scaling = (SWEEPS_OF_PART, STALE_OF_PART) if part else (SWEEPS, STALE)
+        self.n, self.m = n, m = couplings.n, couplings.m
         self.factorizations = 0
         self.nnz_factor = 0
         self.last_residual = 0.0
         self.pivot_threshold = PIVOT_THRESHOLD
-        self._couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
+        self._couplings = couplings
         size = n + m
         self._structural_diagonal = np.zeros(size, dtype=bool)
         self._structural_diagonal[self._couplings.hess_variable] = True
-        self.hess, self.jac = np.zeros(self._couplings.hess_count), np.zeros(self._couplings.jac_count)
-        self.primal, self.dual = np.zeros(n), np.zeros(m)
-        self.rhs, self.solution = np.zeros(size), np.zeros(size)
+        self.given = arrays.given
+        self.hess, self.jac, self.primal, self.dual = arrays.hess, arrays.jac, arrays.primal, arrays.dual
+        self.rhs, self.solution, self.report = arrays.rhs, arrays.solution, arrays.report
         self._values = np.zeros(size + self._couplings.first.size)
         self._scale, self._most, self._inverse = np.zeros(size), np.zeros(size), np.zeros(3 * size)
         self._zeros = np.zeros(size)
@@ -102,15 +132,14 @@ class FrontalKKT:
         self._slot = np.zeros(size, dtype=np.int32)
         self._pivots = np.zeros(2 * size, dtype=np.int32)
         self._starts = np.zeros(2 * size, dtype=np.int32)
-        self.report = np.zeros(REPORT)
         self._counts = np.zeros(pivots.COUNTS, dtype=np.int64)
         self._capacity = 0
         self._held_slots = HELD_SLOTS
+        self.bindings = 0  # counts how often the arrays of the factors were replaced
         self._plans_made = 0
         self._waste = 0.0
         self._plan: Plan | None = None
         self._factorized = False
-        stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
         self._staging = assign_stages(stage, n, self._couplings.first, self._couplings.second)
         # By stages only: the order inside them is planned when there are values.
         rank = np.zeros(size, dtype=np.int32)
@@ -194,6 +223,15 @@ class FrontalKKT:
         self.last_residual = float(self.report[0])
         return repeated
 
+    def factors_in_order(self, unknown: NDArray[np.int64]) -> tuple[Any, ...]:
+        """What ``substitute`` needs, for a system that has this one as a part; ``unknown``: numbers there, (N,)."""
+        a = self._arrangement
+        return (
+            self.n + self.m, unknown, a.order, self._scale, self._counts, a.columns, self._values, self._pivots,
+            self._starts, self._indices, self._factors, self._inverse, self._vectors[0],
+            np.zeros(self._stride + 2 * LANES),
+        )  # fmt: skip
+
     def _raise_threshold(self) -> bool:
         """Factorise the same matrix again with a larger threshold; False when that cannot help."""
         if self._threshold >= HIGHEST_THRESHOLD or self._counts[pivots.ZERO] > 0:
@@ -247,7 +285,7 @@ class FrontalKKT:
             a.position, a.hess_target, a.jac_target, self._values,
         )  # fmt: skip
         self._equilibrate = equilibrate.bind(
-            size, SWEEPS, a.pointers, a.columns, self._values, self._scale, self._most
+            size, *self._scaling, a.pointers, a.columns, self._values, self._scale, self._most
         )
         plan = self._plan
         if plan is None:
@@ -309,6 +347,7 @@ class FrontalKKT:
 
     def _bind(self) -> None:
         """Prepare the calls of the compiled functions."""
+        self.bindings += 1
         a, staging, plan, size = self._arrangement, self._staging, self._plan, self.n + self.m
         assert plan is not None
         growth, spread_1, spread_2, values_1, values_2, first, second = self._columns

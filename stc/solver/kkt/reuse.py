@@ -14,8 +14,12 @@ import numpy as np
 
 from stc.codegen.calls import Bound
 from stc.digests import blake2b
+from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import Inertia
+from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import FrontalKKT
+from stc.solver.kkt.segmented import SegmentedKKT
+from stc.solver.kkt.segments import find_segments
 from stc.solver.nlp import Floats, Ints
 
 __all__ = ["StructuredKKT", "forget"]
@@ -27,11 +31,13 @@ KEPT_BYTES = 128 * 2**20
 LARGEST = 200_000
 
 _lock = threading.RLock()  # the garbage collector may give one back while another is looked up
-_kept: OrderedDict[bytes, FrontalKKT] = OrderedDict()
+_kept: OrderedDict[bytes, FrontalKKT | SegmentedKKT] = OrderedDict()
 
 
 class StructuredKKT:
-    """A ``FrontalKKT``, new or taken over from an earlier solve; see ``KKTSystem`` for arguments and members.
+    """A ``SegmentedKKT`` where the horizon repeats itself, else a ``FrontalKKT``, new or from an earlier solve.
+
+    See ``AttachedKKT`` for arguments and members.
 
     It behaves like a new one, but for the order of elimination that the earlier solve ended with, so that results
     may differ in the last digits.
@@ -59,7 +65,7 @@ class StructuredKKT:
             with _lock:
                 system = _kept.pop(key, None)
         if system is None:
-            system = FrontalKKT(n, m, *arrays)
+            system = _new_system(n, m, *arrays)
         else:
             system.restart()
         self._system = system
@@ -144,13 +150,31 @@ class StructuredKKT:
         return self._system.solve(rhs_x, rhs_y)
 
 
+def _new_system(
+    n: int,
+    m: int,
+    jac_rows: Ints,
+    jac_cols: Ints,
+    hess_rows: Ints,
+    hess_cols: Ints,
+    var_stage: Ints,
+    row_stage: Ints,
+) -> FrontalKKT | SegmentedKKT:
+    couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
+    stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
+    found = find_segments(couplings, stage)
+    if found is None:
+        return FrontalKKT.of_couplings(couplings, stage, Arrays.of(couplings))
+    return SegmentedKKT(couplings, stage, found)
+
+
 def forget() -> None:
     """Give up what is kept."""
     with _lock:
         _kept.clear()
 
 
-def _keep(key: bytes, system: FrontalKKT) -> None:
+def _keep(key: bytes, system: FrontalKKT | SegmentedKKT) -> None:
     """Keep a factorisation that has served, and give up the oldest ones beyond the limits."""
     with _lock:
         _kept[key] = system

@@ -10,8 +10,8 @@ __all__ = ["REPORT", "solve", "substitute"]
 
 #: Columns of fewer entries are gone through one by one.
 LONG = 20
-#: Length of ``report``: relative residual, refinements made.
-REPORT = 2
+#: Length of ``report``: relative residual, refinements made, and of the scaled system, solution over right-hand side.
+REPORT = 3
 #: Residuals are relative to the right-hand side plus the solution, or this much of the right-hand side.
 LARGEST_GAIN = 1e6
 

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, native, sqrt
 
-__all__ = ["count_nonzero", "equilibrate", "load", "residual"]
+__all__ = ["count_nonzero", "equilibrate", "find_scale", "load", "residual", "spread_of"]
 
-#: A scale serves as long as the largest entries of all rows are within this factor of 1 ...
-STALE = 4.0
-#: ... and is good when they are within this one.
+#: A scale is good when the largest entries of all rows are within this factor of 1.
 GOOD = 2.0
 #: Scales stay between these.
 SMALLEST_SCALE = 1e-100
@@ -69,7 +67,7 @@ def count_nonzero(count: i64, places: i32s, values: f64s) -> i64:
 
 
 @native(fast=True)
-def _spread(size: i64, most: f64s) -> f64:
+def spread_of(size: i64, most: f64s) -> f64:
     """How far from 1 the largest entries are; rows of zeros do not count."""
     spread = 1.0
     for k in range(size):
@@ -86,6 +84,15 @@ def _refine(size: i64, most: f64s, scale: f64s) -> None:
         value = most[k]
         value = value if value > 0.0 else 1.0
         scale[k] = min(max(scale[k] / sqrt(value), SMALLEST_SCALE), LARGEST_SCALE)
+
+
+@native
+def find_scale(size: i64, most: f64s, scale: f64s) -> i64:
+    """Improve the scale by the largest entries of the rows; 0, without a change, when it is good."""
+    if spread_of(size, most) < GOOD:
+        return 0
+    _refine(size, most, scale)
+    return 1
 
 
 @native
@@ -107,23 +114,22 @@ def _largest_of_rows(size: i64, pointers: i32s, columns: i32s, values: f64s, sca
 
 @native
 def equilibrate(
-    size: i64, sweeps: i64, pointers: i32s, columns: i32s, values: f64s, scale: f64s, most: f64s
+    size: i64, sweeps: i64, stale: f64, pointers: i32s, columns: i32s, values: f64s, scale: f64s, most: f64s
 ) -> None:
     """Scale rows and columns alike until the largest entries of all rows are near 1 (Ruiz 2001).
 
     ``scale`` comes in as the diagonal of S for a matrix before, or ones; it is kept when it serves this matrix
-    too, and otherwise found from ones (starting from what served another matrix would let rows and columns drift
-    apart).  ``values`` becomes S K S.
+    too, the largest entries being within the factor ``stale`` of 1, and otherwise found from ones (starting from
+    what served another matrix would let rows and columns drift apart).  ``values`` becomes S K S.
     """
     _largest_of_rows(size, pointers, columns, values, scale, most)
-    if _spread(size, most) > STALE:
+    if spread_of(size, most) > stale:
         for k in range(size):
             scale[k] = 1.0
         for _sweep in range(sweeps):
             _largest_of_rows(size, pointers, columns, values, scale, most)
-            if _spread(size, most) < GOOD:
+            if find_scale(size, most, scale) == 0:
                 break
-            _refine(size, most, scale)
     upper = values[size:]
     for k in range(size):
         own = scale[k]

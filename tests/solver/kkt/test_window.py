@@ -141,7 +141,7 @@ def test_loading_scaling_and_residuals(seed, decades):
     np.testing.assert_allclose(values[:size], np.diag(matrix))
 
     scale, most = np.ones(size), np.zeros(size)
-    equilibrate(size, 40, pointers, columns, values, scale, most)
+    equilibrate(size, 40, 4.0, pointers, columns, values, scale, most)
     scaled = matrix * scale[:, None] * scale
     upper = np.concatenate([np.diag(scaled), scaled[rows, columns]])
     np.testing.assert_allclose(values, upper, rtol=1e-12)

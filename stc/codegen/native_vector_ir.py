@@ -1,0 +1,83 @@
+"""Calls of the vector functions (:mod:`stc.codegen.native_vector`) in compiled Python, as LLVM instructions."""
+
+from __future__ import annotations
+
+import ast
+from typing import TYPE_CHECKING, Any
+
+from stc.codegen import native_vector
+from stc.codegen.native_blocks import Value
+from stc.codegen.native_types import Type
+
+if TYPE_CHECKING:
+    from stc.codegen.native_expressions import ExpressionEmitter
+
+__all__ = ["vector_call"]
+
+
+def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: str) -> Value:
+    """A call of one of the functions of stc.codegen.native_vector."""
+    vector = Type.F64V.ir
+    if target in (native_vector.load8, native_vector.store8):
+        stores = target is native_vector.store8
+        if len(node.args) != 2 + stores:
+            raise emitter.error(node, f"{name}() takes {2 + stores} arguments, not {len(node.args)}")
+        type_, address = emitter.element_address(
+            ast.copy_location(ast.Subscript(node.args[0], node.args[1], ast.Load()), node)
+        )
+        if type_ is not Type.F64S:
+            raise emitter.error(node, f"{name}() needs an array of floats")
+        if not stores:
+            return emitter.compute(Type.F64V, f"load {vector}, ptr {address}, align 8")
+        value = emitter.convert(emitter.number(node.args[2]), Type.F64V, node)
+        emitter.emit(f"store {vector} {value.text}, ptr {address}, align 8")
+        return Value(Type.NONE, "")
+    if target in (native_vector.gather8, native_vector.scatter8):
+        return _by_places(emitter, node, name, stores=target is native_vector.scatter8)
+    arguments = emitter.arguments(node, 2 if target is native_vector.max8 else 1, name, Type.F64V)
+    texts = [f"{vector} {argument.text}" for argument in arguments]
+    if target is native_vector.splat8:
+        return arguments[0]
+    if target is native_vector.abs8:
+        return emitter.compute(Type.F64V, f"call {vector} @llvm.fabs.v8f64({texts[0]})")
+    if target is native_vector.negative8:
+        below = emitter.compute(Type.BOOL, f"fcmp olt {texts[0]}, zeroinitializer")
+        return emitter.compute(Type.F64V, f"uitofp <8 x i1> {below.text} to {vector}")
+    if target is native_vector.largest8:
+        return emitter.compute(Type.F64, f"call nnan double @llvm.vector.reduce.fmax.v8f64({texts[0]})")
+    if target is native_vector.sum8:
+        call = f"call reassoc double @llvm.vector.reduce.fadd.v8f64(double -0.0, {texts[0]})"
+        return emitter.compute(Type.F64, call)
+    larger = emitter.compute(Type.BOOL, f"fcmp ogt {texts[0]}, {arguments[1].text}")
+    return emitter.compute(Type.F64V, f"select <8 x i1> {larger.text}, {', '.join(texts)}")
+
+
+def _by_places(emitter: ExpressionEmitter, node: ast.Call, name: str, stores: bool) -> Value:
+    """gather8 and scatter8: element by element, which is as fast as the instructions for it."""
+    if len(node.args) != 3 + stores:
+        raise emitter.error(node, f"{name}() takes {3 + stores} arguments, not {len(node.args)}")
+    vector = Type.F64V.ir
+    array = emitter.expression(node.args[0])
+    places, first = emitter.element_address(
+        ast.copy_location(ast.Subscript(node.args[1], node.args[2], ast.Load()), node)
+    )
+    if array.type is not Type.F64S or places is not Type.I32S:
+        raise emitter.error(node, f"{name}() needs an array of floats and one of 32-bit integers")
+    value = emitter.convert(emitter.number(node.args[3]), Type.F64V, node) if stores else None
+    text = "poison"
+    for lane in range(8):
+        at = emitter.compute(Type.I64, f"getelementptr inbounds i32, ptr {first}, i64 {lane}").text
+        narrow = emitter.compute(Type.I64, f"load i32, ptr {at}, align 4").text
+        place = emitter.compute(Type.I64, f"sext i32 {narrow} to i64").text
+        element = emitter.compute(
+            Type.F64S, f"getelementptr inbounds double, ptr {array.text}, i64 {place}"
+        ).text
+        if value is None:
+            number = emitter.compute(Type.F64, f"load double, ptr {element}, align 8").text
+            text = emitter.compute(
+                Type.F64V, f"insertelement {vector} {text}, double {number}, i64 {lane}"
+            ).text
+        else:
+            number = emitter.compute(Type.F64, f"extractelement {vector} {value.text}, i64 {lane}").text
+            emitter.emit(f"store double {number}, ptr {element}, align 8")
+    return Value(Type.NONE, "") if stores else Value(Type.F64V, text)

@@ -1,0 +1,369 @@
+"""One panel of pivots taken out of eight segments at once (see stc.solver.kkt.lanes).
+
+    C   members x (members + rows), what is left of their columns
+    L   D^-1 C, the factors, which are kept             work[rows, rows] -= L^T C
+
+The triangle's entry (i, j), i >= j, of all eight lanes is at ``work[8 (i (i + 1) / 2 + j)]``.  All that is kept of a
+panel are ``members`` rows of L, each of members + rows vectors.  Of the triangle that no factor needs, the diagonal has
+D^-1, and the place below it the other entry of D^-1 where a pivot has two unknowns.
+"""
+
+from __future__ import annotations
+
+from stc.codegen.native import f64, f64s, i32s, i64, native
+from stc.codegen.native_vector import abs8, load8, max8, negative8, splat8, store8
+
+__all__ = ["LARGEST", "NEGATIVE", "PANEL", "STATE", "WORST", "take_panel"]
+
+#: Unknowns of a panel at most.
+PANEL = 4
+#: Places in ``state``: what tests a pivot, the largest so far in each lane, should be below 1; pivots that are
+#: negative; the largest test of all groups.
+WORST = 0
+NEGATIVE = 8
+LARGEST = 16
+STATE = 24
+#: Makes any number nothing, but not infinity.
+NO_SHARE = 1e-200
+
+
+@native(fast=True, inline=True)
+def _update_four(
+    count: i64, rows: i32s, length: i64, begin: i64, factors: f64s, columns: f64s, work: f64s
+) -> None:
+    """Subtract what four members leave; their rows of ``factors`` and ``columns`` are ``length`` vectors apart."""
+    i = 0
+    far = 8 * length
+    while i + 1 < count:
+        e = 8 * (begin + i)
+        row = rows[i]
+        base = 4 * row * (row + 1)
+        below = rows[i + 1]
+        base_below = 4 * below * (below + 1)
+        a0 = load8(factors, e)
+        a1 = load8(factors, e + far)
+        a2 = load8(factors, e + 2 * far)
+        a3 = load8(factors, e + 3 * far)
+        b0 = load8(factors, e + 8)
+        b1 = load8(factors, e + far + 8)
+        b2 = load8(factors, e + 2 * far + 8)
+        b3 = load8(factors, e + 3 * far + 8)
+        for j in range(i + 1):
+            other = 8 * rows[j]
+            at = 8 * (begin + j)
+            c0 = load8(columns, at)
+            c1 = load8(columns, at + far)
+            c2 = load8(columns, at + 2 * far)
+            c3 = load8(columns, at + 3 * far)
+            one = load8(work, base + other) - a0 * c0 - a1 * c1 - a2 * c2 - a3 * c3
+            two = load8(work, base_below + other) - b0 * c0 - b1 * c1 - b2 * c2 - b3 * c3
+            store8(work, base + other, one)
+            store8(work, base_below + other, two)
+        at = e + 8
+        last = load8(work, base_below + 8 * below)
+        last = last - b0 * load8(columns, at) - b1 * load8(columns, at + far)
+        last = last - b2 * load8(columns, at + 2 * far) - b3 * load8(columns, at + 3 * far)
+        store8(work, base_below + 8 * below, last)
+        i += 2
+    if i < count:
+        e = 8 * (begin + i)
+        row = rows[i]
+        base = 4 * row * (row + 1)
+        a0 = load8(factors, e)
+        a1 = load8(factors, e + far)
+        a2 = load8(factors, e + 2 * far)
+        a3 = load8(factors, e + 3 * far)
+        for j in range(i + 1):
+            other = 8 * rows[j]
+            at = 8 * (begin + j)
+            one = load8(work, base + other) - a0 * load8(columns, at) - a1 * load8(columns, at + far)
+            one = one - a2 * load8(columns, at + 2 * far) - a3 * load8(columns, at + 3 * far)
+            store8(work, base + other, one)
+
+
+@native(fast=True, inline=True)
+def _update_two(
+    count: i64, rows: i32s, length: i64, begin: i64, factors: f64s, columns: f64s, work: f64s
+) -> None:
+    """The same for two members."""
+    far = 8 * length
+    i = 0
+    while i + 1 < count:
+        e = 8 * (begin + i)
+        row = rows[i]
+        base = 4 * row * (row + 1)
+        below = rows[i + 1]
+        base_below = 4 * below * (below + 1)
+        a0 = load8(factors, e)
+        a1 = load8(factors, e + far)
+        b0 = load8(factors, e + 8)
+        b1 = load8(factors, e + far + 8)
+        for j in range(i + 1):
+            other = 8 * rows[j]
+            at = 8 * (begin + j)
+            c0 = load8(columns, at)
+            c1 = load8(columns, at + far)
+            store8(work, base + other, load8(work, base + other) - a0 * c0 - a1 * c1)
+            store8(work, base_below + other, load8(work, base_below + other) - b0 * c0 - b1 * c1)
+        at = e + 8
+        last = load8(work, base_below + 8 * below) - b0 * load8(columns, at) - b1 * load8(columns, at + far)
+        store8(work, base_below + 8 * below, last)
+        i += 2
+    if i < count:
+        e = 8 * (begin + i)
+        row = rows[i]
+        base = 4 * row * (row + 1)
+        a0 = load8(factors, e)
+        a1 = load8(factors, e + far)
+        for j in range(i + 1):
+            other = 8 * rows[j]
+            at = 8 * (begin + j)
+            one = load8(work, base + other) - a0 * load8(columns, at) - a1 * load8(columns, at + far)
+            store8(work, base + other, one)
+
+
+@native(fast=True, inline=True)
+def _update_one(count: i64, rows: i32s, begin: i64, factors: f64s, columns: f64s, work: f64s) -> None:
+    """The same for one member."""
+    for i in range(count):
+        e = 8 * (begin + i)
+        row = rows[i]
+        base = 4 * row * (row + 1)
+        a0 = load8(factors, e)
+        for j in range(i + 1):
+            other = 8 * rows[j]
+            store8(work, base + other, load8(work, base + other) - a0 * load8(columns, 8 * (begin + j)))
+
+
+@native(fast=True, inline=True)
+def _take_single(
+    p: i64, members: i64, end: i64, length: i64, growth: f64, suspect: f64, columns: f64s, factors: f64s,
+    state: f64s,
+) -> None:  # fmt: skip
+    """Take the pivot of member ``p`` out of the panel, of whose rows the first ``end`` are looked at."""
+    own = 8 * p * length
+    d = load8(columns, own + 8 * p)
+    reciprocal = 1.0 / d
+    most = splat8(0.0)
+    for e in range(p + 1, end):
+        value = load8(columns, own + 8 * e)
+        most = max8(abs8(value), most)
+        store8(factors, own + 8 * e, value * reciprocal)
+    store8(factors, own + 8 * p, reciprocal)
+    size = abs8(reciprocal)
+    worst = max8(size * suspect, load8(state, WORST))
+    store8(state, WORST, max8(most * most * size * growth, worst))
+    store8(state, NEGATIVE, load8(state, NEGATIVE) + negative8(d))
+    for q in range(p + 1, members):
+        factor = load8(factors, own + 8 * q)
+        row = 8 * q * length
+        for e in range(q, end):
+            store8(columns, row + 8 * e, load8(columns, row + 8 * e) - factor * load8(columns, own + 8 * e))
+
+
+@native(fast=True, inline=True)
+def _take_pair(
+    p: i64, members: i64, end: i64, length: i64, growth: f64, suspect: f64, columns: f64s, factors: f64s,
+    state: f64s,
+) -> None:  # fmt: skip
+    """The same for members ``p`` and ``p + 1``."""
+    one = 8 * p * length
+    two = one + 8 * length
+    a = load8(columns, one + 8 * p)
+    b = load8(columns, one + 8 * p + 8)
+    c = load8(columns, two + 8 * p + 8)
+    determinant = a * c - b * b
+    reciprocal = 1.0 / determinant
+    inverse_pp = c * reciprocal
+    inverse_pq = -(b * reciprocal)
+    inverse_qq = a * reciprocal
+    most_p = splat8(0.0)
+    most_q = splat8(0.0)
+    factor_p = splat8(0.0)
+    factor_q = splat8(0.0)
+    for e in range(p + 2, end):
+        value_p = load8(columns, one + 8 * e)
+        value_q = load8(columns, two + 8 * e)
+        scaled_p = inverse_pp * value_p + inverse_pq * value_q
+        scaled_q = inverse_pq * value_p + inverse_qq * value_q
+        store8(factors, one + 8 * e, scaled_p)
+        store8(factors, two + 8 * e, scaled_q)
+        most_p = max8(abs8(value_p), most_p)
+        most_q = max8(abs8(value_q), most_q)
+        factor_p = max8(abs8(scaled_p), factor_p)
+        factor_q = max8(abs8(scaled_q), factor_q)
+    store8(factors, one + 8 * p, inverse_pp)
+    store8(factors, one + 8 * p + 8, 0.0)
+    store8(factors, two + 8 * p, inverse_pq)
+    store8(factors, two + 8 * p + 8, inverse_qq)
+    size = max8(abs8(inverse_pq), max8(abs8(inverse_pp), abs8(inverse_qq)))
+    # All three may be undefined (0 times infinity): the reciprocal is infinite then.
+    size = max8(size, abs8(reciprocal) * NO_SHARE)
+    worst = max8(size * suspect, load8(state, WORST))
+    store8(state, WORST, max8((most_p * factor_p + most_q * factor_q) * growth, worst))
+    mixed = negative8(determinant)
+    store8(state, NEGATIVE, load8(state, NEGATIVE) + mixed + 2.0 * (1.0 - mixed) * negative8(a))
+    for q in range(p + 2, members):
+        by_p = load8(factors, one + 8 * q)
+        by_q = load8(factors, two + 8 * q)
+        row = 8 * q * length
+        for e in range(q, end):
+            change = by_p * load8(columns, one + 8 * e) + by_q * load8(columns, two + 8 * e)
+            store8(columns, row + 8 * e, load8(columns, row + 8 * e) - change)
+
+
+@native(fast=True, inline=True)
+def _take_corner(
+    members: i64, length: i64, kinds: i32s, sources: i32s, growth: f64, suspect: f64, work: f64s, corner: f64s,
+    factors: f64s, state: f64s,
+) -> None:  # fmt: skip
+    """Eliminate the members from each other; of their columns only those parts."""
+    for k in range(members):
+        for e in range(k, members):
+            store8(corner, 8 * (k * length + e), load8(work, 8 * sources[k * length + e]))
+    p = 0
+    while p < members:
+        if kinds[p] == 2:
+            _take_pair(p, members, members, length, growth, suspect, corner, factors, state)
+            p += 2
+        else:
+            _take_single(p, members, members, length, growth, suspect, corner, factors, state)
+            p += 1
+
+
+@native(fast=True, inline=True)
+def _scale_four(
+    count: i64, kinds: i32s, sources: i32s, growth: f64, work: f64s, columns: f64s, factors: f64s, state: f64s
+) -> None:  # fmt: skip
+    """The rest of four members' columns, once they have been eliminated from each other, and the factors."""
+    length = 4 + count
+    far = 8 * length
+    l01 = load8(factors, 8)
+    l02 = load8(factors, 16)
+    l03 = load8(factors, 24)
+    l12 = load8(factors, far + 16)
+    l13 = load8(factors, far + 24)
+    l23 = load8(factors, 2 * far + 24)
+    d0 = load8(factors, 0)
+    d1 = load8(factors, far + 8)
+    d2 = load8(factors, 2 * far + 16)
+    d3 = load8(factors, 3 * far + 24)
+    o01 = splat8(0.0)
+    o12 = splat8(0.0)
+    o23 = splat8(0.0)
+    if kinds[0] == 2:
+        o01 = load8(factors, far)
+    if kinds[1] == 2:
+        o12 = load8(factors, 2 * far + 8)
+    if kinds[2] == 2:
+        o23 = load8(factors, 3 * far + 16)
+    most0 = splat8(0.0)
+    most1 = splat8(0.0)
+    most2 = splat8(0.0)
+    most3 = splat8(0.0)
+    high0 = splat8(0.0)
+    high1 = splat8(0.0)
+    high2 = splat8(0.0)
+    high3 = splat8(0.0)
+    for e in range(4, length):
+        at = 8 * e
+        c0 = load8(work, 8 * sources[e])
+        c1 = load8(work, 8 * sources[length + e]) - l01 * c0
+        c2 = load8(work, 8 * sources[2 * length + e]) - l02 * c0
+        c2 = c2 - l12 * c1
+        c3 = load8(work, 8 * sources[3 * length + e]) - l03 * c0
+        c3 = c3 - l13 * c1
+        c3 = c3 - l23 * c2
+        f0 = d0 * c0 + o01 * c1
+        f1 = d1 * c1 + o01 * c0 + o12 * c2
+        f2 = d2 * c2 + o12 * c1 + o23 * c3
+        f3 = d3 * c3 + o23 * c2
+        store8(columns, at, c0)
+        store8(columns, at + far, c1)
+        store8(columns, at + 2 * far, c2)
+        store8(columns, at + 3 * far, c3)
+        store8(factors, at, f0)
+        store8(factors, at + far, f1)
+        store8(factors, at + 2 * far, f2)
+        store8(factors, at + 3 * far, f3)
+        most0 = max8(abs8(c0), most0)
+        most1 = max8(abs8(c1), most1)
+        most2 = max8(abs8(c2), most2)
+        most3 = max8(abs8(c3), most3)
+        high0 = max8(abs8(f0), high0)
+        high1 = max8(abs8(f1), high1)
+        high2 = max8(abs8(f2), high2)
+        high3 = max8(abs8(f3), high3)
+    worst = max8(max8(most0 * high0, most1 * high1), max8(most2 * high2, most3 * high3))
+    store8(state, WORST, max8(worst * growth, load8(state, WORST)))
+
+
+@native(fast=True, inline=True)
+def _scale_two(
+    count: i64, kinds: i32s, sources: i32s, growth: f64, work: f64s, columns: f64s, factors: f64s, state: f64s
+) -> None:  # fmt: skip
+    """The same for two members."""
+    length = 2 + count
+    far = 8 * length
+    l01 = load8(factors, 8)
+    d0 = load8(factors, 0)
+    d1 = load8(factors, far + 8)
+    o01 = splat8(0.0)
+    if kinds[0] == 2:
+        o01 = load8(factors, far)
+    most0 = splat8(0.0)
+    most1 = splat8(0.0)
+    high0 = splat8(0.0)
+    high1 = splat8(0.0)
+    for e in range(2, length):
+        at = 8 * e
+        c0 = load8(work, 8 * sources[e])
+        c1 = load8(work, 8 * sources[length + e]) - l01 * c0
+        f0 = d0 * c0 + o01 * c1
+        f1 = d1 * c1 + o01 * c0
+        store8(columns, at, c0)
+        store8(columns, at + far, c1)
+        store8(factors, at, f0)
+        store8(factors, at + far, f1)
+        most0 = max8(abs8(c0), most0)
+        most1 = max8(abs8(c1), most1)
+        high0 = max8(abs8(f0), high0)
+        high1 = max8(abs8(f1), high1)
+    store8(state, WORST, max8(max8(most0 * high0, most1 * high1) * growth, load8(state, WORST)))
+
+
+@native(fast=True)
+def take_panel(
+    members: i64, count: i64, kinds: i32s, rows: i32s, sources: i32s, growth: f64, suspect: f64, work: f64s,
+    columns: f64s, factors: f64s, state: f64s,
+) -> None:  # fmt: skip
+    """Take the members out of ``work`` and keep their factors."""
+    length = members + count
+    if members == 4:
+        _take_corner(4, length, kinds, sources, growth, suspect, work, columns, factors, state)
+        _scale_four(count, kinds, sources, growth, work, columns, factors, state)
+        _update_four(count, rows, length, 4, factors, columns, work)
+        return
+    if members == 2:
+        _take_corner(2, length, kinds, sources, growth, suspect, work, columns, factors, state)
+        _scale_two(count, kinds, sources, growth, work, columns, factors, state)
+        _update_two(count, rows, length, 2, factors, columns, work)
+        return
+    for k in range(members):
+        row = k * length
+        for e in range(k, length):
+            store8(columns, 8 * (row + e), load8(work, 8 * sources[row + e]))
+    p = 0
+    while p < members:
+        if kinds[p] == 2:
+            _take_pair(p, members, length, length, growth, suspect, columns, factors, state)
+            p += 2
+        else:
+            _take_single(p, members, length, length, growth, suspect, columns, factors, state)
+            p += 1
+    done = 0
+    if members == 3:
+        _update_two(count, rows, length, 3, factors, columns, work)
+        done = 2
+    at = 8 * done * length
+    _update_one(count, rows, members, factors[at:], columns[at:], work)

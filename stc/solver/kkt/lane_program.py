@@ -1,0 +1,229 @@
+"""The pivots of a stage, planned for eight segments at once: one order, in panels, for all stages of a kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.solver.kkt.lane_panel import PANEL
+from stc.solver.kkt.ordering import SECOND, SMALLEST, order_stage
+from stc.solver.kkt.segments import ACROSS, BORDERING, INSIDE, Segmentation
+from stc.solver.nlp import Floats
+
+__all__ = ["Kind", "Program", "kind_of", "plan_panels", "triangle"]
+
+Int32s = NDArray[np.int32]
+Int64s = NDArray[np.int64]
+
+#: Rounds of planning: what a stage leaves to the next is known when that has been planned once.
+ROUNDS = 1
+#: What may be left by another stage where nothing is known yet.
+UNKNOWN = 1e-2
+#: Pivots of about equal cost that are compared.
+CANDIDATES = 500
+#: Cycles that a panel takes besides its products, for itself and for each row, and for each product by members.
+PANEL_CYCLES = 40.0
+ROW_CYCLES = 10.0
+PRODUCT_CYCLES = (0.0, 1.3, 1.6, 1.9, 2.2)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What stages of one kind have in common (see stc.solver.kkt.lanes for U, F, L and B).
+
+    Attributes:
+        own, variables: unknowns of U, and how many of them, the first ones, are variables.
+        following: places of F in the next stage, (F,); left: places of L in the stage before, (L,); border: numbers
+            of B among the border, (B,).
+        rows, columns: places of the entries of a stage in the triangle, in the order of the codes.
+        first_rows, first_columns: the same for those of L with U, in the order of the codes across.
+        across: which of the codes are across.
+    """
+
+    own: int
+    variables: int
+    following: Int64s
+    left: Int64s
+    border: Int64s
+    rows: Int64s
+    columns: Int64s
+    first_rows: Int64s
+    first_columns: Int64s
+    across: NDArray[np.bool_]
+
+    @property
+    def near(self) -> int:
+        """Unknowns of U and F."""
+        return self.own + self.following.size
+
+    @property
+    def size(self) -> int:
+        """Rows of the triangle."""
+        return self.near + self.left.size + self.border.size
+
+    @property
+    def carried(self) -> Int64s:
+        """Where F, L and B of a step are at the next one."""
+        return np.concatenate([self.following, np.arange(self.near, self.size)])
+
+
+@dataclass(frozen=True)
+class Program:
+    """Panels of a kind.
+
+    Attributes:
+        panels: each as in ``stc.solver.kkt.lanes``.
+        used: which places of the triangle the panels touch.
+        vectors: how many vectors the factors of a step have.
+    """
+
+    panels: list[Int32s]
+    used: NDArray[np.bool_]
+    vectors: int
+
+
+def triangle(rows: Int64s, columns: Int64s) -> Int64s:
+    """Places in the triangle."""
+    high, low = np.maximum(rows, columns), np.minimum(rows, columns)
+    return high * (high + 1) // 2 + low
+
+
+def kind_of(found: Segmentation, number: int, variables: int) -> Kind:
+    """Lay out the triangle; ``variables`` of the stage's unknowns are variables."""
+    codes, base, example = found.codes[number], found.base, found.example[number]
+    pointers = found.stages.pointers
+    own = int(pointers[example + 1] - pointers[example])
+    types, i, j = codes // base**2, codes // base % base, codes % base
+    across, bordering = types == ACROSS, types == BORDERING
+    following, left, border = np.unique(j[across]), np.unique(i[across]), np.unique(j[bordering])
+    near = own + following.size
+    rows = np.where(types == INSIDE, i, 0)
+    columns = np.where(types == INSIDE, j, i)
+    rows[across] = own + np.searchsorted(following, j[across])
+    rows[bordering] = near + left.size + np.searchsorted(border, j[bordering])
+    first_rows = near + np.searchsorted(left, i[across])
+    return Kind(
+        own, variables, following, left, border, rows, columns, first_rows, j[across].copy(), across
+    )  # fmt: skip
+
+
+def plan_panels(kind: Kind, entries: Floats, diagonal: Floats) -> Program:
+    """Order the pivots for entries and diagonal (own,) like these."""
+    size, own = kind.size, kind.own
+    stage = np.zeros((size, size))
+    sizes = np.copysign(np.maximum(np.abs(entries), SMALLEST), entries)
+    stage[kind.rows, kind.columns] = sizes
+    stage[kind.columns, kind.rows] = sizes
+    inner = np.arange(own)
+    # Every unknown may have a diagonal entry, if a tiny one, and rows a negative one.
+    sign = np.where(inner < kind.variables, 1.0, -1.0)
+    stage[inner, inner] = np.where(np.abs(diagonal) > SMALLEST, diagonal, sign * SMALLEST)
+    carried = kind.carried
+    left = np.zeros((carried.size, carried.size))
+    ends = np.arange(kind.following.size, carried.size)
+    left[: kind.following.size, ends] = UNKNOWN
+    left[ends, : kind.following.size] = UNKNOWN
+    for _ in range(ROUNDS):
+        sizes = stage.copy()
+        sizes[np.ix_(carried, carried)] += np.where(left == 0.0, SMALLEST, left)
+        sizes[own:, own:] = 0.0
+        before = sizes.copy()
+        order, kinds = _order(own, sizes)
+        left = sizes[own:, own:]
+    pattern = before != 0.0
+    np.fill_diagonal(pattern, False)
+    pattern[own:, own:] = False
+    return _panels(kind, order, kinds, pattern)
+
+
+def _order(own: int, sizes: Floats) -> tuple[Int32s, Int32s]:
+    """Order and kinds of the pivots; ``sizes`` is left as they leave it."""
+    size = len(sizes)
+    waiting = np.arange(own, dtype=np.int32)
+    degree, row_p, row_q = (np.empty(size, dtype=np.int32) for _ in range(3))
+    order, kinds = np.empty(own, dtype=np.int32), np.empty(own, dtype=np.int32)
+    starts = np.empty(own + 1, dtype=np.int32)
+    lists = np.empty((own + 1) * size, dtype=np.int32)
+    first, second = np.empty(CANDIDATES, dtype=np.int32), np.empty(CANDIDATES, dtype=np.int32)
+    order_stage(
+        size, size, own, waiting, sizes.reshape(-1), degree, np.empty(size), row_p, row_q, first.size, first,
+        second, np.empty(first.size), order, kinds, starts, lists.size, lists,
+    )  # fmt: skip
+    return order, kinds
+
+
+def _cycles(members: int, rows: int) -> float:
+    products = 0.5 * rows * (rows + 1) * PRODUCT_CYCLES[members] + members * (members + 2 * rows)
+    return PANEL_CYCLES + ROW_CYCLES * rows + products
+
+
+def _panels(kind: Kind, order: Int32s, kinds: Int32s, pattern: NDArray[np.bool_]) -> Program:
+    """Join consecutive pivots to panels where that is cheaper; sets of unknowns are the bits of a number."""
+    size = kind.size
+    coupled = [int.from_bytes(np.packbits(row, bitorder="little").tobytes(), "little") for row in pattern]
+    pivots: list[tuple[list[int], list[int]]] = []
+    for p, kind_of_pivot in zip(order.tolist(), kinds.tolist(), strict=True):
+        if kind_of_pivot == SECOND:
+            pivots[-1][0].append(p)
+            pivots[-1][1].append(SECOND)
+        else:
+            pivots.append(([p], [2 if kind_of_pivot == 2 else 1]))
+    panels: list[Int32s] = []
+    used = np.zeros(size * (size + 1) // 2, dtype=bool)
+    vectors = 0
+    k = 0
+    while k < len(pivots):
+        members, member_kinds = list(pivots[k][0]), list(pivots[k][1])
+        rows = _union(coupled, members)
+        k += 1
+        while k < len(pivots) and len(members) + len(pivots[k][0]) <= PANEL:
+            more = pivots[k][0]
+            alone = _union(coupled, more)
+            if any(rows >> p & 1 for p in more):
+                alone |= rows
+            alone &= ~_bits([*members, *more])
+            together = (rows | alone) & ~_bits(more)
+            apart = _cycles(len(members), rows.bit_count()) + _cycles(len(more), alone.bit_count())
+            if _cycles(len(members) + len(more), together.bit_count()) > apart:
+                break
+            members += more
+            member_kinds += pivots[k][1]
+            rows = together
+            k += 1
+        gone = ~_bits(members)
+        listed = _listed(rows)
+        for r in listed:
+            coupled[r] = (coupled[r] | rows) & ~(1 << r) & gone
+        row_array, who = np.array(listed, dtype=np.int64), np.array(members, dtype=np.int64)
+        sources = triangle(who[:, None], np.concatenate([who, row_array])[None, :])
+        used[sources] = True
+        used[triangle(row_array[:, None], row_array[None, :])] = True
+        panels.append(
+            np.concatenate(
+                [[len(members), len(listed)], member_kinds, members, listed, sources.reshape(-1)]
+            ).astype(np.int32)
+        )
+        vectors += sources.size
+    return Program(panels, used, vectors)
+
+
+def _bits(members: list[int]) -> int:
+    return sum(1 << p for p in members)
+
+
+def _union(coupled: list[int], members: list[int]) -> int:
+    rows = 0
+    for p in members:
+        rows |= coupled[p]
+    return rows & ~_bits(members)
+
+
+def _listed(rows: int) -> list[int]:
+    found = []
+    while rows:
+        low = rows & -rows
+        found.append(low.bit_length() - 1)
+        rows ^= low
+    return found

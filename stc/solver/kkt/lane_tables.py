@@ -1,0 +1,241 @@
+"""The tables that tell the compiled elimination of segments where everything is (see stc.solver.kkt.lanes)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.solver.kkt import lanes
+from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.lane_program import Kind, Program, triangle
+from stc.solver.kkt.segments import LANES, Group, Segmentation
+
+__all__ = ["Layout", "Rest", "code_of", "lay_out"]
+
+Int32s = NDArray[np.int32]
+Int64s = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What the segments leave: a matrix of the unknowns outside of them.
+
+    Attributes:
+        unknowns: their numbers, (R,), increasing.
+        couplings: its pattern, all entries being given as those of J.
+        entry, target: couplings of the whole matrix that are in it, and which entry of it they are.
+        results: where the groups' results go (see ``RESULT_INDEX``), (results, LANES) each.
+    """
+
+    unknowns: Int64s
+    couplings: Couplings
+    entry: Int64s
+    target: Int32s
+    results: list[Int64s]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What depends on the pattern alone.
+
+    Attributes:
+        index: see stc.solver.kkt.lanes.
+        table: the same, complete but for what depends on the programs, (groups, FIELDS).
+        curved: for each kind, unknowns of a stage with an entry of H on the diagonal.
+        rest: what is left.
+    """
+
+    index: Int32s
+    table: Int64s
+    curved: list[Int64s]
+    rest: Rest
+
+
+def lay_out(
+    couplings: Couplings, found: Segmentation, kinds: list[Kind], source: Int32s, curved_source: Int32s
+) -> Layout:
+    """Where the values of all segments' stages are.
+
+    Args:
+        source: place of each coupling's value among those given, (E,); curved_source: the same of the entries of H
+            on the diagonal.
+    """
+    stages = found.stages
+    stage_count = stages.pointers.size - 1
+    sources, curved_sources, curved_places = _by_stage(
+        couplings, found, kinds, source, curved_source, stage_count
+    )
+    index: list[NDArray[np.integer]] = []
+    filled = 0
+
+    def put(array: NDArray[np.integer]) -> int:
+        nonlocal filled
+        index.append(array.reshape(-1))
+        filled += array.size
+        return filled - array.size
+
+    table = np.zeros((len(found.groups), lanes.FIELDS), dtype=np.int64)
+    ends = []
+    for row, group in zip(table, found.groups, strict=True):
+        kind = kinds[group.kind]
+        at = group.stages
+        begin = stages.pointers[at].astype(np.int64)
+        inner = stages.order[begin[:, None, :] + np.arange(kind.own)[:, None]]
+        after = stages.order[stages.pointers[at + 1][:, None, :].astype(np.int64) + kind.following[:, None]]
+        before = stages.order[stages.pointers[at[0] - 1].astype(np.int64) + kind.left[:, None]]
+        border = np.repeat(stages.border[kind.border][:, None], LANES, axis=1)
+        row[lanes.STEPS], row[lanes.OWN], row[lanes.VARIABLES] = len(at), kind.own, kind.variables
+        row[lanes.NEXT], row[lanes.LEFT] = kind.following.size, kind.left.size
+        row[lanes.BORDER], row[lanes.SEGMENTS] = kind.border.size, group.segments
+        row[lanes.UNKNOWNS] = put(np.concatenate([inner, after], axis=1))
+        row[lanes.ENDS] = put(np.concatenate([before, border]))
+        ends.append(np.concatenate([after[-1], before, border]).astype(np.int64))
+        own_sources = sources[group.kind]
+        row[lanes.ENTRIES] = kind.rows.size
+        row[lanes.ENTRY_INDEX] = put(own_sources[at].transpose(0, 2, 1))
+        row[lanes.FIRST] = kind.first_rows.size
+        row[lanes.FIRST_INDEX] = put(own_sources[at[0] - 1][:, kind.across].T)
+        row[lanes.CURVED] = curved_places[group.kind].size
+        row[lanes.CURVED_INDEX] = put(curved_sources[group.kind][at].transpose(0, 2, 1))
+    rest = _rest_of(couplings, found, ends)
+    for row, results in zip(table, rest.results, strict=True):
+        row[lanes.RESULT_INDEX] = put(results)
+    return Layout(
+        np.concatenate([*index, np.zeros(1, np.int32)]).astype(np.int32), table, curved_places, rest
+    )
+
+
+def _by_stage(
+    couplings: Couplings,
+    found: Segmentation,
+    kinds: list[Kind],
+    source: Int32s,
+    curved_source: Int32s,
+    stage_count: int,
+) -> tuple[list[Int32s], list[Int32s], list[Int64s]]:
+    """Sources of the entries of all stages of each kind, (stages, entries), in the order of the codes."""
+    stages = found.stages
+    kind_of_stage = np.full(stage_count, -1)
+    for group in found.groups:
+        kind_of_stage[group.stages] = group.kind
+        kind_of_stage[group.stages[0] - 1] = group.kind
+    owner = np.where(found.edge_stage >= 0, kind_of_stage[found.edge_stage], -1)
+    curved_stage = stages.stage[couplings.hess_variable]
+    curved_kind = kind_of_stage[curved_stage]
+    sources, curved_sources, curved_places = [], [], []
+    for number in range(len(kinds)):
+        members = np.flatnonzero(owner == number)
+        place = np.searchsorted(found.codes[number], found.edge_code[members])
+        table = np.zeros((stage_count, found.codes[number].size), dtype=np.int32)
+        table[found.edge_stage[members], place] = source[members]
+        sources.append(table)
+        members = np.flatnonzero(curved_kind == number)
+        places = stages.local[couplings.hess_variable[members]]
+        own = np.unique(places).astype(np.int64)
+        table = np.zeros((stage_count, own.size), dtype=np.int32)
+        table[curved_stage[members], np.searchsorted(own, places)] = curved_source[members]
+        curved_sources.append(table)
+        curved_places.append(own)
+    return sources, curved_sources, curved_places
+
+
+def _rest_of(couplings: Couplings, found: Segmentation, ends: list[Int64s]) -> Rest:
+    """The pattern of what is left."""
+    size = couplings.size
+    stages = found.stages
+    unknowns = np.flatnonzero(~found.interior[stages.stage])
+    number = np.full(size, -1, dtype=np.int64)
+    number[unknowns] = np.arange(unknowns.size)
+    count = unknowns.size
+    variables = int(np.searchsorted(unknowns, couplings.n))
+    entry = np.flatnonzero((number[couplings.first] >= 0) & (number[couplings.second] >= 0))
+    pairs = [_key(number[couplings.first[entry]], number[couplings.second[entry]], count)]
+    corners = []
+    for group, own in zip(found.groups, ends, strict=True):
+        a, b = np.tril_indices(len(own))
+        corners.append((number[own[a]], number[own[b]], np.arange(LANES) < group.segments))
+        pairs.append(_key(*corners[-1][:2], count)[:, : group.segments].reshape(-1))
+    keys = np.unique(np.concatenate(pairs))
+    keys = keys[keys // count != keys % count]
+    none = np.zeros(0, dtype=np.intp)
+    pattern = Couplings(
+        variables, count - variables, (keys // count).astype(np.int32), (keys % count).astype(np.int32), none, none,
+        none.astype(np.int32), 0, keys.size,
+    )  # fmt: skip
+    results = []
+    for one, other, real in corners:
+        diagonal = keys.size + one
+        # The diagonal of rows is given with its sign changed.
+        diagonal = np.where(one < variables, diagonal, -1 - diagonal)
+        place = np.where(one == other, diagonal, np.searchsorted(keys, _key(one, other, count)))
+        results.append(np.where(real, place, 0))
+    target = np.searchsorted(keys, pairs[0]).astype(np.int32)
+    return Rest(unknowns, pattern, entry, target, results)
+
+
+def _key(one: Int64s, other: Int64s, count: int) -> Int64s:
+    return np.maximum(one, other) * count + np.minimum(one, other)
+
+
+def code_of(
+    table: Int64s, groups: list[Group], kinds: list[Kind], programs: list[Program], curved: list[Int64s]
+) -> Int32s:  # fmt: skip
+    """What the programs determine: the rest of ``table``, and ``code``."""
+    code: list[NDArray[np.integer]] = []
+    filled = 0
+
+    def put(array: NDArray[np.integer]) -> int:
+        nonlocal filled
+        code.append(array.reshape(-1))
+        filled += array.size
+        return filled - array.size
+
+    fields: list[dict[int, int]] = []
+    for kind, program, places in zip(kinds, programs, curved, strict=True):
+        own, near = kind.own, kind.near
+        inner = np.arange(own)
+        a, b = np.tril_indices(kind.size - own)
+        results = triangle(own + a, own + b)
+        moving = b < kind.following.size
+        carried = kind.carried
+        moved = triangle(carried[a[moving]], carried[b[moving]])
+        used = program.used.copy()
+        for more in (results, moved, triangle(kind.rows, kind.columns), triangle(inner, inner)):
+            used[more] = True
+        used[triangle(kind.first_rows, kind.first_columns)] = True
+        used_places = np.flatnonzero(used)
+        columns = np.tril_indices(kind.size)[1]  # in the order of the triangle
+        first = columns[used_places] < near
+        entries = np.stack([triangle(kind.rows, kind.columns), kind.rows, kind.columns], axis=1)
+        across = np.stack(
+            [triangle(kind.first_rows, kind.first_columns), kind.first_rows, kind.first_columns], axis=1
+        )
+        field = {
+            lanes.ENTRY_CODE: put(entries),
+            lanes.FIRST_CODE: put(across),
+            lanes.CURVED_CODE: put(places),
+            lanes.CLEARED: int(first.sum()),
+            lanes.CLEARED_CODE: put(used_places[first]),
+            lanes.EMPTY: int((~first).sum()),
+            lanes.EMPTY_CODE: put(used_places[~first]),
+            lanes.MOVED: moved.size,
+            lanes.MOVED_CODE: put(np.stack([results[moving], moved], axis=1)),
+            lanes.RESULTS: results.size,
+            lanes.RESULT_CODE: put(results),
+            lanes.FOLLOWING: put(kind.following),
+            lanes.PANELS: len(program.panels),
+            lanes.FACTOR_STEP: program.vectors,
+            lanes.PANEL_CODE: filled,
+        }
+        starts = np.array([put(panel) for panel in program.panels], dtype=np.int64)
+        field[lanes.PANEL_STARTS] = put(starts)
+        fields.append(field)
+    factors = 0
+    for row, group in zip(table, groups, strict=True):
+        for name, value in fields[group.kind].items():
+            row[name] = value
+        row[lanes.FACTORS] = factors
+        factors += int(row[lanes.STEPS] * row[lanes.FACTOR_STEP])
+    return np.concatenate([*code, np.zeros(1, np.int64)]).astype(np.int32)

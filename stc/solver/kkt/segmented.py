@@ -1,0 +1,335 @@
+"""The KKT system of a horizon that repeats itself: eight segments at once, then the few stages between them.
+
+Segments are eliminated with pivots fixed before (see stc.solver.kkt.lanes), which are tested while they are taken.
+Stages between them and irregular ones go through ``FrontalKKT``, which pivots as the values ask for, and so does the
+whole matrix when a test fails. When several fail in a row, other pivots are planned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.codegen.calls import Bound
+from stc.solver.kkt import lanes
+from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.contract import Inertia, NotFinite
+from stc.solver.kkt.entries import Arrays, aligned_zeros, factorize_copies, solve_copies
+from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, RESIDUAL, SWEEPS, FrontalKKT
+from stc.solver.kkt.lane_panel import LARGEST, PANEL, STATE
+from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
+from stc.solver.kkt.lane_tables import code_of, lay_out
+from stc.solver.kkt.segmented_passes import diagonal_of, equilibrate_all, load_rest, solve_all
+from stc.solver.kkt.segments import Segmentation
+from stc.solver.kkt.substitution import REPORT
+from stc.solver.nlp import Floats
+
+__all__ = ["SegmentedKKT"]
+
+#: No product that is subtracted may exceed this, nor any entry of an inverted pivot, in the equilibrated matrix.
+GROWTH = 1e11
+INVERSE = 1e11
+#: Where they are larger than this share of it, the factors are tried on a right-hand side: the residual, before
+#: refinement, should be no larger than INACCURATE, and the solution no longer than SINGULAR times as much.
+SUSPECT = 1e-3
+INACCURATE = 1e-6
+SINGULAR = 3e9
+#: Stages of a kind whose entries are looked at for a plan.
+SAMPLE = 32
+#: Matrices in a row that a plan may fail for before another one is made: the first of a solve is often unlike the
+#: others.  How often plans may change, to begin with, and after how many matrices once more; plans that are kept.
+TOLERATED = 1
+SWITCHES = 4
+MATRICES = 40
+PLANS = 4
+#: Room for factors, as a multiple of what the first plan needs.
+ROOM = 1.25
+#: After so many failures in a row segments are skipped for one matrix, then for twice as many each time, up to this
+#: power of two.
+PATIENCE = 3
+LONGEST_SKIP = 4
+
+
+@dataclass
+class _Prepared:
+    """Calls for one plan, and what they work with."""
+
+    tables: tuple[Any, ...]
+    factors: Floats
+    state: Floats
+    space: tuple[Floats, Floats]
+    eliminate: Bound
+    equilibrate: Bound
+    solve: Bound | None = None
+    probe: Bound | None = None
+    bindings: int = -1  # of the rest, that solve and probe are made for
+
+
+class SegmentedKKT:
+    """Sparse LDL^T of segments in vector lanes and of the rest by ``FrontalKKT``.
+
+    See ``AttachedKKT`` for the members.
+    """
+
+    def __init__(self, couplings: Couplings, stage: NDArray[np.int64], found: Segmentation) -> None:
+        self.n, self.m = couplings.n, couplings.m
+        self.factorizations = 0
+        self.nnz_factor = 0
+        self.last_residual = 0.0
+        self._couplings, self._stage, self._found = couplings, stage, found
+        self._arrays = a = Arrays.of(couplings)
+        self.hess, self.jac, self.primal, self.dual = a.hess, a.jac, a.primal, a.dual
+        self.rhs, self.solution, self.report = a.rhs, a.solution, a.report
+        size = couplings.size
+        self._source = np.concatenate(
+            [couplings.hess_off, couplings.hess_count + np.arange(couplings.jac_count)]
+        ).astype(np.int32)
+        self._curved_source = couplings.hess_diagonal.astype(np.int32)
+        self._diagonal, self._scale, self._most = np.zeros(size), np.ones(size), np.zeros(size)
+        self._change, self._kept = np.zeros(size), np.zeros(size)
+        variables = np.bincount(found.stages.stage[: self.n], minlength=found.stages.pointers.size - 1)
+        self._kinds = [kind_of(found, k, int(variables[example])) for k, example in enumerate(found.example)]
+        self._layout = lay_out(couplings, found, self._kinds, self._source, self._curved_source)
+        rest = self._layout.rest
+        self._rest = FrontalKKT.of_couplings(
+            rest.couplings, stage[rest.unknowns], Arrays.of(rest.couplings), part=True
+        )
+        self._whole: FrontalKKT | None = None
+        self._eliminated = int(size - rest.unknowns.size)
+        self._probe_rhs = np.random.default_rng(size).choice([-1.0, 1.0], size)
+        self._probe_result, self._probe_report = np.zeros(size), np.zeros(REPORT)
+        self._tried = 0
+        self._switches = 0
+        self._failures = 0
+        self._skip = 0
+        self._by_segments = False
+        self._factorized = False
+        self._plans: list[_Prepared] = []
+        self._at = 0
+        self._factors = aligned_zeros(0)
+        self._bind_entries()
+        nothing = [np.zeros(kind.size * (kind.size + 1) // 2, dtype=bool) for kind in self._kinds]
+        self._now = self._prepare([Program([], used, 0) for used in nothing])  # for equilibration
+
+    def restart(self) -> None:
+        """Forget all matrices, as if new, but not the plans: they are taken up in the same order."""
+        self.factorizations = 0
+        self.nnz_factor = 0
+        self.last_residual = 0.0
+        self._scale[:] = 1.0
+        self._failures = self._skip = self._tried = self._switches = self._at = 0
+        if self._plans:
+            self._now = self._plans[0]
+        self._factorized = False
+        self._rest.restart()
+        if self._whole is not None:
+            self._whole.restart()
+
+    @property
+    def nbytes(self) -> int:
+        """Memory held, about."""
+        own = 8 * self._arrays.given.size + 64 * self._diagonal.size + self._layout.index.nbytes
+        own += self._factors.nbytes
+        return own + self._rest.nbytes + (self._whole.nbytes if self._whole is not None else 0)
+
+    def factorize(
+        self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
+    ) -> Inertia:
+        """See ``KKTSystem.factorize``."""
+        return factorize_copies(self, hess_values, jac_values, primal_diagonal, dual_diagonal)
+
+    def refactor(self) -> Inertia:
+        """See ``AttachedKKT.refactor``."""
+        self._factorized = False
+        if self._collect() != 0.0:
+            raise NotFinite("the KKT matrix has entries that are not finite")
+        self.factorizations += 1
+        self._now.equilibrate()
+        inertia = self._refactor_segments()
+        self._by_segments = inertia is not None
+        if inertia is None:
+            inertia = self._refactor_whole()
+        self._factorized = True
+        return inertia
+
+    def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
+        """See ``KKTSystem.solve``."""
+        return solve_copies(self, rhs_x, rhs_y)
+
+    @property
+    def solve_call(self) -> Bound:
+        """See ``AttachedKKT.solve_call``."""
+        if not self._factorized:
+            raise ValueError("factorize before solving")
+        if self._by_segments:
+            assert self._now.solve is not None
+            return self._now.solve
+        assert self._whole is not None
+        return self._whole.solve_call
+
+    def check_solution(self) -> bool:
+        """See ``AttachedKKT.check_solution``."""
+        repeated = False
+        if self._by_segments:
+            if self.report[0] > DOUBTFUL:
+                self.factorizations += 1
+                self._refactor_whole()
+                self._by_segments = False
+                self.solve_call()
+                repeated = True
+            self.last_residual = float(self.report[0])
+        if not self._by_segments:
+            assert self._whole is not None
+            before = self._whole.factorizations
+            repeated = self._whole.check_solution() or repeated
+            self.factorizations += self._whole.factorizations - before
+            self.last_residual = self._whole.last_residual
+        return repeated
+
+    def _refactor_segments(self) -> Inertia | None:
+        """Inertia, or None when a pivot is not good enough."""
+        if self._skip > 0:
+            self._skip -= 1
+            return None
+        self._tried += 1
+        negative = -1
+        if self._plans:
+            negative = self._eliminate()
+        if negative < 0 and self._change_plan():
+            negative = self._eliminate()
+        if negative < 0:
+            self._failures += 1
+            if self._failures >= PATIENCE:
+                self._skip = 2 ** min(self._failures - PATIENCE, LONGEST_SKIP)
+            return None
+        rest = self._rest.refactor()
+        if rest.zero > 0:
+            return None
+        if self._now.bindings != self._rest.bindings:
+            self._bind_solve(self._now)
+        if self._now.state[LARGEST] > SUSPECT and not self._passes_probe():
+            return None
+        self._failures = 0
+        self.nnz_factor = int(self._now.factors.size) + self._rest.nnz_factor
+        return Inertia(self._eliminated - negative + rest.positive, negative + rest.negative, rest.zero)
+
+    def _eliminate(self) -> int:
+        """Eliminate the segments; how many pivots are negative, or -1."""
+        self._load_rest()
+        return int(self._now.eliminate())
+
+    def _change_plan(self) -> bool:
+        """Take up the next plan, or make one, when the one in use has failed too often; whether there is another."""
+        if self._plans and (
+            self._failures < TOLERATED or self._switches >= SWITCHES + self._tried // MATRICES
+        ):
+            return False
+        self._switches += 1
+        self._at = self._at + 1 if self._plans else 0
+        if self._at >= PLANS:
+            self._at = 0
+        elif self._at == len(self._plans):
+            self._plans.append(self._prepare(self._programs()))
+        self._now = self._plans[self._at]
+        return True
+
+    def _passes_probe(self) -> bool:
+        """Solve once: a matrix that is nearly singular has long solutions, inaccurate factors a large residual."""
+        assert self._now.probe is not None
+        self._now.probe()
+        residual, _, gain = self._probe_report
+        return bool(residual < INACCURATE and gain < SINGULAR)
+
+    def _refactor_whole(self) -> Inertia:
+        if self._whole is None:
+            self._whole = FrontalKKT.of_couplings(self._couplings, self._stage, self._arrays)
+        inertia = self._whole.refactor()
+        self.nnz_factor = self._whole.nnz_factor
+        return inertia
+
+    def _programs(self) -> list[Program]:
+        """Plan the pivots of each kind for values like those of the matrix at hand."""
+        scale, couplings, found = self._scale, self._couplings, self._found
+        programs = []
+        values = self._arrays.given[self._source] * scale[couplings.first] * scale[couplings.second]
+        diagonal = self._diagonal * scale * scale
+        for number, kind in enumerate(self._kinds):
+            lanes_of = [group.stages for group in found.groups if group.kind == number]
+            chosen = np.unique(np.concatenate([stages.reshape(-1) for stages in lanes_of]))
+            chosen = chosen[:: -(-chosen.size // SAMPLE)]
+            inside = np.isin(found.edge_stage, chosen)
+            codes = found.codes[number]
+            entries = _middle(np.searchsorted(codes, found.edge_code[inside]), values[inside], codes.size)
+            unknowns = found.stages.order[found.stages.pointers[chosen][:, None] + np.arange(kind.own)]
+            place = np.broadcast_to(np.arange(kind.own), unknowns.shape).reshape(-1)
+            own = _middle(place, diagonal[unknowns.reshape(-1)], kind.own)
+            programs.append(plan_panels(kind, entries, own))
+        return programs
+
+    def _bind_entries(self) -> None:
+        """Prepare the calls that do not depend on the plan."""
+        c, rest, given = self._couplings, self._layout.rest, self._arrays.given
+        self._collect = diagonal_of.bind(
+            c.n, c.m, given.size - c.size, self._curved_source.size, c.hess_variable, self._curved_source, given,
+            self._diagonal,
+        )  # fmt: skip
+        entry = rest.entry
+        self._rest_entries = c.first[entry].copy(), c.second[entry].copy(), self._source[entry].copy()
+        self._load_rest = load_rest.bind(
+            rest.unknowns.size, rest.unknowns, entry.size, rest.target, *self._rest_entries, rest.couplings.n,
+            rest.couplings.jac_count, given, self._diagonal, self._scale, self._rest.given,
+        )  # fmt: skip
+
+    def _prepare(self, programs: list[Program]) -> _Prepared:
+        """Prepare the calls that depend on the plan."""
+        c, layout, groups = self._couplings, self._layout, self._found.groups
+        rest, given = layout.rest, self._arrays.given
+        code = code_of(layout.table, groups, self._kinds, programs, layout.curved)
+        last = layout.table[-1]
+        vectors = int(last[lanes.FACTORS] + last[lanes.STEPS] * last[lanes.FACTOR_STEP])
+        widest = max(kind.size for kind in self._kinds)
+        moved = max(int(row[lanes.MOVED]) for row in layout.table)
+        if self._factors.size < 8 * vectors:
+            self._factors = aligned_zeros(int(ROOM * 8 * vectors))
+        factors = self._factors[: 8 * vectors]
+        state = aligned_zeros(STATE)
+        tables = len(groups), layout.table.reshape(-1).copy(), layout.index, code
+        scales, part = aligned_zeros(8 * widest), aligned_zeros(8 * widest)
+        eliminate = lanes.eliminate.bind(
+            *tables, given.size - c.size, 1.0 / GROWTH, 1.0 / INVERSE, given, self._scale, self._rest.given,
+            aligned_zeros(4 * widest * (widest + 1)), scales, aligned_zeros(8 * moved),
+            aligned_zeros(8 * PANEL * (widest + PANEL)), factors, state,
+        )  # fmt: skip
+        equilibrate = equilibrate_all.bind(
+            c.size, SWEEPS, *tables, rest.unknowns.size, rest.unknowns, rest.entry.size, *self._rest_entries, given,
+            self._diagonal, self._scale, self._most, scales, part,
+        )  # fmt: skip
+        return _Prepared(tables, factors, state, (scales, part), eliminate, equilibrate)
+
+    def _bind_solve(self, plan: _Prepared) -> None:
+        """Prepare the calls that depend on the rest's factors, too."""
+        rest = self._layout.rest
+        calls = []
+        for steps, rhs, solution, report in (
+            (REFINEMENTS, self.rhs, self.solution, self.report),
+            (0, self._probe_rhs, self._probe_result, self._probe_report),
+        ):
+            call = solve_all.bind(
+                self._couplings.size, steps, RESIDUAL, *plan.tables, plan.factors, rest.entry.size,
+                *self._rest_entries, self._arrays.given, self._diagonal, self._scale, *plan.space,
+                *self._rest.factors_in_order(rest.unknowns), rhs, self._change, self._kept, solution, report,
+            )  # fmt: skip
+            calls.append(call)
+        plan.solve, plan.probe = calls
+        plan.bindings = self._rest.bindings
+
+
+def _middle(place: NDArray[np.integer], values: Floats, count: int) -> Floats:
+    """Geometric means of magnitudes by place, (count,), with the sign that most have."""
+    many = np.maximum(np.bincount(place, minlength=count), 1)
+    logs = np.bincount(place, np.log(np.maximum(np.abs(values), 1e-12)), count) / many
+    size = np.where(logs < -27.0, 0.0, np.exp(logs))
+    return np.copysign(size, np.bincount(place, np.sign(values), count))

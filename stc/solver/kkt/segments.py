@@ -1,0 +1,249 @@
+"""Where a horizon repeats itself: runs of stages with the same pattern, cut into segments of equal length.
+
+    stage    0 | 1 2 3 | 4 | 5 6 7 | 8 | 9 10 11 | 12 ...
+               |  lane |   |  lane |   |   lane  |
+             rest   0  rest    1  rest     2     rest
+
+Between two segments one stage is left out, so that each of them couples with the stages left out alone, with unknowns
+of the last stage group (parameters) and others that couple with many stages, the border.  What is left out, the rest,
+is a chain again, of few stages.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.codegen.native import i32s, i64, i64s, native
+from stc.solver.kkt.arrangement import Couplings, sort_by_key
+
+__all__ = ["Group", "Segmentation", "Stages", "find_segments"]
+
+Int32s = NDArray[np.int32]
+Int64s = NDArray[np.int64]
+
+#: Segments that are eliminated at once.
+LANES = 8
+#: Stages of a segment at least, and unknowns that couple with distant stages at most.
+SHORTEST = 2
+LARGEST_BORDER = 64
+#: Unknowns of a stage at most: larger ones leave the nearest memory, and do well one by one.
+LARGEST_STAGE = 100
+#: A step of eight segments takes this many times as long as a stage of the rest, about, and more by one for so many
+#: unknowns of a stage: there are more rows, and wide ones do well in the rest, too.
+STEP_COST = 1.5
+STEP_GROWTH = 40.0
+#: Segments should cost this much less than their stages would in the rest.
+WORTH = 0.6
+#: Kinds of codes of entries: inside a stage, with the next stage, with the border, on the diagonal of H.
+INSIDE, ACROSS, BORDERING, CURVED = range(4)
+
+
+@dataclass(frozen=True)
+class Stages:
+    """Unknowns by stage.
+
+    Attributes:
+        stage: of each unknown, (N,), numbered without gaps.
+        order, pointers: unknowns by stage, those of a stage by number, (N,) and (stages + 1,).
+        local: place of each unknown in its stage, (N,).
+        border: unknowns that couple with distant stages; they make their own stage irregular.
+    """
+
+    stage: Int32s
+    order: Int32s
+    pointers: Int32s
+    local: Int32s
+    border: Int32s
+
+
+@dataclass(frozen=True)
+class Group:
+    """Up to eight segments of one kind.
+
+    Attributes:
+        kind: number of the kind.
+        stages: (steps, LANES); lanes beyond ``segments`` repeat the first one.
+    """
+
+    kind: int
+    stages: Int64s
+    segments: int
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """All groups.
+
+    Attributes:
+        example: one stage of each kind.
+        codes: entries of a stage of each kind, sorted (see ``_codes``); ``base`` decodes them:
+            ``code = (type * base + i) * base + j``.
+        edge_stage: stage to which each coupling belongs, -1 for those of the rest, (E,); edge_code, (E,).
+        interior: stages that are eliminated, (stages,).
+    """
+
+    stages: Stages
+    groups: list[Group]
+    example: list[int]
+    codes: list[Int64s]
+    base: int
+    edge_stage: Int32s
+    edge_code: Int64s
+    interior: NDArray[np.bool_]
+
+
+def find_segments(couplings: Couplings, stage: Int64s) -> Segmentation | None:
+    """Cut the horizon, or None where too little of it repeats.
+
+    Args:
+        stage: suggested stage of each unknown, (N,), any whole numbers.
+    """
+    size = couplings.size
+    if size == 0:
+        return None
+    _, numbers = np.unique(stage, return_inverse=True)
+    stages = int(numbers.max()) + 1
+    if stages < SHORTEST * LANES:
+        return None
+    stage_of = numbers.astype(np.int32)
+    first, second = couplings.first, couplings.second
+    far, flagged = np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
+    _flag_border(first.size, first, second, stage_of, size, far, flagged)
+    border = np.flatnonzero(flagged).astype(np.int32)
+    order, pointers = sort_by_key(stage_of, stages)
+    widest = int(np.diff(pointers).max())
+    if border.size > LARGEST_BORDER:
+        return None
+    local = np.empty(size, dtype=np.int32)
+    local[order] = np.arange(size, dtype=np.int32) - pointers[stage_of[order]]
+    number = np.full(size, -1, dtype=np.int32)
+    number[border] = np.arange(border.size, dtype=np.int32)
+    base = max(widest, border.size) + 1
+    edge_stage, edge_code = np.empty(first.size, dtype=np.int32), np.empty(first.size, dtype=np.int64)
+    sums = np.zeros(2 * stages, dtype=np.int64)
+    _codes(first.size, first, second, stage_of, local, number, base, edge_stage, edge_code, sums)
+    curved = couplings.hess_variable
+    _curved_codes(curved.size, curved, stage_of, local, base, sums)
+    variables = np.bincount(stage_of[: couplings.n], minlength=stages)
+    features = np.stack([np.diff(pointers), variables, sums[0::2], sums[1::2]])
+    irregular = np.zeros(stages, dtype=bool)
+    irregular[stage_of[border]] = True
+    changes = np.any(features[:, 1:] != features[:, :-1], axis=0) | irregular[1:] | irregular[:-1]
+    starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
+    lengths = np.diff(np.concatenate([starts, [stages]]))
+    groups, example = _cut(starts, lengths, features)
+    if not groups:
+        return None
+    interior = np.zeros(stages, dtype=bool)
+    for group in groups:
+        interior[group.stages] = True
+    codes = []
+    for stage_of_kind in example:
+        own = np.sort(edge_code[edge_stage == stage_of_kind])
+        codes.append(own)
+    return Segmentation(
+        Stages(stage_of, order, pointers, local, border), groups, example, codes, base, edge_stage, edge_code, interior
+    )  # fmt: skip
+
+
+def _cut(starts: Int64s, lengths: Int64s, features: Int64s) -> tuple[list[Group], list[int]]:
+    """Groups of segments of the runs of stages, and a stage of each kind."""
+    groups: list[Group] = []
+    example: list[int] = []
+    waiting = np.flatnonzero((lengths > SHORTEST) & (features[0, starts] <= LARGEST_STAGE))
+    known: dict[bytes, list[int]] = {}
+    for run in waiting:
+        known.setdefault(features[:, starts[run]].tobytes(), []).append(int(run))
+    for runs in known.values():
+        length = lengths[runs]
+        steps = np.arange(SHORTEST, max(int(length.max()), SHORTEST + 1))
+        counts = length[:, None] // (steps + 1)
+        eliminated = (counts * steps).sum(axis=0)
+        rounds = -(-counts.sum(axis=0) // LANES)
+        step_cost = STEP_COST + features[0, starts[runs[0]]] / STEP_GROWTH
+        cost = rounds * steps * step_cost + length.sum() - eliminated
+        best = int(np.argmin(cost))
+        if cost[best] > WORTH * length.sum():
+            continue
+        span = int(steps[best])
+        begins = np.concatenate(
+            [starts[run] + 1 + (span + 1) * np.arange(lengths[run] // (span + 1)) for run in runs]
+        )
+        for at in range(0, begins.size, LANES):
+            chosen = begins[at : at + LANES]
+            all_lanes = np.concatenate([chosen, np.repeat(chosen[:1], LANES - chosen.size)])
+            groups.append(Group(len(example), np.arange(span)[:, None] + all_lanes, chosen.size))
+        example.append(int(begins[0]))
+    return groups, example
+
+
+@native(small=True)
+def _flag_border(
+    count: i64, first: i32s, second: i32s, stage: i32s, size: i64, far: i32s, flagged: i32s
+) -> None:
+    """Mark, of each two unknowns that are more than a stage apart, the one with more such couplings."""
+    for e in range(count):
+        a = first[e]
+        b = second[e]
+        if abs(stage[a] - stage[b]) > 1:
+            far[a] += 1
+            far[b] += 1
+    for e in range(count):
+        a = first[e]
+        b = second[e]
+        if abs(stage[a] - stage[b]) > 1 and flagged[a] == 0 and flagged[b] == 0:
+            flagged[a if far[a] > far[b] else b] = 1
+
+
+@native(small=True)
+def _mixed(code: i64, salt: i64) -> i64:
+    """Scramble a number, to 31 bits: sums of these tell sets of numbers apart."""
+    bits = (code + salt) & 2147483647
+    bits = (bits * 1540483477) & 2147483647
+    bits = ((bits ^ (bits // 32768)) * 1367130551) & 2147483647
+    bits = ((bits ^ (bits // 4096)) * 2026873373) & 2147483647
+    return bits ^ (bits // 65536)
+
+
+@native(small=True)
+def _codes(
+    count: i64, first: i32s, second: i32s, stage: i32s, local: i32s, border: i32s, base: i64, edge_stage: i32s,
+    edge_code: i64s, sums: i64s,
+) -> None:  # fmt: skip
+    """Stage and code of each coupling: the earlier stage, and what is the same for all stages of a kind.
+
+    ``sums`` are two scrambled sums of the codes for each stage.
+    """
+    for e in range(count):
+        a = first[e]
+        b = second[e]
+        if border[a] >= 0 or (border[b] < 0 and stage[a] > stage[b]):
+            a, b = b, a
+        own = stage[a]
+        code = 0
+        if border[a] >= 0:
+            own = -1
+        elif border[b] >= 0:
+            code = (BORDERING * base + local[a]) * base + border[b]
+        elif stage[b] > own:
+            code = (ACROSS * base + local[a]) * base + local[b]
+        else:
+            code = max(local[a], local[b]) * base + min(local[a], local[b])
+        edge_stage[e] = own
+        edge_code[e] = code
+        if own >= 0:
+            sums[2 * own] += _mixed(code, 1)
+            sums[2 * own + 1] += _mixed(code, 12345)
+
+
+@native(small=True)
+def _curved_codes(count: i64, variable: i32s, stage: i32s, local: i32s, base: i64, sums: i64s) -> None:
+    """The same for the diagonal entries of H."""
+    for e in range(count):
+        a = variable[e]
+        code = (CURVED * base + local[a]) * base
+        sums[2 * stage[a]] += _mixed(code, 1)
+        sums[2 * stage[a] + 1] += _mixed(code, 12345)

@@ -1,0 +1,260 @@
+"""Segments in vector lanes and the rest between them: against dense algebra, whatever the values."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, Pattern, generic
+from solver.kkt.test_contract import check
+
+from stc.solver.kkt import DenseKKT, segmented, segments
+from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.reuse import StructuredKKT
+from stc.solver.kkt.segmented import SegmentedKKT
+from stc.solver.kkt.segments import Segmentation, find_segments
+
+
+def motion(rng: np.random.Generator, frames: int, *, parameters: int = 0, waypoint: bool = False) -> Pattern:
+    """Two positions, two velocities and a force per frame; trapezoidal defects, an equation and an inequality each."""
+    b = Builder(rng)
+    x = [b.variables(5, i) for i in range(frames)]
+    border = b.variables(parameters, frames - 1)
+    for i in range(frames):
+        b.curvature([x[i][0], x[i][2], x[i][4]], 1.0)
+        b.row(i, [x[i][1], x[i][3], x[i][4], *border])
+        b.row(i, x[i][:2])
+        if i + 1 < frames:
+            b.row(i, [x[i][0], x[i][2], x[i + 1][0], x[i + 1][2]])
+            b.row(i, [x[i][1], x[i][3], x[i + 1][1], x[i + 1][3]])
+            b.row(i, [x[i][2], x[i][4], x[i + 1][2], x[i + 1][4]])
+    b.row(0, x[0][:1])
+    if waypoint:
+        b.row(frames // 2, x[frames // 2][1:3])
+    return b.pattern()
+
+
+def parts(pattern: Pattern) -> tuple[Couplings, np.ndarray, Segmentation | None]:
+    couplings = Couplings.of(*pattern.arguments()[:6])
+    stage = np.concatenate([pattern.var_stage, pattern.row_stage]).astype(np.int64)
+    with mock.patch.object(segments, "WORTH", 2.0):  # however short the horizon is
+        return couplings, stage, find_segments(couplings, stage)
+
+
+def system_of(pattern: Pattern) -> SegmentedKKT:
+    couplings, stage, found = parts(pattern)
+    assert found is not None
+    return SegmentedKKT(couplings, stage, found)
+
+
+@pytest.mark.parametrize("waypoint", [False, True])
+@pytest.mark.parametrize("parameters", [0, 2])
+@pytest.mark.parametrize("frames", [16, 33])
+@pytest.mark.parametrize("values_of", VALUES.values(), ids=VALUES)
+def test_against_eigenvalues(values_of, frames, parameters, waypoint):
+    rng = np.random.default_rng(frames + parameters)
+    pattern = motion(rng, frames, parameters=parameters, waypoint=waypoint)
+    kkt = system_of(pattern)
+    for _ in range(3):
+        check(kkt, pattern, values_of(rng, pattern), rng)
+
+
+@pytest.mark.parametrize(
+    "structure", ["chain", "bordered", "stencil", "absolute", "variable_major", "five_points"]
+)
+def test_irregular_structures(structure):
+    """Random couplings leave next to no runs; whoever is chosen has to be right."""
+    rng = np.random.default_rng(3)
+    pattern = STRUCTURES[structure](rng, 24)
+    kkt, judge = StructuredKKT(*pattern.arguments()), DenseKKT(*pattern.arguments())
+    values = generic(rng, pattern)
+    assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 2**31),
+    frames=st.integers(16, 30),
+    softness=st.sampled_from([0.0, 1e-14, 1e-9, 1e-4, 1.0]),
+    curvature=st.sampled_from([-1.0, 0.0, 1.0]),
+)
+def test_any_values(seed, frames, softness, curvature):
+    """Rows without softness and with hardly any; convex, flat and concave."""
+    rng = np.random.default_rng(seed)
+    pattern = motion(rng, frames, parameters=seed % 2, waypoint=seed % 3 == 0)
+    _, _, found = parts(pattern)
+    if found is None:
+        return
+    values = generic(rng, pattern)
+    values.dual = softness * rng.uniform(0.5, 2.0, pattern.m)
+    values.primal = np.maximum(curvature, 0.0) * rng.uniform(0.5, 2.0, pattern.n)
+    values.hess = np.where(
+        rng.random(values.hess.size) < 0.3, 0.0, curvature * values.hess + 0.1 * values.hess**2
+    )
+    with np.errstate(divide="ignore"):  # the condition of singular ones
+        check(system_of(pattern), pattern, values, rng)
+
+
+def test_inequalities_that_become_active():
+    """Each frame's inequality is far from active, or as good as an equation: one order of pivots serves neither."""
+    rng = np.random.default_rng(4)
+    pattern = motion(rng, 30)
+    kkt, judge = system_of(pattern), DenseKKT(*pattern.arguments())
+    for share in (0.0, 0.1, 0.5, 1.0):
+        values = generic(rng, pattern)
+        values.hess = np.abs(values.hess) * (pattern.hess_rows == pattern.hess_cols)
+        values.primal[:] = 1e-6
+        values.dual[:] = 0.0
+        inequality = np.arange(pattern.m)[1:-2:5]
+        values.dual[inequality] = np.where(rng.random(inequality.size) < share, 1e-9, 1e4)
+        assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
+        kkt.solve(rng.normal(size=pattern.n), rng.normal(size=pattern.m))
+        assert kkt.last_residual < 1e-11
+
+
+@pytest.mark.parametrize("frame", [0, 7, 15, 29])
+def test_dependent_rows_are_found(frame):
+    """Two rows of one frame are the same: one eigenvalue is zero, wherever the frame is."""
+    rng = np.random.default_rng(5)
+    frames = 30
+    b = Builder(rng)
+    x = [b.variables(4, i) for i in range(frames)]
+    for i in range(frames):
+        b.curvature(x[i], 1.0)
+        b.row(i, x[i][:3])
+        b.row(i, x[i][:3])
+        if i + 1 < frames:
+            b.row(i, [x[i][0], x[i + 1][0], x[i][3]])
+    pattern = b.pattern()
+    kkt, judge = system_of(pattern), DenseKKT(*pattern.arguments())
+    values = generic(rng, pattern)
+    values.dual[:] = 0.0
+    assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
+    twice = np.flatnonzero(pattern.row_stage == frame)[:2]
+    for v in x[frame][:3]:
+        one, two = (np.flatnonzero((pattern.jac_rows == r) & (pattern.jac_cols == v)) for r in twice)
+        values.jac[two] = values.jac[one]
+    inertia = kkt.factorize(*values.arguments())
+    assert inertia == judge.factorize(*values.arguments())
+    assert inertia.zero == 1
+    # Any softening of the rows makes it regular.
+    values.dual[:] = 1e-7
+    assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
+
+
+def test_segments_do_not_touch_each_other():
+    """What is eliminated in one segment couples with no other, and all lanes of a group look alike."""
+    rng = np.random.default_rng(6)
+    pattern = motion(rng, 60, parameters=1, waypoint=True)
+    couplings, _, found = parts(pattern)
+    assert found is not None
+    assert found.interior.sum() > 30
+    segment = np.full(found.interior.size, -1)
+    number = 0
+    for group in found.groups:
+        for lane in range(group.segments):
+            assert (segment[group.stages[:, lane]] == -1).all()
+            segment[group.stages[:, lane]] = number
+            number += 1
+    assert np.array_equal(segment >= 0, found.interior)
+    first, second = (segment[found.stages.stage[unknown]] for unknown in (couplings.first, couplings.second))
+    assert not np.any((first >= 0) & (second >= 0) & (first != second))
+
+
+def test_storage_grows_with_the_frames_only():
+    rng = np.random.default_rng(7)
+    sizes = []
+    for frames in (400, 800, 1600):
+        pattern = motion(rng, frames, parameters=1)
+        kkt = system_of(pattern)
+        kkt.factorize(*generic(rng, pattern).arguments())
+        kkt.solve(np.ones(pattern.n), np.ones(pattern.m))
+        assert kkt.last_residual < 1e-12
+        sizes.append(kkt.nnz_factor)
+    assert sizes[2] - sizes[1] < 2.3 * (sizes[1] - sizes[0])
+
+
+def test_doubtful_solves_fall_back(monkeypatch):
+    rng = np.random.default_rng(8)
+    pattern = motion(rng, 30)
+    kkt = system_of(pattern)
+    values = generic(rng, pattern)
+    rhs = rng.normal(size=pattern.n), rng.normal(size=pattern.m)
+    kkt.factorize(*values.arguments())
+    expected = kkt.solve(*rhs)
+    assert kkt.factorizations == 1
+    monkeypatch.setattr(segmented, "DOUBTFUL", -1.0)
+    found = kkt.solve(*rhs)
+    assert kkt.factorizations == 2
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8 * np.abs(other).max())
+
+
+def test_plans_that_fail_give_way(monkeypatch):
+    """With a growth that nothing keeps to, the whole matrix is pivoted as its values ask for, and then tried less."""
+    monkeypatch.setattr(segmented, "GROWTH", 1e-3)
+    rng = np.random.default_rng(9)
+    pattern = motion(rng, 30)
+    kkt, judge = system_of(pattern), DenseKKT(*pattern.arguments())
+    for _ in range(8):
+        values = generic(rng, pattern)
+        assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
+        kkt.solve(rng.normal(size=pattern.n), rng.normal(size=pattern.m))
+        assert kkt.last_residual < 1e-12
+
+
+def test_the_next_solve_takes_over():
+    rng = np.random.default_rng(10)
+    pattern = motion(rng, 30)
+    first = StructuredKKT(*pattern.arguments())
+    system = first._system
+    assert isinstance(system, SegmentedKKT)
+    values = generic(rng, pattern)
+    inertia = first.factorize(*values.arguments())
+    del first
+    second = StructuredKKT(*pattern.arguments())
+    assert second._system is system
+    assert second.factorizations == 0
+    with pytest.raises(ValueError, match="factorize before"):
+        _ = second.solve_call
+    assert second.factorize(*values.arguments()) == inertia
+    values.hess[0] = np.inf
+    with pytest.raises(ValueError, match="finite"):
+        second.factorize(*values.arguments())
+
+
+def test_plain_python_gives_the_same():
+    script = """
+import sys
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+from solver.kkt.kkt_problems import VALUES
+from solver.kkt.test_segmented import motion, system_of
+rng = np.random.default_rng(11)
+pattern = motion(rng, 17, parameters=1)
+kkt = system_of(pattern)
+for kind in VALUES.values():
+    inertia = kkt.factorize(*kind(rng, pattern).arguments())
+    dx, dy = kkt.solve(rng.normal(size=pattern.n), rng.normal(size=pattern.m))
+    print(*inertia, kkt.last_residual < 1e-12, *(f"{v:.4e}" for v in (np.abs(dx).sum(), np.abs(dy).sum())))
+"""
+    tests = str(Path(__file__).parents[2])
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-c", script, tests],
+            env={**os.environ, "STC_BACKEND": backend},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.split()
+        for backend in ("auto", "python")
+    ]
+    assert outputs[0] == outputs[1]
+    assert len(outputs[0]) == 4 * 6
