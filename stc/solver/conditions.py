@@ -6,7 +6,17 @@ from typing import Final
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 
-__all__ = ["better_signs", "point_conditions", "project_entries", "respond", "restrict", "stated_conditions"]
+__all__ = [
+    "advance",
+    "better_signs",
+    "gradient_of_lagrangian",
+    "point_conditions",
+    "project_entries",
+    "respond",
+    "restrict",
+    "restricted_diagonals",
+    "stated_conditions",
+]
 
 #: Places in the results of :func:`stated_conditions`.
 STATIONARITY: Final = 0
@@ -142,12 +152,12 @@ def project_entries(
 def restrict(
     n: i64, m: i64, entries: i64, curved: i64, rows: i64s, cols: i64s, hess_rows: i64s, hess_cols: i64s, jac: f64s,
     hess: f64s, active_x: f64s, active_rows: f64s, x: f64s, y: f64s, r: f64s, lagrangian: f64s, x_target: f64s,
-    row_target: f64s, dx: f64s, dy: f64s, out_hess: f64s, out_jac: f64s, rhs: f64s,
-) -> f64:  # fmt: skip
+    row_target: f64s, dx: f64s, dy: f64s, out_hess: f64s, out_jac: f64s, rhs: f64s, out: f64s,
+) -> None:  # fmt: skip
     """Matrix and right-hand side of the Newton step on an active set.
 
     ``dx`` and ``dy`` become the part of the step that the active set fixes: variables go to their bounds, multipliers
-    of rows that are not active to zero. Returns the largest entry of the Hessian that is left.
+    of rows that are not active to zero. ``out[0]`` is the largest entry of the Hessian that is left.
     """
     for i in range(n):
         dx[i] = x_target[i] - x[i] if active_x[i] != 0.0 else 0.0
@@ -179,7 +189,7 @@ def restrict(
     for i in range(n):
         if active_x[i] != 0.0:
             rhs[i] = 0.0
-    return largest
+    out[0] = largest
 
 
 @native(fast=True)
@@ -287,3 +297,49 @@ def point_conditions(
     out[POINT_VIOLATION] = violation
     out[POINT_DUAL] = dual + check
     out[POINT_SUM] = total
+
+
+@native(fast=True)
+def gradient_of_lagrangian(
+    n: i64, entries: i64, rows: i64s, cols: i64s, y: f64s, gradient: f64s, jac: f64s, out: f64s
+) -> None:
+    """``grad f + J^T y``."""
+    for i in range(n):
+        out[i] = gradient[i]
+    for e in range(entries):
+        out[cols[e]] += jac[e] * y[rows[e]]
+
+
+@native(fast=True)
+def restricted_diagonals(
+    n: i64, m: i64, shift_x: f64, shift_y: f64, active_x: f64s, active_rows: f64s, primal: f64s, dual: f64s
+) -> None:
+    """Diagonals that hold active variables and leave out rows that are not active."""
+    for i in range(n):
+        primal[i] = 1.0 if active_x[i] != 0.0 else shift_x
+    for k in range(m):
+        dual[k] = shift_y if active_rows[k] != 0.0 else 1.0
+
+
+@native(fast=True)
+def advance(
+    n: i64, m: i64, x: f64s, y: f64s, dx: f64s, dy: f64s, solution: f64s, lower: f64s, upper: f64s, next_x: f64s,
+    next_y: f64s, out: f64s,
+) -> None:  # fmt: skip
+    """The point after a Newton step on the active set, inside the bounds.
+
+    Results: the largest change of a variable; 0, or nan where the step is not finite.
+    """
+    largest = 0.0
+    check = 0.0
+    for i in range(n):
+        change = dx[i] + solution[i]
+        largest = max(largest, fabs(change))
+        check += change * 0.0
+        next_x[i] = min(max(x[i] + change, lower[i]), upper[i])
+    for k in range(m):
+        change = dy[k] + solution[n + k]
+        check += change * 0.0
+        next_y[k] = y[k] + change
+    out[0] = largest
+    out[1] = check

@@ -198,7 +198,7 @@ class _Loop:
             return self._outcome(End.UNBOUNDED) if feasible and self.drift.falling else self._give_up()
         done = None if self.drift.falling else self.finish.attempt(it, self.error)
         if done is not None:
-            return Outcome(End.CONVERGED, form, done.x, done.y, done.error, it)
+            return Outcome(End.CONVERGED, form, done.x.copy(), done.y.copy(), done.error, it)
         return None
 
     def _converged(self) -> bool:

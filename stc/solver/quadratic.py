@@ -200,12 +200,13 @@ class QuadraticProgram:
         target_x = self._target(active.x, form.held, self.room_x)
         target_rows = self._target(active.rows, form.equality, self.room_rows)
         nothing = self._nothing
-        largest = restrict(
+        largest = np.zeros(1)
+        restrict(
             n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows, form.hess_cols,
             point.jac, point.hess, self._fixed, self._held_rows, nothing, nothing, nothing, point.gradient, target_x,
-            target_rows, fixed_d, np.empty(m), kkt.hess, kkt.jac, kkt.rhs,
+            target_rows, fixed_d, np.empty(m), kkt.hess, kkt.jac, kkt.rhs, largest,
         )  # fmt: skip
-        flat = PRIMAL_SHIFT * max(1.0, largest)
+        flat = PRIMAL_SHIFT * max(1.0, float(largest[0]))
         shifts = ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT))
         while True:
             shift_x, shift_y = shifts[self.regularity]

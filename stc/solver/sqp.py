@@ -172,7 +172,7 @@ class _Solve:
         )
         if point is None or not solved:
             return None
-        return Outcome(End.CONVERGED, form, point.x, point.y, point.error)
+        return Outcome(End.CONVERGED, form, point.x.copy(), point.y.copy(), point.error)
 
     def _feasible_first(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Find a feasible point before looking at the objective."""
