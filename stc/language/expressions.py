@@ -86,7 +86,8 @@ class ExpressionBuilder:
         self.integral_definitions: set[str] = set()
         self.momenta: dict[str, Expr] | None = None
         self._leaves: dict[str, Expr] = {"pi": PI, "t": TIME, "i": INDEX}
-        self._derivatives: dict[Expr, Expr] = {}
+        self.derivatives: dict[Expr, Expr] = {}
+        self._rates: dict[Expr, Expr] = {}
         self._build: dict[type, Callable[[Any], Expr]] = {
             syntax.Number: self._number,
             syntax.Name: self._name,
@@ -275,13 +276,17 @@ class ExpressionBuilder:
         return one_sided(e, side)
 
     def derivative(self, e: Expr, order: int) -> Expr:
-        """The total time derivative, remembered."""
+        """The total time derivative, remembered in ``derivatives``."""
         for _ in range(order):
-            found = self._derivatives.get(e)
+            found = self.derivatives.get(e)
             if found is None:
-                found = self._derivatives[e] = total_derivative(e, rate)
+                found = self.derivatives[e] = self.rate(e)
             e = found
         return e
+
+    def rate(self, e: Expr) -> Expr:
+        """The first time derivative, of what nobody has written down."""
+        return total_derivative(e, rate, self._rates)
 
     def _prime(self, node: syntax.Prime) -> Expr:
         operand, order = node.operand, node.order

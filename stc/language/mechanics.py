@@ -11,19 +11,25 @@ that name the same coordinate on the same frame the later one wins, as with rang
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from stc.language import syntax
 from stc.language.context import Context
 from stc.language.diagnostics import did_you_mean
 from stc.problem import (
+    ConstantRef,
     DefinitionPiece,
     DefinitionRef,
     FrameRange,
     IndexRef,
+    ParameterRef,
     Relation,
+    TimeRef,
     VariableRef,
 )
-from stc.symbolic.differentiate import derivative
-from stc.symbolic.expr import ZERO, Expr, render, sub, sum_of, sym, symbols
+from stc.symbolic.expr import ZERO, Expr, mul, num, render, sub, sum_of, sym, symbols
+from stc.symbolic.rules import coefficient
+from stc.symbolic.variation import euler_lagrange
 
 
 def force_name(coordinate: str) -> str:
@@ -52,11 +58,16 @@ def equations_of_motion(context: Context) -> list[Relation]:
         if not coordinates:
             hint = "an energy of motion has terms such as `m*x'^2/2`"
             context.error(energies[0], "no variable's first derivative appears in this Lagrangian", hint)
-        for name in coordinates:
-            momentum = derivative(lagrangian, VariableRef(name, 1))
-            momenta.setdefault(name, []).append(DefinitionPiece(momentum, where, context.span(energies[0])))
-            row = sub(context.builder.derivative(momentum, 1), derivative(lagrangian, VariableRef(name)))
-            row = sub(row, sum_of(everywhere.get(name, [])))
+        variations = euler_lagrange(
+            lagrangian,
+            [(sym(VariableRef(name)), sym(VariableRef(name, 1))) for name in coordinates],
+            _points(context.builder.derivatives),
+            context.builder.rate,
+        )
+        for name, of_name in zip(coordinates, variations, strict=True):
+            piece = DefinitionPiece(of_name.momentum, where, context.span(energies[0]))
+            momenta.setdefault(name, []).append(piece)
+            row = sub(of_name.row, sum_of(everywhere.get(name, [])))
             if force_name(name) in context.builder.pieces:
                 row = sub(row, sym(DefinitionRef(force_name(name))))
             row = context.settled(row, where, energies[0])
@@ -65,6 +76,31 @@ def equations_of_motion(context: Context) -> list[Relation]:
     context.builder.momenta = {name: _momentum(context, name, pieces) for name, pieces in momenta.items()}
     _check_forces(context, set(momenta))
     return found
+
+
+def _points(derivatives: Mapping[Expr, Expr]) -> dict[Expr, Expr]:
+    """Velocities that the spec has written with a prime, and the functions of the configuration they belong to.
+
+    Without constant factors and divisors: these move when a velocity is multiplied by something.
+    """
+    found: dict[Expr, Expr] = {}
+    for position, velocity in derivatives.items():
+        if not all(_of_configuration(key) for key in symbols(position)):
+            continue
+        factor, speed = coefficient(velocity)
+        point = position if factor == 1.0 else mul(num(1.0 / factor), position)
+        while speed.op == "div" and not any(isinstance(key, VariableRef) for key in symbols(speed.args[1])):
+            point, speed = mul(point, speed.args[1]), speed.args[0]
+        if speed.op != "sym" and any(isinstance(key, VariableRef) and key.order for key in symbols(speed)):
+            found[speed] = point
+    return found
+
+
+def _of_configuration(key: object) -> bool:
+    """Whether a symbol may occur in the position of a point: a coordinate, the time, or a constant."""
+    if isinstance(key, VariableRef):
+        return key == VariableRef(key.name)
+    return isinstance(key, ConstantRef | ParameterRef | TimeRef)
 
 
 def _momentum(context: Context, name: str, pieces: list[DefinitionPiece]) -> Expr:

@@ -12,19 +12,21 @@ chapter 3), and their values agree up to rounding while their operations differ:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence, Set
+from operator import attrgetter
 from typing import Any, Final
 
 from stc.symbolic.counting import shared_ops
-from stc.symbolic.node import ONE, ZERO, Expr, add, call, div, mul, neg, num, pow_, sub
+from stc.symbolic.node import ONE, ZERO, Expr, add, call, div, mul, neg, num, pow_, sub, sym
 from stc.symbolic.rules import collect
-from stc.symbolic.traverse import reachable, symbols
+from stc.symbolic.traverse import reachable
 
 Key = Hashable
 Entries = dict[tuple[int, int], Expr]
 """A sparse matrix: nonzero entries by (row, column), in ascending order."""
 
 _FAR_MORE: Final = 8
+_by_order = attrgetter("order")
 
 
 def _square(e: Expr) -> Expr:
@@ -65,23 +67,26 @@ BY_ARGUMENT: Final[dict[str, tuple[Callable[..., Expr], ...]]] = {
 """The derivative table: per operator, one entry per operand."""
 
 
-def _adjoints(e: Expr, keys: frozenset[Key]) -> dict[Expr, Expr]:
-    """d e / d symbol for every symbol of ``e`` whose key is in ``keys`` (reverse mode)."""
-    nodes = reachable([e])
+def adjoints(seeds: Iterable[tuple[Expr, Expr]], inputs: Set[Expr]) -> dict[Expr, Expr]:
+    """The sum of ``seed * d e / d input`` over the pairs ``(e, seed)``, for every input that it depends on.
+
+    One reverse sweep over all expressions together.  Any node may be an input: what is below it is not looked at,
+    as if a symbol stood in its place.
+    """
+    parts: dict[Expr, list[Expr]] = {}
+    for e, seed in seeds:
+        parts.setdefault(e, []).append(seed)
+    nodes = reachable(parts)
     active: set[Expr] = set()
     for node in nodes:
-        if node.op == "sym":
-            if node.payload in keys:
+        if node in inputs:
+            active.add(node)
+            continue
+        for arg in node.args:
+            if arg in active:
                 active.add(node)
-        else:
-            for arg in node.args:
-                if arg in active:
-                    active.add(node)
-                    break
-    leaves: dict[Expr, Expr] = {}
-    if e not in active:
-        return leaves
-    parts: dict[Expr, list[Expr]] = {e: [ONE]}
+                break
+    found: dict[Expr, Expr] = {}
     for node in reversed(nodes):
         if node not in active:
             continue
@@ -89,8 +94,8 @@ def _adjoints(e: Expr, keys: frozenset[Key]) -> dict[Expr, Expr]:
         seed = ZERO if terms is None else collect(terms)
         if seed is ZERO:
             continue
-        if node.op == "sym":
-            leaves[node] = seed
+        if node in inputs:
+            found[node] = seed
             continue
         args = node.args
         for arg, rule in zip(args, BY_ARGUMENT[node.op], strict=True):
@@ -102,16 +107,15 @@ def _adjoints(e: Expr, keys: frozenset[Key]) -> dict[Expr, Expr]:
                         parts[arg] = [part]
                     else:
                         known.append(part)
-    return leaves
+    return found
 
 
 def _by_rows(exprs: Sequence[Expr], keys: Sequence[Key]) -> Entries:
     """The Jacobian by one reverse sweep per row."""
-    column = {key: col for col, key in enumerate(keys)}
-    wanted = frozenset(keys)
+    column = {sym(key): col for col, key in enumerate(keys)}
     entries: Entries = {}
     for row, e in enumerate(exprs):
-        found = [(column[node.payload], seed) for node, seed in _adjoints(e, wanted).items()]
+        found = [(column[node], seed) for node, seed in adjoints([(e, ONE)], column.keys()).items()]
         for col, seed in sorted(found, key=lambda entry: entry[0]):
             entries[row, col] = seed
     return entries
@@ -197,8 +201,9 @@ def _ways(exprs: Sequence[Expr], keys: Sequence[Key]) -> list[Entries]:
 
 def gradient(e: Expr, keys: Sequence[Key]) -> list[Expr]:
     """The partial derivatives of ``e`` by each key, in the order of ``keys`` (one reverse sweep)."""
-    leaves = {node.payload: seed for node, seed in _adjoints(e, frozenset(keys)).items()}
-    return [leaves.get(key, ZERO) for key in keys]
+    inputs = [sym(key) for key in keys]
+    found = adjoints([(e, ONE)], frozenset(inputs))
+    return [found.get(node, ZERO) for node in inputs]
 
 
 def derivative(e: Expr, key: Key) -> Expr:
@@ -237,12 +242,36 @@ def jacobian_and_hessian(exprs: Sequence[Expr], total: Expr, keys: Sequence[Key]
     return min(_ways(exprs, keys), key=added), second
 
 
-def total_derivative(e: Expr, rate: Callable[[Any], Expr]) -> Expr:
-    """The derivative of ``e`` along a motion: the sum over its symbols of d e / d symbol * ``rate(key)``."""
-    keys = symbols(e)
-    rates = {key: rate(key) for key in keys}
-    moving = [key for key in keys if rates[key] is not ZERO]
-    return collect([mul(slope, rates[key]) for key, slope in zip(moving, gradient(e, moving), strict=True)])
+def total_derivative(e: Expr, rate: Callable[[Any], Expr], memo: dict[Expr, Expr] | None = None) -> Expr:
+    """The derivative of ``e`` along a motion: the sum over its symbols of d e / d symbol * ``rate(key)``.
+
+    Rates are carried forward from the symbols, so that expressions that are built from one another have rates that
+    are built from one another: those of positions along a chain of bodies take as many operations as the positions.
+    ``memo`` may be passed to share the work between calls with the same ``rate``; it maps nodes to their rates.
+    """
+    done: dict[Expr, Expr] = {} if memo is None else memo
+    if e in done:
+        return done[e]
+    waiting = {e}
+    stack = [e]
+    while stack:
+        for arg in stack.pop().args:
+            if arg not in done and arg not in waiting:
+                waiting.add(arg)
+                stack.append(arg)
+    for node in sorted(waiting, key=_by_order):
+        args = node.args
+        if not args:
+            done[node] = rate(node.payload) if node.op == "sym" else ZERO
+            continue
+        slope = ZERO
+        for arg, rule in zip(args, BY_ARGUMENT[node.op], strict=True):
+            seed = done[arg]
+            if seed is not ZERO:
+                part = rule(seed, node, *args)
+                slope = part if slope is ZERO else add(slope, part)
+        done[node] = slope
+    return done[e]
 
 
 def depends_on(exprs: Iterable[Expr], keys: Iterable[Key]) -> bool:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from chains import WAYS, chain, joint_torques
 
 from stc.errors import Source
 from stc.language import read_problem
-from stc.problem import ConstantRef, DefinitionRef, Problem, VariableRef
+from stc.problem import ConstantRef, DefinitionRef, Problem, TimeRef, VariableRef
 from stc.symbolic.expr import evaluate, symbols
 
 HEAD = "constants: n = 4, m = 1.3, M = 2.1, l = 0.7, g = 9.81, k = 3, c = 0.2; method: trapezoidal;\n"
@@ -54,6 +55,47 @@ def test_cart_and_pole(seed):
     pole = m * l**2 * v["a''"] + m * l * v["x''"] * cos + m * g * l * sin
     assert found["x"] == pytest.approx(cart, rel=1e-12, abs=1e-12)
     assert found["a"] == pytest.approx(pole, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("relative", [False, True], ids=["absolute", "relative"])
+def test_chain_of_rods(relative, way):
+    """Against Newton's and Euler's laws for each rod."""
+    rods = 5
+    problem = read_problem(Source("chain.stc", chain(rods, relative, way)))
+    for seed in range(3):
+        v = at_random([f"{name}{k}" for name in "qu" for k in range(1, rods + 1)], seed)
+        found = residuals(problem, v)
+        q = np.array([[v[f"q{k}" + "'" * order] for k in range(1, rods + 1)] for order in range(3)])
+        couples = joint_torques(*(np.cumsum(q, axis=1) if relative else q))
+        acting = couples if relative else couples - np.append(couples[1:], 0.0)
+        for k in range(rods):
+            assert found[f"q{k + 1}"] == pytest.approx(acting[k] - v[f"u{k + 1}"], rel=1e-12, abs=1e-11)
+
+
+def test_constraints_that_move_with_time():
+    """A pendulum on a pivot that is shaken: the momentum has a part from the pivot's velocity."""
+    problem = problem_of(
+        """variables: a, f;
+        definitions: x = l*sin(a)/c + k*t^2; z = -l*cos(a)/c;
+        lagrangian: m/2*(x'^2 + z'^2) - m*g*z;
+        forces: a: f;
+        constraints: [0, n]: momentum(a) >= -1e9;
+        objective: [0, n]: integral(f^2);"""
+    )
+    v = at_random(["a", "f"], 1)
+    m, g, k, r, t = 1.3, 9.81, 3.0, 0.7 / 0.2, 0.8
+    sin, cos = np.sin(v["a"]), np.cos(v["a"])
+    given: dict[object, float] = {ConstantRef(key): value for key, value in problem.constants.items()}
+    given |= {VariableRef(name.rstrip("'"), name.count("'")): value for name, value in v.items()}
+    given[TimeRef()] = t
+    momentum, row = (
+        float(evaluate(next(r.body for r in problem.relations if bool(r.coordinate) is moving), given))
+        for moving in (False, True)
+    )
+    assert momentum == pytest.approx(m * r * (r * v["a'"] + 2 * k * t * cos), rel=1e-12)
+    expected = m * r**2 * v["a''"] + m * r * cos * 2 * k + m * g * r * sin - v["f"]
+    assert row == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(5))
