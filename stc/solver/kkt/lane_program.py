@@ -77,11 +77,13 @@ class Program:
         panels: each as in ``stc.solver.kkt.lanes``.
         used: which places of the triangle the panels touch.
         vectors: how many vectors the factors of a step have.
+        operations: additions and multiplications of a stage.
     """
 
     panels: list[Int32s]
     used: NDArray[np.bool_]
     vectors: int
+    operations: int
 
 
 def triangle(rows: Int64s, columns: Int64s) -> Int64s:
@@ -172,7 +174,7 @@ def _panels(kind: Kind, order: Int32s, kinds: Int32s, pattern: NDArray[np.bool_]
             pivots.append(([p], [2 if kind_of_pivot == 2 else 1]))
     panels: list[Int32s] = []
     used = np.zeros(size * (size + 1) // 2, dtype=bool)
-    vectors = 0
+    vectors = operations = 0
     k = 0
     while k < len(pivots):
         members, member_kinds = list(pivots[k][0]), list(pivots[k][1])
@@ -206,7 +208,8 @@ def _panels(kind: Kind, order: Int32s, kinds: Int32s, pattern: NDArray[np.bool_]
             ).astype(np.int32)
         )
         vectors += sources.size
-    return Program(panels, used, vectors)
+        operations += who.size * row_array.size * (row_array.size + 1 + who.size)
+    return Program(panels, used, vectors, operations)
 
 
 def _bits(members: list[int]) -> int:

@@ -87,6 +87,16 @@ class StructuredKKT:
         return self._system.nnz_factor
 
     @property
+    def operations(self) -> int:
+        """Additions and multiplications of the last factorisation, updates only."""
+        return self._system.operations
+
+    @property
+    def factor_bytes(self) -> int:
+        """Memory that the last factorisation fills."""
+        return self._system.factor_bytes
+
+    @property
     def last_residual(self) -> float:
         """See ``KKTSystem.last_residual``."""
         return self._system.last_residual

@@ -63,6 +63,7 @@ class _Prepared:
     space: tuple[Floats, Floats]
     eliminate: Bound
     equilibrate: Bound
+    operations: int
     solve: Bound | None = None
     probe: Bound | None = None
     bindings: int = -1  # of the rest, that solve and probe are made for
@@ -112,7 +113,7 @@ class SegmentedKKT:
         self._factors = aligned_zeros(0)
         self._bind_entries()
         nothing = [np.zeros(kind.size * (kind.size + 1) // 2, dtype=bool) for kind in self._kinds]
-        self._now = self._prepare([Program([], used, 0) for used in nothing])  # for equilibration
+        self._now = self._prepare([Program([], used, 0, 0) for used in nothing])  # for equilibration
 
     def restart(self) -> None:
         """Forget all matrices, as if new, but not the plans: they are taken up in the same order."""
@@ -134,6 +135,20 @@ class SegmentedKKT:
         own = 8 * self._arrays.given.size + 64 * self._diagonal.size + self._layout.index.nbytes
         own += self._factors.nbytes
         return own + self._rest.nbytes + (self._whole.nbytes if self._whole is not None else 0)
+
+    @property
+    def operations(self) -> int:
+        """Additions and multiplications of the last factorisation, updates only."""
+        if not self._by_segments:
+            return self._whole.operations if self._whole is not None else 0
+        return self._now.operations + self._rest.operations
+
+    @property
+    def factor_bytes(self) -> int:
+        """Memory that the last factorisation fills."""
+        if not self._by_segments:
+            return self._whole.factor_bytes if self._whole is not None else 0
+        return self._now.factors.nbytes + self._rest.factor_bytes
 
     def factorize(
         self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
@@ -307,7 +322,10 @@ class SegmentedKKT:
             c.size, SWEEPS, *tables, rest.unknowns.size, rest.unknowns, rest.entry.size, *self._rest_entries, given,
             self._diagonal, self._scale, self._most, scales, part,
         )  # fmt: skip
-        return _Prepared(tables, factors, state, (scales, part), eliminate, equilibrate)
+        operations = sum(
+            group.segments * len(group.stages) * programs[group.kind].operations for group in groups
+        )
+        return _Prepared(tables, factors, state, (scales, part), eliminate, equilibrate, operations)
 
     def _bind_solve(self, plan: _Prepared) -> None:
         """Prepare the calls that depend on the rest's factors, too."""

@@ -178,6 +178,8 @@ def test_storage_grows_with_the_frames_only():
         kkt.solve(np.ones(pattern.n), np.ones(pattern.m))
         assert kkt.last_residual < 1e-12
         sizes.append(kkt.nnz_factor)
+        assert 8 * kkt.nnz_factor <= kkt.factor_bytes
+        assert 0 < kkt.operations < 10_000 * frames
     assert sizes[2] - sizes[1] < 2.3 * (sizes[1] - sizes[0])
 
 
