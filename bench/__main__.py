@@ -7,7 +7,8 @@
     python -m bench peers cold --again     write the tables of the last run once more, without measuring
 
 Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solution saved), ``evaluator`` and ``lamp``
-(compiled kernels), ``mechanics`` (from a Lagrangian to compiled derivatives), ``scaling`` (growth with the frames).
+(compiled kernels), ``mechanics`` (from a Lagrangian to compiled derivatives), ``scaling`` (growth with the frames),
+``kkt`` (the linear systems alone, beside MUMPS).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from bench.peers import report, runner
 from bench.peers.contenders import Contender
 from bench.peers.task import Case
 
-SCRIPTS = ("evaluator", "lamp", "mechanics", "scaling")
+SCRIPTS = ("evaluator", "lamp", "mechanics", "scaling", "kkt")
 PARTS = ("peers", "cold", *SCRIPTS)
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -134,6 +135,7 @@ def script(part: str, options: argparse.Namespace) -> None:
     arguments = {
         "evaluator": ["--markdown", *(["--rounds", "5"] if options.quick else [])],
         "lamp": ["--rounds", "5"] if options.quick else [],
+        "kkt": ["--quick"] if options.quick else [],
         "mechanics": ["--quick", "--rounds", "2"] if options.quick else [],
         "scaling": [
             *(["--frames", "50,1000,10000"] if options.quick else []),

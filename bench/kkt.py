@@ -73,10 +73,11 @@ class Recorder(FrontalKKT):
         super().__init__(*pattern)
         self._pattern = pattern
 
-    def factorize(self, *values: Any) -> Inertia:
-        inertia = super().factorize(*values)
-        if inertia == (self.n, self.m, 0) and np.any(values[0]):
-            Recorder.seen = self._pattern, tuple(np.array(v) for v in values)
+    def refactor(self) -> Inertia:
+        inertia = super().refactor()
+        if inertia == (self.n, self.m, 0) and np.any(self.hess):
+            values = self.hess, self.jac, self.primal, self.dual
+            Recorder.seen = self._pattern, tuple(v.copy() for v in values)
         return inertia
 
 
