@@ -30,7 +30,7 @@ from stc.solver.nlp import Floats
 __all__ = ["SegmentedKKT"]
 
 #: No product that is subtracted may exceed this, nor any entry of an inverted pivot, in the equilibrated matrix.
-GROWTH = 1e11
+GROWTH = 1e12
 INVERSE = 1e11
 #: Where they are larger than this share of it, the factors are tried on a right-hand side: the residual, before
 #: refinement, should be no larger than INACCURATE, and the solution no longer than SINGULAR times as much.

@@ -26,8 +26,9 @@ Int64s = NDArray[np.int64]
 
 #: Segments that are eliminated at once.
 LANES = 8
-#: Stages of a segment at least, and unknowns that couple with distant stages at most.
-SHORTEST = 2
+#: Stages of a segment at least: between both ends held, short ones may have no solution, and their matrices no inverse.
+SHORTEST = 8
+#: Unknowns that couple with distant stages at most.
 LARGEST_BORDER = 64
 #: Unknowns of a stage at most: larger ones leave the nearest memory, and do well one by one.
 LARGEST_STAGE = 100
@@ -106,7 +107,7 @@ def find_segments(couplings: Couplings, stage: Int64s) -> Segmentation | None:
         return None
     _, numbers = np.unique(stage, return_inverse=True)
     stages = int(numbers.max()) + 1
-    if stages < SHORTEST * LANES:
+    if stages < 2 * LANES:
         return None
     stage_of = numbers.astype(np.int32)
     first, second = couplings.first, couplings.second

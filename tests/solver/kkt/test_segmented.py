@@ -44,7 +44,7 @@ def motion(rng: np.random.Generator, frames: int, *, parameters: int = 0, waypoi
 def parts(pattern: Pattern) -> tuple[Couplings, np.ndarray, Segmentation | None]:
     couplings = Couplings.of(*pattern.arguments()[:6])
     stage = np.concatenate([pattern.var_stage, pattern.row_stage]).astype(np.int64)
-    with mock.patch.object(segments, "WORTH", 2.0):  # however short the horizon is
+    with mock.patch.multiple(segments, WORTH=2.0, SHORTEST=2):  # however short the horizon is
         return couplings, stage, find_segments(couplings, stage)
 
 
