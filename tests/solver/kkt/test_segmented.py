@@ -214,7 +214,7 @@ def test_plans_that_fail_give_way(monkeypatch):
 
 def test_the_next_solve_takes_over():
     rng = np.random.default_rng(10)
-    pattern = motion(rng, 30)
+    pattern = motion(rng, 80)
     first = StructuredKKT(*pattern.arguments())
     system = first._system
     assert isinstance(system, SegmentedKKT)
