@@ -85,7 +85,7 @@ def feasible_first(
     outcome = optimise(elastic, start, mu, options, monitor, tactics=tactics)
     end = _return(form, it, elastic, outcome, options)
     if end is not None:
-        return Outcome(end, form, it.w[: form.n], it.y, outcome.error, it)
+        return Outcome(end, form, it.w[: form.n].copy(), it.y.copy(), outcome.error, it)
     return optimise(form, it, options.initial_barrier, options, monitor, tactics=tactics)
 
 
