@@ -88,6 +88,7 @@ class _Solve:
         self.new_kkt: Callable[..., KKTSystem] = new_kkt or structured_kkt
         self.form: ScaledProblem | None = None
         self._assessed: tuple[_Point, Assessment] | None = None
+        self._last_stated: tuple[Outcome, Floats, _Point] | None = None
 
     def run(self) -> Result:
         nlp = self.nlp
@@ -245,7 +246,7 @@ class _Solve:
     def _assess(self, point: _Point) -> Assessment:
         """The conditions at a point of the problem as stated, of the last one without evaluating them again."""
         known = self._assessed
-        if known is None or not (np.array_equal(known[0].x, point.x) and np.array_equal(known[0].y, point.y)):
+        if known is None or known[0] is not point:
             known = self._assessed = point, assess(self.nlp, point.x, point.y)
         return known[1]
 
@@ -254,6 +255,14 @@ class _Solve:
 
         The variables are moved onto the bounds that they overstep by a hair, unless the rows would suffer more.
         """
+        known = self._last_stated
+        if known is not None and known[0] is outcome and known[1] is outcome.y:
+            return known[2]
+        point = self._point_of(outcome)
+        self._last_stated = outcome, outcome.y, point
+        return point
+
+    def _point_of(self, outcome: Outcome) -> _Point:
         form = outcome.form
         assert isinstance(form, ScaledProblem)
         y = form.user_multipliers(outcome.y)
@@ -279,7 +288,7 @@ class _Solve:
     def _conclude(self, outcome: Outcome) -> Result:
         point = self._stated(outcome)
         if outcome.end is End.CONVERGED:
-            return self._result(Status.OPTIMAL, point.x, point.y)
+            return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         if outcome.end is End.UNBOUNDED:
             return self._result(Status.UNBOUNDED, point.x, point.y)
         if outcome.end is End.STATIONARY_VIOLATION:
@@ -294,10 +303,12 @@ class _Solve:
         _, _, x, y = best
         return self._result(status, x, y if y.size == self.nlp.m else None)
 
-    def _result(self, status: Status, x: Floats, y: Floats | None = None, message: str = "") -> Result:
+    def _result(
+        self, status: Status, x: Floats, y: Floats | None = None, message: str = "", at: _Point | None = None
+    ) -> Result:
         nlp = self.nlp
         y = np.zeros(nlp.m) if y is None else y
-        report = self._assess(_Point(x, y))
+        report = self._assess(at or _Point(x, y))
         last = self.monitor.history[-1].optimality if self.monitor.history else report.optimality
         text = message or f"{sentence(status)} {advice(status)}".strip()
         return Result(
