@@ -19,7 +19,8 @@ of any module.
 
 All functions of one Python module are compiled at the first call of one of them, into one object that is kept
 on disk.  Arrays written by a call must not overlap its other arrays.  Arithmetic is IEEE, as written;
-``fast=True`` lets the compiler fuse multiply-adds and reorder sums (nan and infinity keep their meaning).
+``fast=True`` lets the compiler fuse multiply-adds and reorder sums (nan and infinity keep their meaning), and makes
+nan of ``min`` and ``max`` where an argument is nan.
 ``inline=True`` copies the body into every caller; ``small=True`` is for code outside inner loops: it compiles
 three times faster, to a third of the size, and runs slower.  Without LLVM, or with ``STC_BACKEND=python``, the same
 functions run as plain Python.  The interpreter lock is released while compiled code runs.

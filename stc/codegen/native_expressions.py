@@ -53,6 +53,8 @@ _VECTOR = tuple(getattr(native_vector, name) for name in native_vector.__all__)
 DECLARATIONS = """\
 declare double @llvm.sqrt.f64(double)
 declare double @llvm.fabs.f64(double)
+declare double @llvm.maximum.f64(double, double)
+declare double @llvm.minimum.f64(double, double)
 declare double @llvm.floor.f64(double)
 declare double @llvm.ceil.f64(double)
 declare double @llvm.copysign.f64(double, double)
@@ -436,12 +438,21 @@ class ExpressionEmitter(BlockBuilder):
         return self.compute(Type.F64, f"call double @llvm.fabs.f64(double {value.text})")
 
     def _extremum(self, node: ast.Call, relation: str) -> Value:
-        """min and max keep the first of equals, and the first where nan is involved, as Python's do."""
+        """min and max keep the first of equals, and the first where nan is involved, as Python's do.
+
+        Fast ones give nan where nan is involved: that leaves loops over them to vectors.
+        """
         if len(node.args) < 2:
             raise self.error(node, "min and max need at least two numbers")
         best = self.number(node.args[0])
         for argument in node.args[1:]:
             best, other, type_ = self.common(best, self.number(argument), node)
+            if type_ is Type.F64 and self.flags:
+                name = "maximum" if relation == "gt" else "minimum"
+                best = self.compute(
+                    type_, f"call nsz double @llvm.{name}.f64(double {best.text}, double {other.text})"
+                )
+                continue
             compare = f"fcmp o{relation} double" if type_ is Type.F64 else f"icmp s{relation} i64"
             better = self.compute(Type.BOOL, f"{compare} {other.text}, {best.text}")
             best = self.compute(

@@ -279,6 +279,25 @@ def test_small_code_does_the_same() -> None:
     same(small_sum, 17, x)
 
 
+@native(fast=True)
+def fast_extremes(n: i64, x: f64s, out: f64s) -> None:
+    out[0], out[1] = x[0], x[0]
+    for k in range(n):
+        out[0] = max(out[0], x[k])
+        out[1] = min(out[1], x[k])
+
+
+@pytest.mark.skipif(not engine.llvm_wanted(), reason="plain Python keeps its own meaning")
+@pytest.mark.parametrize("place", [0, 7, 18])
+def test_fast_extremes_give_nan_where_an_argument_is_nan(place: int) -> None:
+    x, out = np.random.default_rng(place).standard_normal(19), np.zeros(2)
+    fast_extremes(x.size, x, out)
+    assert out.tolist() == [x.max(), x.min()]
+    x[place] = np.nan
+    fast_extremes(x.size, x, out)
+    assert np.isnan(out).all()
+
+
 def test_nan_stays_visible_in_fast_functions() -> None:
     x = np.ones(9)
     x[4] = math.nan
