@@ -60,6 +60,9 @@ REJECTION = 25
 PLANNING = 80_000
 ORDERING = 1000
 ARRANGING = 50
+#: A system taken over from an earlier solve counts as one that has been planned so often: its plan came from matrices
+#: like those to come, and the first ones of a solve, which are unlike them, are no reason for another one.
+SETTLED = 3
 #: Entries of the factor that there is room for, to begin with, as a multiple of those planned.
 ROOM = 1.5
 #: Slots for delayed unknowns, to begin with.
@@ -151,7 +154,7 @@ class FrontalKKT:
         self.nnz_factor = 0
         self.last_residual = 0.0
         self.pivot_threshold = PIVOT_THRESHOLD
-        self._plans_made = min(self._plans_made, 1)
+        self._plans_made = min(self._plans_made, SETTLED)
         self._waste = 0.0
         self._scale[:] = 1.0
         self._factorized = False
