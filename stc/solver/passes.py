@@ -1,4 +1,6 @@
-"""The arithmetic of one iteration, compiled: each pass goes once over the vectors and leaves a few numbers.
+"""Points of the iteration, compiled: each pass goes once over the vectors and leaves a few numbers.
+
+Those that find the step from one point to the next are in :mod:`stc.solver.step_passes`.
 
 Vectors are those of :class:`stc.solver.workspace.Workspace`, ``s`` is its array of numbers with the places below.
 ``index``, ``sign``, ``kind``, ``free`` and ``moving`` describe the form of the problem (:mod:`stc.solver.formulation`):
@@ -9,7 +11,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, inf, log, native, sqrt
+from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, inf, log, native
 
 EQUALITY: Final = 0
 INEQUALITY: Final = 1
@@ -69,15 +71,6 @@ def log_sum(count: i64, values: f64s) -> f64:
                 total += log(product)
                 product = 1.0
     return total + log(product)
-
-
-@native(fast=True)
-def signed_sum(size: i64, gaps: i64, index: i64s, sign: f64s, values: f64s, out: f64s) -> None:
-    """``out`` (size,): the sum of ``sign * values`` over the gaps of each entry."""
-    for i in range(size):
-        out[i] = 0.0
-    for k in range(gaps):
-        out[index[k]] += sign[k] * values[k]
 
 
 @native(fast=True)
@@ -148,171 +141,10 @@ def overstepped(
 
 
 @native(fast=True)
-def diagonals(
-    n: i64, m: i64, gaps: i64, index: i64s, free: f64s, kind: i32s, extra: f64s, smallest: f64,
-    z: f64s, gap: f64s, ratio: f64s, sigma: f64s, primal: f64s, d: f64s,
-) -> None:  # fmt: skip
-    """``ratio = z / gap``, its sum per entry of w, and the diagonals without shifts."""
-    for i in range(n + m):
-        sigma[i] = 0.0
-    for k in range(gaps):
-        ratio[k] = z[k] / gap[k]
-    for k in range(gaps):
-        sigma[index[k]] += ratio[k]
-    for i in range(n):
-        primal[i] = sigma[i] + extra[i] if free[i] != 0.0 else 1.0
-    for r in range(m):
-        d[r] = 1.0 / max(sigma[n + r], smallest)
-        if kind[r] == IGNORED:
-            d[r] = 1.0
-
-
-@native(fast=True)
-def shifted(
-    n: i64, m: i64, shift: f64, dual_shift: f64, free: f64s, kind: i32s, primal: f64s, d: f64s,
-    out_primal: f64s, out_dual: f64s,
-) -> None:  # fmt: skip
-    """The diagonals with shifts."""
-    for i in range(n):
-        out_primal[i] = primal[i] + shift * free[i]
-    for r in range(m):
-        out_dual[r] = dual_shift if kind[r] == EQUALITY else d[r]
-
-
-@native(fast=True)
 def copy(count: i64, source: f64s, target: f64s) -> None:
     """Copy a vector."""
     for i in range(count):
         target[i] = source[i]
-
-
-@native(fast=True)
-def zero_centre(gaps: i64, centre: f64s) -> None:
-    """The target of the predictor."""
-    for k in range(gaps):
-        centre[k] = 0.0
-
-
-@native(fast=True)
-def mean_centre(gaps: i64, gap: f64s, centre: f64s, s: f64s) -> None:
-    """The target of equal products of gaps and multipliers, as large as they are on average."""
-    average = s[PRODUCTS] / gaps
-    for k in range(gaps):
-        centre[k] = average / gap[k]
-
-
-@native(fast=True)
-def mu_centre(gaps: i64, mu: f64s, gap: f64s, centre: f64s) -> None:
-    """``mu / gap``."""
-    for k in range(gaps):
-        centre[k] = mu[0] / gap[k]
-
-
-@native(fast=True)
-def right_hand_side(
-    n: i64, m: i64, gaps: i64, with_residuals: i64, index: i64s, sign: f64s, kind: i32s,
-    centre: f64s, dual: f64s, c: f64s, d: f64s, pull: f64s, rhs: f64s,
-) -> None:  # fmt: skip
-    """Of the reduced system, for gaps' multipliers that are to become ``centre``.
-
-    Without residuals: the part that is linear in ``centre``.
-    """
-    for i in range(n + m):
-        pull[i] = 0.0
-    for k in range(gaps):
-        pull[index[k]] += sign[k] * centre[k]
-    if with_residuals != 0:
-        for i in range(n + m):
-            pull[i] -= dual[i]
-    for i in range(n):
-        rhs[i] = pull[i]
-    for r in range(m):
-        value = 0.0
-        if kind[r] == INEQUALITY:
-            value = d[r] * pull[n + r]
-        if with_residuals != 0:
-            value -= c[r]
-        rhs[n + r] = value
-
-
-@native(fast=True)
-def recover(
-    n: i64, m: i64, gaps: i64, with_residuals: i64, entries: i64, index: i64s, sign: f64s, free: f64s, kind: i32s,
-    rows: i64s, cols: i64s, jac: f64s, c: f64s, z: f64s, ratio: f64s, centre: f64s, solution: f64s,
-    dw: f64s, dy: f64s, dz: f64s,
-) -> None:  # fmt: skip
-    """Steps of variables, slacks and gap multipliers from the solution of the reduced system."""
-    for i in range(n):
-        dw[i] = solution[i] * free[i]
-    slacks = dw[n:]
-    for r in range(m):
-        slacks[r] = 0.0
-        dy[r] = solution[n + r]
-    for e in range(entries):
-        slacks[rows[e]] += jac[e] * dw[cols[e]]
-    for r in range(m):
-        value = slacks[r]
-        if with_residuals != 0:
-            value += c[r]
-        slacks[r] = value if kind[r] == INEQUALITY else 0.0
-    for k in range(gaps):
-        value = centre[k] - ratio[k] * (sign[k] * dw[index[k]])
-        dz[k] = value
-    if with_residuals != 0:
-        for k in range(gaps):
-            dz[k] -= z[k]
-
-
-@native(fast=True)
-def gap_steps(gaps: i64, index: i64s, sign: f64s, dw: f64s, out: f64s) -> None:
-    """Change of each gap."""
-    for k in range(gaps):
-        out[k] = sign[k] * dw[index[k]]
-
-
-@native(fast=True)
-def lengths(
-    n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, tau: f64s, w: f64s, z: f64s, gap: f64s, gradient: f64s,
-    dw: f64s, dy: f64s, dz: f64s, s: f64s,
-) -> None:  # fmt: skip
-    """How far the bounds let a step go, and how it begins."""
-    fall = 0.0
-    fall_z = 0.0
-    log_slope = 0.0
-    for k in range(gaps):
-        change = sign[k] * dw[index[k]] / gap[k]
-        fall = max(fall, -change)
-        log_slope += change
-        fall_z = max(fall_z, -dz[k] / z[k])
-    fraction = tau[0]
-    s[PRIMAL_STEP] = 1.0 if fall <= fraction else fraction / fall
-    s[DUAL_STEP] = 1.0 if fall_z <= fraction else fraction / fall_z
-    s[LOG_SLOPE] = log_slope
-    slope = 0.0
-    squared = 0.0
-    for i in range(n):
-        slope += gradient[i] * dw[i]
-        squared += dw[i] * dw[i]
-    s[SLOPE] = slope
-    s[LENGTH] = sqrt(squared)
-    check = 0.0
-    most = 0.0
-    for i in range(n + m):
-        most = max(most, fabs(dw[i]) / (1.0 + fabs(w[i])))
-        check += dw[i] * 0.0
-    for r in range(m):
-        check += dy[r] * 0.0
-    for k in range(gaps):
-        check += dz[k] * 0.0
-    s[RELATIVE] = most
-    s[FINITE] = check
-
-
-@native(fast=True)
-def combine(count: i64, factor: f64s, one: f64s, other: f64s, out: f64s) -> None:
-    """``out = one + factor * other``."""
-    for i in range(count):
-        out[i] = one[i] + factor[0] * other[i]
 
 
 @native(fast=True)
@@ -443,69 +275,6 @@ def move(
     s[OBJECTIVE] = trial_f[0]
     s[THETA] = s[TRIAL_THETA]
     s[LOGARITHMS] = s[TRIAL_LOGARITHMS]
-
-
-@native(fast=True)
-def choose_centring(
-    gaps: i64, count: i64, moving: f64, rows: f64, smallest_tau: f64, index: i64s, sign: f64s, grid: f64s, gap: f64s,
-    z: f64s, affine: f64s, affine_z: f64s, centring: f64s, centring_z: f64s, gap_1: f64s, gap_2: f64s, fall_1: f64s,
-    fall_2: f64s, fall_z1: f64s, fall_z2: f64s, s: f64s,
-) -> None:  # fmt: skip
-    """The centring parameter of those in ``grid`` (count,) whose step is predicted to leave the smallest squared error.
-
-    A step for sigma is ``affine + sigma * centring``; ``moving`` and ``rows`` are the numbers of dual and primal
-    conditions.
-    """
-    average = s[PRODUCTS] / gaps
-    for k in range(gaps):
-        gap_1[k] = sign[k] * affine[index[k]]
-        gap_2[k] = sign[k] * centring[index[k]]
-    for k in range(gaps):
-        inverse = -1.0 / gap[k]
-        fall_1[k] = gap_1[k] * inverse
-        fall_2[k] = gap_2[k] * inverse
-        inverse_z = -1.0 / z[k]
-        fall_z1[k] = affine_z[k] * inverse_z
-        fall_z2[k] = centring_z[k] * inverse_z
-    best = 1.0
-    least = 0.0
-    for trial in range(count):
-        sigma = grid[trial]
-        tau = max(smallest_tau, 1.0 - sigma * average)
-        fall = 1e-300
-        fall_z = 1e-300
-        for k in range(gaps):
-            fall = max(fall, fall_1[k] + sigma * fall_2[k])
-            fall_z = max(fall_z, fall_z1[k] + sigma * fall_z2[k])
-        a = min(1.0, tau / fall)
-        b = min(1.0, tau / fall_z)
-        error = 0.0
-        for k in range(gaps):
-            product = (gap[k] + a * (gap_1[k] + sigma * gap_2[k])) * (
-                z[k] + b * (affine_z[k] + sigma * centring_z[k])
-            )
-            error += product * product
-        error = (
-            error / gaps
-            + (1.0 - b) ** 2 * s[DUAL_SQUARED] / moving
-            + (1.0 - a) ** 2 * s[PRIMAL_SQUARED] / rows
-        )
-        if trial == 0 or error < least:
-            best = sigma
-            least = error
-    s[SIGMA] = best
-
-
-@native
-def note_residual(report: f64s, s: f64s) -> None:
-    """Keep the residual of a solve while another one is made."""
-    s[FIRST_RESIDUAL] = report[0]
-
-
-@native
-def join_residuals(report: f64s, s: f64s) -> None:
-    """Report the larger residual of the two."""
-    report[0] = max(report[0], s[FIRST_RESIDUAL])
 
 
 @native(fast=True)

@@ -1,8 +1,8 @@
 """The vectors of one iteration at fixed places, and the passes over them as prepared calls.
 
 An iteration on a short horizon takes less time than a hundred NumPy calls. So all its vectors are allocated once,
-its arithmetic is done by a handful of compiled passes (:mod:`stc.solver.passes`), and what follows one another
-without a decision in between is one call.
+its arithmetic is done by a handful of compiled passes (:mod:`stc.solver.passes`, :mod:`stc.solver.step_passes`), and
+what follows one another without a decision in between is one call.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.codegen.calls import Bound, chain
-from stc.solver import passes
+from stc.solver import passes, step_passes
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Errors, Iterate, multiplier_scale
 from stc.solver.kkt.attached import attached
@@ -131,12 +131,12 @@ class Workspace:
         extra = np.zeros(n) if form.extra_diagonal is None else form.extra_diagonal
         step = self.step
         kkt_report, affine, centring = kkt.report, self.affine, self.centring
-        self._zero_centre_call = passes.zero_centre.bind(gaps, self.centre)
-        self._mean_centre_call = passes.mean_centre.bind(gaps, it.gap, self.centre, s)
-        self._note_call = passes.note_residual.bind(kkt_report, s)
-        self._join_call = passes.join_residuals.bind(kkt_report, s)
+        self._zero_centre_call = step_passes.zero_centre.bind(gaps, self.centre)
+        self._mean_centre_call = step_passes.mean_centre.bind(gaps, it.gap, self.centre, s)
+        self._note_call = step_passes.note_residual.bind(kkt_report, s)
+        self._join_call = step_passes.join_residuals.bind(kkt_report, s)
         scratch = [np.zeros(gaps) for _ in range(6)]
-        self._choose_call = passes.choose_centring.bind(
+        self._choose_call = step_passes.choose_centring.bind(
             gaps,
             CENTRING.size,
             max(1, int(form.moving.sum())),
@@ -179,7 +179,7 @@ class Workspace:
             self.measure_call = chain([self.measure_call, watch])
         self.diagonals_call = chain(
             [
-                passes.diagonals.bind(
+                step_passes.diagonals.bind(
                     n, m, gaps, index, free, kind, extra, SMALLEST_SIGMA, it.z, it.gap, self.ratio, self.sigma,
                     self.primal, self.d,
                 ),
@@ -187,18 +187,18 @@ class Workspace:
                 passes.copy.bind(entries, ev.jac, kkt.jac),
             ]
         )  # fmt: skip
-        self.shifted_call = passes.shifted.bind(
+        self.shifted_call = step_passes.shifted.bind(
             n, m, 0.0, 0.0, free, kind, self.primal, self.d, kkt.primal, kkt.dual
         )
-        self.mu_centre_call = passes.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
-        self.lengths_call = passes.lengths.bind(
+        self.mu_centre_call = step_passes.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
+        self.lengths_call = step_passes.lengths.bind(
             n, m, gaps, index, sign, self.tau, it.w, it.z, it.gap, it.gradient, step.dw, step.dy, step.dz, s
         )
         self.combine_call = chain(
             [
-                passes.combine.bind(size, self._factor, affine.dw, centring.dw, step.dw),
-                passes.combine.bind(m, self._factor, affine.dy, centring.dy, step.dy),
-                passes.combine.bind(gaps, self._factor, affine.dz, centring.dz, step.dz),
+                step_passes.combine.bind(size, self._factor, affine.dw, centring.dw, step.dw),
+                step_passes.combine.bind(m, self._factor, affine.dy, centring.dy, step.dy),
+                step_passes.combine.bind(gaps, self._factor, affine.dz, centring.dz, step.dz),
                 self.lengths_call,
             ]
         )
@@ -342,7 +342,7 @@ class Workspace:
         form = self.form
         return self._once(
             name + " begins",
-            lambda: passes.right_hand_side.bind(
+            lambda: step_passes.right_hand_side.bind(
                 form.n, form.m, form.gaps, residuals, form.index, form.sign, form.kind, self.centre, self.it.dual, c,
                 self.d, self._pull, self.kkt.rhs,
             ),
@@ -352,7 +352,7 @@ class Workspace:
         form, it = self.form, self.it
         return self._once(
             name + " ends",
-            lambda: passes.recover.bind(
+            lambda: step_passes.recover.bind(
                 form.n, form.m, form.gaps, residuals, form.jac_rows.size, form.index, form.sign, form.free_factor,
                 form.kind, form.jac_rows, form.jac_cols, it.jac, c, it.z, self.ratio, self.centre, self.kkt.solution,
                 step.dw, step.dy, step.dz,
