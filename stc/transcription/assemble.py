@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from stc.codegen.tape import Tape, build_tape
 from stc.problem import ConstantRef, ParameterRef, VariableRef
 from stc.records import dataclass, field
-from stc.symbolic.differentiate import gradient, hessian, jacobian
+from stc.symbolic.differentiate import gradient, jacobian_and_hessian
 from stc.symbolic.expr import Expr, sum_of, sym, symbols
 from stc.symbolic.structure import degree
 from stc.transcription.gather import Folding
@@ -118,16 +118,12 @@ class Group:
             slopes = gradient(self.objective, keys)
             self.gradient = [k for k, e in enumerate(slopes) if not _is_zero(e)]
             outputs += [slopes[k] for k in self.gradient]
-        entries = jacobian(bodies, keys)
-        self.jacobian = sorted(entries)
-        outputs += [entries[key] for key in self.jacobian]
         curved = [sym(MultiplierRef(r)) * e for r, e in enumerate(bodies) if self.degrees[r] > 1]
         if self.objective is not None and self.objective_degree > 1:
             curved.append(sym(ObjectiveFactor()) * self.objective)
-        if curved:
-            second = hessian(sum_of(curved), keys)
-            self.hessian = sorted(second)
-            outputs += [second[key] for key in self.hessian]
+        first, second = jacobian_and_hessian(bodies, sum_of(curved), keys)
+        self.jacobian, self.hessian = list(first), list(second)
+        outputs += [*first.values(), *second.values()]
         multipliers = [MultiplierRef(r) for r in range(len(self.rows))]
         self.derivatives_tape = build_tape(outputs, uniform, [*varying, *multipliers])
 
