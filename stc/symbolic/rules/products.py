@@ -45,6 +45,16 @@ def _mul_fraction(a: Expr, b: Expr) -> Expr | None:
     return div(mul(a.args[0], b), a.args[1])
 
 
+@rule("e1 * (e1*e2)", "(e1*e1) * e2", "mul", ANY[1:], "mul")
+def _mul_square(a: Expr, b: Expr) -> Expr | None:
+    if b.op != "mul":
+        a, b = b, a
+    first, second = b.args
+    if a is first:
+        return mul(mul(a, a), second) if second is not a else None
+    return mul(mul(a, a), first) if a is second else None
+
+
 @rule("l1 / l2", "l", "div", "num", "num")
 def _div_literals(a: Expr, b: Expr) -> Expr | None:
     return finite(a.payload / b.payload) if b.payload != 0.0 else None
