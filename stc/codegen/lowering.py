@@ -128,6 +128,7 @@ class Lowering:
             nodes, {k for k, slot in input_of.items() if program.uniform[slot]}
         )
         self._inverse: dict[Expr, int] = {}
+        self._uses = Counter(arg for node in nodes for arg in node.args)
         self._equal: dict[Fingerprint, int] = {}
         for node in nodes:
             self.number[node] = self._leaf(node) if not node.args else self._once(node)
@@ -154,6 +155,8 @@ class Lowering:
             return program.emit(op, number[node.args[0]])
         left, right = node.args
         a, b = number[left], number[right]
+        if op == "mul" and program.uniform[a] != program.uniform[b]:
+            return self._scaled(a, right) if program.uniform[a] else self._scaled(b, left)
         if op == "div" and right in self._inverted and not (program.uniform[a] and program.uniform[b]):
             inverse = self._reciprocal(right)
             return inverse if program.literal.get(a) == 1.0 else program.emit("mul", a, inverse)
@@ -162,6 +165,17 @@ class Lowering:
             if power is not None:
                 return power
         return program.emit(op, a, b)
+
+    def _scaled(self, factor: int, node: Expr) -> int:
+        """``factor*node`` with a uniform factor; where the node is for this alone, with all its uniform factors."""
+        program, number = self.program, self.number[node]
+        if self._uses[node] == 1 and program.op[number] == "mul":
+            first, second = program.a[number], program.b[number]
+            if program.uniform[first]:
+                return program.emit("mul", program.emit("mul", factor, first), second)
+            if program.uniform[second]:
+                return program.emit("mul", program.emit("mul", factor, second), first)
+        return program.emit("mul", factor, number)
 
     def _reciprocal(self, divisor: Expr) -> int:
         known = self._inverse.get(divisor)

@@ -17,6 +17,7 @@ The operators are those of :data:`OPERATORS` and nothing else.  What is reduced 
   the product of their reciprocals.  Such a quotient has a relative error of a few units in the last place
   instead of a half; besides, it differs from a division only where the reciprocal of the divisor overflows
   (a divisor below 5.6e-309 in magnitude).
+- Uniform factors of a product are multiplied with each other first, once per call.
 - Expressions that are equal as polynomials are computed once, whichever way they are written.
 """
 

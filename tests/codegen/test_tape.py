@@ -110,6 +110,17 @@ def test_divisions_by_uniform_values_are_hoisted() -> None:
     assert tape.count_ops(uniform=False) == {"div": 1, "mul": 2}
 
 
+def test_uniform_factors_of_a_product_are_multiplied_once() -> None:
+    e = raw("mul", num(0.125), raw("mul", C, raw("mul", sym("d"), X)))
+    tape = build_tape([e], ["c", "d"], ["x"])
+    assert tape.count_ops(uniform=True) == {"mul": 2}
+    assert tape.count_ops(uniform=False) == {"mul": 1}
+    assert reference.run(tape, [3.0, 5.0], [[2.0]]).item() == pytest.approx(3.75, rel=1e-15)
+    # What is needed besides stays, and takes no more operations than it did.
+    tape = build_tape([C * (sym("d") * X), sym("d") * X + Y], ["c", "d"], ["x", "y"])
+    assert tape.count_ops(uniform=False) == {"add": 1, "mul": 2}
+
+
 def test_a_divisor_that_serves_several_quotients_is_inverted_once() -> None:
     d = X + C
     assert build_tape([X / d, Y / d, C / d], ["c"], ["x", "y"]).count_ops()["div"] == 1
