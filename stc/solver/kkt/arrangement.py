@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,6 +34,7 @@ class Couplings:
         hess_off: which entries of H are off the diagonal, in order.
         hess_diagonal: which are on it, and of which variable (hess_variable).
         hess_count, jac_count: how many entries H and J have.
+        kept: which of all entries off the diagonal are in ``first`` and ``second``, (E,), None for all of them.
     """
 
     n: int
@@ -43,6 +46,7 @@ class Couplings:
     hess_variable: Int32s
     hess_count: int
     jac_count: int
+    kept: NDArray[np.intp] | None = None
 
     @staticmethod
     def of(n: int, m: int, jac_rows: Ints, jac_cols: Ints, hess_rows: Ints, hess_cols: Ints) -> Couplings:
@@ -69,6 +73,15 @@ class Couplings:
         """N = n + m."""
         return self.n + self.m
 
+    @property
+    def left_out(self) -> int:
+        """How many entries off the diagonal are not in ``first`` and ``second``."""
+        return 0 if self.kept is None else self.hess_off.size + self.jac_count - self.kept.size
+
+    def only(self, kept: NDArray[np.intp]) -> Couplings:
+        """The same with some entries off the diagonal (numbers, increasing) only; of the whole pattern."""
+        return replace(self, first=self.first[kept], second=self.second[kept], kept=kept)
+
 
 @dataclass(frozen=True)
 class Arrangement:
@@ -79,7 +92,8 @@ class Arrangement:
         stage_pointers: first position of each stage, (stages + 1,).
         pointers, columns: positions coupled with a later position, (N + 1,) and (E,).
         entry: which coupling each of them is, (E,).
-        hess_target, jac_target: where the given entries of H and J go among the values.
+        hess_target, jac_target: where the given entries of H and J go among the values: those left out of the pattern
+            behind all others.
     """
 
     order: Int32s
@@ -105,6 +119,13 @@ def arrange(couplings: Couplings, stage: Int32s, stages: int, rank: Int32s) -> A
     entry, pointers = sort_by_key(np.minimum(first, second), size)
     target = np.empty(first.size, dtype=np.int32)
     target[entry] = np.arange(size, size + first.size, dtype=np.int32)
+    if couplings.kept is not None:
+        given = np.empty(first.size + couplings.left_out, dtype=np.int32)
+        others = np.ones(given.size, dtype=bool)
+        others[couplings.kept] = False
+        given[couplings.kept] = target
+        given[others] = np.arange(size + first.size, size + given.size, dtype=np.int32)
+        target = given
     hess_target = np.empty(couplings.hess_count, dtype=np.int32)
     hess_target[couplings.hess_off] = target[: couplings.hess_off.size]
     hess_target[couplings.hess_diagonal] = position[couplings.hess_variable]

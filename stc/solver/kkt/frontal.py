@@ -63,6 +63,10 @@ ARRANGING = 50
 #: A system taken over from an earlier solve counts as one that has been planned so often: its plan came from matrices
 #: like those to come, and the first ones of a solve, which are unlike them, are no reason for another one.
 SETTLED = 3
+#: Entries that are always zero are left out where there are others of less than this share of all; when some of them
+#: have turned out not to be zero so many times, all are kept.
+FEW_ZEROS = 0.95
+GROWTHS = 3
 #: Entries of the factor that there is room for, to begin with, as a multiple of those planned.
 ROOM = 1.5
 #: Slots for delayed unknowns, to begin with.
@@ -121,7 +125,10 @@ class FrontalKKT:
         self.nnz_factor = 0
         self.last_residual = 0.0
         self.pivot_threshold = PIVOT_THRESHOLD
-        self._couplings = couplings
+        self._pattern = self._couplings = couplings
+        self._present = np.zeros(couplings.first.size, dtype=bool)
+        self._is_part = part
+        self._growths = 0
         size = n + m
         self._structural_diagonal = np.zeros(size, dtype=bool)
         self._structural_diagonal[self._couplings.hess_variable] = True
@@ -143,10 +150,15 @@ class FrontalKKT:
         self._waste = 0.0
         self._plan: Plan | None = None
         self._factorized = False
-        self._staging = assign_stages(stage, n, self._couplings.first, self._couplings.second)
-        # By stages only: the order inside them is planned when there are values.
-        rank = np.zeros(size, dtype=np.int32)
-        self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, rank))
+        self._stage = stage
+        self._arrange_anew(couplings)
+
+    def _arrange_anew(self, couplings: Couplings) -> None:
+        """Arrange a pattern by stages only: the order inside them is planned when there are values."""
+        self._couplings, self._plan = couplings, None
+        self._staging = assign_stages(self._stage, self.n, couplings.first, couplings.second)
+        rank = np.zeros(couplings.size, dtype=np.int32)
+        self._use(arrange(couplings, self._staging.stage, self._staging.stages, rank))
 
     def restart(self) -> None:
         """Forget all matrices, as if new, but not the plan."""
@@ -246,8 +258,11 @@ class FrontalKKT:
 
     def _follow_plan(self) -> bool:
         """Make a plan when there is none, or none that suits; whether the plan's patterns hold for the values."""
-        if self._plan is not None and self._waste < self._planning_cost():
+        strangers = self._strangers() > 0
+        if self._plan is not None and not strangers and self._waste < self._planning_cost():
             return self._appeared() == 0
+        if self._plans_made > 0 and not self._is_part:
+            self._leave_out_zeros(strangers)
         size = self.n + self.m
         a = self._arrangement
         has_diagonal = self._structural_diagonal.copy()
@@ -260,6 +275,24 @@ class FrontalKKT:
         self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, self._plan.rank))
         self._load()
         return True
+
+    def _leave_out_zeros(self, strangers: bool) -> None:
+        """Forget entries that have been zero whenever a plan was made, but for the first one.
+
+        Derivatives have many of them: a tenth of all, and a quarter of the factor. ``strangers``: whether some of those
+        left out are not zero now.
+        """
+        pattern = self._pattern
+        self._growths += strangers
+        if self._growths > GROWTHS:
+            self._present[:] = True
+        self._present |= np.concatenate([self.hess[pattern.hess_off], self.jac]) != 0.0
+        kept = np.flatnonzero(self._present)
+        if kept.size > FEW_ZEROS * self._present.size:
+            kept = np.arange(self._present.size)
+        if kept.size != self._couplings.first.size or strangers:
+            self._arrange_anew(pattern.only(kept))
+            self._load()
 
     def _planning_cost(self) -> float:
         """What may be wasted before the next plan: more each time, since some matrices suit no plan.
@@ -290,6 +323,8 @@ class FrontalKKT:
         self._equilibrate = equilibrate.bind(
             size, *self._scaling, a.pointers, a.columns, self._values, self._scale, self._most
         )
+        places = np.arange(size + self._couplings.first.size, self._values.size, dtype=np.int32)
+        self._strangers = count_nonzero.bind(places.size, places, self._values)
         plan = self._plan
         if plan is None:
             return

@@ -96,7 +96,7 @@ def plan_elimination(
         [np.maximum(slot_1, slot_2) * window + np.minimum(slot_1, slot_2), slot[diagonal] * (window + 1)]
     )
     place_stages = np.concatenate([stage[row], stage[diagonal]])
-    entries = np.concatenate([values[size:], values[diagonal]])
+    entries = np.concatenate([values[size : size + couplings.first.size], values[diagonal]])
 
     pointers, entering = enter_window(arrangement, staging.stages)
     fresh = entering[np.repeat(np.arange(staging.stages), np.diff(pointers)) == stage[entering]]

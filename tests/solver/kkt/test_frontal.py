@@ -203,3 +203,65 @@ def test_operations_and_memory_of_a_full_matrix():
     assert kkt.operations == sum(k * (k + 1) for k in range(size))
     # Indices are shared by the pivots of a panel.
     assert 8 * kkt.nnz_factor < kkt.factor_bytes - 40 * size < 9 * kkt.nnz_factor
+
+
+@pytest.mark.parametrize("structure", ["chain", "bordered", "stencil", "absolute", "variable_major"])
+def test_entries_that_are_always_zero_are_left_out(structure, monkeypatch):
+    """Whichever entries are zero, and when they no longer are: as the dense one finds."""
+    monkeypatch.setattr(frontal, "PLANNING", -(10**9))  # a plan for each matrix
+    rng = np.random.default_rng(13)
+    pattern = STRUCTURES[structure](rng, 12)
+    kkt, judge = FrontalKKT(*pattern.arguments()), DenseKKT(*pattern.arguments())
+    hess_zero = rng.random(pattern.hess_rows.size) < 0.3
+    jac_zero = rng.random(pattern.jac_rows.size) < 0.1
+    for share in (0.0, 1.0, 1.0, 0.9, 0.5, 0.2, 0.0, 1.0):
+        values = generic(rng, pattern)
+        values.hess[hess_zero & (rng.random(hess_zero.size) < share)] = 0.0
+        values.jac[jac_zero & (rng.random(jac_zero.size) < share)] = 0.0
+        values.primal += 1.0
+        values.dual += 1e-3
+        inertia = kkt.factorize(*values.arguments())
+        assert inertia == judge.factorize(*values.arguments())
+        rhs = rng.normal(size=pattern.n), rng.normal(size=pattern.m)
+        for one, other in zip(kkt.solve(*rhs), judge.solve(*rhs), strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-7 * np.abs(other).max())
+    assert kkt.last_residual < 1e-12
+
+
+def test_left_out_entries_come_back(monkeypatch):
+    monkeypatch.setattr(frontal, "PLANNING", -(10**9))
+    rng = np.random.default_rng(14)
+    pattern = regular(rng, 60, "plain")
+    kkt, judge = FrontalKKT(*pattern.arguments()), DenseKKT(*pattern.arguments())
+    values = generic(rng, pattern)
+    kkt.factorize(*values.arguments())
+    full = kkt.nnz_factor
+    values.jac[2::5] = 0.0
+    trimmed = Values(values.hess * 0.0, values.jac, values.primal + 1.0, values.dual + 1.0)
+    for _ in range(2):
+        assert kkt.factorize(*trimmed.arguments()) == judge.factorize(*trimmed.arguments())
+    few = kkt.nnz_factor
+    assert few < 0.9 * full
+    monkeypatch.setattr(frontal, "PLANNING", 10**12)  # no plan but for what comes back
+    for entry in (2, 7, 12, 17, 22):  # one more each time: in the end all are kept
+        trimmed.jac[entry] = 1.0
+        assert kkt.factorize(*trimmed.arguments()) == judge.factorize(*trimmed.arguments())
+        kkt.solve(np.ones(pattern.n), np.ones(pattern.m))
+        assert kkt.last_residual < 1e-12
+    assert kkt.nnz_factor > few
+
+
+def test_a_matrix_without_any_entries(monkeypatch):
+    """But for its diagonal."""
+    monkeypatch.setattr(frontal, "PLANNING", -(10**9))
+    rng = np.random.default_rng(15)
+    pattern = regular(rng, 10, "plain")
+    kkt = FrontalKKT(*pattern.arguments())
+    kkt.factorize(*generic(rng, pattern).arguments())
+    nothing = np.zeros(pattern.hess_rows.size), np.zeros(pattern.jac_rows.size)
+    assert kkt.factorize(*nothing, np.ones(pattern.n), np.ones(pattern.m)) == (pattern.n, pattern.m, 0)
+    dx, dy = kkt.solve(np.ones(pattern.n), np.ones(pattern.m))
+    np.testing.assert_allclose(dx, 1.0)
+    np.testing.assert_allclose(dy, -1.0)
+    values = generic(rng, pattern)
+    assert kkt.factorize(*values.arguments()) == DenseKKT(*pattern.arguments()).factorize(*values.arguments())
