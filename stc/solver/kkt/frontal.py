@@ -132,6 +132,7 @@ class FrontalKKT:
         size = n + m
         self._structural_diagonal = np.zeros(size, dtype=bool)
         self._structural_diagonal[self._couplings.hess_variable] = True
+        self._diagonal_seen = np.zeros(size, dtype=bool)
         self.given = arrays.given
         self.hess, self.jac, self.primal, self.dual = arrays.hess, arrays.jac, arrays.primal, arrays.dual
         self.rhs, self.solution, self.report = arrays.rhs, arrays.solution, arrays.report
@@ -260,12 +261,16 @@ class FrontalKKT:
         """Make a plan when there is none, or none that suits; whether the plan's patterns hold for the values."""
         strangers = self._strangers() > 0
         if self._plan is not None and not strangers and self._waste < self._planning_cost():
-            return self._appeared() == 0
+            if self._appeared() == 0:
+                return True
+            # What shifts leave on the diagonal comes again: the next plan is to hold for it.
+            self._diagonal_seen[self._arrangement.order] |= self._values[: self.n + self.m] != 0.0
+            return False
         if self._plans_made > 0 and not self._is_part:
             self._leave_out_zeros(strangers)
         size = self.n + self.m
         a = self._arrangement
-        has_diagonal = self._structural_diagonal.copy()
+        has_diagonal = self._structural_diagonal | self._diagonal_seen
         has_diagonal[a.order] |= self._values[:size] != 0.0
         self._waste = 0.0
         self._plans_made += 1
