@@ -33,8 +33,8 @@ CASES = (
     Case("P3", 50, 5),
     Case("P3", 1000, 5),
     Case("P4", 50, 2),
-    Case("P4", 50, 10, max_iterations=300),
-    Case("P4", 50, 20, max_iterations=150),
+    Case("P4", 50, 10, max_iterations=1000),
+    Case("P4", 50, 20, max_iterations=1000),
     Case("P5", 120),
 )
 
