@@ -71,13 +71,13 @@ class Recorder(FrontalKKT):
 
     def __init__(self, *pattern: Any) -> None:
         super().__init__(*pattern)
-        self._pattern = pattern
+        self._arguments = pattern
 
     def refactor(self) -> Inertia:
         inertia = super().refactor()
         if inertia == (self.n, self.m, 0) and np.any(self.hess):
             values = self.hess, self.jac, self.primal, self.dual
-            Recorder.seen = self._pattern, tuple(v.copy() for v in values)
+            Recorder.seen = self._arguments, tuple(v.copy() for v in values)
         return inertia
 
 
