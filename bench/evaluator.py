@@ -34,8 +34,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rod_chain import Stencil, casadi_function, stencil
 
+from stc.arrays import aligned_zeros
 from stc.codegen import engine
-from stc.codegen.kernel import LANES, aligned_zeros, compile_tapes
+from stc.codegen.kernel import LANES, compile_tapes
 from stc.codegen.tape import Tape, build_tape
 from stc.symbolic.expr import Expr
 

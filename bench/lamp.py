@@ -25,7 +25,7 @@ import numpy as np
 from evaluator import clock_cycle, repeats_for, timed
 
 import stc
-from stc.codegen.kernel import aligned_zeros
+from stc.arrays import aligned_zeros
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
 

@@ -30,19 +30,11 @@ from stc.codegen.llvm import LANES, module_ir
 from stc.codegen.tape import Tape
 from stc.memory import without_collection
 
-__all__ = ["LANES", "Kernel", "KernelSet", "aligned_zeros", "compile_tapes"]
+__all__ = ["LANES", "Kernel", "KernelSet", "compile_tapes"]
 
 Backend = Literal["auto", "llvm", "numpy"]
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int32]
-
-
-def aligned_zeros(shape: int | tuple[int, ...]) -> FloatArray:
-    """Zeros that start on a cache line: vector stores to them never straddle two."""
-    count = int(np.prod(shape))
-    raw = np.zeros(count + 8)
-    skip = (-raw.ctypes.data % 64) // 8
-    return raw[skip : skip + count].reshape(shape)
 
 
 class Kernel:

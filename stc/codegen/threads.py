@@ -162,6 +162,27 @@ define void @prepare(ptr %mailbox) nounwind {
   ret void
 }
 
+define internal void @await(ptr %ended.place, i64 %needed) nounwind {
+entry:
+  br label %look
+look:
+  %patience = phi i64 [ 1000, %entry ], [ %less, %waiting ], [ 0, %yield ]
+  %ended = load atomic i64, ptr %ended.place acquire, align 8
+  %ready = icmp sge i64 %ended, %needed
+  br i1 %ready, label %done, label %wait
+wait:
+  %patient = icmp sgt i64 %patience, 0
+  br i1 %patient, label %waiting, label %yield
+waiting:
+  %less = sub i64 %patience, 1
+  br label %look
+yield:
+  %yielded = call i32 @sched_yield()
+  br label %look
+done:
+  ret void
+}
+
 define internal void @work(ptr %job) nounwind {
 entry:
   %ticket.place = getelementptr inbounds i64, ptr %job, i64 1
@@ -184,22 +205,7 @@ look:
   %function = load ptr, ptr %entry.place, align 8
   %arguments = load ptr, ptr %cells.place, align 8
   %needed = load i64, ptr %needed.place, align 8
-  br label %await
-await:
-  %patience = phi i64 [ 1000, %look ], [ %less, %waiting ], [ 0, %yield ]
-  %ended = load atomic i64, ptr %ended.place acquire, align 8
-  %ready = icmp sge i64 %ended, %needed
-  br i1 %ready, label %go, label %wait
-wait:
-  %patient = icmp sgt i64 %patience, 0
-  br i1 %patient, label %waiting, label %yield
-waiting:
-  %less = sub i64 %patience, 1
-  br label %await
-yield:
-  %yielded = call i32 @sched_yield()
-  br label %await
-go:
+  call void @await(ptr %ended.place, i64 %needed)
   call void %function(ptr %arguments)
   %before = atomicrmw add ptr %ended.place, i64 1 acq_rel
   br label %next
@@ -303,22 +309,7 @@ publish:
   %c = call i32 @pthread_mutex_unlock(ptr %mutex)
   %d = call i32 @pthread_cond_signal(ptr %condition)
   call void @work(ptr %job)
-  br label %await
-await:
-  %patience = phi i64 [ 1000, %publish ], [ %less, %waiting ], [ 0, %yield ]
-  %ended = load atomic i64, ptr %ended.place acquire, align 8
-  %ready = icmp sge i64 %ended, %total
-  br i1 %ready, label %withdraw, label %wait
-wait:
-  %patient = icmp sgt i64 %patience, 0
-  br i1 %patient, label %waiting, label %yield
-waiting:
-  %less = sub i64 %patience, 1
-  br label %await
-yield:
-  %yielded = call i32 @sched_yield()
-  br label %await
-withdraw:
+  call void @await(ptr %ended.place, i64 %total)
   %e = call i32 @pthread_mutex_lock(ptr %mutex)
   store ptr null, ptr %mailbox, align 8
   br label %leave

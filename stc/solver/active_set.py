@@ -22,7 +22,8 @@ from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
-from stc.solver.projection import DUAL_SHIFT, Projection, ProjectionPair
+from stc.solver.projection import Projection, ProjectionPair
+from stc.solver.restricted import DUAL_SHIFT
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["Finish", "Projection", "newton_on_active_set", "project", "smaller_multipliers"]

@@ -119,8 +119,7 @@ class BarrierParameter:
         """Find the workspace's step with the factorised system; chooses mu first in the free mode."""
         work = self.work
         if not self.free:
-            work.mu[0] = self.mu
-            work.mu_centre_call()
+            work.aim_at(self.mu)
             system.find_step(work.step)
             work.limit_step(self.tau)
             return
@@ -130,9 +129,9 @@ class BarrierParameter:
         self._set(min(max(work.s[SIGMA] * average, floor), max(floor, self._largest)))
         self.changed = True
         work.combine(self.mu / average, self.tau)
-        self._correct(system)
+        self._correct()
 
-    def _correct(self, system: NewtonSystem) -> None:
+    def _correct(self) -> None:
         """Where the bounds allow only a short step: the same with its worst complementarity products
         brought back near mu, if that lets it go further (J. Gondzio, Multiple centrality corrections in a
         primal-dual method for linear programming, Comput. Optim. Appl. 6, 1996).
@@ -149,7 +148,7 @@ class BarrierParameter:
         wanted = np.maximum(wanted, -NEAR_MU[1] * self.mu)
         work.centre[:] = wanted / it.gap
         extra = work.centring
-        system.find_centring(extra)
+        work.solve_centring(extra)
         new_primal = largest_step(it.gap, gap_step + form.sign * extra.dw[form.index], self.tau)
         new_dual = largest_step(it.z, step.dz + extra.dz, self.tau)
         further = new_primal + new_dual >= primal + dual + GAIN * REACH

@@ -257,6 +257,17 @@ def better_signs(
     return different
 
 
+@native(fast=True)
+def gradient_of_lagrangian(
+    n: i64, entries: i64, rows: i64s, cols: i64s, y: f64s, gradient: f64s, jac: f64s, out: f64s
+) -> None:
+    """``grad f + J^T y``."""
+    for i in range(n):
+        out[i] = gradient[i]
+    for e in range(entries):
+        out[cols[e]] += jac[e] * y[rows[e]]
+
+
 #: Places in the results of :func:`point_conditions`.
 POINT_VIOLATION: Final = 0
 POINT_DUAL: Final = 1
@@ -271,11 +282,8 @@ def point_conditions(
     out: f64s,
 ) -> None:  # fmt: skip
     """Gradient of the Lagrangian, multipliers of bounds (n,) where ``balanced`` is not 0, and the errors."""
+    gradient_of_lagrangian(n, entries, rows, cols, y, gradient, jac, lagrangian)
     check = 0.0
-    for i in range(n):
-        lagrangian[i] = gradient[i]
-    for e in range(entries):
-        lagrangian[cols[e]] += jac[e] * y[rows[e]]
     total = 0.0
     dual = 0.0
     for i in range(n):
@@ -297,17 +305,6 @@ def point_conditions(
     out[POINT_VIOLATION] = violation
     out[POINT_DUAL] = dual + check
     out[POINT_SUM] = total
-
-
-@native(fast=True)
-def gradient_of_lagrangian(
-    n: i64, entries: i64, rows: i64s, cols: i64s, y: f64s, gradient: f64s, jac: f64s, out: f64s
-) -> None:
-    """``grad f + J^T y``."""
-    for i in range(n):
-        out[i] = gradient[i]
-    for e in range(entries):
-        out[cols[e]] += jac[e] * y[rows[e]]
 
 
 @native(fast=True)

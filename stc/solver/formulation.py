@@ -11,18 +11,20 @@ and the Lagrangian is ``f + y.(r - s) - z.gap``.
 from __future__ import annotations
 
 import weakref
+from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from stc.codegen.calls import Bound
 from stc.solver.evaluator import Evaluator
+from stc.solver.kkt.attached import attached
 from stc.solver.nlp import Floats, Ints, Mask
 from stc.solver.passes import EQUALITY, IGNORED, INEQUALITY
 from stc.solver.products import Indices, symmetric_times, times
 
 if TYPE_CHECKING:
-    from stc.solver.kkt.contract import KKTSystem
+    from stc.solver.kkt.contract import AttachedKKT, KKTSystem
     from stc.solver.workspace import Workspace
 
 __all__ = ["Formulation", "summed"]
@@ -109,6 +111,11 @@ class Formulation:
         self.kind = np.where(self.equality, EQUALITY, np.where(self.ignored, IGNORED, INEQUALITY)).astype(
             np.int32
         )
+
+    @cached_property
+    def attached_kkt(self) -> AttachedKKT:
+        """``kkt`` with arrays that everybody who works on this form writes into."""
+        return attached(self.kkt, self.n, self.m, self.jac_rows.size, self.hess_rows.size)
 
     def evaluator(self) -> Evaluator:
         """Functions and derivatives at fixed places."""

@@ -233,8 +233,7 @@ class LineSearch:
         c[:] = alpha * it.c + work.trial_c
         last = work.s[TRIAL_THETA]
         for _ in range(CORRECTIONS):
-            work.mu[0] = mu
-            work.mu_centre_call()
+            work.aim_at(mu)
             system.find_step(correction, c, "correction")
             length = largest_step(it.gap, form.sign * correction.dw[form.index], tau)
             if not work.try_point(it.w + length * correction.dw):

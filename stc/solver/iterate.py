@@ -11,7 +11,7 @@ from stc.solver import passes
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import Floats
 
-__all__ = ["Errors", "Iterate", "errors_of", "evaluate", "multiplier_scale", "push_inside", "refresh"]
+__all__ = ["Errors", "Iterate", "errors_of", "evaluate", "multiplier_scale", "push_inside"]
 
 ARRAYS = ("w", "y", "z", "r", "gradient", "jac", "hess", "gap", "c", "dual")
 MEAN_MULTIPLIER = 100.0
@@ -90,22 +90,13 @@ def evaluate(form: Formulation, w: Floats, y: Floats, z: Floats) -> Iterate:
     """Every quantity at ``(w, y, z)``; check ``is_finite`` of the result where functions may be undefined."""
     f, r = form.values(w[: form.n])
     c = form.residual(r, w)
-    empty = np.zeros(0)
-    it = Iterate(w, y, z, f, r, form.gap(w), c, float(np.abs(c).sum()), empty, empty, empty, empty)
-    refresh(form, it)
-    return it
-
-
-def refresh(form: Formulation, it: Iterate) -> bool:
-    """Evaluate the derivatives at the iterate; False where one is undefined."""
-    it.gradient, it.jac, it.hess = form.derivatives(it.w[: form.n], it.y)
+    gradient, jac, hess = form.derivatives(w[: form.n], y)
     dual = np.empty(form.size)
-    np.add(it.gradient, form.transpose_times(it.jac, it.y), out=dual[: form.n])
-    np.negative(it.y, out=dual[form.n :])
+    np.add(gradient, form.transpose_times(jac, y), out=dual[: form.n])
+    np.negative(y, out=dual[form.n :])
     if not form.all_moving:
         dual[~form.moving] = 0.0
-    it.dual = dual
-    return bool(np.isfinite(dual.sum() + it.jac.sum() + it.hess.sum()))
+    return Iterate(w, y, z, f, r, form.gap(w), c, float(np.abs(c).sum()), gradient, jac, hess, dual)
 
 
 def errors_of(form: Formulation, it: Iterate, mu: float) -> Errors:

@@ -68,11 +68,13 @@ class Monitor:
             self.iterations, objective, violation, optimality, step, step_length, mu, regularization, phase
         )
         self.history.append(entry)
-        if self._is_better(objective, violation):
+        better = self._is_better(objective, violation)
+        if better or self._callback is not None:
             x, y = as_stated()
-            self.best = (violation, objective, x.copy(), y.copy())
-        if self._callback is not None and self._callback(replace(entry, x=as_stated()[0])):
-            raise Stopped(Status.INTERRUPTED)
+            if better:
+                self.best = (violation, objective, x.copy(), y.copy())
+            if self._callback is not None and self._callback(replace(entry, x=x)):
+                raise Stopped(Status.INTERRUPTED)
         self.check()
 
     def check(self) -> None:

@@ -6,7 +6,6 @@ import numpy as np
 
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Errors, Iterate, errors_of, evaluate
-from stc.solver.kkt.attached import attached
 from stc.solver.nlp import Floats
 from stc.solver.workspace import Workspace
 
@@ -29,7 +28,7 @@ def least_squares_multipliers(form: Formulation, it: Iterate, largest: float = L
         return np.zeros(0)
     d = np.where(form.equality, DUAL_SHIFT * min(1.0, float(np.abs(it.jac).max(initial=0.0)) ** 2), 1.0)
     n = form.n
-    kkt = attached(form.kkt, n, form.m, form.jac_rows.size, form.hess_rows.size)
+    kkt = form.attached_kkt
     kkt.hess[:], kkt.jac[:], kkt.primal[:], kkt.dual[:] = 0.0, it.jac, 1.0, d
     kkt.refactor()
     pull = form.scatter(it.z)

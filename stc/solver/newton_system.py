@@ -201,7 +201,3 @@ class NewtonSystem:
             c: residual of the rows, (m,), always the same array for a name; the iterate's own when None.
         """
         self.work.solve(name, step, self.work.it.c if c is None else c)
-
-    def find_centring(self, step: Step) -> None:
-        """Fill ``step`` with the part of the Newton step that is linear in ``centre``."""
-        self.work.solve_centring(step)

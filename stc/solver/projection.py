@@ -13,15 +13,11 @@ import numpy as np
 from stc.codegen.calls import Bound, chain
 from stc.solver import conditions
 from stc.solver.iterate import multiplier_scale
-from stc.solver.kkt.attached import attached
-from stc.solver.kkt.contract import NotFinite
 from stc.solver.nlp import Floats
+from stc.solver.restricted import factorize_restricted
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["Projection", "ProjectionPair"]
-
-DUAL_SHIFT = 1e-9
-PRIMAL_SHIFT = 1e-8
 
 
 class Projection:
@@ -55,7 +51,7 @@ class Projection:
         self._evaluator = ev
         self._of_x, self._of_rows, self._largest = np.zeros(3), np.zeros(3), np.zeros(1)
         self.dx, self.dy = np.zeros(n), np.zeros(m)
-        kkt = self._kkt = attached(form.kkt, n, m, form.jac_rows.size, form.hess_rows.size)
+        kkt = self._kkt = form.attached_kkt
         self._count = n + m
         rows, cols = form.jac_rows, form.jac_cols
         project_x = form.held_factor, self.x_target, self.active_x, self._of_x
@@ -75,9 +71,6 @@ class Projection:
             self.jac, self.hess, self.active_x, self.active_rows, self.x, self.y, self.r, self.lagrangian,
             self.x_target, self.row_target, self.dx, self.dy, kkt.hess, kkt.jac, kkt.rhs, self._largest,
         )  # fmt: skip
-        self._shift = conditions.restricted_diagonals.bind(
-            n, m, 0.0, 0.0, self.active_x, self.active_rows, kkt.primal, kkt.dual
-        )
 
     @property
     def f(self) -> float:
@@ -103,18 +96,7 @@ class Projection:
     def factorize(self) -> bool:
         """Factorise for the Newton step on the active set; whether the curvature on it is positive."""
         self._restrict()
-        flat = PRIMAL_SHIFT * max(1.0, float(self._largest[0]))
-        for shift_x, shift_y in ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT)):
-            self._shift.set("shift_x", shift_x)
-            self._shift.set("shift_y", shift_y)
-            self._shift()
-            try:
-                inertia = self._kkt.refactor()
-            except NotFinite:
-                return False
-            if inertia.zero == 0 and inertia.negative == self.dy.size:
-                return True
-        return False
+        return factorize_restricted(self._kkt, self.active_x, self.active_rows, float(self._largest[0]))[1]
 
 
 class ProjectionPair:
@@ -123,7 +105,7 @@ class ProjectionPair:
     def __init__(self, form: ScaledProblem) -> None:
         self.point, self.next = Projection(form), Projection(form)
         self.largest = np.zeros(2)
-        self._kkt = attached(form.kkt, form.n, form.m, form.jac_rows.size, form.hess_rows.size)
+        self._kkt = form.attached_kkt
         bind = partial(conditions.advance.bind, form.n, form.m)
         self._advance: dict[int, Bound] = {
             id(one): bind(

@@ -18,13 +18,12 @@ from stc.records import dataclass
 from stc.solver.conditions import better_signs, respond, restrict
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, evaluate, push_inside
-from stc.solver.kkt.attached import attached
-from stc.solver.kkt.contract import NotFinite
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.passes import DUAL_STEP, FINITE, PRIMAL_STEP
 from stc.solver.primal_dual import PrimalDual
 from stc.solver.products import inner
+from stc.solver.restricted import factorize_restricted
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import Workspace
 
@@ -39,8 +38,6 @@ FEW, MORE, EARLY, HARDLY_FEWER = 8, 2.0, 4, 0.75
 before, nor more than so many where the differences hardly get fewer."""
 NEGLIGIBLE, ROUNDING = 1e-6, 1e-9
 """Multipliers below this, and this share of the terms they balance, do not tell an active constraint."""
-DUAL_SHIFT = 1e-9
-PRIMAL_SHIFT = 1e-8
 REFINEMENTS = 2
 BARRIER_STEPS, BARRIER_FACTORISATIONS = 30, 50
 """The barrier method ends after so many: more are spent where no curvature of the program is positive."""
@@ -131,7 +128,7 @@ class QuadraticProgram:
         self.room_x = (x_lower - point.x, x_upper - point.x)
         self.room_rows = (row_lower - point.r, row_upper - point.r)
         self.regularity = regularity
-        self._kkt = attached(form.kkt, form.n, form.m, form.jac_rows.size, form.hess_rows.size)
+        self._kkt = form.attached_kkt
         self._fixed, self._held_rows = form.held_factor, form.equality_factor
         self._nothing = np.zeros(max(form.n, form.m))
 
@@ -206,21 +203,11 @@ class QuadraticProgram:
             point.jac, point.hess, self._fixed, self._held_rows, nothing, nothing, nothing, point.gradient, target_x,
             target_rows, fixed_d, np.empty(m), kkt.hess, kkt.jac, kkt.rhs, largest,
         )  # fmt: skip
-        flat = PRIMAL_SHIFT * max(1.0, float(largest[0]))
-        shifts = ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT))
-        while True:
-            shift_x, shift_y = shifts[self.regularity]
-            kkt.primal[:] = shift_x + (1.0 - shift_x) * self._fixed
-            kkt.dual[:] = 1.0 + (shift_y - 1.0) * self._held_rows
-            try:
-                inertia = kkt.refactor()
-            except NotFinite:
-                return False
-            if inertia.zero == 0 and inertia.negative == form.m:
-                return True
-            if self.regularity == len(shifts) - 1:
-                return False
-            self.regularity += 1  # the next set of this program starts with what was needed here
+        # The next set of this program starts with what was needed here.
+        self.regularity, positive = factorize_restricted(
+            kkt, self._fixed, self._held_rows, float(largest[0]), self.regularity
+        )
+        return positive
 
     def _solved(self) -> tuple[Floats, Floats]:
         """Step and multipliers; of dependent rows' multipliers the smallest ones.

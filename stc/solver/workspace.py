@@ -17,7 +17,6 @@ from stc.codegen.calls import Bound, chain
 from stc.solver import passes, step_passes
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Errors, Iterate, multiplier_scale
-from stc.solver.kkt.attached import attached
 from stc.solver.nlp import Floats
 from stc.solver.passes import (
     COMPLEMENTARITY,
@@ -92,7 +91,7 @@ class Workspace:
     def __init__(self, form: Formulation) -> None:
         self._form = weakref.ref(form)  # which may keep the workspace
         n, m, gaps, size = form.n, form.m, form.gaps, form.size
-        self.kkt = attached(form.kkt, n, m, form.jac_rows.size, form.hess_rows.size)
+        self.kkt = form.attached_kkt
         self.evaluator: Evaluator = form.evaluator()
         ev = self.evaluator
         zeros = np.zeros
@@ -190,7 +189,7 @@ class Workspace:
         self.shifted_call = step_passes.shifted.bind(
             n, m, 0.0, 0.0, free, kind, self.primal, self.d, kkt.primal, kkt.dual
         )
-        self.mu_centre_call = step_passes.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
+        self._mu_centre_call = step_passes.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
         self.lengths_call = step_passes.lengths.bind(
             n, m, gaps, index, sign, self.tau, it.w, it.z, it.gap, it.gradient, step.dw, step.dy, step.dz, s
         )
@@ -369,6 +368,11 @@ class Workspace:
         self.solve_call(name, step, c, residuals=residuals)()
         if self.kkt.check_solution():
             self._end(name, step, c, residuals)()
+
+    def aim_at(self, mu: float) -> None:
+        """Make ``centre`` that of the barrier problem with parameter ``mu``."""
+        self.mu[0] = mu
+        self._mu_centre_call()
 
     def predict(self) -> None:
         """Find the affine and the centring step, and the centring parameter that suits them."""

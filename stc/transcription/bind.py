@@ -12,8 +12,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import aligned_zeros
 from stc.codegen.calls import chain
-from stc.codegen.kernel import KernelSet, aligned_zeros
+from stc.codegen.kernel import KernelSet
 from stc.problem import ConstantRef, Problem
 from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Scaling

@@ -13,9 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from stc.arrays import aligned_zeros
 from stc.codegen import engine, reference
 from stc.codegen.calls import Bound, chain
-from stc.codegen.kernel import LANES, KernelSet, aligned_zeros, compile_tapes, effort
+from stc.codegen.kernel import LANES, KernelSet, compile_tapes, effort
 from stc.codegen.native import f64, f64s, i64, native
 from stc.codegen.tape import OPERATORS, Tape, build_tape
 from stc.symbolic import expr

@@ -7,8 +7,9 @@ import re
 import numpy as np
 import pytest
 
+from stc.arrays import aligned_zeros
 from stc.codegen import engine, operations, reference
-from stc.codegen.kernel import LANES, aligned_zeros, compile_tapes
+from stc.codegen.kernel import LANES, compile_tapes
 from stc.codegen.tape import OPERATORS, Tape, build_tape
 from stc.symbolic import expr
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from stc.codegen.calls import Bound
 from stc.solver.kkt.contract import Inertia, NotFinite
-from stc.solver.kkt.entries import factorize_copies, solve_copies
+from stc.solver.kkt.entries import ByCopies
 from stc.solver.nlp import Floats, Ints
 
 __all__ = ["DenseKKT", "dense_matrix"]
@@ -50,7 +50,7 @@ def equilibrated(matrix: Floats, sweeps: int = 20) -> tuple[Floats, Floats]:
     return scaled, scale
 
 
-class DenseKKT:
+class DenseKKT(ByCopies):
     """K through its eigenvalue decomposition after equilibration (see ``KKTSystem`` for the meaning of the members).
 
     Eigenvalues decide the inertia; null directions are left out of solves.
@@ -85,12 +85,6 @@ class DenseKKT:
         self._solve = Bound.of_python(self._solve_once, ())
         self._factorized = False
 
-    def factorize(
-        self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
-    ) -> Inertia:
-        """See ``KKTSystem.factorize``."""
-        return factorize_copies(self, hess_values, jac_values, primal_diagonal, dual_diagonal)
-
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
         self._factorized = False
@@ -105,10 +99,6 @@ class DenseKKT:
         positive = int((self._eigenvalues > SINGULAR).sum())
         negative = int((self._eigenvalues < -SINGULAR).sum())
         return Inertia(positive, negative, self.n + self.m - positive - negative)
-
-    def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
-        """See ``KKTSystem.solve``."""
-        return solve_copies(self, rhs_x, rhs_y)
 
     @property
     def solve_call(self) -> Bound:

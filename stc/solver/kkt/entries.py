@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from stc.records import dataclass
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import AttachedKKT, Inertia
 from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
-__all__ = ["Arrays", "aligned_zeros", "checked_values", "factorize_copies", "solve_copies"]
+__all__ = ["Arrays", "ByCopies", "checked_values"]
 
 
 @dataclass(frozen=True)
@@ -37,13 +36,6 @@ class Arrays:
         return Arrays(given, hess, jac, primal, dual, np.zeros(size), np.zeros(size), np.zeros(REPORT))
 
 
-def aligned_zeros(size: int) -> Floats:
-    """Zeros, (size,), that begin at a cache line: vectors that straddle two of them take twice as long."""
-    array = np.zeros(size + 7)
-    begin = -(array.ctypes.data // 8) % 8
-    return array[begin : begin + size]
-
-
 def checked_values(*arrays: tuple[Floats, int, str]) -> list[Floats]:
     """Contiguous float64 forms of ``(array, size, name)``, without a copy where they already are.
 
@@ -60,32 +52,34 @@ def checked_values(*arrays: tuple[Floats, int, str]) -> list[Floats]:
     return checked
 
 
-def factorize_copies(
-    system: AttachedKKT,
-    hess_values: Floats,
-    jac_values: Floats,
-    primal_diagonal: Floats,
-    dual_diagonal: Floats,
-) -> Inertia:
-    """``KKTSystem.factorize`` by way of the system's own arrays."""
-    own = system.hess, system.jac, system.primal, system.dual
-    names = "hess_values", "jac_values", "primal_diagonal", "dual_diagonal"
-    given = hess_values, jac_values, primal_diagonal, dual_diagonal
-    checked = checked_values(
-        *((array, mine.size, name) for array, mine, name in zip(given, own, names, strict=True))
-    )
-    for mine, array in zip(own, checked, strict=True):
-        mine[:] = array
-    return system.refactor()
+class ByCopies:
+    """The calls of a ``KKTSystem`` for a system with arrays of its own: ``factorize`` and ``solve`` copy."""
 
+    def factorize(
+        self: AttachedKKT,
+        hess_values: Floats,
+        jac_values: Floats,
+        primal_diagonal: Floats,
+        dual_diagonal: Floats,
+    ) -> Inertia:
+        """See ``KKTSystem.factorize``."""
+        own = self.hess, self.jac, self.primal, self.dual
+        names = "hess_values", "jac_values", "primal_diagonal", "dual_diagonal"
+        given = hess_values, jac_values, primal_diagonal, dual_diagonal
+        checked = checked_values(
+            *((array, mine.size, name) for array, mine, name in zip(given, own, names, strict=True))
+        )
+        for mine, array in zip(own, checked, strict=True):
+            mine[:] = array
+        return self.refactor()
 
-def solve_copies(system: AttachedKKT, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
-    """``KKTSystem.solve`` by way of the system's own arrays."""
-    call = system.solve_call
-    n = system.primal.size
-    rhs_x, rhs_y = checked_values((rhs_x, n, "rhs_x"), (rhs_y, system.dual.size, "rhs_y"))
-    system.rhs[:n] = rhs_x
-    system.rhs[n:] = rhs_y
-    call()
-    system.check_solution()
-    return system.solution[:n].copy(), system.solution[n:].copy()
+    def solve(self: AttachedKKT, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
+        """See ``KKTSystem.solve``."""
+        call = self.solve_call
+        n = self.primal.size
+        rhs_x, rhs_y = checked_values((rhs_x, n, "rhs_x"), (rhs_y, self.dual.size, "rhs_y"))
+        self.rhs[:n] = rhs_x
+        self.rhs[n:] = rhs_y
+        call()
+        self.check_solution()
+        return self.solution[:n].copy(), self.solution[n:].copy()

@@ -19,7 +19,7 @@ from stc.solver.kkt.arrangement import (
 )
 from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.kkt.elimination import FACTORS_FULL, factorize
-from stc.solver.kkt.entries import Arrays, factorize_copies, solve_copies
+from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.panel import LARGEST_GROUP, MASKS
 from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.singularity import confirm_zeros
@@ -27,7 +27,7 @@ from stc.solver.kkt.staging import assign_stages
 from stc.solver.kkt.substitution import solve
 from stc.solver.kkt.values import count_nonzero, equilibrate, load
 from stc.solver.kkt.window import LANES
-from stc.solver.nlp import Floats, Ints
+from stc.solver.nlp import Ints
 
 __all__ = ["FrontalKKT"]
 
@@ -76,7 +76,7 @@ HELD_SLOTS = 32
 DELAYED_FREELY = 8
 
 
-class FrontalKKT:
+class FrontalKKT(ByCopies):
     """Sparse LDL^T with threshold pivoting on a window that slides over the stages.
 
     The pattern is arranged at once; the order of elimination is planned from the values of the first
@@ -194,12 +194,6 @@ class FrontalKKT:
         counts = self._counts
         return int(8 * counts[pivots.FACTORS] + 4 * counts[pivots.INDICES] + 40 * counts[pivots.PIVOTS])
 
-    def factorize(
-        self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
-    ) -> Inertia:
-        """See ``KKTSystem.factorize``."""
-        return factorize_copies(self, hess_values, jac_values, primal_diagonal, dual_diagonal)
-
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
         self._factorized = False
@@ -218,10 +212,6 @@ class FrontalKKT:
             int(counts[pivots.NEGATIVE]),
             int(counts[pivots.ZERO]),
         )
-
-    def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
-        """See ``KKTSystem.solve``."""
-        return solve_copies(self, rhs_x, rhs_y)
 
     @property
     def solve_call(self) -> Bound:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.records import dataclass
 from stc.solver.kkt.lane_panel import PANEL
 from stc.solver.kkt.ordering import SECOND, SMALLEST, order_stage
 from stc.solver.kkt.segments import ACROSS, BORDERING, INSIDE, Segmentation

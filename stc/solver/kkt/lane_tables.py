@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.records import dataclass
 from stc.solver.kkt import lanes
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.lane_program import Kind, Program, triangle
@@ -53,6 +52,29 @@ class Layout:
     rest: Rest
 
 
+class _Packed:
+    """Whole numbers of many arrays, one after the other.
+
+    Attributes:
+        size: how many there are so far.
+    """
+
+    def __init__(self) -> None:
+        self.size = 0
+        self._parts: list[NDArray[np.integer]] = []
+
+    def put(self, array: NDArray[np.integer]) -> int:
+        """Append an array; where it begins."""
+        begin = self.size
+        self._parts.append(array.reshape(-1))
+        self.size += array.size
+        return begin
+
+    def array(self) -> Int32s:
+        """All of them, and a zero behind: there is always one to point at."""
+        return np.concatenate([*self._parts, np.zeros(1, np.int32)]).astype(np.int32)
+
+
 def lay_out(
     couplings: Couplings, found: Segmentation, kinds: list[Kind], source: Int32s, curved_source: Int32s
 ) -> Layout:
@@ -67,15 +89,7 @@ def lay_out(
     sources, curved_sources, curved_places = _by_stage(
         couplings, found, kinds, source, curved_source, stage_count
     )
-    index: list[NDArray[np.integer]] = []
-    filled = 0
-
-    def put(array: NDArray[np.integer]) -> int:
-        nonlocal filled
-        index.append(array.reshape(-1))
-        filled += array.size
-        return filled - array.size
-
+    index = _Packed()
     table = np.zeros((len(found.groups), lanes.FIELDS), dtype=np.int64)
     ends = []
     for row, group in zip(table, found.groups, strict=True):
@@ -89,22 +103,20 @@ def lay_out(
         row[lanes.STEPS], row[lanes.OWN], row[lanes.VARIABLES] = len(at), kind.own, kind.variables
         row[lanes.NEXT], row[lanes.LEFT] = kind.following.size, kind.left.size
         row[lanes.BORDER], row[lanes.SEGMENTS] = kind.border.size, group.segments
-        row[lanes.UNKNOWNS] = put(np.concatenate([inner, after], axis=1))
-        row[lanes.ENDS] = put(np.concatenate([before, border]))
+        row[lanes.UNKNOWNS] = index.put(np.concatenate([inner, after], axis=1))
+        row[lanes.ENDS] = index.put(np.concatenate([before, border]))
         ends.append(np.concatenate([after[-1], before, border]).astype(np.int64))
         own_sources = sources[group.kind]
         row[lanes.ENTRIES] = kind.rows.size
-        row[lanes.ENTRY_INDEX] = put(own_sources[at].transpose(0, 2, 1))
+        row[lanes.ENTRY_INDEX] = index.put(own_sources[at].transpose(0, 2, 1))
         row[lanes.FIRST] = kind.first_rows.size
-        row[lanes.FIRST_INDEX] = put(own_sources[at[0] - 1][:, kind.across].T)
+        row[lanes.FIRST_INDEX] = index.put(own_sources[at[0] - 1][:, kind.across].T)
         row[lanes.CURVED] = curved_places[group.kind].size
-        row[lanes.CURVED_INDEX] = put(curved_sources[group.kind][at].transpose(0, 2, 1))
+        row[lanes.CURVED_INDEX] = index.put(curved_sources[group.kind][at].transpose(0, 2, 1))
     rest = _rest_of(couplings, found, ends)
     for row, results in zip(table, rest.results, strict=True):
-        row[lanes.RESULT_INDEX] = put(results)
-    return Layout(
-        np.concatenate([*index, np.zeros(1, np.int32)]).astype(np.int32), table, curved_places, rest
-    )
+        row[lanes.RESULT_INDEX] = index.put(results)
+    return Layout(index.array(), table, curved_places, rest)
 
 
 def _by_stage(
@@ -183,15 +195,7 @@ def code_of(
     table: Int64s, groups: list[Group], kinds: list[Kind], programs: list[Program], curved: list[Int64s]
 ) -> Int32s:  # fmt: skip
     """What the programs determine: the rest of ``table``, and ``code``."""
-    code: list[NDArray[np.integer]] = []
-    filled = 0
-
-    def put(array: NDArray[np.integer]) -> int:
-        nonlocal filled
-        code.append(array.reshape(-1))
-        filled += array.size
-        return filled - array.size
-
+    code = _Packed()
     fields: list[dict[int, int]] = []
     for kind, program, places in zip(kinds, programs, curved, strict=True):
         own, near = kind.own, kind.near
@@ -213,24 +217,24 @@ def code_of(
             [triangle(kind.first_rows, kind.first_columns), kind.first_rows, kind.first_columns], axis=1
         )
         field = {
-            lanes.ENTRY_CODE: put(entries),
-            lanes.FIRST_CODE: put(across),
-            lanes.CURVED_CODE: put(places),
+            lanes.ENTRY_CODE: code.put(entries),
+            lanes.FIRST_CODE: code.put(across),
+            lanes.CURVED_CODE: code.put(places),
             lanes.CLEARED: int(first.sum()),
-            lanes.CLEARED_CODE: put(used_places[first]),
+            lanes.CLEARED_CODE: code.put(used_places[first]),
             lanes.EMPTY: int((~first).sum()),
-            lanes.EMPTY_CODE: put(used_places[~first]),
+            lanes.EMPTY_CODE: code.put(used_places[~first]),
             lanes.MOVED: moved.size,
-            lanes.MOVED_CODE: put(np.stack([results[moving], moved], axis=1)),
+            lanes.MOVED_CODE: code.put(np.stack([results[moving], moved], axis=1)),
             lanes.RESULTS: results.size,
-            lanes.RESULT_CODE: put(results),
-            lanes.FOLLOWING: put(kind.following),
+            lanes.RESULT_CODE: code.put(results),
+            lanes.FOLLOWING: code.put(kind.following),
             lanes.PANELS: len(program.panels),
             lanes.FACTOR_STEP: program.vectors,
-            lanes.PANEL_CODE: filled,
+            lanes.PANEL_CODE: code.size,
         }
-        starts = np.array([put(panel) for panel in program.panels], dtype=np.int64)
-        field[lanes.PANEL_STARTS] = put(starts)
+        starts = np.array([code.put(panel) for panel in program.panels], dtype=np.int64)
+        field[lanes.PANEL_STARTS] = code.put(starts)
         fields.append(field)
     factors = 0
     for row, group in zip(table, groups, strict=True):
@@ -238,4 +242,4 @@ def code_of(
             row[name] = value
         row[lanes.FACTORS] = factors
         factors += int(row[lanes.STEPS] * row[lanes.FACTOR_STEP])
-    return np.concatenate([*code, np.zeros(1, np.int64)]).astype(np.int32)
+    return code.array()

@@ -16,7 +16,7 @@ from stc.codegen.calls import Bound
 from stc.digests import blake2b
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import Inertia
-from stc.solver.kkt.entries import Arrays
+from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.frontal import FrontalKKT
 from stc.solver.kkt.segmented import SegmentedKKT
 from stc.solver.kkt.segments import find_segments
@@ -34,7 +34,7 @@ _lock = threading.RLock()  # the garbage collector may give one back while anoth
 _kept: OrderedDict[bytes, FrontalKKT | SegmentedKKT] = OrderedDict()
 
 
-class StructuredKKT:
+class StructuredKKT(ByCopies):
     """A ``SegmentedKKT`` where the horizon repeats itself, else a ``FrontalKKT``, new or from an earlier solve.
 
     See ``AttachedKKT`` for arguments and members.
@@ -148,16 +148,6 @@ class StructuredKKT:
     def check_solution(self) -> bool:
         """See ``AttachedKKT.check_solution``."""
         return self._system.check_solution()
-
-    def factorize(
-        self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
-    ) -> Inertia:
-        """See ``KKTSystem.factorize``."""
-        return self._system.factorize(hess_values, jac_values, primal_diagonal, dual_diagonal)
-
-    def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
-        """See ``KKTSystem.solve``."""
-        return self._system.solve(rhs_x, rhs_y)
 
 
 def _new_system(

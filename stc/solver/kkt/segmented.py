@@ -7,17 +7,18 @@ whole matrix when a test fails. When several fail in a row, other pivots are pla
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import aligned_zeros
 from stc.codegen.calls import Bound
+from stc.records import dataclass
 from stc.solver.kkt import lanes
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import Inertia, NotFinite
-from stc.solver.kkt.entries import Arrays, aligned_zeros, factorize_copies, solve_copies
+from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, RESIDUAL, SWEEPS, FrontalKKT
 from stc.solver.kkt.lane_panel import LARGEST, PANEL, STATE
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
@@ -69,7 +70,7 @@ class _Prepared:
     bindings: int = -1  # of the rest, that solve and probe are made for
 
 
-class SegmentedKKT:
+class SegmentedKKT(ByCopies):
     """Sparse LDL^T of segments in vector lanes and of the rest by ``FrontalKKT``.
 
     See ``AttachedKKT`` for the members.
@@ -150,12 +151,6 @@ class SegmentedKKT:
             return self._whole.factor_bytes if self._whole is not None else 0
         return self._now.factors.nbytes + self._rest.factor_bytes
 
-    def factorize(
-        self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
-    ) -> Inertia:
-        """See ``KKTSystem.factorize``."""
-        return factorize_copies(self, hess_values, jac_values, primal_diagonal, dual_diagonal)
-
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
         self._factorized = False
@@ -169,10 +164,6 @@ class SegmentedKKT:
             inertia = self._refactor_whole()
         self._factorized = True
         return inertia
-
-    def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
-        """See ``KKTSystem.solve``."""
-        return solve_copies(self, rhs_x, rhs_y)
 
     @property
     def solve_call(self) -> Bound:

@@ -11,12 +11,11 @@ is a chain again, of few stages.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen.native import i32s, i64, i64s, native
+from stc.records import dataclass
 from stc.solver.kkt.arrangement import Couplings, sort_by_key
 
 __all__ = ["Group", "Segmentation", "Stages", "find_segments"]

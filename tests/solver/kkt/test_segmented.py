@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
 from unittest import mock
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from solver.kkt.backends import printed_by
 from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, Pattern, generic
 from solver.kkt.test_contract import check
 
@@ -247,16 +244,6 @@ for kind in VALUES.values():
     dx, dy = kkt.solve(rng.normal(size=pattern.n), rng.normal(size=pattern.m))
     print(*inertia, kkt.last_residual < 1e-12, *(f"{v:.4e}" for v in (np.abs(dx).sum(), np.abs(dy).sum())))
 """
-    tests = str(Path(__file__).parents[2])
-    outputs = [
-        subprocess.run(
-            [sys.executable, "-c", script, tests],
-            env={**os.environ, "STC_BACKEND": backend},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.split()
-        for backend in ("auto", "python")
-    ]
+    outputs = [printed_by(script, backend) for backend in ("auto", "python")]
     assert outputs[0] == outputs[1]
     assert len(outputs[0]) == 4 * 6
