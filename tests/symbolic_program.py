@@ -55,6 +55,7 @@ class SymbolicProgram:
         self.row_stage = np.zeros(self.m, dtype=np.int32)
         self.row_linear = np.array([is_linear(r, self._keys) for r in self._r], dtype=bool)
         self.objective_degree = 3
+        self.fixed_curvature = np.zeros(self.n, bool)
 
     def _at(self, x: np.ndarray) -> dict[str, float]:
         return dict(zip(self._keys, map(float, x)))

@@ -69,6 +69,8 @@ class Formulation:
         target: the right-hand side of equalities, (m,); 0 elsewhere.
         ignored: rows without any bound, (m,).
         index, sign, bound: the gaps, (gaps,) each.
+        convex: variables that the objective alone bends, upwards, and where in the Hessian's entries it says so,
+            (k,) each.
         extra_diagonal: constant added to the Hessian's diagonal, (n,), or None.
         kkt: the linear algebra for this sparsity.
         stated_limits: of rows and of variables: which ones, the limits, and the factors that turn
@@ -79,6 +81,7 @@ class Formulation:
     n: int
     m: int
     kkt: KKTSystem
+    convex: tuple[Indices, Indices] = np.zeros(0, np.int64), np.zeros(0, np.int64)
     extra_diagonal: Floats | None = None
     workspace: Workspace | None = None
     stated_limits: tuple[Indices, Floats, Floats, Indices, Floats, Floats] | None = None

@@ -137,7 +137,7 @@ class LineSearch:
         phi, theta = work.phi(mu), work.it.theta
         slope = s[SLOPE] - mu * s[LOG_SLOPE]
         limit = s[PRIMAL_STEP]
-        self._shift = system.shift if self._shifts_count else 0.0
+        self._shifted = system.shift != 0.0 and self._shifts_count
         self.tiny = s[RELATIVE] < 10.0 * EPSILON and theta < 1e-4
         self.went_back = False
         if self._watch is None and self._shortened >= SHORTENED:
@@ -148,7 +148,7 @@ class LineSearch:
                 return limit
             watch.go_back(work, tau)
             theta, phi, slope, limit, shortest = watch.theta, watch.phi, watch.slope, watch.limit, 0.0
-            self._watch, self.went_back, self._shift = None, True, 0.0
+            self._watch, self.went_back, self._shifted = None, True, False
         smallest = max(self._smallest(theta, slope), shortest * limit)
         alpha = limit
         first = True
@@ -184,7 +184,7 @@ class LineSearch:
             self._watch, self._shortened = None, 0
             return True
         watch.trials += 1
-        return watch.trials <= TRIALS and work.move(limit, mu, self._shift)
+        return watch.trials <= TRIALS and work.move(limit, mu, self._shifted)
 
     def _smallest(self, theta: float, slope: float) -> float:
         smallest = GAMMA_THETA
@@ -251,7 +251,7 @@ class LineSearch:
 
     def _move(self, kind: str, theta: float, phi: float, alpha: float, mu: float) -> bool:
         """Make the point tried the iterate, unless a derivative is undefined there."""
-        if not self.work.move(alpha, mu, self._shift):
+        if not self.work.move(alpha, mu, self._shifted):
             return False
         if kind == "filter":
             self.filter.add(theta, phi)

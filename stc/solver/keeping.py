@@ -14,7 +14,7 @@ __all__ = ["Keeper", "give_back", "scaled_form"]
 
 
 #: Variables and rows of the largest program that something is kept of.
-LARGEST = 300_000
+LARGEST = 5_000_000
 
 
 class Keeper:

@@ -33,6 +33,8 @@ ALWAYS = 3
 """Iterations in a row that met dependent rows, after which they are expected."""
 MOST_UNTRIED = 3
 """Iterations in a row at most in which a matrix without a shift is not tried, after it has failed again and again."""
+COARSE = 1e-10
+"""Relative residual that is enough for a step, unless rows depend on one another: errors are multiplied there."""
 WHOLE = 0.5
 SOFTER = 0.01
 SMALLEST_STIFFNESS = 1e-8
@@ -95,6 +97,8 @@ class NewtonSystem:
                 self._failures += 1
                 self._untried = min(self._failures - 1, MOST_UNTRIED)
             self.shift = self._larger_shift()
+        if not self.deficient:
+            self.work.kkt.accuracy[0] = COARSE
         if self.shift == 0.0:
             self._failures = 0
         self._deficiencies = self._deficiencies + 1 if self.deficient else 0

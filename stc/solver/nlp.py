@@ -86,6 +86,11 @@ class NLP(Protocol):
     def objective_degree(self) -> int:
         """0 constant, 1 affine, 2 quadratic, 3 anything else."""
 
+    @property
+    def fixed_curvature(self) -> Mask:
+        """True where the variable's entries of the Hessian are the same everywhere, (n,): rows are affine in it, and
+        the objective quadratic."""
+
     def values(self, x: Floats) -> tuple[float, Floats]:
         """Objective and rows at ``x`` (n,): ``(f, r (m,))``; nan or inf where undefined."""
 

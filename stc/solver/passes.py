@@ -180,9 +180,9 @@ def inspect(
 
 @native(fast=True)
 def blend(
-    n: i64, m: i64, gaps: i64, entries: i64, index: i64s, sign: f64s, free: f64s, moving: f64s, rows: i64s, cols: i64s,
-    jac: f64s, alpha: f64s, shift: f64s, mu: f64s, residual: f64s, dw: f64s, dy: f64s, dz: f64s, y: f64s, z: f64s,
-    trial_gap: f64s, left: f64s, turn: f64s, trial_y: f64s, trial_z: f64s, evaluated_y: f64s, s: f64s,
+    n: i64, m: i64, gaps: i64, entries: i64, index: i64s, sign: f64s, shifts: f64s, moving: f64s, rows: i64s,
+    cols: i64s, jac: f64s, alpha: f64s, shifted: f64s, mu: f64s, residual: f64s, dw: f64s, dy: f64s, dz: f64s, y: f64s,
+    z: f64s, trial_gap: f64s, left: f64s, turn: f64s, trial_y: f64s, trial_z: f64s, evaluated_y: f64s, s: f64s,
 ) -> None:  # fmt: skip
     """Multipliers of the trial point.
 
@@ -193,7 +193,7 @@ def blend(
     primal = alpha[0]
     dual = s[DUAL_STEP]
     fraction = primal
-    if primal != dual or shift[0] != 0.0:
+    if primal != dual or shifted[0] != 0.0:
         for i in range(n):
             turn[i] = 0.0
         for r in range(m):
@@ -208,7 +208,7 @@ def blend(
             turn[i] *= moving[i]
             left[i] = (1.0 - primal) * residual[i] + (primal - dual) * left[i]
         for i in range(n):
-            left[i] -= primal * shift[0] * dw[i] * free[i]
+            left[i] -= primal * shifted[0] * shifts[i] * dw[i]
         length = 0.0
         product = 0.0
         for i in range(n + m):

@@ -29,6 +29,7 @@ NEARBY = 0.1
 ELSEWHERE = 3.0
 RESCALINGS = 3
 QUADRATIC_STEPS = 3
+NEIGHBOUR_STEPS, PATIENCE = 8, 2
 UNCHANGED = 1e-9
 LARGE_MULTIPLIER = 1e6
 LARGEST_MULTIPLIER = 1e12
@@ -133,6 +134,18 @@ class _Solve:
 
     def _warm(self, form: ScaledProblem, x: Floats, y: Floats, z: Floats) -> Outcome:
         """Steps from a neighbour's scaled solution; where they do not converge, a short barrier path to it."""
+        if not self.options.trusting:
+            near, solved = newton_on_active_set(
+                form,
+                x,
+                y,
+                self.monitor,
+                steps=NEIGHBOUR_STEPS,
+                tolerance=self.options.tolerance,
+                patience=PATIENCE,
+            )
+            if near is not None and solved:
+                return Outcome(End.CONVERGED, form, near.x.copy(), near.y.copy(), near.error)
         point = from_neighbour(form, x, y, z, self.options, self.monitor)
         it = warm_iterate(form, x, y)
         if point is not None:

@@ -24,6 +24,11 @@ from stc.solver.passes import (
     SLOPE,
 )
 
+#: What a shift may add to the curvature of a variable that only the objective bends, upwards: so much of what it has,
+#: and so much of the shift.
+SHARE = 0.1
+SLIGHT = 1e-3
+
 
 @native(fast=True)
 def diagonals(
@@ -48,11 +53,18 @@ def diagonals(
 @native(fast=True)
 def shifted(
     n: i64, m: i64, shift: f64, dual_shift: f64, free: f64s, kind: i32s, primal: f64s, d: f64s,
-    out_primal: f64s, out_dual: f64s,
+    convex: i64, variable: i64s, entry: i64s, hess: f64s, shifts: f64s, out_primal: f64s, out_dual: f64s,
 ) -> None:  # fmt: skip
-    """The diagonals with shifts."""
+    """The diagonals with shifts; the ``shifts`` (n,) of the Hessian are smaller where it bends upwards anyway."""
     for i in range(n):
-        out_primal[i] = primal[i] + shift * free[i]
+        shifts[i] = shift * free[i]
+    for k in range(convex):
+        i = variable[k]
+        curvature = primal[i] + hess[entry[k]]
+        if curvature > 0.0:
+            shifts[i] = min(shifts[i], SHARE * curvature + SLIGHT * shifts[i])
+    for i in range(n):
+        out_primal[i] = primal[i] + shifts[i]
     for r in range(m):
         out_dual[r] = dual_shift if kind[r] == EQUALITY else d[r]
 

@@ -80,10 +80,11 @@ class Workspace:
         it: the iterate; its arrays stay the same objects.
         s: numbers that the passes leave (see :mod:`stc.solver.passes`); reading one gives a float.
         step: the step in use.
-        mu, tau, alpha, shift: arguments of passes, (1,) each.
+        mu, tau, alpha, shifted: arguments of passes, (1,) each.
         centre: target of the gaps' multipliers, (gaps,).
         residual: gradient of the whole Lagrangian, (n + m,), since the last measurement.
         primal, d, sigma, ratio: diagonals without shifts, and what they are made of.
+        shifts: of the Hessian's diagonal in the last factorisation, (n,).
         trial_w, trial_c, trial_gap: the point tried.
         kkt: the linear algebra, with arrays of its own.
     """
@@ -101,9 +102,10 @@ class Workspace:
         )  # fmt: skip
         self._s = zeros(passes.NUMBERS)
         self.s: memoryview[float] = memoryview(self._s.data)
-        self.mu, self.tau, self.alpha, self.shift = (zeros(1) for _ in range(4))
+        self.mu, self.tau, self.alpha, self.shifted = (zeros(1) for _ in range(4))
         self.centre, self.residual = zeros(gaps), zeros(size)
         self.primal, self.d, self.sigma, self.ratio = zeros(n), zeros(m), zeros(size), zeros(gaps)
+        self.shifts = zeros(n)
         self.step, self.affine, self.centring = Step(form), Step(form), Step(form)
         self.trial_w, self.trial_gap, self.trial_c = zeros(size), zeros(gaps), zeros(m)
         self._trial_y, self._trial_z, self._trial_dual = zeros(m), zeros(gaps), zeros(size)
@@ -187,8 +189,9 @@ class Workspace:
             ]
         )  # fmt: skip
         self.shifted_call = step_passes.shifted.bind(
-            n, m, 0.0, 0.0, free, kind, self.primal, self.d, kkt.primal, kkt.dual
-        )
+            n, m, 0.0, 0.0, free, kind, self.primal, self.d, form.convex[0].size, *form.convex, it.hess, self.shifts,
+            kkt.primal, kkt.dual,
+        )  # fmt: skip
         self._mu_centre_call = step_passes.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
         self.lengths_call = step_passes.lengths.bind(
             n, m, gaps, index, sign, self.tau, it.w, it.z, it.gap, it.gradient, step.dw, step.dy, step.dz, s
@@ -240,9 +243,9 @@ class Workspace:
         self.move_call = chain(
             [
                 passes.blend.bind(
-                    n, m, gaps, entries, index, sign, free, moving, rows, cols, it.jac, self.alpha, self.shift, self.mu,
-                    self.residual, step.dw, step.dy, step.dz, it.y, it.z, self.trial_gap, self._pull, self._turn,
-                    self._trial_y, self._trial_z, ev.y, s,
+                    n, m, gaps, entries, index, sign, self.shifts, moving, rows, cols, it.jac, self.alpha, self.shifted,
+                    self.mu, self.residual, step.dw, step.dy, step.dz, it.y, it.z, self.trial_gap, self._pull,
+                    self._turn, self._trial_y, self._trial_z, ev.y, s,
                 ),
                 ev.derivatives_call,
                 passes.move.bind(
@@ -437,9 +440,12 @@ class Workspace:
         f = float(self.evaluator.f[0])
         return f - mu * self.s[TRIAL_LOGARITHMS] if self.form.gaps else f
 
-    def move(self, alpha: float, mu: float, shift: float) -> bool:
-        """Make the point tried the iterate, multipliers moved along; False where a derivative is undefined."""
-        self.alpha[0], self.mu[0], self.shift[0] = alpha, mu, shift
+    def move(self, alpha: float, mu: float, shifted: bool) -> bool:
+        """Make the point tried the iterate, multipliers moved along; False where a derivative is undefined.
+
+        ``shifted``: whether the step has come from the Hessian with ``shifts``.
+        """
+        self.alpha[0], self.mu[0], self.shifted[0] = alpha, mu, shifted
         self.move_call()
         it, s = self.it, self.s
         if s[MOVED]:

@@ -54,6 +54,7 @@ class FeasibilityProblem:
         self.var_stage, self.row_stage = bound.var_stage, bound.row_stage
         self.row_linear = bound.row_linear
         self.objective_degree = 0
+        self.fixed_curvature = np.zeros(self.n, bool)
 
     def values(self, x: FloatArray) -> tuple[float, FloatArray]:
         """Zero, and the rows; 0 for those left out, which may have no value here."""
@@ -106,6 +107,7 @@ class ElasticProblem:
         stages = [base.var_stage, base.row_stage[rows], base.row_stage[rows]]
         self.var_stage, self.row_stage = np.concatenate(stages).astype(np.int32), base.row_stage
         self.row_linear, self.objective_degree = base.row_linear, 1
+        self.fixed_curvature = np.zeros(self.n, bool)
 
     def values(self, x: FloatArray) -> tuple[float, FloatArray]:
         """The sum of p and q, and the rows with them."""

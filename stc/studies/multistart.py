@@ -18,6 +18,7 @@ from stc.guess_file import GivenValues, NodeValues, read_guess
 from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution
+from stc.solver.kkt.reuse import forget
 from stc.studies.effort import Clock, Effort
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
@@ -140,6 +141,7 @@ def multistart(
     problem, transcription = model.transcription(options.get("method"), **constants)
     around = _Neighbourhood(transcription, transcription.bind(problem.constants, guess=guess, check=False))
     found = MultiStart()
+    forget()  # what earlier solves planned shows in last digits, and so in where a far start leads
     for number in range(starts):
         solution = None
         for attempt in range(ATTEMPTS if number else 1):

@@ -79,6 +79,7 @@ class RelaxedProblem:
         lack = lack[np.isfinite(lack)]
         self.x0 = np.append(start, max(float(lack.max(initial=0.0)), 0.0) + 1e-3)
         self.objective_degree = 1
+        self.fixed_curvature = np.zeros(self.n, bool)
 
     def _structure(self, bound: BoundProgram) -> None:
         base, count = self.base, len(self._source)

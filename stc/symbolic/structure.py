@@ -7,7 +7,7 @@ although it is 1) errs on the safe side.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Final
 
 from stc.symbolic.node import Expr
@@ -64,6 +64,21 @@ def degree(e: Expr, keys: Iterable[Hashable]) -> int:
 def is_constant_in(e: Expr, keys: Iterable[Hashable]) -> bool:
     """Whether no symbol with one of the keys occurs in ``e``."""
     return degree(e, keys) == CONSTANT
+
+
+def mentions(e: Expr, wanted: Callable[[Hashable], bool]) -> bool:
+    """Whether a symbol with a key that is ``wanted`` occurs in ``e``; found soon where many do."""
+    seen: set[Expr] = set()
+    open_ = [e]
+    while open_:
+        node = open_.pop()
+        if node.op == "sym":
+            if wanted(node.payload):
+                return True
+        elif node not in seen:
+            seen.add(node)
+            open_.extend(node.args)
+    return False
 
 
 def is_linear(e: Expr, keys: Iterable[Hashable]) -> bool:

@@ -24,7 +24,7 @@ from stc.problem import ConstantRef, ParameterRef, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import gradient, jacobian_and_hessian
 from stc.symbolic.expr import Expr, sum_of, sym, symbols
-from stc.symbolic.structure import degree
+from stc.symbolic.structure import degree, mentions
 from stc.transcription.gather import Folding
 from stc.transcription.grid import IntArray, Nodes
 from stc.transcription.layout import Layout
@@ -36,7 +36,7 @@ REMEMBERED = 64
 """Groups whose derivatives are kept."""
 DERIVED = (
     "unknown", "data", "gradient", "jacobian", "hessian", "values_tape", "derivatives_tape", "degrees",
-    "objective_degree",
+    "objective_degree", "bent",
 )  # fmt: skip
 
 
@@ -57,7 +57,8 @@ class Group:
     """Statements that stand on the same nodes, and their kernels.
 
     ``inputs`` are decision variables, then data; ``positions`` (len(unknown inputs), k) says where each
-    node finds its decision variables.  ``row_ids`` (rows, k) numbers the rows in the nonlinear program.
+    node finds its decision variables.  ``row_ids`` (rows, k) numbers the rows in the nonlinear program.  ``bent``
+    are the inputs by which second derivatives change with unknowns or multipliers.
     """
 
     nodes: Nodes
@@ -75,6 +76,7 @@ class Group:
     derivatives_tape: Tape | None = None
     degrees: list[int] = field(default_factory=list)
     objective_degree: int = 0
+    bent: list[int] = field(default_factory=list)
 
     @property
     def size(self) -> int:
@@ -124,11 +126,18 @@ class Group:
         first, second = jacobian_and_hessian(bodies, sum_of(curved), keys)
         self.jacobian, self.hessian = list(first), list(second)
         outputs += [*first.values(), *second.values()]
+        changing = {place for place, e in second.items() if mentions(e, _changes)}
+        self.bent = sorted({k for place in changing for k in place})
         multipliers = [MultiplierRef(r) for r in range(len(self.rows))]
         self.derivatives_tape = build_tape(outputs, uniform, [*varying, *multipliers])
 
 
 _derived: dict[tuple[object, ...], dict[str, Any]] = {}
+
+
+def _changes(key: object) -> bool:
+    """Whether a symbol's value changes as a program is solved."""
+    return isinstance(key, VariableRef | ParameterRef | MultiplierRef)
 
 
 def _is_zero(e: Expr) -> bool:
@@ -212,6 +221,7 @@ class Program:
         row_group, row_number, row_instance: (m,) where each row comes from.
         row_source: (m,) int32 where each row is in the values kernels' buffer.
         objective_source: int32 places there that add up to the objective.
+        fixed_curvature: (size,) variables by which all second derivatives are constants.
     """
 
     groups: list[Group]
@@ -237,6 +247,7 @@ class Program:
     jacobian: Sparsity
     hessian: Sparsity
     objective_degree: int
+    fixed_curvature: NDArray[np.bool_]
 
 
 def build_groups(statements: Statements) -> list[Group]:
@@ -299,6 +310,9 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
             if a != b:  # two inputs that are one unknown at a node: the entry and its mirror both count there
                 outputs.double(pa == pb, dstart, dwidth, out)
             out += 1
+    fixed = np.ones(n, bool)
+    for group in groups:
+        fixed[group.positions[group.bent]] = False
     degrees = [g.objective_degree for g in groups if g.objective is not None]
     return Program(
         groups=groups,
@@ -324,6 +338,7 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
         jacobian=Sparsity.of(outputs, JACOBIAN),
         hessian=Sparsity.of(outputs, HESSIAN),
         objective_degree=max(degrees, default=0),
+        fixed_curvature=fixed,
     )
 
 

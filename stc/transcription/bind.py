@@ -189,6 +189,7 @@ class BoundProgram:
         self.var_stage, self.row_stage = layout.stage, program.row_stage
         self.row_linear = program.row_linear
         self.objective_degree = program.objective_degree
+        self.fixed_curvature = program.fixed_curvature
         self.contradictions = bounds.contradictions
         self.workspace = np.zeros(program.workspace_size)
         for group, start in zip(program.groups, program.data_start, strict=True):

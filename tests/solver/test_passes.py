@@ -72,17 +72,19 @@ def test_steps_end_before_the_bounds(seed: int, tau: float) -> None:
     assert work.trial_phi(0.3) == pytest.approx(trial.f - 0.3 * np.log(trial.gap).sum(), rel=1e-12)
 
 
-@given(st.integers(0, 1000), st.sampled_from([0.0, 0.7]))
-def test_rows_multipliers_move_as_far_as_suits_the_lagrangian(seed: int, shift: float) -> None:
+@given(st.integers(0, 1000), st.booleans())
+def test_rows_multipliers_move_as_far_as_suits_the_lagrangian(seed: int, shifted: bool) -> None:
     """No other fraction of their step leaves a smaller gradient, to first order."""
     form, work = at_work(seed)
     it, step, n = work.it, work.step, form.n
     work.step.dw *= 0.2
     work.limit_step(0.9)
+    work.shifts[:] = np.random.default_rng(seed).uniform(0.0, 1.0, n) * form.free
+    shifts = shifted * work.shifts
     before = it.snapshot()
     residual, alpha, dual = work.residual.copy(), work.s[passes.PRIMAL_STEP], work.s[passes.DUAL_STEP]
     assert work.try_step(alpha)
-    assert work.move(alpha, 0.1, shift)
+    assert work.move(alpha, 0.1, shifted)
     moved = it.y - before.y
     whole = np.flatnonzero(np.abs(step.dy) > 1e-9)
     fraction = float(moved[whole[0]] / step.dy[whole[0]])
@@ -91,11 +93,11 @@ def test_rows_multipliers_move_as_far_as_suits_the_lagrangian(seed: int, shift: 
 
     def left(share: float) -> float:
         g = (1 - alpha) * residual + (alpha - dual) * form.scatter(step.dz)
-        g[:n] -= alpha * shift * step.dw[:n] * form.free
+        g[:n] -= alpha * shifts * step.dw[:n]
         turn = np.concatenate([jac.T @ step.dy, -step.dy]) * form.moving
         return float(np.linalg.norm(g + (share - alpha) * turn))
 
-    if alpha == dual and not shift:
+    if alpha == dual and not shifted:
         assert fraction == pytest.approx(alpha)
     else:
         least = min(left(share) for share in np.linspace(0.0, 1.0, 101))
@@ -103,6 +105,26 @@ def test_rows_multipliers_move_as_far_as_suits_the_lagrangian(seed: int, shift: 
     wanted = evaluate(form, it.w, it.y, it.z)
     for name in ("f", "theta", "r", "gap", "c", "gradient", "jac", "hess", "dual"):
         np.testing.assert_allclose(getattr(it, name), getattr(wanted, name), rtol=1e-12, atol=1e-12)
+
+
+def test_shifts_of_what_only_the_objective_bends_stay_small() -> None:
+    form, work = at_work(3)
+    diagonal = np.flatnonzero((form.hess_rows == form.hess_cols) & form.free[form.hess_rows])
+    convex = form.hess_rows[diagonal], diagonal
+    form.convex, form.workspace = convex, None
+    work = Workspace(form)
+    work.primal[:] = np.random.default_rng(3).uniform(0.0, 1.0, form.n)
+    work.it.hess[:] = np.random.default_rng(4).standard_normal(form.hess_rows.size)
+    call, shift = work.shifted_call, 0.5
+    call.floats[call.position("shift")] = shift
+    call()
+    curvature = work.primal[convex[0]] + work.it.hess[convex[1]]
+    assert (curvature > 0.0).any() and (curvature <= 0.0).any()
+    expected = shift * form.free
+    capped = np.minimum(shift, 0.1 * curvature + 1e-3 * shift)
+    expected[convex[0]] = np.where(curvature > 0.0, capped, shift)
+    np.testing.assert_allclose(work.shifts, expected, rtol=1e-14)
+    np.testing.assert_allclose(work.kkt.primal, work.primal + expected, rtol=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -28,6 +28,7 @@ class DenseQuadratic:
         self.var_stage, self.row_stage = np.zeros(self.n, np.int32), np.zeros(self.m, np.int32)
         self.row_linear = np.ones(self.m, bool)
         self.objective_degree = 3 if cubic else 2
+        self.fixed_curvature = np.zeros(self.n, bool)
 
     def values(self, x):
         f = 0.5 * x @ self.Q @ x + self.g @ x + self.cubic * np.sum(np.abs(x) ** 3)

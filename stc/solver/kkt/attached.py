@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 
 from stc.codegen.calls import Bound
-from stc.solver.kkt.contract import AttachedKKT, Inertia, KKTSystem
+from stc.solver.kkt.contract import FINE, AttachedKKT, Inertia, KKTSystem
 from stc.solver.nlp import Floats
 
 __all__ = ["attached"]
@@ -28,7 +28,7 @@ class _Copying:
         self.hess, self.jac = np.zeros(hess_count), np.zeros(jac_count)
         self.primal, self.dual = np.zeros(n), np.zeros(m)
         self.rhs, self.solution = np.zeros(n + m), np.zeros(n + m)
-        self.report = np.zeros(1)
+        self.report, self.accuracy = np.zeros(1), np.full(1, FINE)
         self.solve_call = Bound.of_python(self._solve, ())
 
     @property

@@ -13,7 +13,10 @@ from typing import NamedTuple, Protocol
 from stc.codegen.calls import Bound
 from stc.solver.nlp import Floats
 
-__all__ = ["AttachedKKT", "Inertia", "KKTSystem", "NotFinite"]
+__all__ = ["FINE", "AttachedKKT", "Inertia", "KKTSystem", "NotFinite"]
+
+#: The relative residual that iterative refinement aims at.
+FINE = 1e-14
 
 
 class NotFinite(ValueError):
@@ -111,6 +114,10 @@ class AttachedKKT(KKTSystem, Protocol):
     @property
     def report(self) -> Floats:
         """What ``solve_call`` tells: ``report[0]`` is the relative residual (see ``last_residual``)."""
+
+    @property
+    def accuracy(self) -> Floats:
+        """The relative residual that ``solve_call`` is content with, (1,): ``FINE`` after each factorisation."""
 
     def refactor(self) -> Inertia:
         """Factorise what is in the arrays; see ``factorize``.

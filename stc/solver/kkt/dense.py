@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stc.codegen.calls import Bound
-from stc.solver.kkt.contract import Inertia, NotFinite
+from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import ByCopies
 from stc.solver.nlp import Floats, Ints
 
@@ -81,7 +81,7 @@ class DenseKKT(ByCopies):
         self.hess, self.jac = np.zeros(self._pattern[2].size), np.zeros(self._pattern[0].size)
         self.primal, self.dual = np.zeros(n), np.zeros(m)
         self.rhs, self.solution = np.zeros(n + m), np.zeros(n + m)
-        self.report = np.zeros(1)
+        self.report, self.accuracy = np.zeros(1), np.full(1, FINE)
         self._solve = Bound.of_python(self._solve_once, ())
         self._factorized = False
 

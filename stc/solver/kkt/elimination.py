@@ -354,6 +354,7 @@ def factorize(
         needed = threshold
         forced = -1
         forced_pair = False
+        hopeless = False
         rounds = 0
         while waiting > 0:
             kept = 0
@@ -384,7 +385,7 @@ def factorize(
                         accepted = 0.0
                         for k in range(count):
                             noise = max(noise, tiny * growth[found_1[k]])
-                    if max(most, fabs(a)) <= noise:
+                    if max(most, fabs(a)) <= noise or (p == forced and hopeless):
                         counts[ZERO] += 1
                         clear(row_p, count, listed, stride, window)
                         count = 0
@@ -456,6 +457,10 @@ def factorize(
                     return FACTORS_FULL
             waiting = kept
             rounds += 1
+            # What has overflowed is no pivot even when forced, and counts as zero.
+            hopeless = forced >= 0 and not progress
+            if hopeless:
+                continue
             forced = -1
             if last_stage:
                 if not progress and waiting > 0:

@@ -6,7 +6,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.solver.kkt.arrangement import Couplings
-from stc.solver.kkt.contract import AttachedKKT, Inertia
+from stc.solver.kkt.contract import FINE, AttachedKKT, Inertia
 from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
@@ -25,6 +25,7 @@ class Arrays:
     rhs: Floats
     solution: Floats
     report: Floats
+    accuracy: Floats
 
     @staticmethod
     def of(couplings: Couplings) -> Arrays:
@@ -33,7 +34,9 @@ class Arrays:
         given = np.zeros(sum(sizes))
         hess, jac, primal, dual = np.split(given, np.cumsum(sizes)[:-1])
         size = couplings.size
-        return Arrays(given, hess, jac, primal, dual, np.zeros(size), np.zeros(size), np.zeros(REPORT))
+        return Arrays(
+            given, hess, jac, primal, dual, np.zeros(size), np.zeros(size), np.zeros(REPORT), np.full(1, FINE)
+        )
 
 
 def checked_values(*arrays: tuple[Floats, int, str]) -> list[Floats]:

@@ -17,7 +17,7 @@ from stc.solver.kkt.arrangement import (
     tops_without_leaves,
     window_targets,
 )
-from stc.solver.kkt.contract import Inertia, NotFinite
+from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.elimination import FACTORS_FULL, factorize
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.panel import LARGEST_GROUP, MASKS
@@ -48,9 +48,8 @@ STALE = 4.0
 #: For a matrix that comes scaled as part of another one, less is enough.
 SWEEPS_OF_PART = 4
 STALE_OF_PART = 64.0
-#: Iterative refinement: steps at most, and relative residual to reach.
+#: Steps of iterative refinement at most.
 REFINEMENTS = 10
-RESIDUAL = 1e-14
 #: A plan is made anew when what matrices cost beyond it adds up to the cost of planning. Both are counted in entries
 #: of the factor: a strayed stage costs this share more per entry, ...
 STRAYING = 0.3
@@ -135,7 +134,8 @@ class FrontalKKT(ByCopies):
         self._diagonal_seen = np.zeros(size, dtype=bool)
         self.given = arrays.given
         self.hess, self.jac, self.primal, self.dual = arrays.hess, arrays.jac, arrays.primal, arrays.dual
-        self.rhs, self.solution, self.report = arrays.rhs, arrays.solution, arrays.report
+        self.rhs, self.solution = arrays.rhs, arrays.solution
+        self.report, self.accuracy = arrays.report, arrays.accuracy
         self._values = np.zeros(size + self._couplings.first.size)
         self._scale, self._most, self._inverse = np.zeros(size), np.zeros(size), np.zeros(3 * size)
         self._zeros = np.zeros(size)
@@ -200,6 +200,7 @@ class FrontalKKT(ByCopies):
         if self._load() != 0.0:
             raise NotFinite("the KKT matrix has entries that are not finite")
         self.factorizations += 1
+        self.accuracy[0] = FINE
         planned = self._follow_plan()
         self._equilibrate()
         self._threshold = self.pivot_threshold
@@ -350,6 +351,8 @@ class FrontalKKT(ByCopies):
                 self._enlarge(shortage)
                 self._bind()
         self._confirm_zeros()
+        if self._counts[pivots.ZERO] > 0 and not np.isfinite(self._window).all():
+            self._window[:] = 0.0  # something has overflowed
         self.nnz_factor = int(self._counts[pivots.FACTORS])
 
     def _enlarge(self, shortage: int) -> None:
@@ -399,7 +402,7 @@ class FrontalKKT(ByCopies):
             self._indices, self._factors, self._inverse, self._zeros, *self._vectors[:2], self._counts,
         )  # fmt: skip
         self._solve = solve.bind(
-            size, REFINEMENTS, RESIDUAL, a.pointers, a.columns, self._values, self._scale, a.order,
+            size, REFINEMENTS, self.accuracy, a.pointers, a.columns, self._values, self._scale, a.order,
             self._counts, self._pivots, self._starts, self._indices, self._factors, self._inverse, self.rhs,
             *self._vectors, self.solution, np.zeros(self._stride + 2 * LANES), self.report,
         )  # fmt: skip

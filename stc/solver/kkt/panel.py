@@ -379,11 +379,12 @@ def take_group(
         else:
             other = panel[(done + 1) * length :]
             factors_2 = lower[(done + 1) * length :]
-            # Divided by b first: a c / b may be tiny or large, b^2 must not overflow nor vanish.
-            ratio = 1.0 / (a * (c / b) - b)
-            inverse_pp = (c / b) * ratio
-            inverse_pq = -ratio
-            inverse_qq = (a / b) * ratio
+            # Divided by the largest entry first: the determinant must not overflow nor vanish.
+            scale = 1.0 / max(max(fabs(a), fabs(c)), fabs(b))
+            ratio = scale / ((a * scale) * c - (b * scale) * b)
+            inverse_pp = c * ratio
+            inverse_pq = -b * ratio
+            inverse_qq = a * ratio
             _scale_pair(
                 begin, length, inverse_pp, inverse_pq, inverse_qq, most, most_q, row, other, factors_1, factors_2,
                 rise,

@@ -170,11 +170,12 @@ def take_two(
     value_at = counts[FACTORS]
     if at + count > capacity or value_at + 2 * count > capacity:
         return 0
-    # Divided by b first: a c / b may be tiny or large, b^2 must not overflow nor vanish.
-    ratio = 1.0 / (a * (c / b) - b)
-    inverse_pp = (c / b) * ratio
-    inverse_pq = -ratio
-    inverse_qq = (a / b) * ratio
+    # Divided by the largest entry first: the determinant must not overflow nor vanish.
+    scale = 1.0 / max(max(fabs(a), fabs(c)), fabs(b))
+    ratio = scale / ((a * scale) * c - (b * scale) * b)
+    inverse_pp = c * ratio
+    inverse_pq = -b * ratio
+    inverse_qq = a * ratio
     most_p = largest(count, first)
     most_q = largest(count, second)
     own = indices[at:]

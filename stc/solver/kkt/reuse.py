@@ -137,6 +137,11 @@ class StructuredKKT(ByCopies):
         return self._system.report
 
     @property
+    def accuracy(self) -> Floats:
+        """See ``AttachedKKT.accuracy``."""
+        return self._system.accuracy
+
+    @property
     def solve_call(self) -> Bound:
         """See ``AttachedKKT.solve_call``."""
         return self._system.solve_call

@@ -7,6 +7,7 @@ whole matrix when a test fails. When several fail in a row, other pivots are pla
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,9 @@ from stc.codegen.calls import Bound
 from stc.records import dataclass
 from stc.solver.kkt import lanes
 from stc.solver.kkt.arrangement import Couplings
-from stc.solver.kkt.contract import Inertia, NotFinite
+from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import Arrays, ByCopies
-from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, RESIDUAL, SWEEPS, FrontalKKT
+from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, SWEEPS, FrontalKKT
 from stc.solver.kkt.lane_panel import LARGEST, PANEL, STATE
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import code_of, lay_out
@@ -31,21 +32,26 @@ from stc.solver.nlp import Floats
 __all__ = ["SegmentedKKT"]
 
 #: No product that is subtracted may exceed this, nor any entry of an inverted pivot, in the equilibrated matrix.
-GROWTH = 1e12
-INVERSE = 1e11
+GROWTH = 1e14
+INVERSE = 1e13
 #: Where they are larger than this share of it, the factors are tried on a right-hand side: the residual, before
 #: refinement, should be no larger than INACCURATE, and the solution no longer than SINGULAR times as much.
-SUSPECT = 1e-3
+SUSPECT = 1e-5
 INACCURATE = 1e-6
 SINGULAR = 3e9
 #: Stages of a kind whose entries are looked at for a plan.
 SAMPLE = 32
-#: Matrices in a row that a plan may fail for before another one is made: the first of a solve is often unlike the
-#: others.  How often plans may change, to begin with, and after how many matrices once more; plans that are kept.
+#: Matrices in a row that all plans may fail for before another one is made: the first of a solve is often unlike the
+#: others.  Plans that are kept; after so many matrices one that failed may be replaced.
 TOLERATED = 1
-SWITCHES = 4
-MATRICES = 40
+#: With so many unknowns the ``FrontalKKT`` of one matrix takes longer than planning: nothing is tolerated.
+MANY = 20_000
 PLANS = 4
+MATRICES = 40
+#: How much the last matrix counts in the share of matrices that a plan suits, and the share that makes a trial worth
+#: its while.
+RECENT = 0.3
+UNLIKELY = 0.2
 #: Room for factors, as a multiple of what the first plan needs.
 ROOM = 1.25
 #: After so many failures in a row segments are skipped for one matrix, then for twice as many each time, up to this
@@ -65,6 +71,7 @@ class _Prepared:
     eliminate: Bound
     equilibrate: Bound
     operations: int
+    won: float = 0.0  # share of the last matrices that it suited
     solve: Bound | None = None
     probe: Bound | None = None
     bindings: int = -1  # of the rest, that solve and probe are made for
@@ -84,7 +91,8 @@ class SegmentedKKT(ByCopies):
         self._couplings, self._stage, self._found = couplings, stage, found
         self._arrays = a = Arrays.of(couplings)
         self.hess, self.jac, self.primal, self.dual = a.hess, a.jac, a.primal, a.dual
-        self.rhs, self.solution, self.report = a.rhs, a.solution, a.report
+        self.rhs, self.solution = a.rhs, a.solution
+        self.report, self.accuracy = a.report, a.accuracy
         size = couplings.size
         self._source = np.concatenate(
             [couplings.hess_off, couplings.hess_count + np.arange(couplings.jac_count)]
@@ -104,13 +112,12 @@ class SegmentedKKT(ByCopies):
         self._probe_rhs = np.random.default_rng(size).choice([-1.0, 1.0], size)
         self._probe_result, self._probe_report = np.zeros(size), np.zeros(REPORT)
         self._tried = 0
-        self._switches = 0
+        self._next_plan = 0
         self._failures = 0
         self._skip = 0
         self._by_segments = False
         self._factorized = False
         self._plans: list[_Prepared] = []
-        self._at = 0
         self._factors = aligned_zeros(0)
         self._bind_entries()
         nothing = [np.zeros(kind.size * (kind.size + 1) // 2, dtype=bool) for kind in self._kinds]
@@ -122,7 +129,7 @@ class SegmentedKKT(ByCopies):
         self.nnz_factor = 0
         self.last_residual = 0.0
         self._scale[:] = 1.0
-        self._failures = self._skip = self._tried = self._switches = self._at = 0
+        self._failures = self._skip = self._tried = self._next_plan = 0
         if self._plans:
             self._now = self._plans[0]
         self._factorized = False
@@ -157,6 +164,7 @@ class SegmentedKKT(ByCopies):
         if self._collect() != 0.0:
             raise NotFinite("the KKT matrix has entries that are not finite")
         self.factorizations += 1
+        self.accuracy[0] = FINE
         self._now.equilibrate()
         inertia = self._refactor_segments()
         self._by_segments = inertia is not None
@@ -202,11 +210,14 @@ class SegmentedKKT(ByCopies):
             return None
         self._tried += 1
         negative = -1
-        if self._plans:
+        for plan in self._candidates():
+            self._now = plan
             negative = self._eliminate()
-        if negative < 0 and self._change_plan():
-            negative = self._eliminate()
+            plan.won += RECENT * (float(negative >= 0) - plan.won)
+            if negative >= 0:
+                break
         if negative < 0:
+            self._now = max(self._plans, key=lambda plan: plan.won)
             self._failures += 1
             if self._failures >= PATIENCE:
                 self._skip = 2 ** min(self._failures - PATIENCE, LONGEST_SKIP)
@@ -227,20 +238,24 @@ class SegmentedKKT(ByCopies):
         self._load_rest()
         return int(self._now.eliminate())
 
-    def _change_plan(self) -> bool:
-        """Take up the next plan, or make one, when the one in use has failed too often; whether there is another."""
-        if self._plans and (
-            self._failures < TOLERATED or self._switches >= SWITCHES + self._tried // MATRICES
-        ):
-            return False
-        self._switches += 1
-        self._at = self._at + 1 if self._plans else 0
-        if self._at >= PLANS:
-            self._at = 0
-        elif self._at == len(self._plans):
-            self._plans.append(self._prepare(self._programs()))
-        self._now = self._plans[self._at]
-        return True
+    def _candidates(self) -> Iterator[_Prepared]:
+        """Plans to try for the matrix at hand: that in use, the one that suited most of the others, a new one."""
+        first = self._now if self._plans else None
+        if first is not None:
+            yield first
+            others = [plan for plan in self._plans if plan is not first]
+            likely = max(others, key=lambda plan: plan.won, default=None)
+            if likely is not None and likely.won > UNLIKELY:
+                yield likely
+            if self._failures < TOLERATED and self._couplings.size < MANY:
+                return
+            if len(self._plans) == PLANS:
+                if self._tried < self._next_plan:
+                    return
+                del self._plans[min(range(PLANS), key=lambda k: self._plans[k].won)]
+        self._next_plan = self._tried + MATRICES
+        self._plans.append(self._prepare(self._programs()))
+        yield self._plans[-1]
 
     def _passes_probe(self) -> bool:
         """Solve once: a matrix that is nearly singular has long solutions, inaccurate factors a large residual."""
@@ -327,7 +342,7 @@ class SegmentedKKT(ByCopies):
             (0, self._probe_rhs, self._probe_result, self._probe_report),
         ):
             call = solve_all.bind(
-                self._couplings.size, steps, RESIDUAL, *plan.tables, plan.factors, rest.entry.size,
+                self._couplings.size, steps, self.accuracy, *plan.tables, plan.factors, rest.entry.size,
                 *self._rest_entries, self._arrays.given, self._diagonal, self._scale, *plan.space,
                 *self._rest.factors_in_order(rest.unknowns), rhs, self._change, self._kept, solution, report,
             )  # fmt: skip

@@ -15,7 +15,7 @@ from stc.solver.kkt.values import find_scale, spread_of
 __all__ = ["diagonal_of", "equilibrate_all", "load_rest", "solve_all"]
 
 #: A scale serves as long as the largest entries of all rows are within this factor of 1.
-STALE = 64.0
+STALE = 1024.0
 
 
 @native(fast=True)
@@ -144,7 +144,7 @@ def _scaled_norm(size: i64, scale: f64s, x: f64s) -> f64:
 def solve_all(
     size: i64,
     refinements: i64,
-    tolerance: f64,
+    accuracy: f64s,
     groups: i64,
     table: i64s,
     index: i32s,
@@ -234,7 +234,7 @@ def solve_all(
         stagnant = now > 0.5 * relative
         relative = now
         gain = highest / norm
-        if stagnant or relative <= tolerance or steps >= refinements:
+        if stagnant or relative <= accuracy[0] or steps >= refinements:
             break
         steps += 1
     report[0] = relative if norm > 0.0 else 0.0

@@ -113,7 +113,11 @@ def confirm_zeros(
         a = inverse[3 * k]
         b = 0.0
         c = 0.0
-        largest = fabs(a)
+        largest = fabs(a) if q < 0 else fabs(a) + fabs(inverse[3 * k + 1]) + fabs(inverse[3 * k + 2])
+        if largest - largest != 0.0:  # overflowed
+            counts[NEGATIVE] -= 1
+            counts[ZERO] += 1
+            continue
         if q < 0:
             if largest * SUSPECT <= 1.0:
                 continue

@@ -187,7 +187,7 @@ def _norm(size: i64, x: f64s) -> f64:
 def solve(
     size: i64,
     refinements: i64,
-    tolerance: f64,
+    accuracy: f64s,
     pointers: i32s,
     columns: i32s,
     values: f64s,
@@ -209,7 +209,7 @@ def solve(
 ) -> None:
     """Solve K x = rhs with the factors of S K S; ``rhs`` and ``result`` (N,) in the unknowns' own order.
 
-    Refinement stops at the relative residual ``tolerance``, when it no longer falls by half, or after
+    Refinement stops at the relative residual ``accuracy[0]``, when it no longer falls by half, or after
     ``refinements`` steps; the best solution is kept.
     """
     count = pivot_count[0]
@@ -236,7 +236,7 @@ def solve(
             break
         stagnant = now > 0.5 * relative
         relative = now
-        if stagnant or relative <= tolerance or steps >= refinements:
+        if stagnant or relative <= accuracy[0] or steps >= refinements:
             break
         steps += 1
         for k in range(size):

@@ -251,3 +251,38 @@ def test_a_matrix_without_any_entries(monkeypatch):
     np.testing.assert_allclose(dy, -1.0)
     values = generic(rng, pattern)
     assert kkt.factorize(*values.arguments()) == DenseKKT(*pattern.arguments()).factorize(*values.arguments())
+
+
+@pytest.mark.parametrize("coupling", [1e-200, 1e-300, 5e-324])
+def test_a_planned_pair_whose_coupling_vanishes(coupling):
+    pattern = Builder(np.random.default_rng(0))
+    x = pattern.variables(1, 0)
+    pattern.curvature(x, 1.0)
+    pattern.row(0, x)
+    kkt = FrontalKKT(*pattern.pattern().arguments())
+    paired = kkt.factorize(np.zeros(1), np.ones(1), np.zeros(1), np.zeros(1))
+    assert (paired.positive, paired.negative) == (1, 1)
+    kkt.factorize(np.ones(1), np.full(1, coupling), np.zeros(1), np.ones(1))
+    x, y = kkt.solve(np.ones(1), np.ones(1))
+    np.testing.assert_array_equal((x[0], y[0]), (1.0, -1.0))
+
+
+def test_what_overflows_counts_as_zero_and_leaves_nothing_behind(monkeypatch):
+    rng = np.random.default_rng(3)
+    p = regular(rng, 6, "plain")
+    values = generic(rng, p)
+    kkt = FrontalKKT(*p.arguments())
+    expected = kkt.factorize(*values.arguments())
+    equilibrate = kkt._equilibrate
+
+    def overflow() -> None:
+        equilibrate()
+        kkt._values[: p.n + p.m : 5] = np.nan
+
+    monkeypatch.setattr(kkt, "_equilibrate", overflow)
+    assert kkt.factorize(*values.arguments()).zero > 0
+    monkeypatch.setattr(kkt, "_equilibrate", equilibrate)
+    assert kkt.factorize(*values.arguments()) == expected
+    rhs = rng.normal(size=p.n), rng.normal(size=p.m)
+    kkt.solve(*rhs)
+    assert kkt.last_residual < 1e-12
