@@ -26,7 +26,7 @@ def test_scattered_fills_the_interval() -> None:
 
 def test_a_solve_does_not_import_what_it_does_not_need() -> None:
     code = (
-        "import sys, stc; stc.load('particle_waypoints').solve(n=8); "
+        "import sys, stc; stc.load('particle_waypoints').solve(n=8); stc.load('cart_pole_swing_up').solve(n=200); "
         "print(*[m for m in ('numpy.ma', 'numpy.random', 'scipy', 'mujoco', 'matplotlib', 'rich', 'nlopt', 'typer')"
         " if m in sys.modules])"
     )

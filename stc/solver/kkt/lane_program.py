@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import distinct
 from stc.records import dataclass
 from stc.solver.kkt.lane_panel import PANEL
 from stc.solver.kkt.ordering import SECOND, SMALLEST, order_stage
@@ -98,7 +99,7 @@ def kind_of(found: Segmentation, number: int, variables: int) -> Kind:
     own = int(pointers[example + 1] - pointers[example])
     types, i, j = codes // base**2, codes // base % base, codes % base
     across, bordering = types == ACROSS, types == BORDERING
-    following, left, border = np.unique(j[across]), np.unique(i[across]), np.unique(j[bordering])
+    following, left, border = distinct(j[across]), distinct(i[across]), distinct(j[bordering])
     near = own + following.size
     rows = np.where(types == INSIDE, i, 0)
     columns = np.where(types == INSIDE, j, i)

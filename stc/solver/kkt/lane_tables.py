@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import distinct
 from stc.records import dataclass
 from stc.solver.kkt import lanes
 from stc.solver.kkt.arrangement import Couplings
@@ -145,7 +146,7 @@ def _by_stage(
         sources.append(table)
         members = np.flatnonzero(curved_kind == number)
         places = stages.local[couplings.hess_variable[members]]
-        own = np.unique(places).astype(np.int64)
+        own = distinct(places).astype(np.int64)
         table = np.zeros((stage_count, own.size), dtype=np.int32)
         table[curved_stage[members], np.searchsorted(own, places)] = curved_source[members]
         curved_sources.append(table)
@@ -169,7 +170,7 @@ def _rest_of(couplings: Couplings, found: Segmentation, ends: list[Int64s]) -> R
         a, b = np.tril_indices(len(own))
         corners.append((number[own[a]], number[own[b]], np.arange(LANES) < group.segments))
         pairs.append(_key(*corners[-1][:2], count)[:, : group.segments].reshape(-1))
-    keys = np.unique(np.concatenate(pairs))
+    keys = distinct(np.concatenate(pairs))
     keys = keys[keys // count != keys % count]
     none = np.zeros(0, dtype=np.intp)
     pattern = Couplings(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.arrays import aligned_zeros
+from stc.arrays import aligned_zeros, distinct, scattered
 from stc.codegen.calls import Bound
 from stc.records import dataclass
 from stc.solver.kkt import lanes
@@ -109,7 +109,7 @@ class SegmentedKKT(ByCopies):
         )
         self._whole: FrontalKKT | None = None
         self._eliminated = int(size - rest.unknowns.size)
-        self._probe_rhs = np.random.default_rng(size).choice([-1.0, 1.0], size)
+        self._probe_rhs = np.copysign(1.0, scattered(size))
         self._probe_result, self._probe_report = np.zeros(size), np.zeros(REPORT)
         self._tried = 0
         self._next_plan = 0
@@ -279,7 +279,7 @@ class SegmentedKKT(ByCopies):
         diagonal = self._diagonal * scale * scale
         for number, kind in enumerate(self._kinds):
             lanes_of = [group.stages for group in found.groups if group.kind == number]
-            chosen = np.unique(np.concatenate([stages.reshape(-1) for stages in lanes_of]))
+            chosen = distinct(np.concatenate([stages.reshape(-1) for stages in lanes_of]))
             chosen = chosen[:: -(-chosen.size // SAMPLE)]
             inside = np.isin(found.edge_stage, chosen)
             codes = found.codes[number]
