@@ -67,7 +67,7 @@ def starting_point(
         message = f"the step from frame {bad} to {bad + 1} starts at {h[bad]:g}; it must be positive"
         raise SpecError([Diagnostic("error", message, problem.step_span, hint)])
     time = np.concatenate([[0.0], np.cumsum(h)])
-    written = _written(problem, grid, values, time)
+    written = _written(problem, grid, values, time, given)
     for name, order, before, after, middle in layout.slots():
         if order == 0:
             frames, mids = _start_of(
@@ -104,13 +104,20 @@ def check_names(given: GivenValues, problem: Problem) -> None:
 
 
 def _written(
-    problem: Problem, grid: Grid, values: Mapping[object, float], time: FloatArray
+    problem: Problem,
+    grid: Grid,
+    values: Mapping[object, float],
+    time: FloatArray,
+    given: GivenValues | None,
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Written guesses at frames (n+1,) and midpoints (n,) per variable, NaN where none is given."""
+    """Written guesses at frames (n+1,) and midpoints (n,) per variable, NaN where none is given.
+
+    Those that ``given`` has numbers for everywhere are left out.
+    """
     result: dict[str, tuple[FloatArray, FloatArray]] = {}
     expand = Expander(problem, grid)
     for guess in problem.guesses:
-        if guess.name not in problem.variables:
+        if guess.name not in problem.variables or _is_whole(guess.name, given, time):
             continue
         if guess.name not in result:
             result[guess.name] = np.full(grid.n + 1, np.nan), np.full(grid.n, np.nan)
@@ -121,11 +128,17 @@ def _written(
             half = nodes.is_midpoint
             t = time[nodes.frame].copy()
             t[half] = 0.5 * (time[nodes.frame[half]] + time[nodes.frame[half] + 1])
-            given = {**values, IndexRef(): nodes.position / 2.0, TimeRef(): t}
-            value = np.broadcast_to(evaluate(body, given), t.shape)
+            known = {**values, IndexRef(): nodes.position / 2.0, TimeRef(): t}
+            value = np.broadcast_to(evaluate(body, known), t.shape)
             at_frames[nodes.frame[~half]] = value[~half]
             at_mids[nodes.frame[half]] = value[half]
     return result
+
+
+def _is_whole(name: str, given: GivenValues | None, time: FloatArray) -> bool:
+    """Whether values from outside cover a variable at every node."""
+    outside = None if given is None else given.values(name, 0, time)
+    return outside is not None and not any(np.isnan(values).any() for values in outside)
 
 
 def _known(

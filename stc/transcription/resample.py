@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.alignment import Alignment
-from stc.problem import Problem
 from stc.records import dataclass
 from stc.solution import MultiplierBlock, Solution
 from stc.transcription.bind import BoundProgram
@@ -44,31 +43,32 @@ def resample_multipliers(
         lengths: (n,) duration of every step there.
         alignment: which frames of the solution are which there.
     """
-    problem = transcription.problem
     n, program = transcription.grid.n, transcription.program
     rows, bounds = np.zeros(program.row_count), np.zeros(program.size)
     if not n or not solution.n:
         return rows, bounds
-    old_lengths = np.diff(solution.time)
-    earlier = {
-        (block.kind, block.label): _strands(block, alignment, n, old_lengths)
-        for block in solution.multipliers
-    }
+    several = np.array([r.range.first < r.range.last for r in transcription.problem.relations] + [False])
+    before = _Before(alignment, n, np.diff(solution.time))
+    earlier = {(block.kind, block.label): before.strands(block) for block in solution.multipliers}
+    after = _After(n, lengths)
     for (kind, label), (nodes, ids, owner) in rows_by_statement(transcription).items():
         strands = earlier.get((kind, label), [])
-        turn = occurrence(nodes)
-        wide = _is_wide(problem, owner)
-        for k, strand in enumerate(strands):
-            mine = turn == k
-            density = np.full(mine.sum(), k > 0) if kind == "link" else wide[mine]
-            rows[ids[mine]] = strand.at(nodes[mine], n, lengths, density)
-    for label, nodes, position in bound_nodes(transcription):
-        if ("bound", label) not in earlier:
+        if not strands:
             continue
-        owners = bound.bounds.lower_from[position], bound.bounds.upper_from[position]
-        wide = _is_wide(problem, np.maximum(*owners)) & (len(nodes) > 1)
-        for strand in earlier.get(("bound", label), [])[:1]:
-            bounds[position] = strand.at(nodes, n, lengths, wide)
+        turn = occurrence(nodes)
+        alone = not turn.any()
+        wide = several[np.where(owner == LINK, len(several) - 1, owner)]
+        for k, strand in enumerate(strands[:1] if alone else strands):
+            mine = slice(None) if alone else turn == k
+            here = nodes if alone else nodes[mine]
+            density = np.full(len(here), k > 0) if kind == "link" else wide[mine]
+            rows[ids[mine]] = after.values(strand, here, density)
+    for label, nodes, position in bound_nodes(transcription):
+        strands = earlier.get(("bound", label), [])
+        if strands:
+            owner = np.maximum(bound.bounds.lower_from[position], bound.bounds.upper_from[position])
+            wide = several[np.where(owner == LINK, len(several) - 1, owner)] & (len(nodes) > 1)
+            bounds[position] = after.values(strands[0], nodes, wide)
     factor = _objective_ratio(solution, bound)
     return factor * rows, factor * bounds
 
@@ -78,12 +78,6 @@ def _objective_ratio(solution: Solution, bound: BoundProgram) -> float:
     objective, _ = bound.values(bound.x0)
     ratio = objective / solution.objective if solution.objective else 1.0
     return ratio if 1.0 / MOST_OFF < ratio < MOST_OFF and abs(np.log(ratio)) > SAME else 1.0
-
-
-def _is_wide(problem: Problem, owner: IntArray) -> NDArray[np.bool_]:
-    """Which rows belong to statements on several frames; ``owner`` (k,) are their relations."""
-    wide = np.array([r.range.first < r.range.last for r in problem.relations] + [False])
-    return wide[np.where(owner == LINK, len(wide) - 1, owner)]
 
 
 def occurrence(nodes: Nodes) -> IntArray:
@@ -124,39 +118,83 @@ class _Strand:
     value: FloatArray
     density: FloatArray
 
-    def at(self, nodes: Nodes, n: int, lengths: FloatArray, density: NDArray[np.bool_]) -> FloatArray:
-        """The multipliers at other nodes: linear between those here, where ``density`` (len(nodes),) is True those
-        per unit of time. (len(nodes),)
+
+class _Before:
+    """The earlier multipliers by strands.
+
+    Most statements stand on the same nodes: where these are in the motion is found once.
+    """
+
+    def __init__(self, alignment: Alignment, n: int, lengths: FloatArray) -> None:
+        self._alignment, self._n, self._lengths = alignment, n, lengths
+        self._known: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+
+    def strands(self, block: MultiplierBlock) -> list[_Strand]:
+        """One for every row that the block has on a node."""
+        nodes = Nodes(
+            np.rint(2.0 * block.nodes).astype(np.int64),
+            np.array([0, AFTER, BEFORE])[block.sides.astype(int)],
+        )
+        turn = occurrence(nodes)
+        found = []
+        for k in range(int(turn.max(initial=-1)) + 1):
+            mine = turn == k
+            share, weights = self._places(nodes[mine])
+            found.append(_Strand(share, block.values[mine], block.values[mine] / weights))
+        return found
+
+    def _places(self, nodes: Nodes) -> tuple[FloatArray, FloatArray]:
+        key = nodes.key()
+        if key not in self._known:
+            weights = node_weights(nodes, self._lengths, bool(nodes.is_midpoint.any()))
+            self._known[key] = _shares(nodes, self._n, self._alignment), weights
+        return self._known[key]
+
+
+class _After:
+    """Multipliers at other nodes: between which of a strand's they are is found once for all that stand alike."""
+
+    def __init__(self, n: int, lengths: FloatArray) -> None:
+        self._n, self._lengths = n, lengths
+        self._known: dict[tuple[bytes, bytes], tuple[IntArray, IntArray, FloatArray, NDArray[np.bool_]]] = {}
+        self._weights: dict[bytes, FloatArray] = {}
+
+    def values(self, strand: _Strand, nodes: Nodes, density: NDArray[np.bool_]) -> FloatArray:
+        """The multipliers at ``nodes``: linear between those of the strand, where ``density`` (len(nodes),) is True
+        those per unit of time. (len(nodes),)
 
         They are 0 beside a node without a multiplier: what holds on one frame holds there alone.
         """
-        if not self.value.any():
+        if not strand.value.any():
             return np.zeros(len(nodes))
-        share = _shares(nodes, n)
-        last = len(self.share) - 1
-        right = np.minimum(np.searchsorted(self.share, share), last)
-        left = np.maximum(right - 1, 0)
-        value = np.where(density, self.density[right], self.value[right])
-        before = np.where(density, self.density[left], self.value[left])
-        gap = self.share[right] - self.share[left]
-        part = np.clip((share - self.share[left]) / np.where(gap > 0.0, gap, 1.0), 0.0, 1.0)
+        key = nodes.key()
+        left, right, part, beside = self._between(strand.share, nodes, key)
+        mixed = bool(density.any()) and not density.all()
+        given = strand.density if density.any() else strand.value
+        value, before = given[right], given[left]
+        if mixed:
+            value = np.where(density, value, strand.value[right])
+            before = np.where(density, before, strand.value[left])
         between = np.where((value == 0.0) | (before == 0.0), 0.0, before + part * (value - before))
-        result = np.where(np.abs(self.share[right] - share) <= APART, value, between)
+        result = np.where(beside, value, between)
         if density.any():
-            simpson = bool(nodes.is_midpoint.any())
-            result *= np.where(density, node_weights(nodes, lengths, simpson), 1.0)
+            weights = self._weights.get(key)
+            if weights is None:
+                weights = node_weights(nodes, self._lengths, bool(nodes.is_midpoint.any()))
+                self._weights[key] = weights
+            result *= np.where(density, weights, 1.0) if mixed else weights
         return result
 
-
-def _strands(block: MultiplierBlock, alignment: Alignment, n: int, lengths: FloatArray) -> list[_Strand]:
-    nodes = Nodes(
-        np.rint(2.0 * block.nodes).astype(np.int64), np.array([0, AFTER, BEFORE])[block.sides.astype(int)]
-    )
-    turn = occurrence(nodes)
-    found = []
-    for k in range(int(turn.max(initial=-1)) + 1):
-        mine = turn == k
-        here = nodes[mine]
-        weights = node_weights(here, lengths, bool(here.is_midpoint.any()))
-        found.append(_Strand(_shares(here, n, alignment), block.values[mine], block.values[mine] / weights))
-    return found
+    def _between(
+        self, share: FloatArray, nodes: Nodes, key: bytes
+    ) -> tuple[IntArray, IntArray, FloatArray, NDArray[np.bool_]]:
+        """Places before and after each node, how far it is from one to the other, and whether it is at the end."""
+        both = share.tobytes(), key
+        if both not in self._known:
+            own = _shares(nodes, self._n)
+            right = np.minimum(np.searchsorted(share, own), len(share) - 1)
+            left = np.maximum(right - 1, 0)
+            gap = share[right] - share[left]
+            part = np.clip((own - share[left]) / np.where(gap > 0.0, gap, 1.0), 0.0, 1.0)
+            self._known[both] = left, right, part, np.abs(share[right] - own) <= APART
+        return self._known[both]
