@@ -79,6 +79,8 @@ def newton_on_active_set(
             return pair.point, True
         if not pair.step():
             return None, False
+        if tolerance < pair.next.error <= CONTRACTION * error:
+            pair.correct()
         new = pair.next
         if new.error > max(CONTRACTION * error, ACCURATE * tolerance):
             patience -= 1

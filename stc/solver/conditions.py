@@ -12,6 +12,7 @@ __all__ = [
     "gradient_of_lagrangian",
     "point_conditions",
     "project_entries",
+    "remaining",
     "respond",
     "restrict",
     "restricted_diagonals",
@@ -316,6 +317,20 @@ def restricted_diagonals(
         primal[i] = 1.0 if active_x[i] != 0.0 else shift_x
     for k in range(m):
         dual[k] = shift_y if active_rows[k] != 0.0 else 1.0
+
+
+@native(fast=True)
+def remaining(
+    n: i64, m: i64, active_x: f64s, active_rows: f64s, lagrangian: f64s, row_target: f64s, r: f64s, dx: f64s, dy: f64s,
+    rhs: f64s,
+) -> None:  # fmt: skip
+    """Right-hand side of another step on an active set that a point is on already: it fixes nothing more."""
+    for i in range(n):
+        dx[i] = 0.0
+        rhs[i] = -lagrangian[i] * (1.0 - active_x[i])
+    for k in range(m):
+        dy[k] = 0.0
+        rhs[n + k] = (row_target[k] - r[k]) * active_rows[k]
 
 
 @native(fast=True)

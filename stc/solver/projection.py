@@ -72,6 +72,19 @@ class Projection:
             self.x_target, self.row_target, self.dx, self.dy, kkt.hess, kkt.jac, kkt.rhs, self._largest,
         )  # fmt: skip
 
+        self._remaining = conditions.remaining.bind(
+            n,
+            m,
+            self.active_x,
+            self.active_rows,
+            self.lagrangian,
+            self.row_target,
+            self.r,
+            self.dx,
+            self.dy,
+            kkt.rhs,
+        )
+
     @property
     def f(self) -> float:
         """See the class."""
@@ -97,6 +110,14 @@ class Projection:
         """Factorise for the Newton step on the active set; whether the curvature on it is positive."""
         self._restrict()
         return factorize_restricted(self._kkt, self.active_x, self.active_rows, float(self._largest[0]))[1]
+
+    def on_active_set_of(self, other: Projection) -> bool:
+        """Whether the same bounds and rows are active at another point, so that its factorisation serves here."""
+        same = np.array_equal(self.active_x, other.active_x)
+        same = same and np.array_equal(self.active_rows, other.active_rows)
+        if same:
+            self._remaining()
+        return same
 
 
 class ProjectionPair:
@@ -131,6 +152,24 @@ class ProjectionPair:
         self._kkt.check_solution()
         advance()
         return self.largest[1] == 0.0 and self.next.evaluate()
+
+    def correct(self) -> bool:
+        """Step once more with the same factorisation, from the next point to where the point has been.
+
+        This makes a factorisation gain as much as one and a half Newton steps (J. F. Traub, Iterative methods for the
+        solution of equations, 1964, section 8.4). False where that comes no closer; the next point is as it was.
+        """
+        if not self.next.on_active_set_of(self.point):
+            return False
+        self._kkt.solve_call()
+        change = float(self.largest[0])
+        self._advance[id(self.next)]()
+        if self.largest[1] == 0.0 and self.point.evaluate() and self.point.error < self.next.error:
+            self.largest[0] += change
+            self.swap()
+            return True
+        self.largest[0] = change
+        return False
 
     def swap(self) -> None:
         """Make the next point the point."""

@@ -41,11 +41,10 @@ INACCURATE = 1e-6
 SINGULAR = 3e9
 #: Stages of a kind whose entries are looked at for a plan.
 SAMPLE = 32
-#: Matrices in a row that all plans may fail for before another one is made: the first of a solve is often unlike the
-#: others.  Plans that are kept; after so many matrices one that failed may be replaced.
-TOLERATED = 1
-#: With so many unknowns the ``FrontalKKT`` of one matrix takes longer than planning: nothing is tolerated.
-MANY = 20_000
+#: Another plan takes as long as ``FrontalKKT`` takes for matrices of so many unknowns together: it is made when all
+#: plans have failed for so many.
+PLANNING = 13_000
+#: Plans that are kept; after so many matrices one that failed may be replaced.
 PLANS = 4
 MATRICES = 40
 #: How much the last matrix counts in the share of matrices that a plan suits, and the share that makes a trial worth
@@ -114,6 +113,7 @@ class SegmentedKKT(ByCopies):
         self._tried = 0
         self._next_plan = 0
         self._failures = 0
+        self._missed = 0
         self._skip = 0
         self._by_segments = False
         self._factorized = False
@@ -239,20 +239,20 @@ class SegmentedKKT(ByCopies):
         return int(self._now.eliminate())
 
     def _candidates(self) -> Iterator[_Prepared]:
-        """Plans to try for the matrix at hand: that in use, the one that suited most of the others, a new one."""
-        first = self._now if self._plans else None
-        if first is not None:
+        """Plans to try for the matrix at hand: that in use, others that suited some before, a new one."""
+        if self._plans:
+            first = self._now
             yield first
-            others = [plan for plan in self._plans if plan is not first]
-            likely = max(others, key=lambda plan: plan.won, default=None)
-            if likely is not None and likely.won > UNLIKELY:
-                yield likely
-            if self._failures < TOLERATED and self._couplings.size < MANY:
+            others = (plan for plan in self._plans if plan is not first and plan.won > UNLIKELY)
+            yield from sorted(others, key=lambda plan: -plan.won)
+            self._missed += self._couplings.size
+            if self._missed < PLANNING:
                 return
             if len(self._plans) == PLANS:
                 if self._tried < self._next_plan:
                     return
                 del self._plans[min(range(PLANS), key=lambda k: self._plans[k].won)]
+        self._missed = 0
         self._next_plan = self._tried + MATRICES
         self._plans.append(self._prepare(self._programs()))
         yield self._plans[-1]
