@@ -59,7 +59,7 @@ def resample_multipliers(
         alone = not turn.any()
         wide = several[np.where(owner == LINK, len(several) - 1, owner)]
         for k, strand in enumerate(strands[:1] if alone else strands):
-            mine = slice(None) if alone else turn == k
+            mine = turn == k
             here = nodes if alone else nodes[mine]
             density = np.full(len(here), k > 0) if kind == "link" else wide[mine]
             rows[ids[mine]] = after.values(strand, here, density)
