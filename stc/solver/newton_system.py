@@ -34,7 +34,12 @@ ALWAYS = 3
 MOST_UNTRIED = 3
 """Iterations in a row at most in which a matrix without a shift is not tried, after it has failed again and again."""
 COARSE = 1e-10
-"""Relative residual that is enough for a step, unless rows depend on one another: errors are multiplied there."""
+"""Relative residual that is enough for a step while steps are smooth and no rows depend on one another.
+
+Elsewhere errors are multiplied.
+"""
+SMOOTH = 3
+"""Steps in a row that were accepted nearly whole."""
 WHOLE = 0.5
 SOFTER = 0.01
 SMALLEST_STIFFNESS = 1e-8
@@ -65,6 +70,7 @@ class NewtonSystem:
         self._any_equality = bool(form.equality.any())
         self._deficiencies = 0
         self._failures = self._untried = 0
+        self._smooth = 0
         place = work.shifted_call.position
         self._places = place("shift"), place("dual_shift")
 
@@ -97,7 +103,7 @@ class NewtonSystem:
                 self._failures += 1
                 self._untried = min(self._failures - 1, MOST_UNTRIED)
             self.shift = self._larger_shift()
-        if not self.deficient:
+        if self._smooth >= SMOOTH and not self.deficient:
             self.work.kkt.accuracy[0] = COARSE
         if self.shift == 0.0:
             self._failures = 0
@@ -134,6 +140,7 @@ class NewtonSystem:
             self._stiffness = 0.0
         elif self.shift > 0.0:
             self._last_shift = self.shift
+        self._smooth = self._smooth + 1 if length >= WHOLE else 0
         if length >= WHOLE:
             self._stiffness *= SOFTER
             if self._stiffness < SMALLEST_STIFFNESS:
