@@ -14,6 +14,7 @@ from stc.symbolic.structure import (
     is_constant_in,
     is_linear,
     is_quadratic,
+    mentions,
 )
 
 X, Y, C = sym("x"), sym("y"), sym("c")
@@ -86,3 +87,12 @@ def test_dependencies_of_several_rows() -> None:
     many = [sym(k) for k in range(200)]
     total = sum(many[1:], many[0])
     assert dependencies([total], range(200)) == [list(np.arange(200))]
+
+
+@given(expressions())
+def test_mentioned_symbols_are_those_that_occur(e: Expr) -> None:
+    occurring = set(symbols(e))
+    assert {name for name in NAMES if mentions(e, lambda key, name=name: key == name)} == occurring & set(
+        NAMES
+    )
+    assert mentions(e, lambda _: True) == bool(occurring)

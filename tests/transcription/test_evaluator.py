@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import stc
 from stc.codegen import threads
 from stc.codegen.calls import Bound, chain
 from stc.errors import Source
@@ -200,3 +201,31 @@ def test_long_sums_are_accurate():
     exact = math.fsum(buffer)
     assert abs(out[0] - exact) <= 4e-14 * exact
     assert status[0] == 0.0
+
+
+@pytest.mark.parametrize("name", ["mirrored", *SPECS])
+def test_fixed_curvature_is_the_same_everywhere(name: str) -> None:
+    """Where it is promised for a variable, its second derivatives depend on neither variables nor multipliers."""
+    program = bound_program(name)
+    rng = np.random.default_rng(0)
+    found = []
+    for _ in range(4):
+        x = np.abs(program.x0) + rng.uniform(0.5, 1.5, program.n)
+        found.append(program.derivatives(x, rng.standard_normal(program.m), 1.0)[2].copy())
+    fixed = program.fixed_curvature
+    promised = fixed[program.hess_rows] | fixed[program.hess_cols]
+    for other in found[1:]:
+        np.testing.assert_allclose(other[promised], found[0][promised], rtol=1e-12, atol=1e-12)
+    changes = np.abs(np.array(found) - found[0]).max(axis=0) > 1e-9
+    assert not fixed[program.hess_rows[changes]].any()
+
+
+def test_torques_have_a_fixed_curvature() -> None:
+    """The equations of a chain are affine in them, and their squares are the objective."""
+    spec = PROBLEMS.parent / "speed" / "p3_chain5.stc"
+    problem, transcription = stc.load(spec).transcription(n=6)
+    program = transcription.bind(problem.constants)
+    torques = np.concatenate(
+        [before for name, order, before, _, _ in transcription.layout.slots() if name.startswith("tau")]
+    )
+    np.testing.assert_array_equal(np.sort(torques), np.flatnonzero(program.fixed_curvature))
