@@ -72,7 +72,7 @@ class Projection:
             self.x_target, self.row_target, self.dx, self.dy, kkt.hess, kkt.jac, kkt.rhs, self._largest,
         )  # fmt: skip
 
-        self._remaining = conditions.remaining.bind(
+        self.remaining_call: Bound = conditions.remaining.bind(
             n,
             m,
             self.active_x,
@@ -111,13 +111,10 @@ class Projection:
         self._restrict()
         return factorize_restricted(self._kkt, self.active_x, self.active_rows, float(self._largest[0]))[1]
 
-    def on_active_set_of(self, other: Projection) -> bool:
-        """Whether the same bounds and rows are active at another point, so that its factorisation serves here."""
-        same = np.array_equal(self.active_x, other.active_x)
-        same = same and np.array_equal(self.active_rows, other.active_rows)
-        if same:
-            self._remaining()
-        return same
+    def is_on_active_set_of(self, other: Projection) -> bool:
+        """Whether the same bounds and rows are active at another point."""
+        same_x = np.array_equal(self.active_x, other.active_x)
+        return same_x and np.array_equal(self.active_rows, other.active_rows)
 
 
 class ProjectionPair:
@@ -159,8 +156,9 @@ class ProjectionPair:
         This makes a factorisation gain as much as one and a half Newton steps (J. F. Traub, Iterative methods for the
         solution of equations, 1964, section 8.4). False where that comes no closer; the next point is as it was.
         """
-        if not self.next.on_active_set_of(self.point):
+        if not self.next.is_on_active_set_of(self.point):
             return False
+        self.next.remaining_call()
         self._kkt.solve_call()
         change = float(self.largest[0])
         self._advance[id(self.next)]()

@@ -135,17 +135,9 @@ class _Solve:
     def _warm(self, form: ScaledProblem, x: Floats, y: Floats, z: Floats) -> Outcome:
         """Steps from a neighbour's scaled solution; where they do not converge, a short barrier path to it."""
         if not self.options.trusting:
-            near, solved = newton_on_active_set(
-                form,
-                x,
-                y,
-                self.monitor,
-                steps=NEIGHBOUR_STEPS,
-                tolerance=self.options.tolerance,
-                patience=PATIENCE,
-            )
-            if near is not None and solved:
-                return Outcome(End.CONVERGED, form, near.x.copy(), near.y.copy(), near.error)
+            outcome = self._by_newton(form, x, y, NEIGHBOUR_STEPS, PATIENCE)
+            if outcome is not None:
+                return outcome
         point = from_neighbour(form, x, y, z, self.options, self.monitor)
         it = warm_iterate(form, x, y)
         if point is not None:
@@ -181,8 +173,15 @@ class _Solve:
     def _linear_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
         """A quadratic program without inequalities: its optimality conditions are linear equations."""
         x, y = np.where(form.held, form.held_value, x0 / form.x_scale), np.zeros(form.m)
+        return self._by_newton(form, x, y, QUADRATIC_STEPS)
+
+    def _by_newton(
+        self, form: ScaledProblem, x: Floats, y: Floats, steps: int, patience: int = 0
+    ) -> Outcome | None:
+        """The solution that Newton's method on the active set finds from ``(x, y)``, scaled; None where it does not."""
+        tolerance = self.options.tolerance
         point, solved = newton_on_active_set(
-            form, x, y, self.monitor, steps=QUADRATIC_STEPS, tolerance=self.options.tolerance
+            form, x, y, self.monitor, steps=steps, tolerance=tolerance, patience=patience
         )
         if point is None or not solved:
             return None

@@ -63,7 +63,7 @@ def degree(e: Expr, keys: Iterable[Hashable]) -> int:
 
 def is_constant_in(e: Expr, keys: Iterable[Hashable]) -> bool:
     """Whether no symbol with one of the keys occurs in ``e``."""
-    return degree(e, keys) == CONSTANT
+    return not mentions(e, frozenset(keys).__contains__)
 
 
 def mentions(e: Expr, wanted: Callable[[Hashable], bool]) -> bool:

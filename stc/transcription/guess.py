@@ -67,12 +67,12 @@ def starting_point(
         message = f"the step from frame {bad} to {bad + 1} starts at {h[bad]:g}; it must be positive"
         raise SpecError([Diagnostic("error", message, problem.step_span, hint)])
     time = np.concatenate([[0.0], np.cumsum(h)])
-    written = _written(problem, grid, values, time, given)
+    outside = {name: None if given is None else given.values(name, 0, time) for name in problem.variables}
+    written = _written(problem, grid, values, time, outside)
     for name, order, before, after, middle in layout.slots():
         if order == 0:
-            frames, mids = _start_of(
-                before, after, middle, lower, upper, _known(name, written, given, time), time
-            )
+            known = _known(written.get(name), outside[name])
+            frames, mids = _start_of(before, after, middle, lower, upper, known, time)
         else:
             frames, mids = _slope(frames, mids, time, grid.jump)
             known = None if given is None else given.values(name, order, time)
@@ -108,16 +108,16 @@ def _written(
     grid: Grid,
     values: Mapping[object, float],
     time: FloatArray,
-    given: GivenValues | None,
+    outside: Mapping[str, NodeValues | None],
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Written guesses at frames (n+1,) and midpoints (n,) per variable, NaN where none is given.
 
-    Those that ``given`` has numbers for everywhere are left out.
+    Those that there are numbers for from outside at every node are left out.
     """
     result: dict[str, tuple[FloatArray, FloatArray]] = {}
     expand = Expander(problem, grid)
     for guess in problem.guesses:
-        if guess.name not in problem.variables or _is_whole(guess.name, given, time):
+        if guess.name not in problem.variables or _is_whole(outside[guess.name]):
             continue
         if guess.name not in result:
             result[guess.name] = np.full(grid.n + 1, np.nan), np.full(grid.n, np.nan)
@@ -135,23 +135,16 @@ def _written(
     return result
 
 
-def _is_whole(name: str, given: GivenValues | None, time: FloatArray) -> bool:
-    """Whether values from outside cover a variable at every node."""
-    outside = None if given is None else given.values(name, 0, time)
-    return outside is not None and not any(np.isnan(values).any() for values in outside)
+def _is_whole(values: NodeValues | None) -> bool:
+    """Whether there are numbers at every node."""
+    return values is not None and not any(np.isnan(part).any() for part in values)
 
 
-def _known(
-    name: str,
-    written: Mapping[str, tuple[FloatArray, FloatArray]],
-    given: GivenValues | None,
-    time: FloatArray,
-) -> NodeValues | None:
+def _known(written: tuple[FloatArray, FloatArray] | None, outside: NodeValues | None) -> NodeValues | None:
     """What the spec and the outside say of a variable, the outside first."""
-    outside = None if given is None else given.values(name, 0, time)
-    if name not in written:
+    if written is None:
         return outside
-    frames, mids = written[name]
+    frames, mids = written
     if outside is None:
         return frames, frames, mids
     return _over(frames, outside[0]), _over(frames, outside[1]), _over(mids, outside[2])

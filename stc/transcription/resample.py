@@ -56,18 +56,16 @@ def resample_multipliers(
         if not strands:
             continue
         turn = occurrence(nodes)
-        alone = not turn.any()
-        wide = several[np.where(owner == LINK, len(several) - 1, owner)]
-        for k, strand in enumerate(strands[:1] if alone else strands):
+        wide = _of_owners(several, owner)
+        for k, strand in enumerate(strands):
             mine = turn == k
-            here = nodes if alone else nodes[mine]
-            density = np.full(len(here), k > 0) if kind == "link" else wide[mine]
-            rows[ids[mine]] = after.values(strand, here, density)
+            density = np.full(mine.sum(), k > 0) if kind == "link" else wide[mine]
+            rows[ids[mine]] = after.values(strand, nodes[mine], density)
     for label, nodes, position in bound_nodes(transcription):
         strands = earlier.get(("bound", label), [])
         if strands:
             owner = np.maximum(bound.bounds.lower_from[position], bound.bounds.upper_from[position])
-            wide = several[np.where(owner == LINK, len(several) - 1, owner)] & (len(nodes) > 1)
+            wide = _of_owners(several, owner) & (len(nodes) > 1)
             bounds[position] = after.values(strands[0], nodes, wide)
     factor = _objective_ratio(solution, bound)
     return factor * rows, factor * bounds
@@ -80,6 +78,11 @@ def _objective_ratio(solution: Solution, bound: BoundProgram) -> float:
     return ratio if 1.0 / MOST_OFF < ratio < MOST_OFF and abs(np.log(ratio)) > SAME else 1.0
 
 
+def _of_owners(several: NDArray[np.bool_], owner: IntArray) -> NDArray[np.bool_]:
+    """Which of some rows belong to relations on several frames; the last entry is for those without relation. (k,)"""
+    return several[np.where(owner == LINK, len(several) - 1, owner)]
+
+
 def occurrence(nodes: Nodes) -> IntArray:
     """How many earlier entries stand on the same node; entries are in order of time. (k,)"""
     code = 4 * nodes.position + nodes.side
@@ -87,10 +90,10 @@ def occurrence(nodes: Nodes) -> IntArray:
     return np.arange(len(code)) - first
 
 
-def node_weights(nodes: Nodes, lengths: FloatArray, simpson: bool) -> FloatArray:
+def node_weights(nodes: Nodes, lengths: FloatArray) -> FloatArray:
     """The time that each node stands for by the trapezoid rule, or Simpson's with its midpoints. (k,)"""
     frame, n = nodes.frame, len(lengths)
-    edge = 1.0 / 6.0 if simpson else 0.5
+    edge = 1.0 / 6.0 if nodes.is_midpoint.any() else 0.5
     left = np.where((frame > 0) & (nodes.side != AFTER), lengths[np.clip(frame - 1, 0, n - 1)], 0.0)
     right = np.where((frame < n) & (nodes.side != BEFORE), lengths[np.clip(frame, 0, n - 1)], 0.0)
     weights = np.where(
@@ -146,7 +149,7 @@ class _Before:
     def _places(self, nodes: Nodes) -> tuple[FloatArray, FloatArray]:
         key = nodes.key()
         if key not in self._known:
-            weights = node_weights(nodes, self._lengths, bool(nodes.is_midpoint.any()))
+            weights = node_weights(nodes, self._lengths)
             self._known[key] = _shares(nodes, self._n, self._alignment), weights
         return self._known[key]
 
@@ -180,7 +183,7 @@ class _After:
         if density.any():
             weights = self._weights.get(key)
             if weights is None:
-                weights = node_weights(nodes, self._lengths, bool(nodes.is_midpoint.any()))
+                weights = node_weights(nodes, self._lengths)
                 self._weights[key] = weights
             result *= np.where(density, weights, 1.0) if mixed else weights
         return result

@@ -23,6 +23,7 @@ from stc.solver.kkt.pivots import (
     PIVOTS,
     POSITIVE,
     pair_accepted,
+    reciprocal_determinant,
 )
 
 __all__ = ["CHANGED", "LARGEST_GROUP", "MASKS", "VECTOR", "take_group"]
@@ -379,9 +380,7 @@ def take_group(
         else:
             other = panel[(done + 1) * length :]
             factors_2 = lower[(done + 1) * length :]
-            # Divided by the largest entry first: the determinant must not overflow nor vanish.
-            scale = 1.0 / max(max(fabs(a), fabs(c)), fabs(b))
-            ratio = scale / ((a * scale) * c - (b * scale) * b)
+            ratio = reciprocal_determinant(a, b, c)
             inverse_pp = c * ratio
             inverse_pq = -b * ratio
             inverse_qq = a * ratio

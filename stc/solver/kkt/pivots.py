@@ -32,6 +32,7 @@ __all__ = [
     "pair_accepted",
     "pair_up",
     "place_of",
+    "reciprocal_determinant",
     "strongest",
     "take_one",
     "take_two",
@@ -71,6 +72,13 @@ def pair_accepted(a: f64, b: f64, c: f64, most_p: f64, most_q: f64, threshold: f
     elif threshold * (fabs(b) * most_p + fabs(a) * most_q) > size:
         good = 0
     return good
+
+
+@native(inline=True)
+def reciprocal_determinant(a: f64, b: f64, c: f64) -> f64:
+    """``1 / (a c - b^2)``, divided by the largest entry first: it must not overflow nor vanish on the way."""
+    scale = 1.0 / max(max(fabs(a), fabs(c)), fabs(b))
+    return scale / ((a * scale) * c - (b * scale) * b)
 
 
 @native(small=True)
@@ -170,9 +178,7 @@ def take_two(
     value_at = counts[FACTORS]
     if at + count > capacity or value_at + 2 * count > capacity:
         return 0
-    # Divided by the largest entry first: the determinant must not overflow nor vanish.
-    scale = 1.0 / max(max(fabs(a), fabs(c)), fabs(b))
-    ratio = scale / ((a * scale) * c - (b * scale) * b)
+    ratio = reciprocal_determinant(a, b, c)
     inverse_pp = c * ratio
     inverse_pq = -b * ratio
     inverse_qq = a * ratio

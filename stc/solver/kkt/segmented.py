@@ -2,7 +2,7 @@
 
 Segments are eliminated with pivots fixed before (see stc.solver.kkt.lanes), which are tested while they are taken.
 Stages between them and irregular ones go through ``FrontalKKT``, which pivots as the values ask for, and so does the
-whole matrix when a test fails. When several fail in a row, other pivots are planned.
+whole matrix when a test fails with every plan. Another plan is made when that has cost as much as planning.
 """
 
 from __future__ import annotations

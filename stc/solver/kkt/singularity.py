@@ -111,22 +111,19 @@ def confirm_zeros(
         if q >= 0:
             value_at += starts[2 * k + 1]
         a = inverse[3 * k]
-        b = 0.0
-        c = 0.0
-        largest = fabs(a) if q < 0 else fabs(a) + fabs(inverse[3 * k + 1]) + fabs(inverse[3 * k + 2])
-        if largest - largest != 0.0:  # overflowed
+        b = inverse[3 * k + 1] if q >= 0 else 0.0
+        c = inverse[3 * k + 2] if q >= 0 else 0.0
+        total = fabs(a) + fabs(b) + fabs(c)
+        if total - total != 0.0:  # overflowed
             counts[NEGATIVE] -= 1
             counts[ZERO] += 1
             continue
+        largest = max(max(fabs(a), fabs(b)), fabs(c))
         if q < 0:
             if largest * SUSPECT <= 1.0:
                 continue
-        else:
-            b = inverse[3 * k + 1]
-            c = inverse[3 * k + 2]
-            largest = max(max(largest, fabs(b)), fabs(c))
-            if largest > SUSPECT * fabs(a * c - b * b):  # D = [[c, -b], [-b, a]] / (a c - b^2)
-                continue
+        elif largest > SUSPECT * fabs(a * c - b * b):  # D = [[c, -b], [-b, a]] / (a c - b^2)
+            continue
         if checks >= CHECKS:
             return
         checks += 1
