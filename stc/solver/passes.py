@@ -43,8 +43,7 @@ TRIAL_LOGARITHMS: Final = 21
 TRIAL_GAP: Final = 22  # the smallest
 MOVED: Final = 23  # 1 when the trial point has become the iterate
 STEP: Final = 24  # largest relative change of a variable
-FIRST_RESIDUAL: Final = 25
-VIOLATION: Final = 26  # in the user's terms
+VIOLATION: Final = 25  # in the user's terms
 NUMBERS: Final = 32
 
 #: Products of gaps between these are collected before their logarithm is taken.

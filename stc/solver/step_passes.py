@@ -11,7 +11,6 @@ from stc.solver.passes import (
     DUAL_STEP,
     EQUALITY,
     FINITE,
-    FIRST_RESIDUAL,
     IGNORED,
     INEQUALITY,
     LENGTH,
@@ -67,13 +66,6 @@ def shifted(
         out_primal[i] = primal[i] + shifts[i]
     for r in range(m):
         out_dual[r] = dual_shift if kind[r] == EQUALITY else d[r]
-
-
-@native(fast=True)
-def zero_centre(gaps: i64, centre: f64s) -> None:
-    """The target of the predictor."""
-    for k in range(gaps):
-        centre[k] = 0.0
 
 
 @native(fast=True)
@@ -240,15 +232,3 @@ def choose_centring(
             best = sigma
             least = error
     s[SIGMA] = best
-
-
-@native
-def note_residual(report: f64s, s: f64s) -> None:
-    """Keep the residual of a solve while another one is made."""
-    s[FIRST_RESIDUAL] = report[0]
-
-
-@native
-def join_residuals(report: f64s, s: f64s) -> None:
-    """Report the larger residual of the two."""
-    report[0] = max(report[0], s[FIRST_RESIDUAL])

@@ -103,7 +103,7 @@ class Workspace:
         self._s = zeros(passes.NUMBERS)
         self.s: memoryview[float] = memoryview(self._s.data)
         self.mu, self.tau, self.alpha, self.shifted = (zeros(1) for _ in range(4))
-        self.centre, self.residual = zeros(gaps), zeros(size)
+        self.centre, self._no_centre, self.residual = zeros(gaps), zeros(gaps), zeros(size)
         self.primal, self.d, self.sigma, self.ratio = zeros(n), zeros(m), zeros(size), zeros(gaps)
         self.shifts = zeros(n)
         self.step, self.affine, self.centring = Step(form), Step(form), Step(form)
@@ -131,11 +131,8 @@ class Workspace:
         rows, cols, s = form.jac_rows, form.jac_cols, self._s
         extra = np.zeros(n) if form.extra_diagonal is None else form.extra_diagonal
         step = self.step
-        kkt_report, affine, centring = kkt.report, self.affine, self.centring
-        self._zero_centre_call = step_passes.zero_centre.bind(gaps, self.centre)
+        affine, centring = self.affine, self.centring
         self._mean_centre_call = step_passes.mean_centre.bind(gaps, it.gap, self.centre, s)
-        self._note_call = step_passes.note_residual.bind(kkt_report, s)
-        self._join_call = step_passes.join_residuals.bind(kkt_report, s)
         scratch = [np.zeros(gaps) for _ in range(6)]
         self._choose_call = step_passes.choose_centring.bind(
             gaps,
@@ -329,8 +326,11 @@ class Workspace:
         known = self._chains.get(name)
         if known is None:
             known = self._chains[name] = chain(
-                [self._begin(name, c, residuals), self.kkt.solve_call, self._end(name, step, c, residuals)]
-            )
+                [
+                    self._begin(name, c, residuals, self.centre, self.kkt.rhs), self.kkt.solve_call,
+                    self._end(name, step, c, residuals, self.centre, self.kkt.solution),
+                ]
+            )  # fmt: skip
         return known
 
     def _renew(self) -> None:
@@ -340,23 +340,25 @@ class Workspace:
             self._solve = solve
             self._chains.clear()
 
-    def _begin(self, name: str, c: Floats, residuals: bool) -> Bound:
+    def _begin(self, name: str, c: Floats, residuals: bool, centre: Floats, rhs: Floats) -> Bound:
         form = self.form
         return self._once(
             name + " begins",
             lambda: step_passes.right_hand_side.bind(
-                form.n, form.m, form.gaps, residuals, form.index, form.sign, form.kind, self.centre, self.it.dual, c,
-                self.d, self._pull, self.kkt.rhs,
+                form.n, form.m, form.gaps, residuals, form.index, form.sign, form.kind, centre, self.it.dual, c, self.d,
+                self._pull, rhs,
             ),
         )  # fmt: skip
 
-    def _end(self, name: str, step: Step, c: Floats, residuals: bool) -> Bound:
+    def _end(
+        self, name: str, step: Step, c: Floats, residuals: bool, centre: Floats, solution: Floats
+    ) -> Bound:
         form, it = self.form, self.it
         return self._once(
             name + " ends",
             lambda: step_passes.recover.bind(
                 form.n, form.m, form.gaps, residuals, form.jac_rows.size, form.index, form.sign, form.free_factor,
-                form.kind, form.jac_rows, form.jac_cols, it.jac, c, it.z, self.ratio, self.centre, self.kkt.solution,
+                form.kind, form.jac_rows, form.jac_cols, it.jac, c, it.z, self.ratio, centre, solution,
                 step.dw, step.dy, step.dz,
             ),
         )  # fmt: skip
@@ -370,7 +372,7 @@ class Workspace:
         """Fill ``step`` with the solution for ``centre`` and ``c`` (m,)."""
         self.solve_call(name, step, c, residuals=residuals)()
         if self.kkt.check_solution():
-            self._end(name, step, c, residuals)()
+            self._end(name, step, c, residuals, self.centre, self.kkt.solution)()
 
     def aim_at(self, mu: float) -> None:
         """Make ``centre`` that of the barrier problem with parameter ``mu``."""
@@ -379,25 +381,28 @@ class Workspace:
 
     def predict(self) -> None:
         """Find the affine and the centring step, and the centring parameter that suits them."""
+        self._predictor()()
+        while self.kkt.check_solution():  # factorised anew
+            self._predictor()()
+
+    def _predictor(self) -> Bound:
+        """The call for that, which solves for both steps at once and leaves the mean centre."""
         self._renew()
-        name = "predictor"
-        if name not in self._chains:
-            self._chains[name] = chain(
+        known = self._chains.get("predictor")
+        if known is None:
+            kkt, c, none = self.kkt, self.it.c, self._no_residual
+            known = self._chains["predictor"] = chain(
                 [
-                    self._zero_centre_call, self._begin("affine", self.it.c, True), self.kkt.solve_call,
-                    self._end("affine", self.affine, self.it.c, True), self._note_call, self._mean_centre_call,
-                    self._begin("centring", self._no_residual, False), self.kkt.solve_call,
-                    self._end("centring", self.centring, self._no_residual, False), self._choose_call,
-                    self._join_call,
+                    self._mean_centre_call,
+                    self._begin("affine", c, True, self._no_centre, kkt.rhs),
+                    self._begin("mean", none, False, self.centre, kkt.second_rhs),
+                    kkt.solve_both_call,
+                    self._end("affine", self.affine, c, True, self._no_centre, kkt.solution),
+                    self._end("mean", self.centring, none, False, self.centre, kkt.second_solution),
+                    self._choose_call,
                 ]
-            )  # fmt: skip
-        self._chains[name]()
-        if self.kkt.check_solution():  # factorised anew
-            self._zero_centre_call()
-            self.solve("affine", self.affine, self.it.c)
-            self._mean_centre_call()
-            self.solve_centring(self.centring)
-            self._choose_call()
+            )
+        return known
 
     def solve_centring(self, step: Step) -> None:
         """Fill ``step`` with the part of a step that is linear in ``centre``."""

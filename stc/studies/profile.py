@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 REPEATS = 5
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Watch:
     """A stop-watch over the calls of one function: their number, seconds in all, and the shortest."""
 
@@ -71,19 +71,27 @@ class _Timed:
 
 
 class _TimedKKT(_Timed):
-    """A factorisation, its prepared solve timed as well."""
+    """A factorisation, its prepared solves timed as well."""
 
-    def __init__(self, inner: Any, factorize: Watch, backsolve: Watch) -> None:
+    def __init__(self, inner: Any, factorize: Watch, backsolve: Watch, both: Watch) -> None:
         super().__init__(inner, factorize=factorize, refactor=factorize, solve=backsolve)
-        self._backsolve = backsolve
-        self._timed: tuple[Bound, Bound] | None = None
+        self._watches = backsolve, both
+        self._timed: dict[Watch, tuple[Bound, Bound]] = {}
 
     @property
     def solve_call(self) -> Bound:
-        call = self._inner.solve_call
-        if self._timed is None or self._timed[0] is not call:
-            self._timed = call, Bound.of_python(self._backsolve.over(call), ())
-        return self._timed[1]
+        return self._over(self._inner.solve_call, self._watches[0])
+
+    @property
+    def solve_both_call(self) -> Bound:
+        return self._over(self._inner.solve_both_call, self._watches[1])
+
+    def _over(self, call: Bound, watch: Watch) -> Bound:
+        """The timed call: the same object as long as ``call`` is."""
+        known = self._timed.get(watch)
+        if known is None or known[0] is not call:
+            known = self._timed[watch] = call, Bound.of_python(watch.over(call), ())
+        return known[1]
 
 
 class _TimedProgram(_Timed):
@@ -135,6 +143,7 @@ class Profile:
     derivatives: Watch = field(default_factory=Watch)
     factorize: Watch = field(default_factory=Watch)
     backsolve: Watch = field(default_factory=Watch)
+    both: Watch = field(default_factory=Watch)
     seconds: float = 0.0
     before: float = 0.0
     loading: float = 0.0
@@ -166,7 +175,7 @@ class Profile:
         from stc.solver.sqp import minimize
 
         def new_kkt(*args: Any, **kwargs: Any) -> Any:
-            return _TimedKKT(structured_kkt(*args, **kwargs), self.factorize, self.backsolve)
+            return _TimedKKT(structured_kkt(*args, **kwargs), self.factorize, self.backsolve, self.both)
 
         program: Any = _TimedProgram(nlp, self.values, self.derivatives)
         begin = time.perf_counter()
@@ -193,6 +202,7 @@ class Profile:
             ("derivatives", self.derivatives, self.derivatives.calls * self._floors.get("derivatives", 0.0)),
             ("factorise", self.factorize, self.factorize.floor),
             ("solve", self.backsolve, self.backsolve.floor),
+            ("solve for two", self.both, self.both.floor),
         ]
         known = dict(solution.seconds)
         first = [name for name in ("parse", "derive", "compile") if name in known]

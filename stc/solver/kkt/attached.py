@@ -28,8 +28,10 @@ class _Copying:
         self.hess, self.jac = np.zeros(hess_count), np.zeros(jac_count)
         self.primal, self.dual = np.zeros(n), np.zeros(m)
         self.rhs, self.solution = np.zeros(n + m), np.zeros(n + m)
+        self.second_rhs, self.second_solution = np.zeros(n + m), np.zeros(n + m)
         self.report, self.accuracy = np.zeros(1), np.full(1, FINE)
         self.solve_call = Bound.of_python(self._solve, ())
+        self.solve_both_call = Bound.of_python(self._solve_both, ())
 
     @property
     def factorizations(self) -> int:
@@ -55,9 +57,18 @@ class _Copying:
         return self._kkt.factorize(self.hess, self.jac, self.primal, self.dual)
 
     def _solve(self) -> None:
+        self._solve_for(self.rhs, self.solution)
+
+    def _solve_for(self, rhs: Floats, solution: Floats) -> None:
         n = self._n
-        self.solution[:n], self.solution[n:] = self._kkt.solve(self.rhs[:n], self.rhs[n:])
+        solution[:n], solution[n:] = self._kkt.solve(rhs[:n], rhs[n:])
         self.report[0] = self._kkt.last_residual
+
+    def _solve_both(self) -> None:
+        self._solve_for(self.second_rhs, self.second_solution)
+        before = self._kkt.last_residual
+        self._solve_for(self.rhs, self.solution)
+        self.report[0] = max(before, self.report[0])
 
     def check_solution(self) -> bool:
         return False  # the wrapped one has done so

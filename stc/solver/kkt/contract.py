@@ -112,6 +112,14 @@ class AttachedKKT(KKTSystem, Protocol):
         """What ``solve_call`` found, (n + m,)."""
 
     @property
+    def second_rhs(self) -> Floats:
+        """What else to solve for in ``solve_both_call``, (n + m,)."""
+
+    @property
+    def second_solution(self) -> Floats:
+        """What it found for that, (n + m,)."""
+
+    @property
     def report(self) -> Floats:
         """What ``solve_call`` tells: ``report[0]`` is the relative residual (see ``last_residual``)."""
 
@@ -134,9 +142,16 @@ class AttachedKKT(KKTSystem, Protocol):
             ValueError: nothing has been factorised.
         """
 
+    @property
+    def solve_both_call(self) -> Bound:
+        """The same for ``rhs`` and ``second_rhs``, in less time than two solves take.
+
+        ``report`` tells of the one that is less accurate.
+        """
+
     def check_solution(self) -> bool:
-        """After ``solve_call``: where the residual is doubtful, factorise more carefully and solve again.
+        """After a solve: where the residual is doubtful, factorise more carefully and solve for ``rhs`` again.
 
         Returns:
-            Whether that was done: ``solution`` and ``solve_call`` are new then.
+            Whether that was done: ``solution`` and the calls are new then.
         """

@@ -24,6 +24,8 @@ class Arrays:
     dual: Floats
     rhs: Floats
     solution: Floats
+    second_rhs: Floats
+    second_solution: Floats
     report: Floats
     accuracy: Floats
 
@@ -34,9 +36,11 @@ class Arrays:
         given = np.zeros(sum(sizes))
         hess, jac, primal, dual = np.split(given, np.cumsum(sizes)[:-1])
         size = couplings.size
+        rhs, solution, second_rhs, second_solution = (np.zeros(size) for _ in range(4))
         return Arrays(
-            given, hess, jac, primal, dual, np.zeros(size), np.zeros(size), np.zeros(REPORT), np.full(1, FINE)
-        )
+            given, hess, jac, primal, dual, rhs, solution, second_rhs, second_solution, np.zeros(REPORT),
+            np.full(1, FINE),
+        )  # fmt: skip
 
 
 def checked_values(*arrays: tuple[Floats, int, str]) -> list[Floats]:

@@ -24,7 +24,7 @@ from stc.solver.kkt.panel import LARGEST_GROUP, MASKS
 from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.singularity import confirm_zeros
 from stc.solver.kkt.staging import assign_stages
-from stc.solver.kkt.substitution import solve
+from stc.solver.kkt.substitution import REPORT, solve, solve_both
 from stc.solver.kkt.values import count_nonzero, equilibrate, load
 from stc.solver.kkt.window import LANES
 from stc.solver.nlp import Ints
@@ -135,11 +135,12 @@ class FrontalKKT(ByCopies):
         self.given = arrays.given
         self.hess, self.jac, self.primal, self.dual = arrays.hess, arrays.jac, arrays.primal, arrays.dual
         self.rhs, self.solution = arrays.rhs, arrays.solution
+        self.second_rhs, self.second_solution = arrays.second_rhs, arrays.second_solution
         self.report, self.accuracy = arrays.report, arrays.accuracy
         self._values = np.zeros(size + self._couplings.first.size)
         self._scale, self._most, self._inverse = np.zeros(size), np.zeros(size), np.zeros(3 * size)
         self._zeros = np.zeros(size)
-        self._vectors = [np.zeros(size) for _ in range(3)]
+        self._vectors = [np.zeros(size) for _ in range(6)]
         self._slot = np.zeros(size, dtype=np.int32)
         self._pivots = np.zeros(2 * size, dtype=np.int32)
         self._starts = np.zeros(2 * size, dtype=np.int32)
@@ -221,6 +222,13 @@ class FrontalKKT(ByCopies):
             raise ValueError("factorize before solving")
         return self._solve
 
+    @property
+    def solve_both_call(self) -> Bound:
+        """See ``AttachedKKT.solve_both_call``."""
+        if not self._factorized:
+            raise ValueError("factorize before solving")
+        return self._solve_both
+
     def check_solution(self) -> bool:
         """See ``AttachedKKT.check_solution``."""
         repeated = False
@@ -230,13 +238,12 @@ class FrontalKKT(ByCopies):
         self.last_residual = float(self.report[0])
         return repeated
 
-    def factors_in_order(self, unknown: NDArray[np.int64]) -> tuple[Any, ...]:
-        """What ``substitute`` needs, for a system that has this one as a part; ``unknown``: numbers there, (N,)."""
+    def factors_in_order(self) -> tuple[Any, ...]:
+        """What ``substitute_both`` needs, order and scale first, for a system that has this one as a part."""
         a = self._arrangement
         return (
-            self.n + self.m, unknown, a.order, self._scale, self._counts, a.columns, self._values, self._pivots,
-            self._starts, self._indices, self._factors, self._inverse, self._vectors[0],
-            np.zeros(self._stride + 2 * LANES),
+            a.order, self._scale, self._counts, a.columns, self._values, self._pivots, self._starts, self._indices,
+            self._factors, self._inverse, self._vectors[0], self._parts[0], self._vectors[1], self._parts[1],
         )  # fmt: skip
 
     def _raise_threshold(self) -> bool:
@@ -401,8 +408,14 @@ class FrontalKKT(ByCopies):
             size, self.n, REPLACEMENT, a.order, a.pointers, a.columns, self._values, self._pivots, self._starts,
             self._indices, self._factors, self._inverse, self._zeros, *self._vectors[:2], self._counts,
         )  # fmt: skip
-        self._solve = solve.bind(
+        self._parts = [np.zeros(self._stride + 2 * LANES) for _ in range(2)]
+        common = (
             size, REFINEMENTS, self.accuracy, a.pointers, a.columns, self._values, self._scale, a.order,
-            self._counts, self._pivots, self._starts, self._indices, self._factors, self._inverse, self.rhs,
-            *self._vectors, self.solution, np.zeros(self._stride + 2 * LANES), self.report,
+            self._counts, self._pivots, self._starts, self._indices, self._factors, self._inverse,
+            self.rhs, *self._vectors[:3], self.solution, self._parts[0],
+        )  # fmt: skip
+        self._solve = solve.bind(*common, self.report)
+        self._solve_both = solve_both.bind(
+            *common, self.second_rhs, *self._vectors[3:], self.second_solution, self._parts[1], self.report,
+            np.zeros(REPORT),
         )  # fmt: skip

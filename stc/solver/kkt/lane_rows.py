@@ -1,12 +1,12 @@
-"""Passes over the entries of the matrix, eight segments at once: largest entries of its rows, products with a vector.
+"""Passes over the entries of the matrix, eight segments at once: largest entries of its rows, products with vectors.
 
-Both leave to the caller what is outside the segments, entries and diagonal.
+Both leave to the caller what is outside the segments, entries and diagonal.  Vectors are in the order of the segments.
 """
 
 from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
-from stc.codegen.native_vector import abs8, gather8, load8, max8, scatter8, store8
+from stc.codegen.native_vector import abs8, gather8, load8, max8, store8
 from stc.solver.kkt.lanes import (
     BORDER,
     ENDS,
@@ -18,7 +18,9 @@ from stc.solver.kkt.lanes import (
     FIRST_CODE,
     FIRST_INDEX,
     FOLLOWING,
+    LASTS,
     LEFT,
+    MATRIX,
     NEXT,
     OWN,
     SEGMENTS,
@@ -27,6 +29,57 @@ from stc.solver.kkt.lanes import (
 )
 
 __all__ = ["largest_in_segments", "subtract_segments"]
+
+
+@native(fast=True, inline=True)
+def collect_near(step: i64, group: i64s, index: i32s, code: i32s, x: f64s, part: f64s) -> None:
+    """Copy what a vector has for a step's U and F to ``part``."""
+    own = group[OWN]
+    here = group[UNKNOWNS] + 8 * step * own
+    for k in range(own):
+        store8(part, 8 * k, load8(x, here + 8 * k))
+    if step < group[STEPS] - 1:
+        following = code[group[FOLLOWING] :]
+        for k in range(group[NEXT]):
+            store8(part, 8 * (own + k), load8(x, here + 8 * (own + following[k])))
+    else:
+        lasts = index[group[LASTS] :]
+        for k in range(group[NEXT]):
+            store8(part, 8 * (own + k), gather8(x, lasts, 8 * k))
+
+
+@native(fast=True, inline=True)
+def collect_ends(group: i64s, index: i32s, x: f64s, part: f64s) -> None:
+    """Copy what a vector has for L and B to ``part``."""
+    near = group[OWN] + group[NEXT]
+    outer = index[group[ENDS] :]
+    for k in range(group[LEFT] + group[BORDER]):
+        store8(part, 8 * (near + k), gather8(x, outer, 8 * k))
+
+
+@native(fast=True, inline=True)
+def add_following(group: i64s, code: i32s, part: f64s) -> None:
+    """Move what a step has left for F to the next step's U."""
+    own = group[OWN]
+    following = code[group[FOLLOWING] :]
+    for k in range(group[NEXT]):
+        to = 8 * following[k]
+        store8(part, to, load8(part, to) + load8(part, 8 * (own + k)))
+        store8(part, 8 * (own + k), 0.0)
+
+
+@native(fast=True, inline=True)
+def add_outside(group: i64s, index: i32s, part: f64s, x: f64s) -> None:
+    """Add what the segments have left for the last F, L and B to a vector."""
+    own = group[OWN]
+    near = own + group[NEXT]
+    lasts = index[group[LASTS] :]
+    outer = index[group[ENDS] :]
+    for lane in range(group[SEGMENTS]):
+        for k in range(group[NEXT]):
+            x[lasts[8 * k + lane]] += part[8 * (own + k) + lane]
+        for k in range(group[LEFT] + group[BORDER]):
+            x[outer[8 * k + lane]] += part[8 * (near + k) + lane]
 
 
 @native(fast=True, inline=True)
@@ -55,7 +108,7 @@ def largest_in_segments(
     scales: f64s,
     part: f64s,
 ) -> None:
-    """Largest entry of each row of S K S in the segments; ``most`` (N,) has those outside as far as they are known.
+    """Largest entry of each row of S K S in the segments; ``most`` has those outside as far as they are known.
 
     Args:
         groups, table, index, code: see ``eliminate``.
@@ -68,18 +121,17 @@ def largest_in_segments(
         near = own + group[NEXT]
         ends = group[LEFT] + group[BORDER]
         following = code[group[FOLLOWING] :]
+        lasts = index[group[LASTS] :]
         outer = index[group[ENDS] :]
-        for k in range(ends):
-            store8(scales, 8 * (near + k), gather8(scale, outer, 8 * k))
+        collect_ends(group, index, scale, scales)
         for k in range(own, near + ends):
             store8(part, 8 * k, 0.0)
         for step in range(group[STEPS]):
-            unknowns = index[group[UNKNOWNS] + 8 * step * near :]
-            for k in range(near):
-                store8(scales, 8 * k, gather8(scale, unknowns, 8 * k))
+            here = group[UNKNOWNS] + 8 * step * own
+            collect_near(step, group, index, code, scale, scales)
             for k in range(own):
                 s = load8(scales, 8 * k)
-                store8(part, 8 * k, abs8(gather8(diagonal, unknowns, 8 * k)) * s * s)
+                store8(part, 8 * k, abs8(gather8(diagonal, index, here + 8 * k)) * s * s)
             if step > 0:
                 for k in range(group[NEXT]):
                     to = 8 * following[k]
@@ -93,80 +145,100 @@ def largest_in_segments(
             sources = index[group[ENTRY_INDEX] + 8 * step * count :]
             _largest(count, sources, code[group[ENTRY_CODE] :], given, scales, part)
             for k in range(own):
-                scatter8(most, unknowns, 8 * k, load8(part, 8 * k))
-        last = index[group[UNKNOWNS] + 8 * ((group[STEPS] - 1) * near + own) :]
+                store8(most, here + 8 * k, load8(part, 8 * k))
         for lane in range(group[SEGMENTS]):
             for k in range(group[NEXT]):
-                most[last[8 * k + lane]] = max(most[last[8 * k + lane]], part[8 * (own + k) + lane])
+                at = lasts[8 * k + lane]
+                most[at] = max(most[at], part[8 * (own + k) + lane])
             for k in range(ends):
-                most[outer[8 * k + lane]] = max(most[outer[8 * k + lane]], part[8 * (near + k) + lane])
+                at = outer[8 * k + lane]
+                most[at] = max(most[at], part[8 * (near + k) + lane])
 
 
 @native(fast=True, inline=True)
 def _subtract(
-    count: i64, sources: i32s, places: i32s, given: f64s, factors: f64s, part: f64s
+    both: i64, count: i64, places: i32s, matrix: f64s, x: f64s, y: f64s, other_x: f64s, other_y: f64s
 ) -> None:  # fmt: skip
     """Subtract the products of entries from both of their rows."""
     for k in range(count):
         i = 8 * places[3 * k + 1]
         j = 8 * places[3 * k + 2]
-        value = gather8(given, sources, 8 * k)
-        store8(part, i, load8(part, i) - value * load8(factors, j))
-        store8(part, j, load8(part, j) - value * load8(factors, i))
+        value = load8(matrix, 8 * k)
+        store8(y, i, load8(y, i) - value * load8(x, j))
+        store8(y, j, load8(y, j) - value * load8(x, i))
+        if both != 0:
+            store8(other_y, i, load8(other_y, i) - value * load8(other_x, j))
+            store8(other_y, j, load8(other_y, j) - value * load8(other_x, i))
 
 
-@native(fast=True)
+@native(fast=True, inline=True)
 def subtract_segments(
+    both: i64,
     groups: i64,
     table: i64s,
     index: i32s,
     code: i32s,
-    given: f64s,
-    diagonal: f64s,
+    matrix: f64s,
     x: f64s,
     y: f64s,
-    factors: f64s,
+    other_x: f64s,
+    other_y: f64s,
+    work: f64s,
     part: f64s,
 ) -> None:
     """``y -= K x`` for the rows of segments; from the other rows, their entries' part is subtracted.
 
-    Arguments as in ``largest_in_segments``; ``factors`` and ``part`` are work space.
+    Args:
+        both: 1 to do the same with ``other_x`` and ``other_y``, in the same pass; a constant.
+        groups, table, index, code, matrix: see ``eliminate``.
+        work, part: work space, for two vectors each when ``both``.
     """
     for g in range(groups):
         group = table[g * FIELDS :]
         own = group[OWN]
         near = own + group[NEXT]
-        ends = group[LEFT] + group[BORDER]
-        following = code[group[FOLLOWING] :]
-        outer = index[group[ENDS] :]
-        for k in range(ends):
-            store8(factors, 8 * (near + k), gather8(x, outer, 8 * k))
-        for k in range(own, near + ends):
+        size = near + group[LEFT] + group[BORDER]
+        other_work = work[8 * size :]
+        other_part = part[8 * size :]
+        values = matrix[8 * group[MATRIX] :]
+        collect_ends(group, index, x, work)
+        for k in range(own, size):
             store8(part, 8 * k, 0.0)
+        if both != 0:
+            collect_ends(group, index, other_x, other_work)
+            for k in range(own, size):
+                store8(other_part, 8 * k, 0.0)
         for step in range(group[STEPS]):
-            unknowns = index[group[UNKNOWNS] + 8 * step * near :]
-            for k in range(near):
-                store8(factors, 8 * k, gather8(x, unknowns, 8 * k))
+            here = group[UNKNOWNS] + 8 * step * own
+            collect_near(step, group, index, code, x, work)
+            diagonal = values[0:]
+            if step == 0:
+                diagonal = values[8 * group[FIRST] :]
             for k in range(own):
-                change = gather8(diagonal, unknowns, 8 * k) * load8(factors, 8 * k)
-                store8(part, 8 * k, gather8(y, unknowns, 8 * k) - change)
+                change = load8(diagonal, 8 * k) * load8(work, 8 * k)
+                store8(part, 8 * k, load8(y, here + 8 * k) - change)
+            if both != 0:
+                collect_near(step, group, index, code, other_x, other_work)
+                for k in range(own):
+                    change = load8(diagonal, 8 * k) * load8(other_work, 8 * k)
+                    store8(other_part, 8 * k, load8(other_y, here + 8 * k) - change)
             if step > 0:
-                for k in range(group[NEXT]):
-                    to = 8 * following[k]
-                    store8(part, to, load8(part, to) + load8(part, 8 * (own + k)))
-                    store8(part, 8 * (own + k), 0.0)
+                add_following(group, code, part)
+                if both != 0:
+                    add_following(group, code, other_part)
             else:
                 _subtract(
-                    group[FIRST], index[group[FIRST_INDEX] :], code[group[FIRST_CODE] :], given, factors, part
+                    both, group[FIRST], code[group[FIRST_CODE] :], values, work, part, other_work, other_part
                 )
-            count = group[ENTRIES]
-            sources = index[group[ENTRY_INDEX] + 8 * step * count :]
-            _subtract(count, sources, code[group[ENTRY_CODE] :], given, factors, part)
+            values = diagonal[8 * own :]
+            _subtract(
+                both, group[ENTRIES], code[group[ENTRY_CODE] :], values, work, part, other_work, other_part
+            )
+            values = values[8 * group[ENTRIES] :]
             for k in range(own):
-                scatter8(y, unknowns, 8 * k, load8(part, 8 * k))
-        last = index[group[UNKNOWNS] + 8 * ((group[STEPS] - 1) * near + own) :]
-        for lane in range(group[SEGMENTS]):
-            for k in range(group[NEXT]):
-                y[last[8 * k + lane]] += part[8 * (own + k) + lane]
-            for k in range(ends):
-                y[outer[8 * k + lane]] += part[8 * (near + k) + lane]
+                store8(y, here + 8 * k, load8(part, 8 * k))
+                if both != 0:
+                    store8(other_y, here + 8 * k, load8(other_part, 8 * k))
+        add_outside(group, index, part, y)
+        if both != 0:
+            add_outside(group, index, other_part, other_y)

@@ -1,26 +1,25 @@
-"""Substitutions with the factors of stc.solver.kkt.lanes, eight segments at once.
+"""Substitutions with the factors of stc.solver.kkt.lanes, eight segments at once, for one vector or for two.
 
-Both work on one vector of all unknowns: what is left when the segments are done concerns the others alone.
+Both work on vectors of all unknowns, in the order of the segments: what is left when these are done concerns the others
+alone.  Two vectors share the reading of the factors, which takes longer than the arithmetic.
 """
 
 from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
-from stc.codegen.native_vector import gather8, load8, scatter8, store8
+from stc.codegen.native_vector import load8, store8
+from stc.solver.kkt.lane_rows import add_following, add_outside, collect_ends, collect_near
 from stc.solver.kkt.lanes import (
     BORDER,
-    ENDS,
     FACTOR_STEP,
     FACTORS,
     FIELDS,
-    FOLLOWING,
     LEFT,
     NEXT,
     OWN,
     PANEL_CODE,
     PANEL_STARTS,
     PANELS,
-    SEGMENTS,
     STEPS,
     UNKNOWNS,
 )
@@ -30,7 +29,7 @@ __all__ = ["backward", "forward"]
 
 @native(fast=True, inline=True)
 def _forward_panel(
-    members: i64, count: i64, kinds: i32s, who: i32s, rows: i32s, factors: f64s, part: f64s
+    both: i64, members: i64, count: i64, kinds: i32s, who: i32s, rows: i32s, factors: f64s, part: f64s, other: f64s
 ) -> None:  # fmt: skip
     """Forward substitution and division by D for one panel."""
     length = members + count
@@ -40,6 +39,11 @@ def _forward_panel(
         for q in range(p + 1, members):
             to = 8 * who[q]
             store8(part, to, load8(part, to) - y * load8(factors, row + 8 * q))
+        if both != 0:
+            y = load8(other, 8 * who[p])
+            for q in range(p + 1, members):
+                to = 8 * who[q]
+                store8(other, to, load8(other, to) - y * load8(factors, row + 8 * q))
     p = 0
     far = 8 * length
     if members == 4:
@@ -47,23 +51,43 @@ def _forward_panel(
         y1 = load8(part, 8 * who[1])
         y2 = load8(part, 8 * who[2])
         y3 = load8(part, 8 * who[3])
+        z0 = load8(other, 8 * who[0])
+        z1 = load8(other, 8 * who[1])
+        z2 = load8(other, 8 * who[2])
+        z3 = load8(other, 8 * who[3])
         for e in range(count):
             to = 8 * rows[e]
             at = 8 * (4 + e)
-            value = load8(part, to) - y0 * load8(factors, at) - y1 * load8(factors, at + far)
-            value = value - y2 * load8(factors, at + 2 * far) - y3 * load8(factors, at + 3 * far)
-            store8(part, to, value)
+            f0 = load8(factors, at)
+            f1 = load8(factors, at + far)
+            f2 = load8(factors, at + 2 * far)
+            f3 = load8(factors, at + 3 * far)
+            store8(part, to, load8(part, to) - y0 * f0 - y1 * f1 - y2 * f2 - y3 * f3)
+            if both != 0:
+                store8(other, to, load8(other, to) - z0 * f0 - z1 * f1 - z2 * f2 - z3 * f3)
         p = 4
     while p < members:
         y = load8(part, 8 * who[p])
+        z = load8(other, 8 * who[p])
         row = 8 * (p * length + members)
         for e in range(count):
             to = 8 * rows[e]
-            store8(part, to, load8(part, to) - y * load8(factors, row + 8 * e))
+            f = load8(factors, row + 8 * e)
+            store8(part, to, load8(part, to) - y * f)
+            if both != 0:
+                store8(other, to, load8(other, to) - z * f)
         p += 1
+    _divide(members, kinds, who, far, factors, part)
+    if both != 0:
+        _divide(members, kinds, who, far, factors, other)
+
+
+@native(fast=True, inline=True)
+def _divide(members: i64, kinds: i32s, who: i32s, far: i64, factors: f64s, part: f64s) -> None:
+    """Divide by D; rows of ``factors`` are ``far`` numbers apart."""
     p = 0
     while p < members:
-        own = 8 * (p * length + p)
+        own = p * far + 8 * p
         y = load8(part, 8 * who[p])
         if kinds[p] == 2:
             z = load8(part, 8 * who[p + 1])
@@ -77,7 +101,9 @@ def _forward_panel(
 
 
 @native(fast=True, inline=True)
-def _backward_panel(members: i64, count: i64, who: i32s, rows: i32s, factors: f64s, part: f64s) -> None:
+def _backward_panel(
+    both: i64, members: i64, count: i64, who: i32s, rows: i32s, factors: f64s, part: f64s, other: f64s
+) -> None:  # fmt: skip
     """Back substitution for one panel."""
     length = members + count
     far = 8 * length
@@ -87,103 +113,145 @@ def _backward_panel(members: i64, count: i64, who: i32s, rows: i32s, factors: f6
         y1 = load8(part, 8 * who[1])
         y2 = load8(part, 8 * who[2])
         y3 = load8(part, 8 * who[3])
+        z0 = load8(other, 8 * who[0])
+        z1 = load8(other, 8 * who[1])
+        z2 = load8(other, 8 * who[2])
+        z3 = load8(other, 8 * who[3])
         for e in range(count):
-            value = load8(part, 8 * rows[e])
             at = 8 * (4 + e)
-            y0 -= value * load8(factors, at)
-            y1 -= value * load8(factors, at + far)
-            y2 -= value * load8(factors, at + 2 * far)
-            y3 -= value * load8(factors, at + 3 * far)
+            f0 = load8(factors, at)
+            f1 = load8(factors, at + far)
+            f2 = load8(factors, at + 2 * far)
+            f3 = load8(factors, at + 3 * far)
+            value = load8(part, 8 * rows[e])
+            y0 -= value * f0
+            y1 -= value * f1
+            y2 -= value * f2
+            y3 -= value * f3
+            if both != 0:
+                value = load8(other, 8 * rows[e])
+                z0 -= value * f0
+                z1 -= value * f1
+                z2 -= value * f2
+                z3 -= value * f3
         store8(part, 8 * who[0], y0)
         store8(part, 8 * who[1], y1)
         store8(part, 8 * who[2], y2)
         store8(part, 8 * who[3], y3)
+        if both != 0:
+            store8(other, 8 * who[0], z0)
+            store8(other, 8 * who[1], z1)
+            store8(other, 8 * who[2], z2)
+            store8(other, 8 * who[3], z3)
         done = 4
     while done < members:
         y = load8(part, 8 * who[done])
+        z = load8(other, 8 * who[done])
         row = 8 * (done * length + members)
         for e in range(count):
-            y -= load8(part, 8 * rows[e]) * load8(factors, row + 8 * e)
+            f = load8(factors, row + 8 * e)
+            y -= load8(part, 8 * rows[e]) * f
+            if both != 0:
+                z -= load8(other, 8 * rows[e]) * f
         store8(part, 8 * who[done], y)
+        if both != 0:
+            store8(other, 8 * who[done], z)
         done += 1
     for back in range(members):
         p = members - 1 - back
-        y = load8(part, 8 * who[p])
         row = 8 * p * length
+        y = load8(part, 8 * who[p])
+        z = load8(other, 8 * who[p])
         for q in range(p + 1, members):
-            y -= load8(part, 8 * who[q]) * load8(factors, row + 8 * q)
+            f = load8(factors, row + 8 * q)
+            y -= load8(part, 8 * who[q]) * f
+            if both != 0:
+                z -= load8(other, 8 * who[q]) * f
         store8(part, 8 * who[p], y)
+        if both != 0:
+            store8(other, 8 * who[p], z)
 
 
-@native(fast=True)
-def forward(groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, part: f64s) -> None:
-    """Forward substitution and division by D in ``x`` (N,), whose entries outside the segments change accordingly.
+@native(fast=True, inline=True)
+def forward(
+    both: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, other_x: f64s, part: f64s
+) -> None:  # fmt: skip
+    """Forward substitution and division by D in ``x``, whose entries outside the segments change accordingly.
 
-    The other arguments are those of ``eliminate``; ``part`` is work space.
+    Args:
+        both: 1 to do the same with ``other_x`` in the same pass; a constant.
+        groups, table, index, code, factors: see ``eliminate``.
+        part: work space, for two vectors when ``both``.
     """
     for g in range(groups):
         group = table[g * FIELDS :]
         own = group[OWN]
-        near = own + group[NEXT]
-        ends = group[LEFT] + group[BORDER]
+        size = own + group[NEXT] + group[LEFT] + group[BORDER]
+        other = part[8 * size :]
         at = 8 * group[FACTORS]
-        for k in range(own, near + ends):
+        for k in range(own, size):
             store8(part, 8 * k, 0.0)
-        following = code[group[FOLLOWING] :]
+            if both != 0:
+                store8(other, 8 * k, 0.0)
         for step in range(group[STEPS]):
-            unknowns = index[group[UNKNOWNS] + 8 * step * near :]
+            here = group[UNKNOWNS] + 8 * step * own
             for k in range(own):
-                store8(part, 8 * k, gather8(x, unknowns, 8 * k))
+                store8(part, 8 * k, load8(x, here + 8 * k))
+                if both != 0:
+                    store8(other, 8 * k, load8(other_x, here + 8 * k))
             if step > 0:
-                for k in range(group[NEXT]):
-                    to = 8 * following[k]
-                    store8(part, to, load8(part, to) + load8(part, 8 * (own + k)))
-                    store8(part, 8 * (own + k), 0.0)
+                add_following(group, code, part)
+                if both != 0:
+                    add_following(group, code, other)
             panel = code[group[PANEL_CODE] :]
             for _panel in range(group[PANELS]):
                 members = panel[0]
                 count = panel[1]
-                size = members * (members + count)
+                length = members * (members + count)
                 rows = panel[2 + 2 * members :]
-                _forward_panel(members, count, panel[2:], panel[2 + members :], rows, factors[at:], part)
-                panel = rows[count + size :]
-                at += 8 * size
+                _forward_panel(
+                    both, members, count, panel[2:], panel[2 + members :], rows, factors[at:], part, other
+                )
+                panel = rows[count + length :]
+                at += 8 * length
             for k in range(own):
-                scatter8(x, unknowns, 8 * k, load8(part, 8 * k))
-        last = index[group[UNKNOWNS] + 8 * ((group[STEPS] - 1) * near + own) :]
-        outer = index[group[ENDS] :]
-        for lane in range(group[SEGMENTS]):
-            for k in range(group[NEXT]):
-                x[last[8 * k + lane]] += part[8 * (own + k) + lane]
-            for k in range(ends):
-                x[outer[8 * k + lane]] += part[8 * (near + k) + lane]
+                store8(x, here + 8 * k, load8(part, 8 * k))
+                if both != 0:
+                    store8(other_x, here + 8 * k, load8(other, 8 * k))
+        add_outside(group, index, part, x)
+        if both != 0:
+            add_outside(group, index, other, other_x)
 
 
-@native(fast=True)
-def backward(groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, part: f64s) -> None:
-    """Back substitution in ``x``, in which the solution outside the segments is known."""
+@native(fast=True, inline=True)
+def backward(
+    both: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, other_x: f64s, part: f64s
+) -> None:  # fmt: skip
+    """Back substitution in ``x``, in which the solution outside the segments is known; arguments as in ``forward``."""
     for g in range(groups):
         group = table[g * FIELDS :]
         own = group[OWN]
-        near = own + group[NEXT]
-        ends = group[LEFT] + group[BORDER]
-        outer = index[group[ENDS] :]
-        for k in range(ends):
-            store8(part, 8 * (near + k), gather8(x, outer, 8 * k))
+        other = part[8 * (own + group[NEXT] + group[LEFT] + group[BORDER]) :]
+        collect_ends(group, index, x, part)
+        if both != 0:
+            collect_ends(group, index, other_x, other)
         starts = code[group[PANEL_STARTS] :]
         at = 8 * (group[FACTORS] + group[STEPS] * group[FACTOR_STEP])
         for back in range(group[STEPS]):
             step = group[STEPS] - 1 - back
-            unknowns = index[group[UNKNOWNS] + 8 * step * near :]
-            for k in range(near):
-                store8(part, 8 * k, gather8(x, unknowns, 8 * k))
+            here = group[UNKNOWNS] + 8 * step * own
+            collect_near(step, group, index, code, x, part)
+            if both != 0:
+                collect_near(step, group, index, code, other_x, other)
             for last in range(group[PANELS]):
                 panel = code[starts[group[PANELS] - 1 - last] :]
                 members = panel[0]
                 count = panel[1]
                 at -= 8 * members * (members + count)
                 _backward_panel(
-                    members, count, panel[2 + members :], panel[2 + 2 * members :], factors[at:], part
-                )
+                    both, members, count, panel[2 + members :], panel[2 + 2 * members :], factors[at:], part, other
+                )  # fmt: skip
             for k in range(own):
-                scatter8(x, unknowns, 8 * k, load8(part, 8 * k))
+                store8(x, here + 8 * k, load8(part, 8 * k))
+                if both != 0:
+                    store8(other_x, here + 8 * k, load8(other, 8 * k))

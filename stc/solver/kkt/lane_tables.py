@@ -41,15 +41,20 @@ class Layout:
     """What depends on the pattern alone.
 
     Attributes:
-        index: see stc.solver.kkt.lanes.
+        index: see stc.solver.kkt.lanes; begins with the unknowns in the order of vectors: those of segments, then the
+            rest.
         table: the same, complete but for what depends on the programs, (groups, FIELDS).
-        curved: for each kind, unknowns of a stage with an entry of H on the diagonal.
+        places: where each unknown is in vectors, (N,); outer: where the rest begins; length: of vectors.
+        matrix: numbers that the scaled entries of all segments have together.
         rest: what is left.
     """
 
     index: Int32s
     table: Int64s
-    curved: list[Int64s]
+    places: Int32s
+    outer: int
+    length: int
+    matrix: int
     rest: Rest
 
 
@@ -76,82 +81,70 @@ class _Packed:
         return np.concatenate([*self._parts, np.zeros(1, np.int32)]).astype(np.int32)
 
 
-def lay_out(
-    couplings: Couplings, found: Segmentation, kinds: list[Kind], source: Int32s, curved_source: Int32s
-) -> Layout:
+def lay_out(couplings: Couplings, found: Segmentation, kinds: list[Kind], source: Int32s) -> Layout:
     """Where the values of all segments' stages are.
 
     Args:
-        source: place of each coupling's value among those given, (E,); curved_source: the same of the entries of H
-            on the diagonal.
+        source: place of each coupling's value among those given, (E,).
     """
     stages = found.stages
-    stage_count = stages.pointers.size - 1
-    sources, curved_sources, curved_places = _by_stage(
-        couplings, found, kinds, source, curved_source, stage_count
-    )
+    sources = _by_stage(found, kinds, source)
     index = _Packed()
     table = np.zeros((len(found.groups), lanes.FIELDS), dtype=np.int64)
+    for row, group in zip(table, found.groups, strict=True):
+        begin = stages.pointers[group.stages].astype(np.int64)
+        row[lanes.UNKNOWNS] = index.put(
+            stages.order[begin[:, None, :] + np.arange(kinds[group.kind].own)[:, None]]
+        )
+    outer = index.size
+    index.put(np.flatnonzero(~found.interior[stages.stage]))
+    length = index.size
+    places = np.empty(couplings.size, dtype=np.int32)
+    # Other lanes than the segments' are copies of the first, which is to be the last one written.
+    places[index.array()[:length][::-1]] = np.arange(length, dtype=np.int32)[::-1]
     ends = []
+    matrix = 0
     for row, group in zip(table, found.groups, strict=True):
         kind = kinds[group.kind]
         at = group.stages
-        begin = stages.pointers[at].astype(np.int64)
-        inner = stages.order[begin[:, None, :] + np.arange(kind.own)[:, None]]
-        after = stages.order[stages.pointers[at + 1][:, None, :].astype(np.int64) + kind.following[:, None]]
+        after = stages.order[stages.pointers[at[-1] + 1].astype(np.int64) + kind.following[:, None]]
         before = stages.order[stages.pointers[at[0] - 1].astype(np.int64) + kind.left[:, None]]
         border = np.repeat(stages.border[kind.border][:, None], LANES, axis=1)
-        row[lanes.STEPS], row[lanes.OWN], row[lanes.VARIABLES] = len(at), kind.own, kind.variables
+        row[lanes.STEPS], row[lanes.OWN], row[lanes.SEGMENTS] = len(at), kind.own, group.segments
         row[lanes.NEXT], row[lanes.LEFT] = kind.following.size, kind.left.size
-        row[lanes.BORDER], row[lanes.SEGMENTS] = kind.border.size, group.segments
-        row[lanes.UNKNOWNS] = index.put(np.concatenate([inner, after], axis=1))
-        row[lanes.ENDS] = index.put(np.concatenate([before, border]))
-        ends.append(np.concatenate([after[-1], before, border]).astype(np.int64))
+        row[lanes.BORDER] = kind.border.size
+        row[lanes.LASTS] = index.put(places[after])
+        row[lanes.ENDS] = index.put(places[np.concatenate([before, border])])
+        ends.append(np.concatenate([after, before, border]).astype(np.int64))
         own_sources = sources[group.kind]
         row[lanes.ENTRIES] = kind.rows.size
         row[lanes.ENTRY_INDEX] = index.put(own_sources[at].transpose(0, 2, 1))
         row[lanes.FIRST] = kind.first_rows.size
         row[lanes.FIRST_INDEX] = index.put(own_sources[at[0] - 1][:, kind.across].T)
-        row[lanes.CURVED] = curved_places[group.kind].size
-        row[lanes.CURVED_INDEX] = index.put(curved_sources[group.kind][at].transpose(0, 2, 1))
+        row[lanes.MATRIX] = matrix
+        matrix += kind.first_rows.size + len(at) * (kind.own + kind.rows.size)
     rest = _rest_of(couplings, found, ends)
     for row, results in zip(table, rest.results, strict=True):
         row[lanes.RESULT_INDEX] = index.put(results)
-    return Layout(index.array(), table, curved_places, rest)
+    return Layout(index.array(), table, places, outer, length, LANES * matrix, rest)
 
 
-def _by_stage(
-    couplings: Couplings,
-    found: Segmentation,
-    kinds: list[Kind],
-    source: Int32s,
-    curved_source: Int32s,
-    stage_count: int,
-) -> tuple[list[Int32s], list[Int32s], list[Int64s]]:
+def _by_stage(found: Segmentation, kinds: list[Kind], source: Int32s) -> list[Int32s]:
     """Sources of the entries of all stages of each kind, (stages, entries), in the order of the codes."""
-    stages = found.stages
+    stage_count = found.stages.pointers.size - 1
     kind_of_stage = np.full(stage_count, -1)
     for group in found.groups:
         kind_of_stage[group.stages] = group.kind
         kind_of_stage[group.stages[0] - 1] = group.kind
     owner = np.where(found.edge_stage >= 0, kind_of_stage[found.edge_stage], -1)
-    curved_stage = stages.stage[couplings.hess_variable]
-    curved_kind = kind_of_stage[curved_stage]
-    sources, curved_sources, curved_places = [], [], []
+    sources = []
     for number in range(len(kinds)):
         members = np.flatnonzero(owner == number)
         place = np.searchsorted(found.codes[number], found.edge_code[members])
         table = np.zeros((stage_count, found.codes[number].size), dtype=np.int32)
         table[found.edge_stage[members], place] = source[members]
         sources.append(table)
-        members = np.flatnonzero(curved_kind == number)
-        places = stages.local[couplings.hess_variable[members]]
-        own = distinct(places).astype(np.int64)
-        table = np.zeros((stage_count, own.size), dtype=np.int32)
-        table[curved_stage[members], np.searchsorted(own, places)] = curved_source[members]
-        curved_sources.append(table)
-        curved_places.append(own)
-    return sources, curved_sources, curved_places
+    return sources
 
 
 def _rest_of(couplings: Couplings, found: Segmentation, ends: list[Int64s]) -> Rest:
@@ -192,13 +185,11 @@ def _key(one: Int64s, other: Int64s, count: int) -> Int64s:
     return np.maximum(one, other) * count + np.minimum(one, other)
 
 
-def code_of(
-    table: Int64s, groups: list[Group], kinds: list[Kind], programs: list[Program], curved: list[Int64s]
-) -> Int32s:  # fmt: skip
+def code_of(table: Int64s, groups: list[Group], kinds: list[Kind], programs: list[Program]) -> Int32s:
     """What the programs determine: the rest of ``table``, and ``code``."""
     code = _Packed()
     fields: list[dict[int, int]] = []
-    for kind, program, places in zip(kinds, programs, curved, strict=True):
+    for kind, program in zip(kinds, programs, strict=True):
         own, near = kind.own, kind.near
         inner = np.arange(own)
         a, b = np.tril_indices(kind.size - own)
@@ -220,7 +211,6 @@ def code_of(
         field = {
             lanes.ENTRY_CODE: code.put(entries),
             lanes.FIRST_CODE: code.put(across),
-            lanes.CURVED_CODE: code.put(places),
             lanes.CLEARED: int(first.sum()),
             lanes.CLEARED_CODE: code.put(used_places[first]),
             lanes.EMPTY: int((~first).sum()),

@@ -19,40 +19,62 @@ What belongs to a group of eight segments is found by way of a table, FIELDS num
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
-from stc.codegen.native_vector import gather8, largest8, load8, store8
+from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, negative8, store8
 from stc.solver.kkt.lane_panel import LARGEST, NEGATIVE, WORST, take_panel
 
 __all__ = ["FIELDS", "eliminate"]
 
-#: The numbers of a group: how many steps; unknowns of U, variables among these, of F, L and B; ...
-STEPS, OWN, VARIABLES, NEXT, LEFT, BORDER = range(6)
-#: ... where the unknowns of U and F of each step are listed in ``index``, eight for each place; those of L and B; ...
-UNKNOWNS, ENDS = 6, 7
+#: The numbers of a group: how many steps; unknowns of U, of F, L and B; ...
+STEPS, OWN, NEXT, LEFT, BORDER = range(5)
+#: ... where the unknowns of U begin in vectors, step by step, eight for each place; where in vectors those of the last
+#: step's F, and of L and B, are, as listed in ``index``; ...
+UNKNOWNS, LASTS, ENDS = 5, 6, 7
 #: ... entries of a stage: how many, where the sources of each step are listed in ``index``, and where the places of
-#: one step, three numbers each (entry, row and column), in ``code``; the same for those of L with the first stage; the
-#: same for entries of H on the diagonal, their places being single numbers; ...
+#: one step, three numbers each (entry, row and column), in ``code``; the same for those of L with the first stage; ...
 ENTRIES, ENTRY_INDEX, ENTRY_CODE = 8, 9, 10
 FIRST, FIRST_INDEX, FIRST_CODE = 11, 12, 13
-CURVED, CURVED_INDEX, CURVED_CODE = 14, 15, 16
 #: ... panels, and where they are in ``code``; entries to be cleared before each step, before the first step, and those
 #: that move (from, to); ...
-PANELS, PANEL_CODE, CLEARED, CLEARED_CODE, EMPTY, EMPTY_CODE, MOVED, MOVED_CODE = range(17, 25)
+PANELS, PANEL_CODE, CLEARED, CLEARED_CODE, EMPTY, EMPTY_CODE, MOVED, MOVED_CODE = range(14, 22)
 #: ... what is left at the end: how many entries, which, and where each lane's go (targets); ...
-RESULTS, RESULT_CODE, RESULT_INDEX = 25, 26, 27
+RESULTS, RESULT_CODE, RESULT_INDEX = 22, 23, 24
 #: ... where factors begin and how many vectors a step has; segments, the other lanes being copies of the first; where
-#: the places of F in the next step's U, and the places of the panels in ``code``, are listed in ``code``.
-FACTORS, FACTOR_STEP, SEGMENTS, FOLLOWING, PANEL_STARTS = 28, 29, 30, 31, 32
-FIELDS = 33
+#: the places of F in the next step's U, and the places of the panels in ``code``, are listed in ``code``; where the
+#: scaled entries begin: those of L with the first stage, then the diagonal and the entries of each step.
+FACTORS, FACTOR_STEP, SEGMENTS, FOLLOWING, PANEL_STARTS, MATRIX = 25, 26, 27, 28, 29, 30
+FIELDS = 31
+#: Magnitudes below this are zeros.
+NOTHING = 1e-300
+
+
+@native(fast=True, inline=True)
+def _add_entries(
+    count: i64, sources: i32s, places: i32s, given: f64s, scales: f64s, matrix: f64s, most: f64s, work: f64s
+) -> None:  # fmt: skip
+    """Add scaled entries to the triangle, keep them, and note their magnitudes in both of their rows."""
+    for k in range(count):
+        i = 8 * places[3 * k + 1]
+        j = 8 * places[3 * k + 2]
+        value = gather8(given, sources, 8 * k) * load8(scales, i) * load8(scales, j)
+        store8(matrix, 8 * k, value)
+        at = 8 * places[3 * k]
+        store8(work, at, load8(work, at) + value)
+        size = abs8(value)
+        store8(most, i, max8(size, load8(most, i)))
+        store8(most, j, max8(size, load8(most, j)))
 
 
 @native(fast=True)
 def _load_step(
-    step: i64, group: i64s, index: i32s, code: i32s, diagonal: i64, given: f64s, scale: f64s, work: f64s,
-    scales: f64s, moving: f64s,
+    step: i64, group: i64s, index: i32s, code: i32s, diagonal: f64s, given: f64s, scale: f64s, work: f64s,
+    scales: f64s, moving: f64s, matrix: f64s, most: f64s, spread: f64s,
 ) -> None:  # fmt: skip
     """Carry over what the step before has left, and add the scaled entries of the matrix."""
     own = group[OWN]
     near = own + group[NEXT]
+    ends = group[LEFT] + group[BORDER]
+    here = group[UNKNOWNS] + 8 * step * own
+    following = code[group[FOLLOWING] :]
     moved = code[group[MOVED_CODE] :]
     if step > 0:
         for k in range(group[MOVED]):
@@ -60,6 +82,16 @@ def _load_step(
     cleared = code[group[CLEARED_CODE] :]
     for k in range(group[CLEARED]):
         store8(work, 8 * cleared[k], 0.0)
+    for k in range(own):
+        store8(scales, 8 * k, load8(scale, here + 8 * k))
+    if step < group[STEPS] - 1:
+        for k in range(group[NEXT]):
+            store8(scales, 8 * (own + k), load8(scale, here + 8 * (own + following[k])))
+    else:
+        lasts = index[group[LASTS] :]
+        for k in range(group[NEXT]):
+            store8(scales, 8 * (own + k), gather8(scale, lasts, 8 * k))
+    kept = matrix[8 * group[MATRIX] :]
     if step > 0:
         for k in range(group[MOVED]):
             store8(work, 8 * moved[2 * k + 1], load8(moving, 8 * k))
@@ -67,45 +99,47 @@ def _load_step(
         empty = code[group[EMPTY_CODE] :]
         for k in range(group[EMPTY]):
             store8(work, 8 * empty[k], 0.0)
-        ends = index[group[ENDS] :]
-        for k in range(group[LEFT] + group[BORDER]):
-            store8(scales, 8 * (near + k), gather8(scale, ends, 8 * k))
-    unknowns = index[group[UNKNOWNS] + 8 * step * near :]
-    for k in range(near):
-        store8(scales, 8 * k, gather8(scale, unknowns, 8 * k))
-    diagonals = given[diagonal:]
+        outer = index[group[ENDS] :]
+        for k in range(ends):
+            store8(scales, 8 * (near + k), gather8(scale, outer, 8 * k))
+        for k in range(near + ends):
+            store8(most, 8 * k, 0.0)
+        _add_entries(
+            group[FIRST],
+            index[group[FIRST_INDEX] :],
+            code[group[FIRST_CODE] :],
+            given,
+            scales,
+            kept,
+            most,
+            work,
+        )
+    count = group[ENTRIES]
+    kept = kept[8 * (group[FIRST] + step * (own + count)) :]
+    diagonals = index[here:]
     for k in range(own):
         s = load8(scales, 8 * k)
-        value = s * s * gather8(diagonals, unknowns, 8 * k)
+        value = s * s * gather8(diagonal, diagonals, 8 * k)
+        store8(kept, 8 * k, value)
         at = 4 * k * (k + 3)
-        if k < group[VARIABLES]:
-            store8(work, at, load8(work, at) + value)
-        else:
-            store8(work, at, load8(work, at) - value)
-    count = group[CURVED]
-    sources = index[group[CURVED_INDEX] + 8 * step * count :]
-    places = code[group[CURVED_CODE] :]
-    for k in range(count):
-        i = places[k]
-        s = load8(scales, 8 * i)
-        at = 4 * i * (i + 3)
-        store8(work, at, load8(work, at) + s * s * gather8(given, sources, 8 * k))
-    count = group[ENTRIES]
-    sources = index[group[ENTRY_INDEX] + 8 * step * count :]
-    places = code[group[ENTRY_CODE] :]
-    for k in range(count):
-        value = gather8(given, sources, 8 * k) * load8(scales, 8 * places[3 * k + 1])
-        value = value * load8(scales, 8 * places[3 * k + 2])
-        at = 8 * places[3 * k]
         store8(work, at, load8(work, at) + value)
-    if step == 0:
-        sources = index[group[FIRST_INDEX] :]
-        places = code[group[FIRST_CODE] :]
-        for k in range(group[FIRST]):
-            value = gather8(given, sources, 8 * k) * load8(scales, 8 * places[3 * k + 1])
-            value = value * load8(scales, 8 * places[3 * k + 2])
-            at = 8 * places[3 * k]
-            store8(work, at, load8(work, at) + value)
+        store8(most, 8 * k, max8(abs8(value), load8(most, 8 * k)))
+    sources = index[group[ENTRY_INDEX] + 8 * step * count :]
+    _add_entries(count, sources, code[group[ENTRY_CODE] :], given, scales, kept[8 * own :], most, work)
+    high = load8(spread, 0)
+    low = load8(spread, 8)
+    for k in range(own):
+        size = load8(most, 8 * k)
+        size += negative8(size - NOTHING)
+        high = max8(high, size)
+        low = max8(low, -size)
+        store8(most, 8 * k, 0.0)
+    store8(spread, 0, high)
+    store8(spread, 8, low)
+    if step < group[STEPS] - 1:
+        for k in range(group[NEXT]):
+            store8(most, 8 * following[k], load8(most, 8 * (own + k)))
+            store8(most, 8 * (own + k), 0.0)
 
 
 @native(fast=True)
@@ -114,16 +148,20 @@ def eliminate(
     table: i64s,
     index: i32s,
     code: i32s,
-    diagonal: i64,
     growth: f64,
     suspect: f64,
     given: f64s,
+    diagonal: f64s,
     scale: f64s,
     result: f64s,
     work: f64s,
     scales: f64s,
     moving: f64s,
     columns: f64s,
+    matrix: f64s,
+    most: f64s,
+    outer_most: f64s,
+    spread: f64s,
     factors: f64s,
     state: f64s,
 ) -> i64:
@@ -132,14 +170,17 @@ def eliminate(
     Args:
         groups, table: how many groups of segments, FIELDS numbers for each.
         index, code: what the table refers to; ``code`` is shared by groups of one kind.
-        diagonal: where the diagonal begins in ``given``.
         growth, suspect: pivots are accepted as long as no product that is subtracted exceeds 1 / growth, and no
             entry of D^-1 1 / suspect, in the scaled matrix.
-        given: entries of the matrix: H, J, p and d.
-        scale: of each unknown, (N,).
+        given: entries of the matrix: H, J, p and d; diagonal: that of the matrix, (N,).
+        scale: of the unknowns, a vector in the order of the segments, and so is ``outer_most``: largest entries so
+            far of the rows outside of segments, which are updated.
         result: where the entries are added that are left, as ``index`` tells.
-        work, scales, moving, columns: work space.
-        factors: the factors; ``state``: see above.
+        work, scales, moving, columns, most: work space.
+        matrix: the scaled entries, for products with the matrix.
+        spread: largest entry of the row that has the largest one, and the negative of the least, of the rows in
+            segments: the maximum with what is there, eight of each.
+        factors: the factors; ``state``: see stc.solver.kkt.lane_panel.
 
     Returns:
         How many pivots are negative, -1 when one was not accepted.
@@ -152,7 +193,9 @@ def eliminate(
             state[k] = 0.0
         at = 8 * group[FACTORS]
         for step in range(group[STEPS]):
-            _load_step(step, group, index, code, diagonal, given, scale, work, scales, moving)
+            _load_step(
+                step, group, index, code, diagonal, given, scale, work, scales, moving, matrix, most, spread
+            )
             panel = code[group[PANEL_CODE] :]
             for _panel in range(group[PANELS]):
                 members = panel[0]
@@ -168,6 +211,10 @@ def eliminate(
             if not (largest8(load8(state, WORST)) < 1.0):
                 return -1
         state[LARGEST] = max(state[LARGEST], largest8(load8(state, WORST)))
+        own = group[OWN]
+        near = own + group[NEXT]
+        lasts = index[group[LASTS] :]
+        outer = index[group[ENDS] :]
         for lane in range(group[SEGMENTS]):
             negative += state[NEGATIVE + lane]
             places = code[group[RESULT_CODE] :]
@@ -179,4 +226,10 @@ def eliminate(
                     result[target] += value
                 else:
                     result[-1 - target] -= value
+            for k in range(group[NEXT]):
+                at_outer = lasts[8 * k + lane]
+                outer_most[at_outer] = max(outer_most[at_outer], most[8 * (own + k) + lane])
+            for k in range(group[LEFT] + group[BORDER]):
+                at_outer = outer[8 * k + lane]
+                outer_most[at_outer] = max(outer_most[at_outer], most[8 * (near + k) + lane])
     return int(negative)

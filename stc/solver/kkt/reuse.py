@@ -132,6 +132,16 @@ class StructuredKKT(ByCopies):
         return self._system.solution
 
     @property
+    def second_rhs(self) -> Floats:
+        """See ``AttachedKKT.second_rhs``."""
+        return self._system.second_rhs
+
+    @property
+    def second_solution(self) -> Floats:
+        """See ``AttachedKKT.second_solution``."""
+        return self._system.second_solution
+
+    @property
     def report(self) -> Floats:
         """See ``AttachedKKT.report``."""
         return self._system.report
@@ -145,6 +155,11 @@ class StructuredKKT(ByCopies):
     def solve_call(self) -> Bound:
         """See ``AttachedKKT.solve_call``."""
         return self._system.solve_call
+
+    @property
+    def solve_both_call(self) -> Bound:
+        """See ``AttachedKKT.solve_both_call``."""
+        return self._system.solve_both_call
 
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""

@@ -24,8 +24,14 @@ from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, SWEEPS, FrontalKKT
 from stc.solver.kkt.lane_panel import LARGEST, PANEL, STATE
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import code_of, lay_out
-from stc.solver.kkt.segmented_passes import diagonal_of, equilibrate_all, load_rest, solve_all
-from stc.solver.kkt.segments import Segmentation
+from stc.solver.kkt.segmented_passes import (
+    diagonal_of,
+    eliminate_all,
+    equilibrate_all,
+    solve_all,
+    solve_both,
+)
+from stc.solver.kkt.segments import LANES, Segmentation
 from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
@@ -53,6 +59,8 @@ RECENT = 0.3
 UNLIKELY = 0.2
 #: Room for factors, as a multiple of what the first plan needs.
 ROOM = 1.25
+#: Result of the elimination: the scale does not serve the matrix.
+STALE = -2
 #: After so many failures in a row segments are skipped for one matrix, then for twice as many each time, up to this
 #: power of two.
 PATIENCE = 3
@@ -72,6 +80,7 @@ class _Prepared:
     operations: int
     won: float = 0.0  # share of the last matrices that it suited
     solve: Bound | None = None
+    solve_both: Bound | None = None
     probe: Bound | None = None
     bindings: int = -1  # of the rest, that solve and probe are made for
 
@@ -91,18 +100,23 @@ class SegmentedKKT(ByCopies):
         self._arrays = a = Arrays.of(couplings)
         self.hess, self.jac, self.primal, self.dual = a.hess, a.jac, a.primal, a.dual
         self.rhs, self.solution = a.rhs, a.solution
+        self.second_rhs, self.second_solution = a.second_rhs, a.second_solution
         self.report, self.accuracy = a.report, a.accuracy
         size = couplings.size
         self._source = np.concatenate(
             [couplings.hess_off, couplings.hess_count + np.arange(couplings.jac_count)]
         ).astype(np.int32)
         self._curved_source = couplings.hess_diagonal.astype(np.int32)
-        self._diagonal, self._scale, self._most = np.zeros(size), np.ones(size), np.zeros(size)
-        self._change, self._kept = np.zeros(size), np.zeros(size)
+        self._diagonal = np.zeros(size)
         variables = np.bincount(found.stages.stage[: self.n], minlength=found.stages.pointers.size - 1)
         self._kinds = [kind_of(found, k, int(variables[example])) for k, example in enumerate(found.example)]
-        self._layout = lay_out(couplings, found, self._kinds, self._source, self._curved_source)
-        rest = self._layout.rest
+        self._layout = layout = lay_out(couplings, found, self._kinds, self._source)
+        self._scale, self._most, *self._vectors = (aligned_zeros(layout.length) for _ in range(10))
+        self._scale[:] = 1.0
+        self._scaled = False
+        rest = layout.rest
+        self._matrix = aligned_zeros(layout.matrix)
+        self._rest_matrix = np.zeros(rest.unknowns.size + rest.entry.size)
         self._rest = FrontalKKT.of_couplings(
             rest.couplings, stage[rest.unknowns], Arrays.of(rest.couplings), part=True
         )
@@ -128,7 +142,7 @@ class SegmentedKKT(ByCopies):
         self.factorizations = 0
         self.nnz_factor = 0
         self.last_residual = 0.0
-        self._scale[:] = 1.0
+        self._scaled = False
         self._failures = self._skip = self._tried = self._next_plan = 0
         if self._plans:
             self._now = self._plans[0]
@@ -165,7 +179,10 @@ class SegmentedKKT(ByCopies):
             raise NotFinite("the KKT matrix has entries that are not finite")
         self.factorizations += 1
         self.accuracy[0] = FINE
-        self._now.equilibrate()
+        if not self._scaled:
+            self._scale[:] = 1.0
+            self._now.equilibrate()
+            self._scaled = True
         inertia = self._refactor_segments()
         self._by_segments = inertia is not None
         if inertia is None:
@@ -183,6 +200,17 @@ class SegmentedKKT(ByCopies):
             return self._now.solve
         assert self._whole is not None
         return self._whole.solve_call
+
+    @property
+    def solve_both_call(self) -> Bound:
+        """See ``AttachedKKT.solve_both_call``."""
+        if not self._factorized:
+            raise ValueError("factorize before solving")
+        if self._by_segments:
+            assert self._now.solve_both is not None
+            return self._now.solve_both
+        assert self._whole is not None
+        return self._whole.solve_both_call
 
     def check_solution(self) -> bool:
         """See ``AttachedKKT.check_solution``."""
@@ -235,8 +263,10 @@ class SegmentedKKT(ByCopies):
 
     def _eliminate(self) -> int:
         """Eliminate the segments; how many pivots are negative, or -1."""
-        self._load_rest()
-        return int(self._now.eliminate())
+        negative = int(self._now.eliminate())
+        if negative < 0 and self._now.equilibrate():
+            negative = int(self._now.eliminate())
+        return negative if negative != STALE else -1
 
     def _candidates(self) -> Iterator[_Prepared]:
         """Plans to try for the matrix at hand: that in use, others that suited some before, a new one."""
@@ -273,7 +303,7 @@ class SegmentedKKT(ByCopies):
 
     def _programs(self) -> list[Program]:
         """Plan the pivots of each kind for values like those of the matrix at hand."""
-        scale, couplings, found = self._scale, self._couplings, self._found
+        scale, couplings, found = self._scale[self._layout.places], self._couplings, self._found
         programs = []
         values = self._arrays.given[self._source] * scale[couplings.first] * scale[couplings.second]
         diagonal = self._diagonal * scale * scale
@@ -292,23 +322,23 @@ class SegmentedKKT(ByCopies):
 
     def _bind_entries(self) -> None:
         """Prepare the calls that do not depend on the plan."""
-        c, rest, given = self._couplings, self._layout.rest, self._arrays.given
+        c, layout, given = self._couplings, self._layout, self._arrays.given
         self._collect = diagonal_of.bind(
             c.n, c.m, given.size - c.size, self._curved_source.size, c.hess_variable, self._curved_source, given,
             self._diagonal,
         )  # fmt: skip
-        entry = rest.entry
-        self._rest_entries = c.first[entry].copy(), c.second[entry].copy(), self._source[entry].copy()
-        self._load_rest = load_rest.bind(
-            rest.unknowns.size, rest.unknowns, entry.size, rest.target, *self._rest_entries, rest.couplings.n,
-            rest.couplings.jac_count, given, self._diagonal, self._scale, self._rest.given,
-        )  # fmt: skip
+        entry = layout.rest.entry
+        self._rest_entries = (
+            layout.places[c.first[entry]],
+            layout.places[c.second[entry]],
+            self._source[entry].copy(),
+        )
 
     def _prepare(self, programs: list[Program]) -> _Prepared:
         """Prepare the calls that depend on the plan."""
-        c, layout, groups = self._couplings, self._layout, self._found.groups
-        rest, given = layout.rest, self._arrays.given
-        code = code_of(layout.table, groups, self._kinds, programs, layout.curved)
+        layout, groups, given = self._layout, self._found.groups, self._arrays.given
+        rest = layout.rest
+        code = code_of(layout.table, groups, self._kinds, programs)
         last = layout.table[-1]
         vectors = int(last[lanes.FACTORS] + last[lanes.STEPS] * last[lanes.FACTOR_STEP])
         widest = max(kind.size for kind in self._kinds)
@@ -318,36 +348,48 @@ class SegmentedKKT(ByCopies):
         factors = self._factors[: 8 * vectors]
         state = aligned_zeros(STATE)
         tables = len(groups), layout.table.reshape(-1).copy(), layout.index, code
-        scales, part = aligned_zeros(8 * widest), aligned_zeros(8 * widest)
-        eliminate = lanes.eliminate.bind(
-            *tables, given.size - c.size, 1.0 / GROWTH, 1.0 / INVERSE, given, self._scale, self._rest.given,
-            aligned_zeros(4 * widest * (widest + 1)), scales, aligned_zeros(8 * moved),
-            aligned_zeros(8 * PANEL * (widest + PANEL)), factors, state,
+        work, part = aligned_zeros(16 * widest), aligned_zeros(16 * widest)
+        outside = layout.outer, rest.unknowns.size, rest.entry.size
+        eliminate = eliminate_all.bind(
+            *tables, 1.0 / GROWTH, 1.0 / INVERSE, given, self._diagonal, self._scale, self._rest.given,
+            aligned_zeros(4 * widest * (widest + 1)), work, aligned_zeros(8 * moved),
+            aligned_zeros(8 * PANEL * (widest + PANEL)), self._matrix, part, self._most, aligned_zeros(2 * LANES),
+            factors, state, *outside, rest.target, *self._rest_entries, rest.couplings.n, rest.couplings.jac_count,
+            self._rest_matrix,
         )  # fmt: skip
         equilibrate = equilibrate_all.bind(
-            c.size, SWEEPS, *tables, rest.unknowns.size, rest.unknowns, rest.entry.size, *self._rest_entries, given,
-            self._diagonal, self._scale, self._most, scales, part,
-        )  # fmt: skip
+            SWEEPS,
+            *tables,
+            *outside,
+            *self._rest_entries,
+            given,
+            self._diagonal,
+            self._scale,
+            self._most,
+            work,
+            part,
+        )
         operations = sum(
             group.segments * len(group.stages) * programs[group.kind].operations for group in groups
         )
-        return _Prepared(tables, factors, state, (scales, part), eliminate, equilibrate, operations)
+        return _Prepared(tables, factors, state, (work, part), eliminate, equilibrate, operations)
 
     def _bind_solve(self, plan: _Prepared) -> None:
         """Prepare the calls that depend on the rest's factors, too."""
-        rest = self._layout.rest
-        calls = []
-        for steps, rhs, solution, report in (
-            (REFINEMENTS, self.rhs, self.solution, self.report),
-            (0, self._probe_rhs, self._probe_result, self._probe_report),
-        ):
-            call = solve_all.bind(
-                self._couplings.size, steps, self.accuracy, *plan.tables, plan.factors, rest.entry.size,
-                *self._rest_entries, self._arrays.given, self._diagonal, self._scale, *plan.space,
-                *self._rest.factors_in_order(rest.unknowns), rhs, self._change, self._kept, solution, report,
-            )  # fmt: skip
-            calls.append(call)
-        plan.solve, plan.probe = calls
+        layout = self._layout
+        rest = layout.rest
+        rest_factors = self._rest.factors_in_order()
+        common = (
+            self.accuracy, *plan.tables, layout.outer, rest.unknowns.size, rest.entry.size, *self._rest_entries[:2],
+            plan.factors, self._matrix, self._rest_matrix, self._scale, *plan.space, *rest_factors,
+        )  # fmt: skip
+        one, other = self._vectors[:4], self._vectors[4:]
+        plan.solve = solve_all.bind(REFINEMENTS, *common, self.rhs, *one, self.solution, self.report)
+        plan.probe = solve_all.bind(0, *common, self._probe_rhs, *one, self._probe_result, self._probe_report)
+        plan.solve_both = solve_both.bind(
+            REFINEMENTS, *common, self.rhs, *one, self.solution, self.second_rhs, *other, self.second_solution,
+            self.report, np.zeros(REPORT),
+        )  # fmt: skip
         plan.bindings = self._rest.bindings
 
 

@@ -8,7 +8,8 @@ import scipy.linalg
 from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, Pattern, Values, exact_inertia, generic
 
 from stc.codegen.calls import chain
-from stc.solver.kkt import DenseKKT, FrontalKKT, Inertia, KKTSystem
+from stc.solver.kkt import DenseKKT, FrontalKKT, Inertia
+from stc.solver.kkt.contract import AttachedKKT
 from stc.solver.kkt.reuse import StructuredKKT
 
 SYSTEMS = [DenseKKT, FrontalKKT]
@@ -23,8 +24,8 @@ def equilibrated(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return matrix * scale[:, None] * scale, scale
 
 
-def check(system: KKTSystem, pattern: Pattern, values: Values, rng: np.random.Generator) -> None:
-    """Inertia against LAPACK, solution against the matrix."""
+def check(system: AttachedKKT, pattern: Pattern, values: Values, rng: np.random.Generator) -> None:
+    """Inertia against LAPACK, solutions against the matrix."""
     matrix, scale = equilibrated(pattern.matrix(values))
     inertia = system.factorize(*values.arguments())
     eigenvalues = np.linalg.eigvalsh(matrix)
@@ -44,6 +45,15 @@ def check(system: KKTSystem, pattern: Pattern, values: Values, rng: np.random.Ge
     assert residual < 1e-10
     if condition < 1e11:
         assert np.abs(found - expected).max() <= 1e-13 * condition * np.abs(expected).max() + 1e-12
+    others = matrix @ rng.normal(size=size) * rng.choice([1e-3, 0.0, 1.0]), rhs
+    for first, second in (others, others[::-1]):
+        system.rhs[:], system.second_rhs[:] = first / scale, second / scale
+        system.solve_both_call()
+        while system.check_solution():
+            system.solve_both_call()
+        for given, solution in ((first, system.solution), (second, system.second_solution)):
+            residual = np.abs(matrix @ (solution / scale) - given).max()
+            assert residual <= 1e-10 * (np.abs(given).max() + np.abs(solution / scale).max())
 
 
 @pytest.mark.parametrize("values_of", VALUES.values(), ids=VALUES)
