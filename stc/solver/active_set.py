@@ -26,7 +26,15 @@ from stc.solver.projection import Projection, ProjectionPair
 from stc.solver.restricted import DUAL_SHIFT
 from stc.solver.scaled_problem import ScaledProblem
 
-__all__ = ["Finish", "Projection", "newton_on_active_set", "project", "smaller_multipliers"]
+__all__ = [
+    "ACCURATE",
+    "Finish",
+    "Projection",
+    "newton_on_active_set",
+    "newton_point",
+    "project",
+    "smaller_multipliers",
+]
 
 NEAR = 1e-2
 RETREAT = 0.1
@@ -35,6 +43,7 @@ CONTRACTION = 0.1
 FAST = 1e-2
 """Contraction that makes one more step worth its while: it gains two digits or more."""
 ACCURATE = 0.1
+"""Share of the tolerance that a point is to reach where another step would."""
 SAME = 1e-8
 
 
@@ -66,9 +75,7 @@ def newton_on_active_set(
         The last point (None when nothing was gained; its arrays serve the next call) and whether it is a solution: the
         error is below the tolerance and the curvature on the active set is positive.
     """
-    if form.projections is None:
-        form.projections = ProjectionPair(form)
-    pair = form.projections
+    pair = _pair_of(form)
     if not pair.start(np.clip(x, *form.true_x), y):
         return None, False
     certified = False
@@ -103,6 +110,19 @@ def newton_on_active_set(
         )
         pair.swap()
     return pair.point, certified and pair.point.error <= tolerance
+
+
+def newton_point(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
+    """One such step from ``(x, y)``: the point that it leads to, not evaluated; None where there is none."""
+    pair = _pair_of(form)
+    return pair.next if pair.start(np.clip(x, *form.true_x), y) and pair.advance() else None
+
+
+def _pair_of(form: ScaledProblem) -> ProjectionPair:
+    """Where the form's points are evaluated."""
+    if form.projections is None:
+        form.projections = ProjectionPair(form)
+    return form.projections
 
 
 class Finish:

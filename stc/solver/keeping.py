@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 
 from stc.solver.kkt.contract import KKTSystem
 from stc.solver.kkt.reuse import StructuredKKT
@@ -10,7 +10,7 @@ from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.scaled_problem import ScaledProblem
 
-__all__ = ["Keeper", "give_back", "scaled_form"]
+__all__ = ["Keeper", "give_back", "kept_form", "key_of"]
 
 
 #: Variables and rows of the largest program that something is kept of.
@@ -37,26 +37,27 @@ class Keeper:
         self._kept = key, form
 
 
-def scaled_form(nlp: NLP, x0: Floats, options: Options, new_kkt: Callable[..., KKTSystem]) -> ScaledProblem:
-    """``nlp`` scaled at ``x0`` (n,); as an earlier solve left it where that began at the same point."""
-    keeper: Keeper | None = getattr(nlp, "keeper", None)
-    form = None if keeper is None else keeper.take(_key(nlp, x0, options, new_kkt))
-    if form is not None and isinstance(form.kkt, StructuredKKT):
-        form.nlp = nlp
-        form.kkt.restart()
-        return form
-    return ScaledProblem(nlp, x0, options, new_kkt)
-
-
-def give_back(
-    form: ScaledProblem, nlp: NLP, x0: Floats, options: Options, new_kkt: Callable[..., KKTSystem]
-) -> None:
-    """Keep a form for the next solve of the same program."""
-    keeper: Keeper | None = getattr(nlp, "keeper", None)
-    if keeper is not None and isinstance(form.kkt, StructuredKKT) and nlp.n + nlp.m <= LARGEST:
-        keeper.give(_key(nlp, x0, options, new_kkt), form)
-
-
-def _key(nlp: NLP, x0: Floats, options: Options, new_kkt: Callable[..., KKTSystem]) -> tuple[object, ...]:
+def key_of(nlp: NLP, x0: Floats, options: Options, new_kkt: Callable[..., KKTSystem]) -> Hashable:
+    """What a form of ``nlp`` that is scaled at ``x0`` (n,) depends on; None for programs that are not kept."""
+    if getattr(nlp, "keeper", None) is None or nlp.n + nlp.m > LARGEST:
+        return None
     bounds = nlp.x_lower.tobytes(), nlp.x_upper.tobytes()
     return x0.tobytes(), *bounds, options.scaling, new_kkt
+
+
+def kept_form(nlp: NLP, key: Hashable) -> ScaledProblem | None:
+    """The form that an earlier solve has left, whose functions have values at its start; None where there is none."""
+    keeper: Keeper | None = getattr(nlp, "keeper", None)
+    form = None if keeper is None or key is None else keeper.take(key)
+    if form is None or not isinstance(form.kkt, StructuredKKT):
+        return None
+    form.nlp = nlp
+    form.kkt.restart()
+    return form
+
+
+def give_back(form: ScaledProblem, nlp: NLP, key: Hashable) -> None:
+    """Keep a form for the next solve of the same program."""
+    keeper: Keeper | None = getattr(nlp, "keeper", None)
+    if keeper is not None and key is not None and isinstance(form.kkt, StructuredKKT):
+        keeper.give(key, form)

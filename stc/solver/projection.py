@@ -138,17 +138,20 @@ class ProjectionPair:
         return self.point.evaluate()
 
     def step(self) -> bool:
-        """Evaluate the next point by Newton's method; False where there is none.
+        """Find and evaluate the next point; False where there is none."""
+        return self.advance() and self.next.evaluate()
+
+    def advance(self) -> bool:
+        """Find the next point by Newton's method; False where there is none.
 
         Afterwards ``largest[0]`` is the largest change of a variable.
         """
         if not self.point.factorize():
             return False
-        advance = self._advance[id(self.point)]
         self._kkt.solve_call()
         self._kkt.check_solution()
-        advance()
-        return self.largest[1] == 0.0 and self.next.evaluate()
+        self._advance[id(self.point)]()
+        return bool(self.largest[1] == 0.0)
 
     def correct(self) -> bool:
         """Step once more with the same factorisation, from the next point to where the point has been.

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from stc.records import dataclass
-from stc.solver.active_set import newton_on_active_set, smaller_multipliers
+from stc.solver.active_set import ACCURATE, newton_on_active_set, newton_point, smaller_multipliers
 from stc.solver.interior import feasible_first, optimise
-from stc.solver.keeping import give_back, scaled_form
+from stc.solver.keeping import give_back, kept_form, key_of
 from stc.solver.kkt import KKTSystem, structured_kkt
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats
@@ -96,14 +96,20 @@ class _Solve:
         if np.any(nlp.x_lower > nlp.x_upper) or np.any(nlp.row_lower > nlp.row_upper):
             return self._result(Status.INFEASIBLE, self.start.x, message="Two bounds contradict each other.")
         x0 = np.clip(np.asarray(self.start.x, dtype=float), nlp.x_lower, nlp.x_upper)
-        f, r = nlp.values(x0)
-        if not (np.isfinite(f) and np.all(np.isfinite(r))):
-            return self._result(Status.FAILED, x0, message="A function is undefined at the starting point.")
-        if nlp.n == 0:
-            violation = assess(nlp, x0, np.zeros(nlp.m), np.zeros(0)).violation
-            feasible = violation <= self.options.feasibility_tolerance
-            return self._result(Status.OPTIMAL if feasible else Status.INFEASIBLE, x0)
-        form = self.form = scaled_form(nlp, x0, self.options, self.new_kkt)
+        key = key_of(nlp, x0, self.options, self.new_kkt)
+        form = kept_form(nlp, key)
+        if form is None:
+            f, r = nlp.values(x0)
+            if not (np.isfinite(f) and np.all(np.isfinite(r))):
+                return self._result(
+                    Status.FAILED, x0, message="A function is undefined at the starting point."
+                )
+            if nlp.n == 0:
+                violation = assess(nlp, x0, np.zeros(nlp.m), np.zeros(0)).violation
+                feasible = violation <= self.options.feasibility_tolerance
+                return self._result(Status.OPTIMAL if feasible else Status.INFEASIBLE, x0)
+            form = ScaledProblem(nlp, x0, self.options, self.new_kkt)
+        self.form = form
         try:
             return self._solve(form, x0)
         except Stopped as stopped:
@@ -111,7 +117,7 @@ class _Solve:
         except KeyboardInterrupt:
             return self._best(Status.INTERRUPTED)
         finally:
-            give_back(form, nlp, x0, self.options, self.new_kkt)
+            give_back(form, nlp, key)
 
     def _solve(self, form: ScaledProblem, x0: Floats) -> Result:
         options = self.options
@@ -171,8 +177,25 @@ class _Solve:
         return outcome
 
     def _linear_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
-        """A quadratic program without inequalities: its optimality conditions are linear equations."""
+        """A quadratic program without inequalities: its optimality conditions are linear equations.
+
+        The problem as stated confirms the solution, which is evaluated only once then.
+        """
         x, y = np.where(form.held, form.held_value, x0 / form.x_scale), np.zeros(form.m)
+        point = newton_point(form, x, y)
+        if point is not None:
+            outcome = Outcome(End.CONVERGED, form, point.x.copy(), point.y.copy(), 0.0)
+            stated = self._stated(outcome)
+            judged = self._assess(stated)
+            outcome.error = max(judged.violation, judged.optimality)
+            if outcome.error <= ACCURATE * self.options.tolerance:
+                step = float(np.abs(outcome.x - x).max(initial=0.0))
+                self.monitor.count()
+                self.monitor.record(
+                    lambda: (stated.x, stated.y), judged.objective, judged.violation, judged.optimality, step, 1.0,
+                    0.0, 0.0, "active-set",
+                )  # fmt: skip
+                return outcome
         return self._by_newton(form, x, y, QUADRATIC_STEPS)
 
     def _by_newton(
