@@ -253,7 +253,8 @@ class _Solve:
                 return outcome
             form = outcome.form
             assert isinstance(form, ScaledProblem)
-            if np.abs(outcome.y).max(initial=0.0) > LARGE_MULTIPLIER:
+            # In the objective's own terms: it may have been multiplied, as sums over many short intervals are.
+            if np.abs(outcome.y).max(initial=0.0) > LARGE_MULTIPLIER * max(1.0, form.objective_scale):
                 outcome.y = smaller_multipliers(form, outcome.x, outcome.y)
             point = self._stated(outcome)
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
