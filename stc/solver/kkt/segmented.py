@@ -53,6 +53,10 @@ PLANNING = 13_000
 #: Plans that are kept; after so many matrices one that failed may be replaced.
 PLANS = 4
 MATRICES = 40
+#: When a plan has served so many matrices another one is made, once, and used if it takes this share of the operations
+#: at most.
+SETTLED = 6
+FEWER = 0.97
 #: How much the last matrix counts in the share of matrices that a plan suits, and the share that makes a trial worth
 #: its while.
 RECENT = 0.3
@@ -78,7 +82,9 @@ class _Prepared:
     eliminate: Bound
     equilibrate: Bound
     operations: int
+    curved: bool  # whether H was not zero when it was made
     won: float = 0.0  # share of the last matrices that it suited
+    served: int = 0  # matrices that it suited
     solve: Bound | None = None
     solve_both: Bound | None = None
     probe: Bound | None = None
@@ -107,7 +113,7 @@ class SegmentedKKT(ByCopies):
             [couplings.hess_off, couplings.hess_count + np.arange(couplings.jac_count)]
         ).astype(np.int32)
         self._curved_source = couplings.hess_diagonal.astype(np.int32)
-        self._diagonal = np.zeros(size)
+        self._diagonal, self._curvatures = np.zeros(size), np.zeros(1, dtype=np.int64)
         variables = np.bincount(found.stages.stage[: self.n], minlength=found.stages.pointers.size - 1)
         self._kinds = [kind_of(found, k, int(variables[example])) for k, example in enumerate(found.example)]
         self._layout = layout = lay_out(couplings, found, self._kinds, self._source)
@@ -129,6 +135,7 @@ class SegmentedKKT(ByCopies):
         self._failures = 0
         self._missed = 0
         self._skip = 0
+        self._settled = False
         self._by_segments = False
         self._factorized = False
         self._plans: list[_Prepared] = []
@@ -143,7 +150,7 @@ class SegmentedKKT(ByCopies):
         self.nnz_factor = 0
         self.last_residual = 0.0
         self._scaled = False
-        self._failures = self._skip = self._tried = self._next_plan = 0
+        self._failures = self._skip = 0
         if self._plans:
             self._now = self._plans[0]
         self._factorized = False
@@ -243,6 +250,7 @@ class SegmentedKKT(ByCopies):
             negative = self._eliminate()
             plan.won += RECENT * (float(negative >= 0) - plan.won)
             if negative >= 0:
+                plan.served += 1
                 break
         if negative < 0:
             self._now = max(self._plans, key=lambda plan: plan.won)
@@ -270,22 +278,44 @@ class SegmentedKKT(ByCopies):
 
     def _candidates(self) -> Iterator[_Prepared]:
         """Plans to try for the matrix at hand: that in use, others that suited some before, a new one."""
-        if self._plans:
-            first = self._now
-            yield first
-            others = (plan for plan in self._plans if plan is not first and plan.won > UNLIKELY)
-            yield from sorted(others, key=lambda plan: -plan.won)
-            self._missed += self._couplings.size
-            if self._missed < PLANNING:
+        first = self._first()
+        yield first
+        others = (plan for plan in self._plans if plan is not first and plan.won > UNLIKELY)
+        yield from sorted(others, key=lambda plan: -plan.won)
+        self._missed += self._couplings.size
+        if self._missed < PLANNING:
+            return
+        if len(self._plans) == PLANS:
+            if self._tried < self._next_plan:
                 return
-            if len(self._plans) == PLANS:
-                if self._tried < self._next_plan:
-                    return
-                del self._plans[min(range(PLANS), key=lambda k: self._plans[k].won)]
+            del self._plans[min(range(PLANS), key=lambda k: self._plans[k].won)]
+        yield self._new_plan()
+
+    def _first(self) -> _Prepared:
+        """The plan in use, or the latest, of those that were made where H was zero or of the others, as it is now."""
+        curved = bool(self._curvatures[0])
+        now = self._now
+        if now.served > 0 and now.curved == curved and (now.served != SETTLED or self._settled):
+            return now
+        alike = [plan for plan in self._plans if plan.curved == curved]
+        if not alike and len(self._plans) < PLANS:
+            return self._new_plan()
+        if alike and now.curved != curved:
+            return [plan for plan in alike if plan.won > UNLIKELY or plan is alike[0]][-1]
+        if now.served == SETTLED and curved and not self._settled:
+            # By now the entries have the sizes that they will keep.
+            self._settled = True
+            other = self._prepare(self._programs())
+            if other.operations < FEWER * now.operations and len(self._plans) < PLANS:
+                self._plans.append(other)
+                return other
+        return now
+
+    def _new_plan(self) -> _Prepared:
         self._missed = 0
         self._next_plan = self._tried + MATRICES
         self._plans.append(self._prepare(self._programs()))
-        yield self._plans[-1]
+        return self._plans[-1]
 
     def _passes_probe(self) -> bool:
         """Solve once: a matrix that is nearly singular has long solutions, inaccurate factors a large residual."""
@@ -302,11 +332,16 @@ class SegmentedKKT(ByCopies):
         return inertia
 
     def _programs(self) -> list[Program]:
-        """Plan the pivots of each kind for values like those of the matrix at hand."""
+        """Plan the pivots of each kind for values like those of the matrix at hand, without p.
+
+        What barrier and shifts add to the diagonal comes and goes: pivots that need it would fail sooner or later.
+        """
         scale, couplings, found = self._scale[self._layout.places], self._couplings, self._found
         programs = []
         values = self._arrays.given[self._source] * scale[couplings.first] * scale[couplings.second]
-        diagonal = self._diagonal * scale * scale
+        diagonal = np.concatenate([np.zeros(self.n), -self.dual])
+        diagonal[couplings.hess_variable] += self._arrays.given[self._curved_source]
+        diagonal *= scale * scale
         for number, kind in enumerate(self._kinds):
             lanes_of = [group.stages for group in found.groups if group.kind == number]
             chosen = distinct(np.concatenate([stages.reshape(-1) for stages in lanes_of]))
@@ -324,8 +359,8 @@ class SegmentedKKT(ByCopies):
         """Prepare the calls that do not depend on the plan."""
         c, layout, given = self._couplings, self._layout, self._arrays.given
         self._collect = diagonal_of.bind(
-            c.n, c.m, given.size - c.size, self._curved_source.size, c.hess_variable, self._curved_source, given,
-            self._diagonal,
+            c.n, c.m, given.size - c.size, c.hess_count, self._curved_source.size, c.hess_variable,
+            self._curved_source, given, self._diagonal, self._curvatures,
         )  # fmt: skip
         entry = layout.rest.entry
         self._rest_entries = (
@@ -372,7 +407,16 @@ class SegmentedKKT(ByCopies):
         operations = sum(
             group.segments * len(group.stages) * programs[group.kind].operations for group in groups
         )
-        return _Prepared(tables, factors, state, (work, part), eliminate, equilibrate, operations)
+        return _Prepared(
+            tables,
+            factors,
+            state,
+            (work, part),
+            eliminate,
+            equilibrate,
+            operations,
+            bool(self._curvatures[0]),
+        )
 
     def _bind_solve(self, plan: _Prepared) -> None:
         """Prepare the calls that depend on the rest's factors, too."""

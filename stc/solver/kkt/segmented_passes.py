@@ -22,9 +22,13 @@ STALE = 1024.0
 
 @native(fast=True)
 def diagonal_of(
-    n: i64, m: i64, at: i64, curved: i64, curved_variable: i32s, curved_source: i32s, given: f64s, diagonal: f64s
+    n: i64, m: i64, at: i64, curvatures: i64, curved: i64, curved_variable: i32s, curved_source: i32s, given: f64s,
+    diagonal: f64s, count: i64s,
 ) -> f64:  # fmt: skip
-    """Collect the diagonal, (n + m,); p and d begin at ``given[at]``.  Returns 0, or nan when not all is finite."""
+    """Collect the diagonal, (n + m,); p and d begin at ``given[at]``.  Returns 0, or nan when not all is finite.
+
+    ``count[0]`` becomes the number of entries of H that are not zero, of which ``curvatures`` are given first.
+    """
     own = given[at:]
     for k in range(n):
         diagonal[k] = own[k]
@@ -33,8 +37,13 @@ def diagonal_of(
     for k in range(curved):
         diagonal[curved_variable[k]] += given[curved_source[k]]
     check = 0.0
-    for k in range(at + n + m):
+    found = 0
+    for k in range(curvatures):
         check += given[k] * 0.0
+        found += given[k] != 0.0
+    for k in range(curvatures, at + n + m):
+        check += given[k] * 0.0
+    count[0] = found
     return check
 
 
