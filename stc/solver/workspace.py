@@ -45,6 +45,9 @@ SMALLEST_SIGMA = 1e-16
 #: The centring parameters to choose from, and the smallest fraction of the way to the bounds that goes with them.
 CENTRING = np.array([1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0])
 SMALLEST_TAU = 0.99
+#: Chains are kept for so many of the last solves that differ, of so many unknowns at most: each keeps its factors.
+SOLVES = 4
+SMALL = 20_000
 
 
 class Step:
@@ -115,6 +118,7 @@ class Workspace:
         self._solve: Bound | None = None
         self._parts: dict[str, Bound] = {}
         self._chains: dict[str, Bound] = {}
+        self._chains_of: dict[int, tuple[Bound, dict[str, Bound]]] = {}
         self._bind()
 
     def _bind(self) -> None:
@@ -334,11 +338,16 @@ class Workspace:
         return known
 
     def _renew(self) -> None:
-        """Drop the chains that hold an earlier factorisation's solve."""
+        """Take up the chains that hold the solve of the last factorisation: there are several that come again."""
         solve = self.kkt.solve_call
         if solve is not self._solve:
             self._solve = solve
-            self._chains.clear()
+            known = self._chains_of.pop(id(solve), None)
+            # Each keeps its solve alive, so that no other has its number.
+            self._chains = known[1] if known is not None else {}
+            self._chains_of[id(solve)] = solve, self._chains
+            if len(self._chains_of) > (SOLVES if self.kkt.rhs.size <= SMALL else 1):
+                del self._chains_of[next(iter(self._chains_of))]
 
     def _begin(self, name: str, c: Floats, residuals: bool, centre: Floats, rhs: Floats) -> Bound:
         form = self.form
