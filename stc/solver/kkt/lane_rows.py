@@ -6,7 +6,7 @@ Both leave to the caller what is outside the segments, entries and diagonal.  Ve
 from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
-from stc.codegen.native_vector import abs8, gather8, load8, max8, store8
+from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, splat8, store8, sum8
 from stc.solver.kkt.lanes import (
     BORDER,
     ENDS,
@@ -32,16 +32,23 @@ __all__ = ["largest_in_segments", "subtract_segments"]
 
 
 @native(fast=True, inline=True)
-def collect_near(step: i64, group: i64s, index: i32s, code: i32s, x: f64s, part: f64s) -> None:
-    """Copy what a vector has for a step's U and F to ``part``."""
+def collect_own(step: i64, group: i64s, x: f64s, part: f64s) -> None:
+    """Copy what a vector has for a step's U to ``part``."""
     own = group[OWN]
     here = group[UNKNOWNS] + 8 * step * own
     for k in range(own):
         store8(part, 8 * k, load8(x, here + 8 * k))
+
+
+@native(fast=True, inline=True)
+def collect_following(step: i64, group: i64s, index: i32s, code: i32s, x: f64s, part: f64s) -> None:
+    """Copy what a vector has for a step's F to ``part``."""
+    own = group[OWN]
     if step < group[STEPS] - 1:
+        after = group[UNKNOWNS] + 8 * (step + 1) * own
         following = code[group[FOLLOWING] :]
         for k in range(group[NEXT]):
-            store8(part, 8 * (own + k), load8(x, here + 8 * (own + following[k])))
+            store8(part, 8 * (own + k), load8(x, after + 8 * following[k]))
     else:
         lasts = index[group[LASTS] :]
         for k in range(group[NEXT]):
@@ -128,7 +135,8 @@ def largest_in_segments(
             store8(part, 8 * k, 0.0)
         for step in range(group[STEPS]):
             here = group[UNKNOWNS] + 8 * step * own
-            collect_near(step, group, index, code, scale, scales)
+            collect_own(step, group, scale, scales)
+            collect_following(step, group, index, code, scale, scales)
             for k in range(own):
                 s = load8(scales, 8 * k)
                 store8(part, 8 * k, abs8(gather8(diagonal, index, here + 8 * k)) * s * s)
@@ -181,18 +189,28 @@ def subtract_segments(
     matrix: f64s,
     x: f64s,
     y: f64s,
+    z: f64s,
     other_x: f64s,
     other_y: f64s,
+    other_z: f64s,
     work: f64s,
     part: f64s,
+    norms: f64s,
 ) -> None:
-    """``y -= K x`` for the rows of segments; from the other rows, their entries' part is subtracted.
+    """``z = y - K x`` for the rows of segments; from the other rows of z, their entries' part is subtracted.
 
     Args:
-        both: 1 to do the same with ``other_x`` and ``other_y``, in the same pass; a constant.
+        both: 1 to do the same with ``other_x``, ``other_y``, ``other_z`` in the same pass; a constant.
         groups, table, index, code, matrix: see ``eliminate``.
         work, part: work space, for two vectors each when ``both``.
+        norms: largest magnitudes in segments of x, z, other_x, other_z; of the z nan when not all are finite.
     """
+    high_x = splat8(0.0)
+    high_z = splat8(0.0)
+    high_other_x = splat8(0.0)
+    high_other_z = splat8(0.0)
+    check = splat8(0.0)
+    other_check = splat8(0.0)
     for g in range(groups):
         group = table[g * FIELDS :]
         own = group[OWN]
@@ -210,18 +228,22 @@ def subtract_segments(
                 store8(other_part, 8 * k, 0.0)
         for step in range(group[STEPS]):
             here = group[UNKNOWNS] + 8 * step * own
-            collect_near(step, group, index, code, x, work)
+            collect_following(step, group, index, code, x, work)
             diagonal = values[0:]
             if step == 0:
                 diagonal = values[8 * group[FIRST] :]
             for k in range(own):
-                change = load8(diagonal, 8 * k) * load8(work, 8 * k)
-                store8(part, 8 * k, load8(y, here + 8 * k) - change)
+                value = load8(x, here + 8 * k)
+                high_x = max8(high_x, abs8(value))
+                store8(work, 8 * k, value)
+                store8(part, 8 * k, load8(y, here + 8 * k) - load8(diagonal, 8 * k) * value)
             if both != 0:
-                collect_near(step, group, index, code, other_x, other_work)
+                collect_following(step, group, index, code, other_x, other_work)
                 for k in range(own):
-                    change = load8(diagonal, 8 * k) * load8(other_work, 8 * k)
-                    store8(other_part, 8 * k, load8(other_y, here + 8 * k) - change)
+                    value = load8(other_x, here + 8 * k)
+                    high_other_x = max8(high_other_x, abs8(value))
+                    store8(other_work, 8 * k, value)
+                    store8(other_part, 8 * k, load8(other_y, here + 8 * k) - load8(diagonal, 8 * k) * value)
             if step > 0:
                 add_following(group, code, part)
                 if both != 0:
@@ -236,9 +258,19 @@ def subtract_segments(
             )
             values = values[8 * group[ENTRIES] :]
             for k in range(own):
-                store8(y, here + 8 * k, load8(part, 8 * k))
+                value = load8(part, 8 * k)
+                high_z = max8(high_z, abs8(value))
+                check += value * 0.0
+                store8(z, here + 8 * k, value)
                 if both != 0:
-                    store8(other_y, here + 8 * k, load8(other_part, 8 * k))
-        add_outside(group, index, part, y)
+                    value = load8(other_part, 8 * k)
+                    high_other_z = max8(high_other_z, abs8(value))
+                    other_check += value * 0.0
+                    store8(other_z, here + 8 * k, value)
+        add_outside(group, index, part, z)
         if both != 0:
-            add_outside(group, index, other_part, other_y)
+            add_outside(group, index, other_part, other_z)
+    norms[0] = largest8(high_x)
+    norms[1] = largest8(high_z) + sum8(check)
+    norms[2] = largest8(high_other_x)
+    norms[3] = largest8(high_other_z) + sum8(other_check)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import load8, store8
-from stc.solver.kkt.lane_rows import add_following, add_outside, collect_ends, collect_near
+from stc.solver.kkt.lane_rows import add_following, add_outside, collect_ends, collect_following, collect_own
 from stc.solver.kkt.lanes import (
     BORDER,
     FACTOR_STEP,
@@ -174,12 +174,13 @@ def _backward_panel(
 
 @native(fast=True, inline=True)
 def forward(
-    both: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, other_x: f64s, part: f64s
+    both: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, y: f64s, other_x: f64s,
+    other_y: f64s, part: f64s,
 ) -> None:  # fmt: skip
-    """Forward substitution and division by D in ``x``, whose entries outside the segments change accordingly.
+    """Forward substitution and division by D from ``x`` to ``y``, whose entries outside the segments change.
 
     Args:
-        both: 1 to do the same with ``other_x`` in the same pass; a constant.
+        both: 1 to do the same from ``other_x`` to ``other_y`` in the same pass; a constant.
         groups, table, index, code, factors: see ``eliminate``.
         part: work space, for two vectors when ``both``.
     """
@@ -195,10 +196,9 @@ def forward(
                 store8(other, 8 * k, 0.0)
         for step in range(group[STEPS]):
             here = group[UNKNOWNS] + 8 * step * own
-            for k in range(own):
-                store8(part, 8 * k, load8(x, here + 8 * k))
-                if both != 0:
-                    store8(other, 8 * k, load8(other_x, here + 8 * k))
+            collect_own(step, group, x, part)
+            if both != 0:
+                collect_own(step, group, other_x, other)
             if step > 0:
                 add_following(group, code, part)
                 if both != 0:
@@ -215,34 +215,37 @@ def forward(
                 panel = rows[count + length :]
                 at += 8 * length
             for k in range(own):
-                store8(x, here + 8 * k, load8(part, 8 * k))
+                store8(y, here + 8 * k, load8(part, 8 * k))
                 if both != 0:
-                    store8(other_x, here + 8 * k, load8(other, 8 * k))
-        add_outside(group, index, part, x)
+                    store8(other_y, here + 8 * k, load8(other, 8 * k))
+        add_outside(group, index, part, y)
         if both != 0:
-            add_outside(group, index, other, other_x)
+            add_outside(group, index, other, other_y)
 
 
 @native(fast=True, inline=True)
 def backward(
-    both: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, other_x: f64s, part: f64s
+    both: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, y: f64s, other_x: f64s,
+    other_y: f64s, part: f64s,
 ) -> None:  # fmt: skip
-    """Back substitution in ``x``, in which the solution outside the segments is known; arguments as in ``forward``."""
+    """Back substitution from ``x`` to ``y``, in which the solution outside the segments is; arguments as above."""
     for g in range(groups):
         group = table[g * FIELDS :]
         own = group[OWN]
         other = part[8 * (own + group[NEXT] + group[LEFT] + group[BORDER]) :]
-        collect_ends(group, index, x, part)
+        collect_ends(group, index, y, part)
         if both != 0:
-            collect_ends(group, index, other_x, other)
+            collect_ends(group, index, other_y, other)
         starts = code[group[PANEL_STARTS] :]
         at = 8 * (group[FACTORS] + group[STEPS] * group[FACTOR_STEP])
         for back in range(group[STEPS]):
             step = group[STEPS] - 1 - back
             here = group[UNKNOWNS] + 8 * step * own
-            collect_near(step, group, index, code, x, part)
+            collect_own(step, group, x, part)
+            collect_following(step, group, index, code, y, part)
             if both != 0:
-                collect_near(step, group, index, code, other_x, other)
+                collect_own(step, group, other_x, other)
+                collect_following(step, group, index, code, other_y, other)
             for last in range(group[PANELS]):
                 panel = code[starts[group[PANELS] - 1 - last] :]
                 members = panel[0]
@@ -252,6 +255,6 @@ def backward(
                     both, members, count, panel[2 + members :], panel[2 + 2 * members :], factors[at:], part, other
                 )  # fmt: skip
             for k in range(own):
-                store8(x, here + 8 * k, load8(part, 8 * k))
+                store8(y, here + 8 * k, load8(part, 8 * k))
                 if both != 0:
-                    store8(other_x, here + 8 * k, load8(other, 8 * k))
+                    store8(other_y, here + 8 * k, load8(other, 8 * k))

@@ -117,7 +117,7 @@ class SegmentedKKT(ByCopies):
         variables = np.bincount(found.stages.stage[: self.n], minlength=found.stages.pointers.size - 1)
         self._kinds = [kind_of(found, k, int(variables[example])) for k, example in enumerate(found.example)]
         self._layout = layout = lay_out(couplings, found, self._kinds, self._source)
-        self._scale, self._most, *self._vectors = (aligned_zeros(layout.length) for _ in range(10))
+        self._scale, self._most, *self._vectors = (aligned_zeros(layout.length) for _ in range(12))
         self._scale[:] = 1.0
         self._scaled = False
         rest = layout.rest
@@ -425,9 +425,10 @@ class SegmentedKKT(ByCopies):
         rest_factors = self._rest.factors_in_order()
         common = (
             self.accuracy, *plan.tables, layout.outer, rest.unknowns.size, rest.entry.size, *self._rest_entries[:2],
-            plan.factors, self._matrix, self._rest_matrix, self._scale, *plan.space, *rest_factors,
+            plan.factors, self._matrix, self._rest_matrix, self._scale, *plan.space, np.zeros(4),
+            *rest_factors,
         )  # fmt: skip
-        one, other = self._vectors[:4], self._vectors[4:]
+        one, other = self._vectors[:5], self._vectors[5:]
         plan.solve = solve_all.bind(REFINEMENTS, *common, self.rhs, *one, self.solution, self.report)
         plan.probe = solve_all.bind(0, *common, self._probe_rhs, *one, self._probe_result, self._probe_report)
         plan.solve_both = solve_both.bind(

@@ -11,7 +11,7 @@ from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.solver.kkt.lane_rows import largest_in_segments, subtract_segments
 from stc.solver.kkt.lane_solve import backward, forward
 from stc.solver.kkt.lanes import eliminate
-from stc.solver.kkt.substitution import improves, norm, substitute, substitute_both
+from stc.solver.kkt.substitution import improves, substitute, substitute_both
 from stc.solver.kkt.values import find_scale, spread_of
 
 __all__ = ["diagonal_of", "eliminate_all", "equilibrate_all", "solve_all", "solve_both"]
@@ -185,156 +185,178 @@ def eliminate_all(
 
 
 @native(fast=True, inline=True)
-def _begin(
-    size: i64, index: i32s, scale: f64s, rhs: f64s, scaled_rhs: f64s, change: f64s, solution: f64s
-) -> f64:  # fmt: skip
+def _begin(size: i64, index: i32s, scale: f64s, rhs: f64s, scaled_rhs: f64s) -> f64:
     """Bring a right-hand side to the order of the segments, scaled; its largest magnitude then."""
+    most = 0.0
     for k in range(size):
         value = rhs[index[k]] * scale[k]
         scaled_rhs[k] = value
-        change[k] = value
-        solution[k] = 0.0
-    return norm(size, scaled_rhs)
+        most = max(most, fabs(value))
+    return most
 
 
 @native(fast=True, inline=True)
-def _collect(
-    outer: i64, rest: i64, order: i32s, scale: f64s, x: f64s, rest_x: f64s
-) -> None:  # fmt: skip
+def _end(size: i64, index: i32s, scale: f64s, solution: f64s, result: f64s) -> None:
+    """The solution in the unknowns' own order."""
+    for k in range(size):
+        result[index[k]] = solution[k] * scale[k]
+
+
+@native(fast=True, inline=True)
+def _collect(outer: i64, rest: i64, order: i32s, scale: f64s, x: f64s, rest_x: f64s) -> None:
     for k in range(rest):
         rest_x[k] = x[outer + order[k]] * scale[k]
 
 
 @native(fast=True, inline=True)
-def _return(
-    outer: i64, rest: i64, order: i32s, scale: f64s, rest_x: f64s, x: f64s
-) -> None:  # fmt: skip
+def _return(outer: i64, rest: i64, order: i32s, scale: f64s, rest_x: f64s, x: f64s) -> None:
     for k in range(rest):
         x[outer + order[k]] = rest_x[k] * scale[k]
 
 
-@native(fast=True, inline=True)
-def _add(
-    size: i64, scaled_rhs: f64s, change: f64s, kept: f64s, solution: f64s
-) -> f64:  # fmt: skip
-    """Add a change to the solution, and keep it; its place is taken by the right-hand side."""
-    highest = 0.0
-    for k in range(size):
-        value = change[k]
-        kept[k] = value
-        total = solution[k] + value
-        solution[k] = total
-        highest = max(highest, fabs(total))
-        change[k] = scaled_rhs[k]
-    return highest
+@native(inline=True)
+def _substitute(
+    both: i64, groups: i64, table: i64s, index: i32s, code: i32s, outer: i64, rest: i64, factors: f64s,
+    lane_part: f64s, rest_order: i32s, rest_scale: f64s, pivot_count: i64s, columns: i32s, rest_values: f64s,
+    pivots: i32s, starts: i32s, indices: i32s, rest_factors: f64s, inverse: f64s, rest_x: f64s, part: f64s,
+    other_rest_x: f64s, other_part: f64s, x: f64s, between: f64s, y: f64s, other_x: f64s, other_between: f64s,
+    other_y: f64s,
+) -> None:  # fmt: skip
+    """Solve for ``x`` with the factors, by way of ``between``, and for ``other_x`` when ``both``."""
+    for k in range(outer, outer + rest):
+        between[k] = x[k]
+        if both != 0:
+            other_between[k] = other_x[k]
+    forward(both, groups, table, index, code, factors, x, between, other_x, other_between, lane_part)
+    _collect(outer, rest, rest_order, rest_scale, between, rest_x)
+    if both != 0:
+        _collect(outer, rest, rest_order, rest_scale, other_between, other_rest_x)
+        substitute_both(
+            pivot_count[0], columns, rest_values[rest:], pivots, starts, indices, rest_factors, inverse, rest_x,
+            other_rest_x, part, other_part,
+        )  # fmt: skip
+        _return(outer, rest, rest_order, rest_scale, other_rest_x, other_y)
+    else:
+        substitute(
+            pivot_count[0], columns, rest_values[rest:], pivots, starts, indices, rest_factors, inverse, rest_x, part,
+        )  # fmt: skip
+    _return(outer, rest, rest_order, rest_scale, rest_x, y)
+    backward(both, groups, table, index, code, factors, between, y, other_between, other_y, lane_part)
 
 
 @native(fast=True, inline=True)
 def _subtract_rest(
-    outer: i64, rest: i64, entries: i64, first: i32s, second: i32s, matrix: f64s, x: f64s, y: f64s
+    outer: i64, rest: i64, entries: i64, first: i32s, second: i32s, matrix: f64s, x: f64s, y: f64s, z: f64s
 ) -> None:  # fmt: skip
-    """``y -= K x`` for the entries of the rest."""
+    """``z = y - K x`` for the entries of the rest."""
     for k in range(rest):
-        y[outer + k] -= matrix[k] * x[outer + k]
+        at = outer + k
+        z[at] = y[at] - matrix[k] * x[at]
     own = matrix[rest:]
     for e in range(entries):
         a = first[e]
         b = second[e]
-        y[a] -= own[e] * x[b]
-        y[b] -= own[e] * x[a]
+        z[a] -= own[e] * x[b]
+        z[b] -= own[e] * x[a]
 
 
 @native(fast=True, inline=True)
-def _checked_norm(size: i64, x: f64s) -> f64:
-    """Largest magnitude, nan when not all is finite."""
-    most = 0.0
+def _largest_outside(outer: i64, rest: i64, most: f64, x: f64s) -> f64:
+    """The larger of ``most`` and the largest magnitude in the rest, nan when not all is finite."""
     check = 0.0
-    for k in range(size):
+    high = most
+    for k in range(outer, outer + rest):
         check += x[k] * 0.0
-        most = max(most, fabs(x[k]))
-    return most + check
+        high = max(high, fabs(x[k]))
+    return high + check
+
+
+@native(inline=True)
+def _subtract(
+    both: i64, groups: i64, table: i64s, index: i32s, code: i32s, outer: i64, rest: i64, entries: i64, first: i32s,
+    second: i32s, matrix: f64s, rest_matrix: f64s, work: f64s, lane_part: f64s, norms: f64s, x: f64s, y: f64s,
+    z: f64s, other_x: f64s, other_y: f64s, other_z: f64s,
+) -> None:  # fmt: skip
+    """``z = y - K x``; ``norms`` become those of x and z, and of the other ones when ``both``."""
+    _subtract_rest(outer, rest, entries, first, second, rest_matrix, x, y, z)
+    if both != 0:
+        _subtract_rest(outer, rest, entries, first, second, rest_matrix, other_x, other_y, other_z)
+    subtract_segments(
+        both, groups, table, index, code, matrix, x, y, z, other_x, other_y, other_z, work, lane_part, norms
+    )
+    norms[0] = _largest_outside(outer, rest, norms[0], x)
+    norms[1] = _largest_outside(outer, rest, norms[1], z)
+    if both != 0:
+        norms[2] = _largest_outside(outer, rest, norms[2], other_x)
+        norms[3] = _largest_outside(outer, rest, norms[3], other_z)
 
 
 @native(inline=True)
 def _solve(
     both: i64, refinements: i64, accuracy: f64s, groups: i64, table: i64s, index: i32s, code: i32s, outer: i64,
     rest: i64, entries: i64, first: i32s, second: i32s, factors: f64s, matrix: f64s, rest_matrix: f64s, scale: f64s,
-    work: f64s, lane_part: f64s, rest_order: i32s, rest_scale: f64s, pivot_count: i64s, columns: i32s,
+    work: f64s, lane_part: f64s, norms: f64s, rest_order: i32s, rest_scale: f64s, pivot_count: i64s, columns: i32s,
     rest_values: f64s, pivots: i32s, starts: i32s, indices: i32s, rest_factors: f64s, inverse: f64s, rest_x: f64s,
     part: f64s, other_rest_x: f64s, other_part: f64s, rhs: f64s, scaled_rhs: f64s, solution: f64s, change: f64s,
-    kept: f64s, result: f64s, other_rhs: f64s, other_scaled_rhs: f64s, other_solution: f64s, other_change: f64s,
-    other_kept: f64s, other_result: f64s, report: f64s, other_report: f64s,
+    between: f64s, kept: f64s, result: f64s, other_rhs: f64s, other_scaled_rhs: f64s, other_solution: f64s,
+    other_change: f64s, other_between: f64s, other_kept: f64s, other_result: f64s, report: f64s, other_report: f64s,
 ) -> None:  # fmt: skip
     """See ``solve_all``; when ``both`` is 1, a constant, the same for the other right-hand side."""
     size = outer + rest
-    length = _begin(size, index, scale, rhs, scaled_rhs, change, solution)
+    length = _begin(size, index, scale, rhs, scaled_rhs)
     other_length = 0.0
     if both != 0:
-        other_length = _begin(size, index, scale, other_rhs, other_scaled_rhs, other_change, other_solution)
+        other_length = _begin(size, index, scale, other_rhs, other_scaled_rhs)
     active = 1 if length > 0.0 else 0
     other_active = 1 if other_length > 0.0 else 0
     report[0] = 1.0 * active
     report[1] = 0.0
     report[2] = 0.0
     other_report[0] = 1.0 * other_active
+    # The first solution needs no vector for the change, nor one that was there before.
+    _substitute(
+        both, groups, table, index, code, outer, rest, factors, lane_part, rest_order, rest_scale, pivot_count, columns,
+        rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x, other_part,
+        scaled_rhs, between, solution, other_scaled_rhs, other_between, other_solution,
+    )  # fmt: skip
+    _subtract(
+        both, groups, table, index, code, outer, rest, entries, first, second, matrix, rest_matrix, work, lane_part,
+        norms, solution, scaled_rhs, change, other_solution, other_scaled_rhs, other_change,
+    )  # fmt: skip
+    if active != 0:
+        report[2] = norms[0] / length
     steps = 0
     while active + other_active > 0:
-        forward(both, groups, table, index, code, factors, change, other_change, lane_part)
-        _collect(outer, rest, rest_order, rest_scale, change, rest_x)
-        if both != 0:
-            _collect(outer, rest, rest_order, rest_scale, other_change, other_rest_x)
-            substitute_both(
-                pivot_count[0], columns, rest_values[rest:], pivots, starts, indices, rest_factors, inverse, rest_x,
-                other_rest_x, part, other_part,
-            )  # fmt: skip
-            _return(outer, rest, rest_order, rest_scale, other_rest_x, other_change)
-        else:
-            substitute(
-                pivot_count[0], columns, rest_values[rest:], pivots, starts, indices, rest_factors, inverse, rest_x,
-                part,
-            )  # fmt: skip
-        _return(outer, rest, rest_order, rest_scale, rest_x, change)
-        backward(both, groups, table, index, code, factors, change, other_change, lane_part)
-        highest = 0.0
-        other_highest = 0.0
-        if active != 0:
-            highest = _add(size, scaled_rhs, change, kept, solution)
-            _subtract_rest(outer, rest, entries, first, second, rest_matrix, solution, change)
-        if other_active != 0:
-            other_highest = _add(size, other_scaled_rhs, other_change, other_kept, other_solution)
-            _subtract_rest(outer, rest, entries, first, second, rest_matrix, other_solution, other_change)
-        subtract_segments(
-            both,
-            groups,
-            table,
-            index,
-            code,
-            matrix,
-            solution,
-            change,
-            other_solution,
-            other_change,
-            work,
-            lane_part,
-        )
         report[1] = 1.0 * steps
         if active != 0:
             active = improves(
-                size, steps, refinements, accuracy[0], _checked_norm(size, change), length, highest, report, kept,
-                solution,
-            )  # fmt: skip
-            report[2] = highest / length
+                size, steps, refinements, accuracy[0], norms[1], length, norms[0], report, kept, solution
+            )
         if other_active != 0:
             other_active = improves(
-                size, steps, refinements, accuracy[0], _checked_norm(size, other_change), other_length,
-                other_highest, other_report, other_kept, other_solution,
+                size, steps, refinements, accuracy[0], norms[3], other_length, norms[2], other_report, other_kept,
+                other_solution,
             )  # fmt: skip
-        steps += 1
-    for k in range(size):
-        result[index[k]] = solution[k] * scale[k]
+        if active + other_active > 0:
+            steps += 1
+            _substitute(
+                both, groups, table, index, code, outer, rest, factors, lane_part, rest_order, rest_scale, pivot_count,
+                columns, rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x,
+                other_part, change, between, kept, other_change, other_between, other_kept,
+            )  # fmt: skip
+            if active != 0:
+                for k in range(size):
+                    solution[k] += kept[k]
+            if other_active != 0:
+                for k in range(size):
+                    other_solution[k] += other_kept[k]
+            _subtract(
+                both, groups, table, index, code, outer, rest, entries, first, second, matrix, rest_matrix, work,
+                lane_part, norms, solution, scaled_rhs, change, other_solution, other_scaled_rhs, other_change,
+            )  # fmt: skip
+    _end(size, index, scale, solution, result)
     if both != 0:
-        for k in range(size):
-            other_result[index[k]] = other_solution[k] * scale[k]
+        _end(size, index, scale, other_solution, other_result)
         report[0] = max(report[0], other_report[0])
 
 
@@ -357,6 +379,7 @@ def solve_all(
     scale: f64s,
     work: f64s,
     lane_part: f64s,
+    norms: f64s,
     rest_order: i32s,
     rest_scale: f64s,
     pivot_count: i64s,
@@ -375,6 +398,7 @@ def solve_all(
     scaled_rhs: f64s,
     solution: f64s,
     change: f64s,
+    between: f64s,
     kept: f64s,
     result: f64s,
     report: f64s,
@@ -389,9 +413,10 @@ def solve_all(
     """
     _solve(
         0, refinements, accuracy, groups, table, index, code, outer, rest, entries, first, second, factors,
-        matrix, rest_matrix, scale, work, lane_part, rest_order, rest_scale, pivot_count, columns, rest_values,
+        matrix, rest_matrix, scale, work, lane_part, norms, rest_order, rest_scale, pivot_count, columns, rest_values,
         pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x, other_part, rhs, scaled_rhs,
-        solution, change, kept, result, rhs, scaled_rhs, solution, change, kept, result, report, report[1:],
+        solution, change, between, kept, result, rhs, scaled_rhs, solution, change, between, kept, result, report,
+        report[1:],
     )  # fmt: skip
 
 
@@ -414,6 +439,7 @@ def solve_both(
     scale: f64s,
     work: f64s,
     lane_part: f64s,
+    norms: f64s,
     rest_order: i32s,
     rest_scale: f64s,
     pivot_count: i64s,
@@ -432,12 +458,14 @@ def solve_both(
     scaled_rhs: f64s,
     solution: f64s,
     change: f64s,
+    between: f64s,
     kept: f64s,
     result: f64s,
     other_rhs: f64s,
     other_scaled_rhs: f64s,
     other_solution: f64s,
     other_change: f64s,
+    other_between: f64s,
     other_kept: f64s,
     other_result: f64s,
     report: f64s,
@@ -449,8 +477,8 @@ def solve_both(
     """
     _solve(
         1, refinements, accuracy, groups, table, index, code, outer, rest, entries, first, second, factors,
-        matrix, rest_matrix, scale, work, lane_part, rest_order, rest_scale, pivot_count, columns, rest_values,
+        matrix, rest_matrix, scale, work, lane_part, norms, rest_order, rest_scale, pivot_count, columns, rest_values,
         pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x, other_part, rhs, scaled_rhs,
-        solution, change, kept, result, other_rhs, other_scaled_rhs, other_solution, other_change, other_kept,
-        other_result, report, other_report,
+        solution, change, between, kept, result, other_rhs, other_scaled_rhs, other_solution, other_change,
+        other_between, other_kept, other_result, report, other_report,
     )  # fmt: skip
