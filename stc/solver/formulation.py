@@ -141,7 +141,7 @@ class Formulation:
         raise TypeError(f"{type(self).__name__} does not evaluate functions")
 
     def user_variables(self, x: Floats) -> Floats:
-        """Variables in the user's terms, (n,)."""
+        """Variables in the user's terms, (n,), owned by the caller."""
         raise TypeError(f"{type(self).__name__} has no user's terms")
 
     def user_objective(self, f: float) -> float:

@@ -68,7 +68,12 @@ class Filter:
 
     def accepts(self, theta: float, phi: float) -> bool:
         """True when no entry dominates the point."""
-        return theta <= self.largest_theta and all(theta <= t or phi <= p for t, p in self._entries)
+        if not theta <= self.largest_theta:
+            return False
+        for t, p in self._entries:  # noqa: SIM110 (a generator takes longer than most filters have entries)
+            if not (theta <= t or phi <= p):
+                return False
+        return True
 
 
 class _Watch:

@@ -64,18 +64,18 @@ class Iterate:
             getattr(self, name)[:] = getattr(other, name)
 
 
-@dataclass(frozen=True, slots=True)
 class Errors:
-    """Parts of the KKT error: infinity norms, the dual and complementarity ones over the size of the multipliers."""
+    """Parts of the KKT error: infinity norms, the dual and complementarity ones over the size of the multipliers.
 
-    dual: float
-    primal: float
-    complementarity: float
+    Attributes:
+        total: the largest of the three.
+    """
 
-    @property
-    def total(self) -> float:
-        """The largest of the three."""
-        return max(self.dual, self.primal, self.complementarity)
+    __slots__ = ("complementarity", "dual", "primal", "total")
+
+    def __init__(self, dual: float, primal: float, complementarity: float) -> None:
+        self.dual, self.primal, self.complementarity = dual, primal, complementarity
+        self.total = max(dual, primal, complementarity)
 
 
 def multiplier_scale(total: float, count: int) -> float:
@@ -83,7 +83,10 @@ def multiplier_scale(total: float, count: int) -> float:
 
     Bounded, because multipliers that grow without limit are no sign of optimality.
     """
-    return min(max(1.0, total / max(1, count) / MEAN_MULTIPLIER), LARGEST_SCALE)
+    scale = total / (count or 1) / MEAN_MULTIPLIER
+    if scale > 1.0:
+        return scale if scale < LARGEST_SCALE else LARGEST_SCALE
+    return 1.0
 
 
 def evaluate(form: Formulation, w: Floats, y: Floats, z: Floats) -> Iterate:

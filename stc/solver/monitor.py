@@ -58,8 +58,8 @@ class Monitor:
         """Log a point in the user's terms.
 
         Args:
-            as_stated: gives its variables and row multipliers, arrays that the caller may use again; no multipliers
-                where they are not those of the problem.
+            as_stated: gives its variables and row multipliers, arrays that nobody changes later; no multipliers where
+                they are not those of the problem.
 
         Raises:
             Stopped: at a limit, or when the callback returns True.
@@ -72,7 +72,7 @@ class Monitor:
         if better or self._callback is not None:
             x, y = as_stated()
             if better:
-                self.best = (violation, objective, x.copy(), y.copy())
+                self.best = (violation, objective, x, y)
             if self._callback is not None and self._callback(replace(entry, x=x)):
                 raise Stopped(Status.INTERRUPTED)
         self.check()

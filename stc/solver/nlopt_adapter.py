@@ -402,7 +402,9 @@ class _Watch:
         if not whole:
             monitor.note(x, f, violation)
             return
-        monitor.record(lambda: (x, np.zeros(0)), f, violation, optimality, step, 1.0, 0.0, 0.0, "nlopt")
+        monitor.record(
+            lambda: (x.copy(), np.zeros(0)), f, violation, optimality, step, 1.0, 0.0, 0.0, "nlopt"
+        )
         if solve.optimal_at is not None:
             self._stop(None)
             return

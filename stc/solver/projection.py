@@ -14,7 +14,7 @@ from stc.codegen.calls import Bound, chain
 from stc.solver import conditions
 from stc.solver.iterate import multiplier_scale
 from stc.solver.nlp import Floats
-from stc.solver.restricted import factorize_restricted
+from stc.solver.restricted import RestrictedDiagonals, factorize_restricted
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["Projection", "ProjectionPair"]
@@ -51,7 +51,8 @@ class Projection:
         self._evaluator = ev
         self._of_x, self._of_rows, self._largest = np.zeros(3), np.zeros(3), np.zeros(1)
         self.dx, self.dy = np.zeros(n), np.zeros(m)
-        kkt = self._kkt = form.attached_kkt
+        kkt = form.attached_kkt
+        self._diagonals = RestrictedDiagonals(kkt, self.active_x, self.active_rows)
         self._count = n + m
         rows, cols = form.jac_rows, form.jac_cols
         project_x = form.held_factor, self.x_target, self.active_x, self._of_x
@@ -109,7 +110,7 @@ class Projection:
     def factorize(self) -> bool:
         """Factorise for the Newton step on the active set; whether the curvature on it is positive."""
         self._restrict()
-        return factorize_restricted(self._kkt, self.active_x, self.active_rows, float(self._largest[0]))[1]
+        return factorize_restricted(self._diagonals, float(self._largest[0]))[1]
 
     def is_on_active_set_of(self, other: Projection) -> bool:
         """Whether the same bounds and rows are active at another point."""

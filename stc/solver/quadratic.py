@@ -23,7 +23,7 @@ from stc.solver.nlp import Floats
 from stc.solver.passes import DUAL_STEP, FINITE, PRIMAL_STEP
 from stc.solver.primal_dual import PrimalDual
 from stc.solver.products import inner
-from stc.solver.restricted import factorize_restricted
+from stc.solver.restricted import RestrictedDiagonals, factorize_restricted
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import Workspace
 
@@ -204,9 +204,8 @@ class QuadraticProgram:
             target_rows, fixed_d, np.empty(m), kkt.hess, kkt.jac, kkt.rhs, largest,
         )  # fmt: skip
         # The next set of this program starts with what was needed here.
-        self.regularity, positive = factorize_restricted(
-            kkt, self._fixed, self._held_rows, float(largest[0]), self.regularity
-        )
+        diagonals = RestrictedDiagonals(kkt, self._fixed, self._held_rows)
+        self.regularity, positive = factorize_restricted(diagonals, float(largest[0]), self.regularity)
         return positive
 
     def _solved(self) -> tuple[Floats, Floats]:
@@ -356,7 +355,7 @@ class _Model(Formulation):
         return point.gradient + self.hessian_times(point.hess, x), point.jac, point.hess
 
     def user_variables(self, x: Floats) -> Floats:
-        return x
+        return x.copy()
 
     def user_measures(self, x: Floats, f: float, r: Floats) -> tuple[float, float]:
         return f, 0.0

@@ -29,7 +29,7 @@ class Start:
     another: Callable[[], Floats | None] | None = field(default=None, repr=False, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class IterationRecord:
     """One line of the solver's log.
 

@@ -6,21 +6,43 @@ from stc.solver.conditions import restricted_diagonals
 from stc.solver.kkt.contract import AttachedKKT, NotFinite
 from stc.solver.nlp import Floats
 
-__all__ = ["DUAL_SHIFT", "factorize_restricted"]
+__all__ = ["DUAL_SHIFT", "RestrictedDiagonals", "factorize_restricted"]
 
 DUAL_SHIFT = 1e-9
 PRIMAL_SHIFT = 1e-8
 """Relative to the largest entry of the Hessian, or to 1."""
 
 
-def factorize_restricted(
-    kkt: AttachedKKT, active_x: Floats, active_rows: Floats, largest: float, regularity: int = 0
-) -> tuple[int, bool]:
-    """Factorise the H and J in the arrays of ``kkt``, regularised as much as it takes.
+class RestrictedDiagonals:
+    """The diagonals that go with an active set.
 
     Args:
+        kkt: whose diagonals they become.
         active_x: 1 for variables that are held, else 0, (n,).
         active_rows: 1 for rows that are active, else 0, (m,).
+    """
+
+    def __init__(self, kkt: AttachedKKT, active_x: Floats, active_rows: Floats) -> None:
+        self.kkt = kkt
+        self._call = call = restricted_diagonals.bind(
+            active_x.size, active_rows.size, 0.0, 0.0, active_x, active_rows, kkt.primal, kkt.dual
+        )
+        self._places = call.position("shift_x"), call.position("shift_y")
+
+    def write(self, shift_x: float, shift_y: float) -> None:
+        """Write them, with shifts of the free variables and of the active rows."""
+        floats = self._call.floats
+        floats[self._places[0]], floats[self._places[1]] = shift_x, shift_y
+        self._call()
+
+
+def factorize_restricted(
+    diagonals: RestrictedDiagonals, largest: float, regularity: int = 0
+) -> tuple[int, bool]:
+    """Factorise the H and J in the arrays of a KKT system, regularised as much as it takes.
+
+    Args:
+        diagonals: of the system on an active set.
         largest: entry of the Hessian.
         regularity: what to begin with: 0 no shift; 1 one against dependent rows; 2 one of the Hessian, too.
 
@@ -29,11 +51,11 @@ def factorize_restricted(
     """
     flat = PRIMAL_SHIFT * max(1.0, largest)
     shifts = ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT))
-    n, m = kkt.primal.size, kkt.dual.size
+    m = diagonals.kkt.dual.size
     while True:
-        restricted_diagonals(n, m, *shifts[regularity], active_x, active_rows, kkt.primal, kkt.dual)
+        diagonals.write(*shifts[regularity])
         try:
-            inertia = kkt.refactor()
+            inertia = diagonals.kkt.refactor()
         except NotFinite:
             return regularity, False
         if inertia.zero == 0 and inertia.negative == m:

@@ -8,13 +8,16 @@ import numpy as np
 
 from stc.codegen.calls import Bound
 from stc.solver.kkt.contract import FINE, AttachedKKT, Inertia, KKTSystem
+from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.nlp import Floats
 
 __all__ = ["attached"]
 
 
 def attached(kkt: KKTSystem, n: int, m: int, jac_count: int, hess_count: int) -> AttachedKKT:
-    """``kkt`` itself where it has arrays of its own, else a wrapper that copies."""
+    """``kkt`` itself where it has arrays of its own, or what it stands for, else a wrapper that copies."""
+    if isinstance(kkt, StructuredKKT):
+        return kkt.system
     if hasattr(kkt, "refactor"):
         return cast("AttachedKKT", kkt)
     return _Copying(kkt, n, m, jac_count, hess_count)

@@ -39,6 +39,9 @@ class StructuredKKT(ByCopies):
 
     See ``AttachedKKT`` for arguments and members.
 
+    Attributes:
+        system: which one it is. Whoever uses that instead keeps this object, too: it is given back with it.
+
     It behaves like a new one, but for the order of elimination that the earlier solve ended with, so that results
     may differ in the last digits.
     """
@@ -68,106 +71,106 @@ class StructuredKKT(ByCopies):
             system = _new_system(n, m, *arrays)
         else:
             system.restart()
-        self._system = system
+        self.system = system
         if n + m <= LARGEST:
             weakref.finalize(self, _keep, key, system).atexit = False
 
     def restart(self) -> None:
         """Forget all matrices, as if new, but not the plan."""
-        self._system.restart()
+        self.system.restart()
 
     @property
     def factorizations(self) -> int:
         """How many matrices have been factorised so far."""
-        return self._system.factorizations
+        return self.system.factorizations
 
     @property
     def nnz_factor(self) -> int:
         """Entries stored for the last factorisation."""
-        return self._system.nnz_factor
+        return self.system.nnz_factor
 
     @property
     def operations(self) -> int:
         """Additions and multiplications of the last factorisation, updates only."""
-        return self._system.operations
+        return self.system.operations
 
     @property
     def factor_bytes(self) -> int:
         """Memory that the last factorisation fills."""
-        return self._system.factor_bytes
+        return self.system.factor_bytes
 
     @property
     def last_residual(self) -> float:
         """See ``KKTSystem.last_residual``."""
-        return self._system.last_residual
+        return self.system.last_residual
 
     @property
     def hess(self) -> Floats:
         """See ``AttachedKKT.hess``."""
-        return self._system.hess
+        return self.system.hess
 
     @property
     def jac(self) -> Floats:
         """See ``AttachedKKT.jac``."""
-        return self._system.jac
+        return self.system.jac
 
     @property
     def primal(self) -> Floats:
         """See ``AttachedKKT.primal``."""
-        return self._system.primal
+        return self.system.primal
 
     @property
     def dual(self) -> Floats:
         """See ``AttachedKKT.dual``."""
-        return self._system.dual
+        return self.system.dual
 
     @property
     def rhs(self) -> Floats:
         """See ``AttachedKKT.rhs``."""
-        return self._system.rhs
+        return self.system.rhs
 
     @property
     def solution(self) -> Floats:
         """See ``AttachedKKT.solution``."""
-        return self._system.solution
+        return self.system.solution
 
     @property
     def second_rhs(self) -> Floats:
         """See ``AttachedKKT.second_rhs``."""
-        return self._system.second_rhs
+        return self.system.second_rhs
 
     @property
     def second_solution(self) -> Floats:
         """See ``AttachedKKT.second_solution``."""
-        return self._system.second_solution
+        return self.system.second_solution
 
     @property
     def report(self) -> Floats:
         """See ``AttachedKKT.report``."""
-        return self._system.report
+        return self.system.report
 
     @property
     def accuracy(self) -> Floats:
         """See ``AttachedKKT.accuracy``."""
-        return self._system.accuracy
+        return self.system.accuracy
 
     @property
     def solve_call(self) -> Bound:
         """See ``AttachedKKT.solve_call``."""
-        return self._system.solve_call
+        return self.system.solve_call
 
     @property
     def solve_both_call(self) -> Bound:
         """See ``AttachedKKT.solve_both_call``."""
-        return self._system.solve_both_call
+        return self.system.solve_both_call
 
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
-        return self._system.refactor()
+        return self.system.refactor()
 
     def check_solution(self) -> bool:
         """See ``AttachedKKT.check_solution``."""
-        return self._system.check_solution()
+        return self.system.check_solution()
 
 
 def _new_system(

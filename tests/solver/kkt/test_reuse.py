@@ -25,12 +25,12 @@ def test_the_next_takes_over_plan_and_arrays():
     rng = np.random.default_rng(1)
     pattern = pattern_of(1, 12)
     first = StructuredKKT(*pattern.arguments())
-    system = first._system
+    system = first.system
     first.factorize(*generic(rng, pattern).arguments())
     assert first.factorizations == 1
     del first
     second = StructuredKKT(*pattern.arguments())
-    assert second._system is system
+    assert second.system is system
     assert (second.factorizations, second.nnz_factor, second.last_residual) == (0, 0, 0.0)
     with pytest.raises(ValueError, match="factorize before"):
         second.solve(np.zeros(pattern.n), np.zeros(pattern.m))
@@ -47,15 +47,15 @@ def test_the_next_takes_over_plan_and_arrays():
 def test_two_at_once_share_nothing():
     pattern = pattern_of(2, 5)
     first, second = StructuredKKT(*pattern.arguments()), StructuredKKT(*pattern.arguments())
-    assert first._system is not second._system
+    assert first.system is not second.system
 
 
 def test_other_patterns_and_stages_are_others():
     pattern = pattern_of(3, 8)
     arguments = list(pattern.arguments())
-    system = StructuredKKT(*arguments)._system
+    system = StructuredKKT(*arguments).system
     arguments[-1] = arguments[-1] + 1
-    assert StructuredKKT(*arguments)._system is not system
+    assert StructuredKKT(*arguments).system is not system
 
 
 def test_little_is_kept(monkeypatch):
@@ -65,7 +65,7 @@ def test_little_is_kept(monkeypatch):
     assert len(reuse._kept) == reuse.KEPT
     newest = StructuredKKT(*patterns[-1].arguments())
     assert len(reuse._kept) == reuse.KEPT - 1
-    monkeypatch.setattr(reuse, "KEPT_BYTES", newest._system.nbytes - 1)
+    monkeypatch.setattr(reuse, "KEPT_BYTES", newest.system.nbytes - 1)
     del newest
     assert not reuse._kept
     monkeypatch.setattr(reuse, "LARGEST", 0)

@@ -213,13 +213,13 @@ def test_the_next_solve_takes_over():
     rng = np.random.default_rng(10)
     pattern = motion(rng, 80)
     first = StructuredKKT(*pattern.arguments())
-    system = first._system
+    system = first.system
     assert isinstance(system, SegmentedKKT)
     values = generic(rng, pattern)
     inertia = first.factorize(*values.arguments())
     del first
     second = StructuredKKT(*pattern.arguments())
-    assert second._system is system
+    assert second.system is system
     assert second.factorizations == 0
     with pytest.raises(ValueError, match="factorize before"):
         _ = second.solve_call
