@@ -52,7 +52,7 @@ STALE_OF_PART = 64.0
 REFINEMENTS = 10
 #: A plan is made anew when what matrices cost beyond it adds up to the cost of planning. Both are counted in entries
 #: of the factor: a strayed stage costs this share more per entry, ...
-STRAYING = 0.3
+STRAYING = 0.1
 #: ... a rejected pivot as much as so many entries; ...
 REJECTION = 25
 #: ... planning costs this much at least, for each unknown of the stages that are ordered, and for each unknown.
@@ -332,7 +332,8 @@ class FrontalKKT(ByCopies):
             self._staging.stages, a.stage_pointers, *self._entering, plan.group[a.order], self._planned_slot,
             self._inner_top,
         )  # fmt: skip
-        self._plan_arrays = tuple(part[a.order] for part in (plan.kind, plan.group, plan.start, plan.count))
+        parts = plan.kind, plan.group, plan.start, plan.count, plan.surplus_start, plan.surplus_count
+        self._plan_arrays = tuple(part[a.order] for part in parts)
         absent = np.flatnonzero(plan.no_diagonal[a.order]).astype(np.int32)
         self._appeared = count_nonzero.bind(absent.size, absent, self._values)
         self._allocate_window()
