@@ -19,7 +19,7 @@ from stc.solver.kkt.arrangement import (
 )
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.elimination import FACTORS_FULL, factorize
-from stc.solver.kkt.entries import Arrays, ByCopies
+from stc.solver.kkt.entries import Arrays, ByCopies, aligned_zeros
 from stc.solver.kkt.panel import LARGEST_GROUP, MASKS
 from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.singularity import confirm_zeros
@@ -373,12 +373,12 @@ class FrontalKKT(ByCopies):
     def _allocate_window(self) -> None:
         self._held_from = -(-self._staging.window // LANES) * LANES
         self._stride = stride = self._held_from + self._held_slots
-        self._window = np.zeros(stride * stride)
+        self._window = aligned_zeros(stride * stride)
         a = self._arrangement
         window_targets(self.n + self.m, a.pointers, a.columns, self._planned_slot, stride, self._targets)
-        self._columns = [np.zeros(stride + 2 * LANES) for _ in range(7)]
+        self._columns = [aligned_zeros(stride + 2 * LANES) for _ in range(7)]
         self._panels = [
-            np.zeros(rows * (stride + 2 * LANES)) for rows in (LARGEST_GROUP, LARGEST_GROUP, LANES)
+            aligned_zeros(rows * (stride + 2 * LANES)) for rows in (LARGEST_GROUP, LARGEST_GROUP, LANES)
         ]
         self._lists = [np.zeros(stride + LARGEST_GROUP, dtype=np.int32) for _ in range(5)]
 
