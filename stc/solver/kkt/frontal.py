@@ -145,10 +145,12 @@ class FrontalKKT(ByCopies):
         self._pivots = np.zeros(2 * size, dtype=np.int32)
         self._starts = np.zeros(2 * size, dtype=np.int32)
         self._counts = np.zeros(pivots.COUNTS, dtype=np.int64)
+        self._found = self._counts.tolist()
         self._capacity = 0
         self._held_slots = HELD_SLOTS
         self.bindings = 0  # counts how often the arrays of the factors were replaced
         self._plans_made = 0
+        self._allowance = 0.0
         self._waste = 0.0
         self._plan: Plan | None = None
         self._factorized = False
@@ -169,6 +171,8 @@ class FrontalKKT(ByCopies):
         self.last_residual = 0.0
         self.pivot_threshold = PIVOT_THRESHOLD
         self._plans_made = min(self._plans_made, SETTLED)
+        if self._plan is not None:
+            self._allowance = self._planning_cost()
         self._waste = 0.0
         self._scale[:] = 1.0
         self._mended[:] = 0
@@ -209,12 +213,7 @@ class FrontalKKT(ByCopies):
         self._eliminate_all(planned)
         self._note_waste()
         self._factorized = True
-        counts = self._counts
-        return Inertia(
-            int(counts[pivots.POSITIVE]),
-            int(counts[pivots.NEGATIVE]),
-            int(counts[pivots.ZERO]),
-        )
+        return Inertia(*self._found[pivots.POSITIVE : pivots.ZERO + 1])
 
     @property
     def solve_call(self) -> Bound:
@@ -243,7 +242,7 @@ class FrontalKKT(ByCopies):
 
     def _raise_threshold(self) -> bool:
         """Factorise the same matrix again with a larger threshold; False when that cannot help."""
-        if self._threshold >= HIGHEST_THRESHOLD or self._counts[pivots.ZERO] > 0:
+        if self._threshold >= HIGHEST_THRESHOLD or self._found[pivots.ZERO] > 0:
             return False
         self._threshold = min(max(10.0 * self._threshold, PIVOT_THRESHOLD), HIGHEST_THRESHOLD)
         self.factorizations += 1
@@ -252,8 +251,8 @@ class FrontalKKT(ByCopies):
 
     def _follow_plan(self) -> bool:
         """Make a plan when there is none, or none that suits; whether the plan's patterns hold for the values."""
-        strangers = self._strangers() > 0
-        if self._plan is not None and not strangers and self._waste < self._planning_cost():
+        strangers = self._strangers is not None and self._strangers() > 0
+        if self._plan is not None and not strangers and self._waste < self._allowance:
             if self._appeared() == 0:
                 return True
             # What shifts leave on the diagonal comes again: the next plan is to hold for it.
@@ -269,6 +268,7 @@ class FrontalKKT(ByCopies):
         self._plans_made += 1
         self._equilibrate()
         self._plan = plan_elimination(self._couplings, self._staging, a, self._values, has_diagonal)
+        self._allowance = self._planning_cost()
         self._capacity = max(self._capacity, int(ROOM * self._plan.nnz) + 256)
         self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, self._plan.rank))
         self._load()
@@ -293,7 +293,7 @@ class FrontalKKT(ByCopies):
             self._load()
 
     def _planning_cost(self) -> float:
-        """What may be wasted before the next plan: more each time, since some matrices suit no plan.
+        """What may be wasted with a plan before the next one: more each time, since some matrices suit none.
 
         The first plan comes from matrices of the beginning, often unlike all later ones.
         """
@@ -304,10 +304,10 @@ class FrontalKKT(ByCopies):
     def _note_waste(self) -> None:
         """Compare what the last factorisation cost with the plan."""
         assert self._plan is not None
-        counts = self._counts
-        strayed = counts[pivots.STRAYED] / max(self._staging.stages, 1)
+        found = self._found
+        strayed = found[pivots.STRAYED] / max(self._staging.stages, 1)
         self._waste += max(self.nnz_factor - self._plan.nnz, 0) + STRAYING * strayed * self.nnz_factor
-        self._waste += REJECTION * float(counts[pivots.REJECTED])
+        self._waste += REJECTION * found[pivots.REJECTED]
 
     def _use(self, arrangement: Arrangement) -> None:
         """Adopt an arrangement of the entries."""
@@ -323,7 +323,7 @@ class FrontalKKT(ByCopies):
             size, *self._scaling, a.pointers, a.columns, self._values, self._scale, self._most, self._mended
         )
         places = np.arange(size + self._couplings.first.size, self._values.size, dtype=np.int32)
-        self._strangers = count_nonzero.bind(places.size, places, self._values)
+        self._strangers = count_nonzero.bind(places.size, places, self._values) if places.size else None
         plan = self._plan
         if plan is None:
             return
@@ -348,16 +348,17 @@ class FrontalKKT(ByCopies):
         self._planned = planned
         shortage = -1
         while shortage:
-            self._eliminate.set("threshold", self._threshold)
-            self._eliminate.set("planned", planned)
+            self._eliminate.floats[self._threshold_at] = self._threshold
+            self._eliminate.integers[self._planned_at] = planned
             shortage = self._eliminate()
             if shortage:
                 self._enlarge(shortage)
                 self._bind()
         self._confirm_zeros()
-        if self._counts[pivots.ZERO] > 0 and not np.isfinite(self._window).all():
+        self._found = self._counts.tolist()
+        if self._found[pivots.ZERO] > 0 and not np.isfinite(self._window).all():
             self._window[:] = 0.0  # something has overflowed
-        self.nnz_factor = int(self._counts[pivots.FACTORS])
+        self.nnz_factor = self._found[pivots.FACTORS]
 
     def _enlarge(self, shortage: int) -> None:
         """Make room for what did not fit."""
@@ -401,6 +402,7 @@ class FrontalKKT(ByCopies):
             found_12, values_1, values_2, first, second, self._pivots, self._starts, self._indices, self._factors,
             self._inverse, self._counts,
         )  # fmt: skip
+        self._threshold_at, self._planned_at = (self._eliminate.position(k) for k in ("threshold", "planned"))
         self._confirm_zeros = confirm_zeros.bind(
             size, self.n, REPLACEMENT, a.order, a.pointers, a.columns, self._values, self._pivots, self._starts,
             self._indices, self._factors, self._inverse, self._zeros, *self._vectors[:2], self._counts,
