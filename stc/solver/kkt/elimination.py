@@ -8,15 +8,17 @@ order by 1x1 and 2x2 pivots:
               [a_pq a_qq]                                [max_j |a_qj|]
 
 (Duff and Reid 1983), so no factor exceeds 1/u.  What is not accepted is tried again after the others, then delayed
-to the next stage; at the last one, pivots are chosen by size alone (Bunch and Parlett 1971).  Columns are gathered
-along the planned lists of slots while elimination follows the plan, and by looking for nonzeros otherwise.  The
-entries are expected equilibrated, near 1.
+to the next stage; at the last one, pivots are chosen by size alone (Bunch and Parlett 1971).  The entries are
+expected equilibrated, near 1.
+
+Columns are gathered along the planned lists of slots; what to do where not all goes to plan is found in
+stc.solver.kkt.unplanned.
 """
 
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
-from stc.solver.kkt.panel import CHANGED, LARGEST_GROUP, take_group
+from stc.solver.kkt.panel import CHANGED, take_group
 from stc.solver.kkt.pivots import (
     COUNTS,
     DELAYED,
@@ -33,7 +35,8 @@ from stc.solver.kkt.pivots import (
     take_one,
     take_two,
 )
-from stc.solver.kkt.window import clear, entry, gather, largest
+from stc.solver.kkt.unplanned import adopt, list_rows, only_planned
+from stc.solver.kkt.window import clear, gather, largest
 
 __all__ = ["FACTORS_FULL", "WINDOW_FULL", "factorize"]
 
@@ -126,72 +129,6 @@ def _hold(
 
 
 @native(small=True)
-def _adopt(
-    members: i64, who: i32s, waiting: i64, queue: i32s, slot: i32s, stride: i64, window: f64s
-) -> i64:  # fmt: skip
-    """Add those of the waiting unknowns that are coupled with a group to its members; how many it has then."""
-    total = members
-    for place in range(waiting):
-        own = slot[queue[place]]
-        if own >= 0 and total < LARGEST_GROUP:
-            coupled = False
-            for k in range(members):
-                if entry(own, slot[who[k]], stride, window) != 0.0:
-                    coupled = True
-            if coupled:
-                who[total] = queue[place]
-                total += 1
-    return total
-
-
-@native
-def _list_rows(
-    members: i64, who: i32s, slot: i32s, top: i64, low: i64, high: i64, stride: i64, window: f64s, mark: f64s,
-    rows: i32s,
-) -> i64:  # fmt: skip
-    """List the slots that any of the members is coupled with, below ``top`` and from ``low`` to ``high``.
-
-    ``mark`` (stride,) is zero before and after.
-    """
-    for k in range(members):
-        own = slot[who[k]]
-        row = window[own * stride :]
-        for other in range(min(own, top)):
-            mark[other] = max(mark[other], fabs(row[other]))
-        for other in range(low, min(own, high)):
-            mark[other] = max(mark[other], fabs(row[other]))
-        for other in range(own + 1, top):
-            mark[other] = max(mark[other], fabs(window[other * stride + own]))
-        for other in range(max(own + 1, low), high):
-            mark[other] = max(mark[other], fabs(window[other * stride + own]))
-    for k in range(members):
-        mark[slot[who[k]]] = 0.0
-    count = 0
-    for other in range(top):
-        rows[count] = other
-        count += mark[other] != 0.0
-        mark[other] = 0.0
-    for other in range(low, high):
-        rows[count] = other
-        count += mark[other] != 0.0
-        mark[other] = 0.0
-    return count
-
-
-@native
-def _only_expected(top: i64, count: i64, rows: i32s, others: i32s, stride: i64, window: f64s) -> i64:
-    """Whether all nonzeros among the slots below ``top`` are at the expected places."""
-    found = 0
-    for i in range(top):
-        row = window[i * stride :]
-        for j in range(i + 1):
-            found += row[j] != 0.0
-    for k in range(count):
-        found -= window[rows[k] * stride + others[k]] != 0.0
-    return found == 0
-
-
-@native(small=True)
 def factorize(
     size: i64,
     stages: i64,
@@ -219,6 +156,8 @@ def factorize(
     plan_group: i32s,
     plan_start: i32s,
     plan_count: i32s,
+    surplus_start: i32s,
+    surplus_count: i32s,
     plan_slots: i32s,
     state: i32s,
     state_starts: i32s,
@@ -272,7 +211,8 @@ def factorize(
         plan_group: how many unknowns are eliminated together from here on, 0 where no group begins, -1 for
             leaves, which are first in their stages, (N,).
         plan_start, plan_count, plan_slots: the slots of a group's columns.
-        state, state_starts, state_rows, state_columns: what the plan expects in the window before each stage.
+        surplus_start, surplus_count: others that they may have when not all goes to plan.
+        state, state_starts, state_rows, state_columns: what may be in the window before each stage unplanned.
         growth: work space (see stc.solver.kkt.pivots), (stride,).
         slot: work space; afterwards ``-1 - stage`` with the stage at which a position was eliminated, (N,).
         counts: results, (COUNTS,).
@@ -296,11 +236,14 @@ def factorize(
         last_stage = stage == stages - 1
         if not exact and planned != 0 and held == 0:
             # The column lists hold again as soon as nothing is in the window but what the plan expects.
-            expected = state_starts[state[stage]]
-            exact = 0 != _only_expected(
-                inner_top[max(stage - 1, 0)], state_starts[state[stage] + 1] - expected, state_rows[expected:],
-                state_columns[expected:], stride, window,
-            )  # fmt: skip
+            others = state_starts[state[stage]]
+            exact = 0 != only_planned(
+                state_starts[state[stage] + 1] - others,
+                state_rows[others:],
+                state_columns[others:],
+                stride,
+                window,
+            )
         _enter(enter_pointers[stage], enter_pointers[stage + 1], entering, slot, owner, growth)
         waiting = held
         position = begin
@@ -328,11 +271,12 @@ def factorize(
             count = max(plan_count[position], -1 - plan_count[position])
             listed = plan_slots[plan_start[position] :]
             if not exact:
-                members = _adopt(members, found_1, waiting, queue, slot, stride, window)
+                members = adopt(members, found_1, waiting, queue, slot, stride, window)
+                count = list_rows(
+                    members, found_1, waiting, queue, slot, stride, window, count, listed, surplus_count[position],
+                    plan_slots[surplus_start[position] :], found_2,
+                )  # fmt: skip
                 listed = found_2[0:]
-                count = _list_rows(
-                    members, found_1, slot, slots_top, held_from, high, stride, window, spread_1, found_2
-                )
             taken = take_group(
                 planned_here, members, found_1, count, listed, plan_kind[position:], stage, threshold, tiny,
                 capacity, stride, window, slot, owner, growth, found_12, panel, lower, values_1, sums, masks, pivots,

@@ -19,7 +19,7 @@ from stc.solver.kkt.arrangement import (
 )
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.elimination import FACTORS_FULL, factorize
-from stc.solver.kkt.entries import Arrays, ByCopies
+from stc.solver.kkt.entries import Arrays, ByCopies, aligned_zeros
 from stc.solver.kkt.panel import LARGEST_GROUP, MASKS
 from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.singularity import confirm_zeros
@@ -52,7 +52,7 @@ STALE_OF_PART = 64.0
 REFINEMENTS = 10
 #: A plan is made anew when what matrices cost beyond it adds up to the cost of planning. Both are counted in entries
 #: of the factor: a strayed stage costs this share more per entry, ...
-STRAYING = 0.3
+STRAYING = 0.1
 #: ... a rejected pivot as much as so many entries; ...
 REJECTION = 25
 #: ... planning costs this much at least, for each unknown of the stages that are ordered, and for each unknown.
@@ -139,16 +139,19 @@ class FrontalKKT(ByCopies):
         self.report, self.accuracy = arrays.report, arrays.accuracy
         self._values = np.zeros(size + self._couplings.first.size)
         self._scale, self._most, self._inverse = np.zeros(size), np.zeros(size), np.zeros(3 * size)
+        self._mended = np.zeros(1, dtype=np.int64)
         self._zeros = np.zeros(size)
         self._vectors = [np.zeros(size) for _ in range(6)]
         self._slot = np.zeros(size, dtype=np.int32)
         self._pivots = np.zeros(2 * size, dtype=np.int32)
         self._starts = np.zeros(2 * size, dtype=np.int32)
         self._counts = np.zeros(pivots.COUNTS, dtype=np.int64)
+        self._found = self._counts.tolist()
         self._capacity = 0
         self._held_slots = HELD_SLOTS
         self.bindings = 0  # counts how often the arrays of the factors were replaced
         self._plans_made = 0
+        self._allowance = 0.0
         self._waste = 0.0
         self._plan: Plan | None = None
         self._factorized = False
@@ -169,8 +172,11 @@ class FrontalKKT(ByCopies):
         self.last_residual = 0.0
         self.pivot_threshold = PIVOT_THRESHOLD
         self._plans_made = min(self._plans_made, SETTLED)
+        if self._plan is not None:
+            self._allowance = self._planning_cost()
         self._waste = 0.0
         self._scale[:] = 1.0
+        self._mended[:] = 0
         self._factorized = False
 
     @property
@@ -208,12 +214,7 @@ class FrontalKKT(ByCopies):
         self._eliminate_all(planned)
         self._note_waste()
         self._factorized = True
-        counts = self._counts
-        return Inertia(
-            int(counts[pivots.POSITIVE]),
-            int(counts[pivots.NEGATIVE]),
-            int(counts[pivots.ZERO]),
-        )
+        return Inertia(*self._found[pivots.POSITIVE : pivots.ZERO + 1])
 
     @property
     def solve_call(self) -> Bound:
@@ -248,7 +249,7 @@ class FrontalKKT(ByCopies):
 
     def _raise_threshold(self) -> bool:
         """Factorise the same matrix again with a larger threshold; False when that cannot help."""
-        if self._threshold >= HIGHEST_THRESHOLD or self._counts[pivots.ZERO] > 0:
+        if self._threshold >= HIGHEST_THRESHOLD or self._found[pivots.ZERO] > 0:
             return False
         self._threshold = min(max(10.0 * self._threshold, PIVOT_THRESHOLD), HIGHEST_THRESHOLD)
         self.factorizations += 1
@@ -257,8 +258,8 @@ class FrontalKKT(ByCopies):
 
     def _follow_plan(self) -> bool:
         """Make a plan when there is none, or none that suits; whether the plan's patterns hold for the values."""
-        strangers = self._strangers() > 0
-        if self._plan is not None and not strangers and self._waste < self._planning_cost():
+        strangers = self._strangers is not None and self._strangers() > 0
+        if self._plan is not None and not strangers and self._waste < self._allowance:
             if self._appeared() == 0:
                 return True
             # What shifts leave on the diagonal comes again: the next plan is to hold for it.
@@ -274,6 +275,7 @@ class FrontalKKT(ByCopies):
         self._plans_made += 1
         self._equilibrate()
         self._plan = plan_elimination(self._couplings, self._staging, a, self._values, has_diagonal)
+        self._allowance = self._planning_cost()
         self._capacity = max(self._capacity, int(ROOM * self._plan.nnz) + 256)
         self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, self._plan.rank))
         self._load()
@@ -298,7 +300,7 @@ class FrontalKKT(ByCopies):
             self._load()
 
     def _planning_cost(self) -> float:
-        """What may be wasted before the next plan: more each time, since some matrices suit no plan.
+        """What may be wasted with a plan before the next one: more each time, since some matrices suit none.
 
         The first plan comes from matrices of the beginning, often unlike all later ones.
         """
@@ -309,25 +311,26 @@ class FrontalKKT(ByCopies):
     def _note_waste(self) -> None:
         """Compare what the last factorisation cost with the plan."""
         assert self._plan is not None
-        counts = self._counts
-        strayed = counts[pivots.STRAYED] / max(self._staging.stages, 1)
+        found = self._found
+        strayed = found[pivots.STRAYED] / max(self._staging.stages, 1)
         self._waste += max(self.nnz_factor - self._plan.nnz, 0) + STRAYING * strayed * self.nnz_factor
-        self._waste += REJECTION * float(counts[pivots.REJECTED])
+        self._waste += REJECTION * found[pivots.REJECTED]
 
     def _use(self, arrangement: Arrangement) -> None:
         """Adopt an arrangement of the entries."""
         self._arrangement = a = arrangement
         self._scale[:] = 1.0
+        self._mended[:] = 0
         size = self.n + self.m
         self._load = load.bind(
             self.n, self.m, self.hess.size, self.jac.size, self.hess, self.jac, self.primal, self.dual,
             a.position, a.hess_target, a.jac_target, self._values,
         )  # fmt: skip
         self._equilibrate = equilibrate.bind(
-            size, *self._scaling, a.pointers, a.columns, self._values, self._scale, self._most
+            size, *self._scaling, a.pointers, a.columns, self._values, self._scale, self._most, self._mended
         )
         places = np.arange(size + self._couplings.first.size, self._values.size, dtype=np.int32)
-        self._strangers = count_nonzero.bind(places.size, places, self._values)
+        self._strangers = count_nonzero.bind(places.size, places, self._values) if places.size else None
         plan = self._plan
         if plan is None:
             return
@@ -339,7 +342,8 @@ class FrontalKKT(ByCopies):
             self._staging.stages, a.stage_pointers, *self._entering, plan.group[a.order], self._planned_slot,
             self._inner_top,
         )  # fmt: skip
-        self._plan_arrays = tuple(part[a.order] for part in (plan.kind, plan.group, plan.start, plan.count))
+        parts = plan.kind, plan.group, plan.start, plan.count, plan.surplus_start, plan.surplus_count
+        self._plan_arrays = tuple(part[a.order] for part in parts)
         absent = np.flatnonzero(plan.no_diagonal[a.order]).astype(np.int32)
         self._appeared = count_nonzero.bind(absent.size, absent, self._values)
         self._allocate_window()
@@ -351,16 +355,17 @@ class FrontalKKT(ByCopies):
         self._planned = planned
         shortage = -1
         while shortage:
-            self._eliminate.set("threshold", self._threshold)
-            self._eliminate.set("planned", planned)
+            self._eliminate.floats[self._threshold_at] = self._threshold
+            self._eliminate.integers[self._planned_at] = planned
             shortage = self._eliminate()
             if shortage:
                 self._enlarge(shortage)
                 self._bind()
         self._confirm_zeros()
-        if self._counts[pivots.ZERO] > 0 and not np.isfinite(self._window).all():
+        self._found = self._counts.tolist()
+        if self._found[pivots.ZERO] > 0 and not np.isfinite(self._window).all():
             self._window[:] = 0.0  # something has overflowed
-        self.nnz_factor = int(self._counts[pivots.FACTORS])
+        self.nnz_factor = self._found[pivots.FACTORS]
 
     def _enlarge(self, shortage: int) -> None:
         """Make room for what did not fit."""
@@ -379,12 +384,12 @@ class FrontalKKT(ByCopies):
     def _allocate_window(self) -> None:
         self._held_from = -(-self._staging.window // LANES) * LANES
         self._stride = stride = self._held_from + self._held_slots
-        self._window = np.zeros(stride * stride)
+        self._window = aligned_zeros(stride * stride)
         a = self._arrangement
         window_targets(self.n + self.m, a.pointers, a.columns, self._planned_slot, stride, self._targets)
-        self._columns = [np.zeros(stride + 2 * LANES) for _ in range(7)]
+        self._columns = [aligned_zeros(stride + 2 * LANES) for _ in range(7)]
         self._panels = [
-            np.zeros(rows * (stride + 2 * LANES)) for rows in (LARGEST_GROUP, LARGEST_GROUP, LANES)
+            aligned_zeros(rows * (stride + 2 * LANES)) for rows in (LARGEST_GROUP, LARGEST_GROUP, LANES)
         ]
         self._lists = [np.zeros(stride + LARGEST_GROUP, dtype=np.int32) for _ in range(5)]
 
@@ -404,6 +409,7 @@ class FrontalKKT(ByCopies):
             found_12, values_1, values_2, first, second, self._pivots, self._starts, self._indices, self._factors,
             self._inverse, self._counts,
         )  # fmt: skip
+        self._threshold_at, self._planned_at = (self._eliminate.position(k) for k in ("threshold", "planned"))
         self._confirm_zeros = confirm_zeros.bind(
             size, self.n, REPLACEMENT, a.order, a.pointers, a.columns, self._values, self._pivots, self._starts,
             self._indices, self._factors, self._inverse, self._zeros, *self._vectors[:2], self._counts,

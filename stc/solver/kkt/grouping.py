@@ -102,10 +102,10 @@ def _take_out(p: i64, q: i64, top: i64, stride: i64, pattern: f64s, rows: i32s) 
 
 
 @native(small=True)
-def _take_group(
+def _take_exactly(
     members: i64, order: i32s, kinds: i32s, top: i64, stride: i64, pattern: f64s, mark: i32s, rows: i32s
 ) -> i64:  # fmt: skip
-    """Eliminate a group from a pattern: its rows; how many, or -1 less that where not all couple."""
+    """Eliminate a group from a pattern in its order: its rows; how many, or -1 less that where not all couple."""
     for k in range(top):
         mark[k] = 0
     for k in range(members):
@@ -124,6 +124,48 @@ def _take_group(
             for e in range(count):
                 missing += pattern[k * stride + rows[e]] == 0.0
     return count if missing == 0 else -1 - count
+
+
+@native(small=True)
+def _take_in_any_order(
+    members: i64, order: i32s, top: i64, stride: i64, pattern: f64s, mark: i32s, rows: i32s, planned: i64,
+    known: i32s, surplus: i32s,
+) -> i64:  # fmt: skip
+    """Eliminate a group from a pattern and couple all its rows with each other; how many are surplus.
+
+    Those are not among ``known`` (planned,), which increase.
+    """
+    for k in range(top):
+        mark[k] = 0
+    for k in range(members):
+        column = pattern[order[k] * stride :]
+        for e in range(top):
+            if column[e] != 0.0:
+                mark[e] = 1
+    for k in range(members):
+        own = order[k]
+        mark[own] = 0
+        for e in range(top):
+            pattern[own * stride + e] = 0.0
+            pattern[e * stride + own] = 0.0
+    count = 0
+    for k in range(top):
+        if mark[k] != 0:
+            rows[count] = k
+            count += 1
+    for k in range(count):
+        row = pattern[rows[k] * stride :]
+        for e in range(count):
+            row[rows[e]] = 1.0
+    beyond = 0
+    at = 0
+    for k in range(count):
+        while at < planned and known[at] < rows[k]:
+            at += 1
+        if at == planned or known[at] != rows[k]:
+            surplus[beyond] = rows[k]
+            beyond += 1
+    return beyond
 
 
 @native(small=True)
@@ -160,8 +202,8 @@ def _exact_work(
 @native(small=True)
 def group_stage(
     stride: i64, top: i64, count: i64, order: i32s, kinds: i32s, starts: i32s, lists: i32s, before: f64s,
-    pattern: f64s, sizes: f64s, mark: i32s, work: f64s, best: f64s, cut: i32s, group: i32s, fixed: i32s,
-    group_starts: i32s, group_rows: i32s,
+    pattern: f64s, sizes: f64s, cover: f64s, mark: i32s, found: i32s, work: f64s, best: f64s, cut: i32s,
+    group: i32s, fixed: i32s, group_starts: i32s, surplus_starts: i32s, group_rows: i32s,
 ) -> i64:  # fmt: skip
     """Cut the order that ``order_stage`` has found into groups.
 
@@ -169,12 +211,16 @@ def group_stage(
         stride, top, count, order, kinds, starts, lists: its arguments and results.
         before: the sizes as they were, (stride * stride,).
         sizes: those that it left, to which entries are added that it may have missed.
-        pattern: work space, (stride * stride,); mark: (stride,); work, best, cut: (count + 1,).
+        cover: nonzero where the window may have an entry in whatever order the groups' pivots are taken,
+            (stride * stride,); the same for what is left afterwards.
+        pattern: work space, (stride * stride,); mark, found: (stride,); work, best, cut: (count + 1,).
         group: how many unknowns the group has that begins at a place of the order, 0 where none begins, (count,).
         fixed: whether its rows do not all couple afterwards, so that the order inside matters, (count,).
         group_starts: the rows of the group at place k are ``group_rows[group_starts[k]:group_starts[k + 1]]``,
             (count + 1,).
-        group_rows: room for ``count * top``.
+        surplus_starts: other rows that it may have are
+            ``group_rows[surplus_starts[k]:surplus_starts[k + 1]]``, (count + 1,).
+        group_rows: room for ``2 * count * top``.
 
     Returns:
         The number of entries in ``group_rows``.
@@ -197,10 +243,19 @@ def group_stage(
     for k in range(count):
         members = group[k]
         if members > 0:
-            rows = _take_group(members, order[k:], kinds[k:], top, stride, pattern, mark, group_rows[used:])
+            rows = _take_exactly(members, order[k:], kinds[k:], top, stride, pattern, mark, group_rows[used:])
             fixed[k] = rows < 0
             used += max(rows, -1 - rows)
         group_starts[k + 1] = used
+    surplus_starts[0] = used
+    for k in range(count):
+        if group[k] > 0:
+            begin = group_starts[k]
+            used += _take_in_any_order(
+                group[k], order[k:], top, stride, cover, mark, found, group_starts[k + 1] - begin, group_rows[begin:],
+                group_rows[used:],
+            )  # fmt: skip
+        surplus_starts[k + 1] = used
     for k in range(top * stride):
         if pattern[k] != 0.0 and sizes[k] == 0.0:
             sizes[k] = SMALLEST

@@ -54,11 +54,18 @@ def _gather(
             panel[k * length + j] = value
             panel[j * length + k] = value
         out = panel[k * length + members :]
-        for e in range(count):
-            other = rows[e]
-            at = max(own, other) * stride + min(own, other)
-            out[e] = window[at]
-            window[at] = 0.0
+        row = window[own * stride :]
+        column = window[own:]
+        below = 0
+        while below < count and rows[below] < own:
+            other = rows[below]
+            out[below] = row[other]
+            row[other] = 0.0
+            below += 1
+        for e in range(below, count):
+            other = rows[e] * stride
+            out[e] = column[other]
+            column[other] = 0.0
 
 
 @native(small=True)

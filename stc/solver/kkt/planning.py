@@ -45,10 +45,11 @@ class Plan:
             for leaves, (N,).
         start, count: the slots of a group's columns, ``slots[start:start + count]``, (N,); where a group's order is
             fixed, because what it adds to the window depends on it, count is -1 less that.
+        surplus_start, surplus_count: further slots that its columns may have entries at when some pivots of its stage
+            or of those before were not as planned, (N,).
         slots: all the lists.
-        state: what is in the window before each stage, (stages,): the entries of state k are at
-            ``state_rows[state_starts[k]:state_starts[k + 1]]``, the same of ``state_columns``.
-        family: unknowns at the same slot of stages of one kind share a number, (N,).
+        state: what the window may have before each stage beyond what is planned, (stages,): the entries of state k
+            are at ``state_rows[state_starts[k]:state_starts[k + 1]]``, the same of ``state_columns``.
         no_diagonal: unknowns whose diagonal entries are taken for zero, (N,).
         plans: how many different orders there are.
         ordered: how many unknowns these have together.
@@ -60,12 +61,13 @@ class Plan:
     group: Int32s
     start: Int32s
     count: Int32s
+    surplus_start: Int32s
+    surplus_count: Int32s
     slots: Int32s
     state: Int32s
     state_starts: Int32s
     state_rows: Int32s
     state_columns: Int32s
-    family: NDArray[np.int64]
     no_diagonal: NDArray[np.bool_]
     plans: int
     ordered: int
@@ -112,8 +114,7 @@ def plan_elimination(
     fresh = fresh[chosen[stage[fresh]]]
     walk = _Walk(window, keys, sizes, leaving, distinct(kind[stage[fresh]] * window + slot[fresh]))
     plan_of_stage, state_of_stage = walk.all_stages(kind, staging.top)
-    family = kind[staging.stage] * window + staging.slot
-    return walk.result(staging, plan_of_stage, state_of_stage, family, has_diagonal)
+    return walk.result(staging, plan_of_stage, state_of_stage, has_diagonal)
 
 
 def _alike(stages: int, *features: tuple[NDArray[np.integer], NDArray[np.int64]]) -> NDArray[np.int64]:
@@ -149,7 +150,7 @@ def _sample(kind: NDArray[np.int64]) -> NDArray[np.bool_]:
 @dataclass(frozen=True)
 class _StagePlan:
     """Order of one stage: slots, kinds of pivots, groups, where the groups' columns begin in all lists, their lengths,
-    whether their order is fixed."""
+    whether their order is fixed; the same of the surplus of their columns."""
 
     slots: Int32s
     kinds: Int32s
@@ -157,6 +158,8 @@ class _StagePlan:
     starts: Int32s
     counts: Int32s
     fixed: Int32s
+    surplus_starts: Int32s
+    surplus_counts: Int32s
 
     @property
     def nnz(self) -> int:
@@ -183,12 +186,13 @@ class _Walk:
         self.plans: list[_StagePlan] = []
         self.lists: list[Int32s] = []
         self.listed = 0
-        self.states: list[Floats] = []
+        self.states: list[tuple[Floats, Floats]] = []
         self.known_states: dict[bytes, int] = {}
 
     def all_stages(self, kind: NDArray[np.int64], top: Int32s) -> tuple[Int32s, Int32s]:
         """Plan and state of each stage."""
-        state = self._state_number(np.zeros((self.window, self.window)))
+        nothing = np.zeros((self.window, self.window))
+        state = self._state_number(nothing, nothing)
         steps: dict[tuple[int, int], tuple[int, int]] = {}
         times: dict[tuple[int, int], int] = {}
         long = kind.size >= LONG
@@ -208,41 +212,47 @@ class _Walk:
             state = step[1]
         return plan_of_stage, state_of_stage
 
-    def _state_number(self, sizes: Floats) -> int:
-        """States with the same pattern are one; the sizes are those of the last."""
-        pattern = np.packbits(sizes != 0.0).tobytes()
+    def _state_number(self, sizes: Floats, cover: Floats) -> int:
+        """States with the same patterns are one; the sizes are those of the last.
+
+        Args:
+            sizes: entries of the window if all goes to plan.
+            cover: nonzero where there may be one otherwise.
+        """
+        pattern = np.packbits([sizes != 0.0, cover != 0.0]).tobytes()
         number = self.known_states.setdefault(pattern, len(self.states))
         if number == len(self.states):
-            self.states.append(sizes)
-        self.states[number] = sizes.copy()
+            self.states.append((sizes, cover))
+        self.states[number] = sizes.copy(), cover
         return number
 
-    def _assembled(self, kind: int, state: int) -> Floats:
-        """The window of a stage of some kind after some state."""
-        sizes = self.states[state].copy()
+    def _assembled(self, kind: int, state: int) -> tuple[Floats, Floats]:
+        """The window of a stage of some kind after some state: sizes and cover."""
+        sizes, cover = (part.copy() for part in self.states[state])
         begin, end = np.searchsorted(self.key_kind, [kind, kind + 1])
         rows, columns = np.divmod(self.key_place[begin:end], self.window)
         sizes[rows, columns] += self.sizes[begin:end]
         sizes[columns, rows] = sizes[rows, columns]
-        return sizes
+        cover[rows, columns] = cover[columns, rows] = 1.0
+        return sizes, cover
 
     def _repeat(self, kind: int, state: int, top: int, plan: int, following: int) -> None:
         """Eliminate a stage like one before, for the following state's sizes."""
         window = self.window
-        sizes = self._assembled(kind, state)
+        sizes, _ = self._assembled(kind, state)
         known = self.plans[plan]
         degree, row_p, row_q, lists = (np.empty(window, dtype=np.int32) for _ in range(4))
         follow_order(
             window, top, known.slots.size, known.slots, known.kinds, sizes.reshape(-1), degree, np.empty(window),
             row_p, row_q, lists,
         )  # fmt: skip
-        there = self.states[following] != 0.0
-        self.states[following] = np.where(there, np.where(sizes != 0.0, sizes, SMALLEST), 0.0)
+        before, cover = self.states[following]
+        self.states[following] = np.where(before != 0.0, np.where(sizes != 0.0, sizes, SMALLEST), 0.0), cover
 
     def _step(self, kind: int, state: int, top: int) -> tuple[int, int]:
         """Order a stage of some kind after some state; the plan's and the following state's number."""
         window = self.window
-        sizes = self._assembled(kind, state)
+        sizes, cover = self._assembled(kind, state)
         fresh = np.zeros(window, dtype=np.int32)
         begin, end = np.searchsorted(self.fresh_kind, [kind, kind + 1])
         fresh[self.fresh_slot[begin:end]] = 1
@@ -254,6 +264,8 @@ class _Walk:
             window, top, waiting.size, waiting, fresh, sizes.reshape(-1), degree, most, row_p, row_q
         )
         leaf_slots, waiting = waiting[:leaves], waiting[leaves:].copy()
+        cover[sizes != 0.0] = 1.0
+        cover[leaf_slots] = cover[:, leaf_slots] = 0.0
         count = waiting.size
         order, kinds = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
         starts = np.empty(count + 1, dtype=np.int32)
@@ -265,11 +277,12 @@ class _Walk:
             first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
         )  # fmt: skip
         fixed = np.zeros_like(order)
-        groups, group_starts, rows = np.empty_like(order), np.empty_like(starts), np.empty_like(lists)
+        groups, rows = np.empty_like(order), np.empty(2 * lists.size, dtype=np.int32)
+        group_starts, surplus_starts = np.empty_like(starts), np.empty_like(starts)
         used = group_stage(
             window, top, count, order, kinds, starts, lists, before, np.empty_like(before),
-            sizes.reshape(-1), row_p, np.empty(count + 1), np.empty(count + 1), np.empty_like(starts), groups, fixed,
-            group_starts, rows,
+            sizes.reshape(-1), cover.reshape(-1), row_p, row_q, np.empty(count + 1), np.empty(count + 1),
+            np.empty_like(starts), groups, fixed, group_starts, surplus_starts, rows,
         )  # fmt: skip
         leaf = np.ones(leaves, dtype=np.int32)
         self.plans.append(
@@ -280,24 +293,25 @@ class _Walk:
                 np.concatenate([leaf - 1, group_starts[:-1] + self.listed]),
                 np.concatenate([leaf - 1, np.diff(group_starts)]),
                 np.concatenate([leaf - 1, fixed]),
+                np.concatenate([leaf - 1, surplus_starts[:-1] + self.listed]),
+                np.concatenate([leaf - 1, np.diff(surplus_starts)]),
             )
         )
         self.lists.append(rows[:used].copy())
         self.listed += used
-        return len(self.plans) - 1, self._state_number(sizes)
+        return len(self.plans) - 1, self._state_number(sizes, cover)
 
     def result(
         self,
         staging: Staging,
         plan_of_stage: Int32s,
         state_of_stage: Int32s,
-        family: NDArray[np.int64],
         has_diagonal: NDArray[np.bool_],
     ) -> Plan:
         """Everything by unknown."""
         window = self.window
-        rank, kind, group, start, count = (
-            np.zeros((len(self.plans), window), dtype=np.int32) for _ in range(5)
+        rank, kind, group, start, count, surplus_start, surplus_count = (
+            np.zeros((len(self.plans), window), dtype=np.int32) for _ in range(7)
         )
         for number, plan in enumerate(self.plans):
             rank[number, plan.slots] = np.arange(plan.slots.size)
@@ -305,8 +319,10 @@ class _Walk:
             group[number, plan.slots] = plan.groups
             start[number, plan.slots] = plan.starts
             count[number, plan.slots] = np.where(plan.fixed != 0, -1 - plan.counts, plan.counts)
+            surplus_start[number, plan.slots] = plan.surplus_starts
+            surplus_count[number, plan.slots] = plan.surplus_counts
         where = plan_of_stage[staging.stage], staging.slot
-        entries = [np.nonzero(np.tril(sizes)) for sizes in self.states]
+        entries = [np.nonzero(np.tril((cover != 0.0) & (sizes == 0.0))) for sizes, cover in self.states]
         nnz = np.array([plan.nnz for plan in self.plans], dtype=np.int64)
         return Plan(
             rank[where],
@@ -314,12 +330,13 @@ class _Walk:
             group[where],
             start[where],
             count[where],
+            surplus_start[where],
+            surplus_count[where],
             np.concatenate([*self.lists, np.zeros(1, dtype=np.int32)]),
             state_of_stage,
             np.cumsum([0, *(rows.size for rows, _ in entries)]).astype(np.int32),
             np.concatenate([rows for rows, _ in entries]).astype(np.int32),
             np.concatenate([columns for _, columns in entries]).astype(np.int32),
-            family,
             ~has_diagonal,
             len(self.plans),
             sum(plan.slots.size for plan in self.plans),

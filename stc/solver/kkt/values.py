@@ -6,12 +6,16 @@
 
 from __future__ import annotations
 
-from stc.codegen.native import f64, f64s, fabs, i32s, i64, native, sqrt
+from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
 
 __all__ = ["count_nonzero", "equilibrate", "find_scale", "load", "residual", "spread_of"]
 
 #: A scale is good when the largest entries of all rows are within this factor of 1.
 GOOD = 2.0
+#: Where no more than one row in so many is stale, it is scaled by itself, ...
+FEW = 20
+#: ... so many times in succession.
+MENDINGS = 4
 #: Scales stay between these.
 SMALLEST_SCALE = 1e-100
 LARGEST_SCALE = 1e100
@@ -86,12 +90,38 @@ def _refine(size: i64, most: f64s, scale: f64s) -> None:
         scale[k] = min(max(scale[k] / sqrt(value), SMALLEST_SCALE), LARGEST_SCALE)
 
 
-@native
+@native(fast=True)
 def find_scale(size: i64, most: f64s, scale: f64s) -> i64:
-    """Improve the scale by the largest entries of the rows; 0, without a change, when it is good."""
-    if spread_of(size, most) < GOOD:
+    """Improve the scale by the largest entries of the rows; 0 when it is good, or is now.
+
+    The largest entry m_i of row i is in no row j with a smaller m_j, so that one step leaves ``m_i / sqrt(m_i m_j)``
+    of it at least: the largest ones are then between the root of ``min m / max m`` and 1.
+    """
+    low = LARGEST_SCALE
+    high = 0.0
+    for k in range(size):
+        value = most[k]
+        high = max(high, value)
+        low = min(low, value if value > 0.0 else 1.0)
+    if high < GOOD and low * GOOD > 1.0:
         return 0
     _refine(size, most, scale)
+    return 0 if high < GOOD * GOOD * low else 1
+
+
+@native
+def _mend(size: i64, stale: f64, most: f64s, scale: f64s) -> i64:
+    """Improve the scale of single rows when few of them are stale; whether that was so."""
+    count = 0
+    for k in range(size):
+        value = most[k]
+        count += value > stale or (value > 0.0 and value * stale < 1.0)
+    if count * FEW > size:
+        return 0
+    for k in range(size):
+        value = most[k]
+        if value > GOOD or (value > 0.0 and value * GOOD < 1.0):
+            scale[k] = min(max(scale[k] / sqrt(value), SMALLEST_SCALE), LARGEST_SCALE)
     return 1
 
 
@@ -114,16 +144,24 @@ def _largest_of_rows(size: i64, pointers: i32s, columns: i32s, values: f64s, sca
 
 @native
 def equilibrate(
-    size: i64, sweeps: i64, stale: f64, pointers: i32s, columns: i32s, values: f64s, scale: f64s, most: f64s
-) -> None:
+    size: i64, sweeps: i64, stale: f64, pointers: i32s, columns: i32s, values: f64s, scale: f64s, most: f64s,
+    mended: i64s,
+) -> None:  # fmt: skip
     """Scale rows and columns alike until the largest entries of all rows are near 1 (Ruiz 2001).
 
     ``scale`` comes in as the diagonal of S for a matrix before, or ones; it is kept when it serves this matrix
-    too, the largest entries being within the factor ``stale`` of 1, and otherwise found from ones (starting from
-    what served another matrix would let rows and columns drift apart).  ``values`` becomes S K S.
+    too, the largest entries being within the factor ``stale`` of 1, or does so when a few rows are mended (``mended``
+    (1,) counts that).  Otherwise it is found from ones: starting from what served another matrix would let rows
+    and columns drift apart in time.  ``values`` becomes S K S.
     """
     _largest_of_rows(size, pointers, columns, values, scale, most)
-    if spread_of(size, most) > stale:
+    serves = spread_of(size, most) <= stale
+    if not serves and mended[0] < MENDINGS and _mend(size, stale, most, scale) != 0:
+        mended[0] += 1
+        _largest_of_rows(size, pointers, columns, values, scale, most)
+        serves = spread_of(size, most) <= stale
+    if not serves:
+        mended[0] = 0
         for k in range(size):
             scale[k] = 1.0
         for _sweep in range(sweeps):
