@@ -69,7 +69,21 @@ def chain(calls: Sequence[Bound]) -> Bound:
     cells = [len(parts)]
     for part in parts:
         cells += [packed_address(part), part.args[0]]
-    return Bound.of_native(_chain_entry(), cells, parts)
+    return Bound.of_native(_chain_entry("chain"), cells, parts)
+
+
+def chain_until(calls: Sequence[tuple[Bound, bool]]) -> Bound:
+    """The same, but a call marked True ends the chain when its result, a whole number, is not 0.
+
+    The chain's own result is the place of the call that ended it, counted from 1, or 0.
+    """
+    parts = tuple(calls)
+    if not parts or not all(part.native for part, _ in parts):
+        return Bound.of_python(_call_until, (parts,))
+    cells = [len(parts)]
+    for part, checked in parts:
+        cells += [packed_address(part), part.args[0], -1 if checked else 0]
+    return Bound.of_native(_chain_entry("chain_until"), cells, parts)
 
 
 def packed_address(call: Bound) -> int:
@@ -84,7 +98,14 @@ def _call_all(parts: tuple[Bound, ...]) -> None:
         part()
 
 
-#: cells: count, then (entry, cells) of each part
+def _call_until(parts: tuple[tuple[Bound, bool], ...]) -> int:
+    for place, (part, checked) in enumerate(parts):
+        if part() and checked:
+            return place + 1
+    return 0
+
+
+#: cells: count, then (entry, cells) of each part; for ``chain_until`` (entry, cells, mask of the result)
 _CHAIN_IR = """\
 define void @chain(ptr %cells) nounwind {
 entry:
@@ -107,18 +128,52 @@ each:
 done:
   ret void
 }
+
+define i64 @chain_until(ptr %cells) nounwind {
+entry:
+  %count = load i64, ptr %cells, align 8
+  %any = icmp sgt i64 %count, 0
+  br i1 %any, label %each, label %done
+each:
+  %k = phi i64 [ 0, %entry ], [ %next, %passed ]
+  %first = mul i64 %k, 3
+  %second = add i64 %first, 1
+  %third = add i64 %first, 2
+  %fourth = add i64 %first, 3
+  %entry.place = getelementptr inbounds i64, ptr %cells, i64 %second
+  %cells.place = getelementptr inbounds i64, ptr %cells, i64 %third
+  %mask.place = getelementptr inbounds i64, ptr %cells, i64 %fourth
+  %function = load ptr, ptr %entry.place, align 8
+  %arguments = load ptr, ptr %cells.place, align 8
+  %mask = load i64, ptr %mask.place, align 8
+  %result = call i64 %function(ptr %arguments)
+  %checked = and i64 %result, %mask
+  %next = add i64 %k, 1
+  %ended = icmp ne i64 %checked, 0
+  br i1 %ended, label %stopped, label %passed
+passed:
+  %more = icmp slt i64 %next, %count
+  br i1 %more, label %each, label %done
+stopped:
+  ret i64 %next
+done:
+  ret i64 0
+}
 """
 
-_chain: list[tuple[Callable[..., Any], engine.LoadedObject]] = []
+_chain: dict[str, Callable[..., Any]] = {}
+_loaded: list[engine.LoadedObject] = []
 
 
-def _chain_entry() -> Callable[..., Any]:
+def _chain_entry(name: str) -> Callable[..., Any]:
     with _lock:
         if not _chain:
             loaded = engine.cached_object(
                 cache.key_of("chain", engine.host().fingerprint(), _CHAIN_IR),
-                ["chain"],
+                ["chain", "chain_until"],
                 lambda: engine.compile_ir(_CHAIN_IR, level=1, optimise=False),
             )[0]
-            _chain.append((ctypes.CFUNCTYPE(None, ctypes.c_void_p)(loaded.address("chain")), loaded))
-        return _chain[0][0]
+            _loaded.append(loaded)
+            for known, result in (("chain", None), ("chain_until", ctypes.c_int64)):
+                _chain[known] = ctypes.CFUNCTYPE(result, ctypes.c_void_p)(loaded.address(known))
+        return _chain[name]

@@ -75,6 +75,10 @@ HELD_SLOTS = 32
 DELAYED_FREELY = 8
 
 
+#: The place of the elimination among the steps, counted from 1.
+ELIMINATION = 4
+
+
 class FrontalKKT(ByCopies):
     """Sparse LDL^T with threshold pivoting on a window that slides over the stages.
 
@@ -212,9 +216,46 @@ class FrontalKKT(ByCopies):
         self._equilibrate()
         self._threshold = self.pivot_threshold
         self._eliminate_all(planned)
+        return self._conclude()
+
+    def _conclude(self) -> Inertia:
+        """What a factorisation has found."""
         self._note_waste()
         self._factorized = True
         return Inertia(*self._found[pivots.POSITIVE : pivots.ZERO + 1])
+
+    @property
+    def follows_plan(self) -> bool:
+        """Whether ``steps`` may be tried: there is a plan, and it has not wasted too much."""
+        return self._plan is not None and self._strangers is None and self._waste < self._allowance
+
+    def steps(self) -> list[tuple[Bound, bool]]:
+        """The calls of ``refactor`` where all goes to plan, for ``chain_until``; as long as ``bindings`` stays.
+
+        ``prepare_steps`` comes before them and ``complete`` afterwards.
+        """
+        return [
+            (self._load, False), (self._appeared, True), (self._equilibrate, False), (self._eliminate, True),
+            (self._confirm_zeros, False),
+        ]  # fmt: skip
+
+    def prepare_steps(self) -> None:
+        """Make ready for the steps."""
+        self._factorized = False
+        self._threshold, self._planned = self.pivot_threshold, True
+        self._eliminate.floats[self._threshold_at] = self._threshold
+        self._eliminate.integers[self._planned_at] = 1
+
+    def complete(self, ended: int) -> Inertia:
+        """End a factorisation: all steps were made when ``ended`` is 0, else that one, from 1 on, was the last."""
+        if ended:
+            if ended == ELIMINATION:
+                self._window[:] = 0.0  # as ever before it begins
+            return self.refactor()
+        self.factorizations += 1
+        self.accuracy[0] = FINE
+        self._take_counts()
+        return self._conclude()
 
     @property
     def solve_call(self) -> Bound:
@@ -362,6 +403,9 @@ class FrontalKKT(ByCopies):
                 self._enlarge(shortage)
                 self._bind()
         self._confirm_zeros()
+        self._take_counts()
+
+    def _take_counts(self) -> None:
         self._found = self._counts.tolist()
         if self._found[pivots.ZERO] > 0 and not np.isfinite(self._window).all():
             self._window[:] = 0.0  # something has overflowed

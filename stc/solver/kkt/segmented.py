@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros, distinct, scattered
-from stc.codegen.calls import Bound
+from stc.codegen.calls import Bound, chain_until
 from stc.records import dataclass
 from stc.solver.kkt import lanes
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, SWEEPS, FrontalKKT
-from stc.solver.kkt.lane_panel import LARGEST, PANEL, STATE
+from stc.solver.kkt.lane_panel import COUNTED, LARGEST, PANEL, STATE
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import code_of, lay_out
 from stc.solver.kkt.segmented_passes import (
@@ -63,8 +63,6 @@ RECENT = 0.3
 UNLIKELY = 0.2
 #: Room for factors, as a multiple of what the first plan needs.
 ROOM = 1.25
-#: Result of the elimination: the scale does not serve the matrix.
-STALE = -2
 #: After so many failures in a row segments are skipped for one matrix, then for twice as many each time, up to this
 #: power of two.
 PATIENCE = 3
@@ -85,10 +83,11 @@ class _Prepared:
     curved: bool  # whether H was not zero when it was made
     won: float = 0.0  # share of the last matrices that it suited
     served: int = 0  # matrices that it suited
+    steps: Bound | None = None  # elimination, and those of the rest
     solve: Bound | None = None
     solve_both: Bound | None = None
     probe: Bound | None = None
-    bindings: int = -1  # of the rest, that solve and probe are made for
+    bindings: int = -1  # of the rest, that these are made for
 
 
 class SegmentedKKT(ByCopies):
@@ -244,37 +243,44 @@ class SegmentedKKT(ByCopies):
             self._skip -= 1
             return None
         self._tried += 1
-        negative = -1
+        rest = None
         for plan in self._candidates():
             self._now = plan
-            negative = self._eliminate()
-            plan.won += RECENT * (float(negative >= 0) - plan.won)
-            if negative >= 0:
+            rest = self._through(plan)
+            plan.won += RECENT * (float(rest is not None) - plan.won)
+            if rest is not None:
                 plan.served += 1
                 break
-        if negative < 0:
+        if rest is None:
             self._now = max(self._plans, key=lambda plan: plan.won)
             self._failures += 1
             if self._failures >= PATIENCE:
                 self._skip = 2 ** min(self._failures - PATIENCE, LONGEST_SKIP)
             return None
-        rest = self._rest.refactor()
         if rest.zero > 0:
             return None
-        if self._now.bindings != self._rest.bindings:
-            self._bind_solve(self._now)
-        if self._now.state[LARGEST] > SUSPECT and not self._passes_probe():
+        now = self._now
+        if now.bindings != self._rest.bindings:
+            self._bind_solve(now)
+        if now.state[LARGEST] > SUSPECT and not self._passes_probe():
             return None
         self._failures = 0
-        self.nnz_factor = int(self._now.factors.size) + self._rest.nnz_factor
+        self.nnz_factor = now.factors.size + self._rest.nnz_factor
+        negative = int(now.state[COUNTED])
         return Inertia(self._eliminated - negative + rest.positive, negative + rest.negative, rest.zero)
 
-    def _eliminate(self) -> int:
-        """Eliminate the segments; how many pivots are negative, or -1."""
-        negative = int(self._now.eliminate())
-        if negative < 0 and self._now.equilibrate():
-            negative = int(self._now.eliminate())
-        return negative if negative != STALE else -1
+    def _through(self, plan: _Prepared) -> Inertia | None:
+        """Factorise by a plan: the inertia of the rest, or None where a pivot of the segments is refused."""
+        rest = self._rest
+        if plan.steps is not None and plan.bindings == rest.bindings and rest.follows_plan:
+            rest.prepare_steps()
+            ended = plan.steps()
+            if ended != 1:
+                return rest.complete(ended and ended - 1)
+        elif not plan.eliminate():
+            return rest.refactor()
+        # The scale may have served its time.
+        return rest.refactor() if plan.equilibrate() and not plan.eliminate() else None
 
     def _candidates(self) -> Iterator[_Prepared]:
         """Plans to try for the matrix at hand: that in use, others that suited some before, a new one."""
@@ -435,6 +441,7 @@ class SegmentedKKT(ByCopies):
             REFINEMENTS, *common, self.rhs, *one, self.solution, self.second_rhs, *other, self.second_solution,
             self.report, np.zeros(REPORT),
         )  # fmt: skip
+        plan.steps = chain_until([(plan.eliminate, True), *self._rest.steps()])
         plan.bindings = self._rest.bindings
 
 

@@ -8,6 +8,7 @@ tables of stc.solver.kkt.lanes say.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
+from stc.solver.kkt.lane_panel import COUNTED
 from stc.solver.kkt.lane_rows import largest_in_segments, subtract_segments
 from stc.solver.kkt.lane_solve import backward, forward
 from stc.solver.kkt.lanes import eliminate
@@ -18,6 +19,9 @@ __all__ = ["diagonal_of", "eliminate_all", "equilibrate_all", "solve_all", "solv
 
 #: A scale serves as long as the largest entries of all rows are within this factor of 1.
 STALE = 1024.0
+#: Results of ``eliminate_all``.
+REFUSED = 1
+STALE_SCALE = 2
 
 
 @native(fast=True)
@@ -164,7 +168,8 @@ def eliminate_all(
     """Load the rest, eliminate the segments (see ``eliminate``) and add what they leave to the rest, ``result``.
 
     Returns:
-        How many pivots are negative, -1 when one was not accepted, -2 when the scale does not serve the matrix.
+        0, ``REFUSED`` when a pivot was not accepted, ``STALE_SCALE`` when the scale does not serve the matrix;
+        ``state[COUNTED]`` becomes the number of negative pivots.
     """
     _load_rest(
         index, outer, rest, entries, target, first, second, source, variables, filled, given, diagonal, scale, most,
@@ -176,12 +181,13 @@ def eliminate_all(
         groups, table, index, code, growth, suspect, given, diagonal, scale, result, work, scales, moving, columns,
         matrix, row_most, most, spread, factors, state,
     )  # fmt: skip
+    state[COUNTED] = 1.0 * negative
     if negative < 0:
-        return -1
+        return REFUSED
     highest = spread_of(rest, most[outer:])
     for lane in range(8):
         highest = max(highest, max(spread[lane], -1.0 / spread[8 + lane]))
-    return -2 if highest > STALE else negative
+    return STALE_SCALE if highest > STALE else 0
 
 
 @native(fast=True, inline=True)
