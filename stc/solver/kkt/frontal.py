@@ -143,7 +143,6 @@ class FrontalKKT(ByCopies):
         self.report, self.accuracy = arrays.report, arrays.accuracy
         self._values = np.zeros(size + self._couplings.first.size)
         self._scale, self._most, self._inverse = np.zeros(size), np.zeros(size), np.zeros(3 * size)
-        self._mended = np.zeros(1, dtype=np.int64)
         self._zeros = np.zeros(size)
         self._vectors = [np.zeros(size) for _ in range(6)]
         self._slot = np.zeros(size, dtype=np.int32)
@@ -180,7 +179,6 @@ class FrontalKKT(ByCopies):
             self._allowance = self._planning_cost()
         self._waste = 0.0
         self._scale[:] = 1.0
-        self._mended[:] = 0
         self._factorized = False
 
     @property
@@ -361,14 +359,13 @@ class FrontalKKT(ByCopies):
         """Adopt an arrangement of the entries."""
         self._arrangement = a = arrangement
         self._scale[:] = 1.0
-        self._mended[:] = 0
         size = self.n + self.m
         self._load = load.bind(
             self.n, self.m, self.hess.size, self.jac.size, self.hess, self.jac, self.primal, self.dual,
             a.position, a.hess_target, a.jac_target, self._values,
         )  # fmt: skip
         self._equilibrate = equilibrate.bind(
-            size, *self._scaling, a.pointers, a.columns, self._values, self._scale, self._most, self._mended
+            size, *self._scaling, a.pointers, a.columns, self._values, self._scale, self._most
         )
         places = np.arange(size + self._couplings.first.size, self._values.size, dtype=np.int32)
         self._strangers = count_nonzero.bind(places.size, places, self._values) if places.size else None

@@ -6,16 +6,12 @@
 
 from __future__ import annotations
 
-from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
+from stc.codegen.native import f64, f64s, fabs, i32s, i64, native, sqrt
 
 __all__ = ["count_nonzero", "equilibrate", "find_scale", "load", "residual", "spread_of"]
 
 #: A scale is good when the largest entries of all rows are within this factor of 1.
 GOOD = 2.0
-#: Where no more than one row in so many is stale, it is scaled by itself, ...
-FEW = 20
-#: ... so many times in succession.
-MENDINGS = 4
 #: Scales stay between these.
 SMALLEST_SCALE = 1e-100
 LARGEST_SCALE = 1e100
@@ -110,22 +106,6 @@ def find_scale(size: i64, most: f64s, scale: f64s) -> i64:
 
 
 @native
-def _mend(size: i64, stale: f64, most: f64s, scale: f64s) -> i64:
-    """Improve the scale of single rows when few of them are stale; whether that was so."""
-    count = 0
-    for k in range(size):
-        value = most[k]
-        count += value > stale or (value > 0.0 and value * stale < 1.0)
-    if count * FEW > size:
-        return 0
-    for k in range(size):
-        value = most[k]
-        if value > GOOD or (value > 0.0 and value * GOOD < 1.0):
-            scale[k] = min(max(scale[k] / sqrt(value), SMALLEST_SCALE), LARGEST_SCALE)
-    return 1
-
-
-@native
 def _largest_of_rows(size: i64, pointers: i32s, columns: i32s, values: f64s, scale: f64s, most: f64s) -> None:
     """Largest entry of each row of S K S."""
     upper = values[size:]
@@ -144,24 +124,16 @@ def _largest_of_rows(size: i64, pointers: i32s, columns: i32s, values: f64s, sca
 
 @native
 def equilibrate(
-    size: i64, sweeps: i64, stale: f64, pointers: i32s, columns: i32s, values: f64s, scale: f64s, most: f64s,
-    mended: i64s,
-) -> None:  # fmt: skip
+    size: i64, sweeps: i64, stale: f64, pointers: i32s, columns: i32s, values: f64s, scale: f64s, most: f64s
+) -> None:
     """Scale rows and columns alike until the largest entries of all rows are near 1 (Ruiz 2001).
 
     ``scale`` comes in as the diagonal of S for a matrix before, or ones; it is kept when it serves this matrix
-    too, the largest entries being within the factor ``stale`` of 1, or does so when a few rows are mended (``mended``
-    (1,) counts that).  Otherwise it is found from ones: starting from what served another matrix would let rows
-    and columns drift apart in time.  ``values`` becomes S K S.
+    too, the largest entries being within the factor ``stale`` of 1, and otherwise found from ones (starting from
+    what served another matrix would let rows and columns drift apart).  ``values`` becomes S K S.
     """
     _largest_of_rows(size, pointers, columns, values, scale, most)
-    serves = spread_of(size, most) <= stale
-    if not serves and mended[0] < MENDINGS and _mend(size, stale, most, scale) != 0:
-        mended[0] += 1
-        _largest_of_rows(size, pointers, columns, values, scale, most)
-        serves = spread_of(size, most) <= stale
-    if not serves:
-        mended[0] = 0
+    if spread_of(size, most) > stale:
         for k in range(size):
             scale[k] = 1.0
         for _sweep in range(sweeps):
