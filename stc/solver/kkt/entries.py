@@ -10,16 +10,7 @@ from stc.solver.kkt.contract import FINE, AttachedKKT, Inertia
 from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
-__all__ = ["Arrays", "ByCopies", "aligned_zeros", "checked_values"]
-
-#: Bytes of a line of a cache, and of a vector.
-LINE = 64
-
-
-def aligned_zeros(count: int) -> Floats:
-    """Zeros that begin at a line of the caches, (count,): vectors at multiples of their length lie in one line each."""
-    room = np.zeros(count + LINE // 8)
-    return room[-(room.ctypes.data // 8) % (LINE // 8) :][:count]
+__all__ = ["Arrays", "ByCopies", "checked_values"]
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import aligned_zeros
 from stc.codegen.calls import Bound
 from stc.solver.kkt import pivots
 from stc.solver.kkt.arrangement import (
@@ -19,7 +20,7 @@ from stc.solver.kkt.arrangement import (
 )
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.elimination import FACTORS_FULL, factorize
-from stc.solver.kkt.entries import Arrays, ByCopies, aligned_zeros
+from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.panel import LARGEST_GROUP, MASKS
 from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.singularity import confirm_zeros
