@@ -168,15 +168,32 @@ def _subtract(
     both: i64, count: i64, places: i32s, matrix: f64s, x: f64s, y: f64s, other_x: f64s, other_y: f64s
 ) -> None:  # fmt: skip
     """Subtract the products of entries from both of their rows."""
+    i = 0
+    x_i = load8(x, 0)
+    y_i = load8(y, 0)
+    other_x_i = load8(other_x, 0)
+    other_y_i = load8(other_y, 0)
     for k in range(count):
-        i = 8 * places[3 * k + 1]
+        if 8 * places[3 * k + 1] != i:
+            store8(y, i, y_i)
+            if both != 0:
+                store8(other_y, i, other_y_i)
+            i = 8 * places[3 * k + 1]
+            x_i = load8(x, i)
+            y_i = load8(y, i)
+            if both != 0:
+                other_x_i = load8(other_x, i)
+                other_y_i = load8(other_y, i)
         j = 8 * places[3 * k + 2]
         value = load8(matrix, 8 * k)
-        store8(y, i, load8(y, i) - value * load8(x, j))
-        store8(y, j, load8(y, j) - value * load8(x, i))
+        y_i -= value * load8(x, j)
+        store8(y, j, load8(y, j) - value * x_i)
         if both != 0:
-            store8(other_y, i, load8(other_y, i) - value * load8(other_x, j))
-            store8(other_y, j, load8(other_y, j) - value * load8(other_x, i))
+            other_y_i -= value * load8(other_x, j)
+            store8(other_y, j, load8(other_y, j) - value * other_x_i)
+    store8(y, i, y_i)
+    if both != 0:
+        store8(other_y, i, other_y_i)
 
 
 @native(fast=True, inline=True)

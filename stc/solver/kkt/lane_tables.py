@@ -204,7 +204,11 @@ def code_of(table: Int64s, groups: list[Group], kinds: list[Kind], programs: lis
         used_places = np.flatnonzero(used)
         columns = np.tril_indices(kind.size)[1]  # in the order of the triangle
         first = columns[used_places] < near
-        entries = np.stack([triangle(kind.rows, kind.columns), kind.rows, kind.columns], axis=1)
+        # Sorted by the unknown of U: entries inside U by the row, others by the column.
+        often = np.where(kind.rows < own, kind.rows, kind.columns)
+        entries = np.stack(
+            [triangle(kind.rows, kind.columns), often, kind.rows + kind.columns - often], axis=1
+        )
         across = np.stack(
             [triangle(kind.first_rows, kind.first_columns), kind.first_rows, kind.first_columns], axis=1
         )

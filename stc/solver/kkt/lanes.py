@@ -30,7 +30,8 @@ STEPS, OWN, NEXT, LEFT, BORDER = range(5)
 #: step's F, and of L and B, are, as listed in ``index``; ...
 UNKNOWNS, LASTS, ENDS = 5, 6, 7
 #: ... entries of a stage: how many, where the sources of each step are listed in ``index``, and where the places of
-#: one step, three numbers each (entry, row and column), in ``code``; the same for those of L with the first stage; ...
+#: one step, three numbers each (entry, and its row and column in any order, the first the same for many entries in a
+#: row), in ``code``; the same for those of L with the first stage; ...
 ENTRIES, ENTRY_INDEX, ENTRY_CODE = 8, 9, 10
 FIRST, FIRST_INDEX, FIRST_CODE = 11, 12, 13
 #: ... panels, and where they are in ``code``; entries to be cleared before each step, before the first step, and those
@@ -52,16 +53,24 @@ def _add_entries(
     count: i64, sources: i32s, places: i32s, given: f64s, scales: f64s, matrix: f64s, most: f64s, work: f64s
 ) -> None:  # fmt: skip
     """Add scaled entries to the triangle, keep them, and note their magnitudes in both of their rows."""
+    i = 0
+    scale_i = load8(scales, 0)
+    most_i = load8(most, 0)
     for k in range(count):
-        i = 8 * places[3 * k + 1]
+        if 8 * places[3 * k + 1] != i:
+            store8(most, i, most_i)
+            i = 8 * places[3 * k + 1]
+            scale_i = load8(scales, i)
+            most_i = load8(most, i)
         j = 8 * places[3 * k + 2]
-        value = gather8(given, sources, 8 * k) * load8(scales, i) * load8(scales, j)
+        value = gather8(given, sources, 8 * k) * scale_i * load8(scales, j)
         store8(matrix, 8 * k, value)
         at = 8 * places[3 * k]
         store8(work, at, load8(work, at) + value)
         size = abs8(value)
-        store8(most, i, max8(size, load8(most, i)))
+        most_i = max8(size, most_i)
         store8(most, j, max8(size, load8(most, j)))
+    store8(most, i, most_i)
 
 
 @native(fast=True)
