@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
 from stc.codegen import engine, reference
-from stc.codegen.calls import Bound, chain
+from stc.codegen.calls import Bound, chain, chain_until
 from stc.codegen.kernel import LANES, KernelSet, compile_tapes, effort
 from stc.codegen.native import f64, f64s, i64, native
 from stc.codegen.tape import OPERATORS, Tape, build_tape
@@ -277,6 +277,33 @@ def test_chains_run_kernels_and_native_functions_in_order() -> None:
         nested()
         assert result[0] == pytest.approx(3.0 * setting.out.sum(), rel=1e-13)
     assert chain([])() is None
+
+
+@native
+def count_above(n: i64, limit: f64, x: f64s, calls: f64s) -> i64:
+    """How many are larger, and one more call."""
+    found = 0
+    for k in range(n):
+        found += x[k] > limit
+    calls[0] += 1.0
+    return found
+
+
+@pytest.mark.parametrize("native_code", [True, False])
+def test_chains_end_at_a_result(native_code: bool) -> None:
+    x, calls, result = np.array([1.0, 2.0, 3.0]), np.zeros(1), np.zeros(1)
+    last = total.bind(3, 1.0, x, result)
+    if not native_code:
+        last = Bound.of_python(last, ())
+    for limit, checked, ended in ((5.0, True, 0), (1.5, True, 2), (1.5, False, 0)):
+        calls[0] = result[0] = 0.0
+        parts = count_above.bind(3, 9.0, x, calls), count_above.bind(3, limit, x, calls)
+        call = chain_until([(parts[0], True), (parts[1], checked), (last, False)])
+        assert call.native == native_code
+        assert call() == ended
+        assert calls[0] == 2.0
+        assert result[0] == (0.0 if ended else 6.0)
+    assert chain_until([])() == 0
 
 
 def test_special_values_pass_through() -> None:

@@ -209,6 +209,54 @@ def test_plans_that_fail_give_way(monkeypatch):
         assert kkt.last_residual < 1e-12
 
 
+def test_what_barriers_add_comes_and_goes():
+    """Plans are made without it."""
+    rng = np.random.default_rng(12)
+    pattern = motion(rng, 40)
+    kkt = system_of(pattern)
+    values = generic(rng, pattern)
+    for size in (1e3, 0.0, 1e-6, 1.0):
+        values.primal = size * rng.uniform(0.5, 2.0, pattern.n)
+        check(kkt, pattern, values, rng)
+    before = kkt._programs()
+    kkt.primal *= 7.0
+    for one, other in zip(before, kkt._programs(), strict=True):
+        for panel, same in zip(one.panels, other.panels, strict=True):
+            np.testing.assert_array_equal(panel, same)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e8])
+def test_scales_that_have_served_their_time(factor):
+    rng = np.random.default_rng(13)
+    pattern = motion(rng, 40)
+    kkt = system_of(pattern)
+    values = generic(rng, pattern)
+    check(kkt, pattern, values, rng)
+    before = kkt._scale.copy()
+    size = np.where(np.arange(pattern.n) % 5 == 1, factor, 1.0)
+    values.jac = values.jac * size[pattern.jac_cols]
+    values.hess = values.hess * size[pattern.hess_rows] * size[pattern.hess_cols]
+    values.primal = values.primal * size**2
+    check(kkt, pattern, values, rng)
+    assert np.abs(np.log(kkt._scale / before)).max() > 5.0
+
+
+def test_a_factorisation_of_the_rest_that_is_interrupted():
+    rng = np.random.default_rng(14)
+    pattern = motion(rng, 40)
+    kkt = system_of(pattern)
+    values = generic(rng, pattern)
+    check(kkt, pattern, values, rng)
+    rest = kkt._rest
+    rest._capacity = 8  # less than any factor needs
+    rest._allocate_factors()
+    rest._bind()
+    kkt._bind_solve(kkt._now)
+    check(kkt, pattern, values, rng)
+    assert rest._capacity > 8
+    assert not rest._window.any()
+
+
 def test_the_next_solve_takes_over():
     rng = np.random.default_rng(10)
     pattern = motion(rng, 80)
