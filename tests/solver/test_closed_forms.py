@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from symbolic_program import INF, SymbolicProgram
 
+import stc
 from stc.solver import Options, Result, Status, minimize
 from stc.symbolic.expr import call
 
@@ -40,6 +41,36 @@ def test_an_equality_constrained_quadratic_takes_one_step() -> None:
     assert result.x == pytest.approx(point - distance * normal, abs=1e-9)
     assert result.row_multipliers == pytest.approx([2 * distance], abs=1e-8)
     assert result.iterations <= 2
+
+
+def test_a_quadratic_program_is_confirmed_as_stated_at_once(monkeypatch) -> None:
+    problem, transcription = stc.load("particle_waypoints").transcription(n=32)
+    program = transcription.bind(problem.constants)
+    wanted = minimize(program)
+    assert (wanted.iterations, wanted.factorizations, len(wanted.history)) == (1, 1, 1)
+    assert max(wanted.violation, wanted.optimality, wanted.history[0].optimality) <= 1e-9
+    # A solution that is not good enough as stated is improved on.
+    monkeypatch.setattr("stc.solver.sqp.ACCURATE", 0.0)
+    again = minimize(program)
+    assert again.iterations >= 1
+    assert again.x == pytest.approx(wanted.x, abs=1e-9)
+
+
+def test_scaled_objectives_have_large_multipliers_without_anything_being_wrong(monkeypatch) -> None:
+    def never(*_arguments: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("stc.solver.sqp.smaller_multipliers", never)
+    result = solve(
+        SymbolicProgram(
+            [1.0, 2.0],
+            lambda x: 1e-4 * (x[0] ** 2 + x[1] ** 4),
+            lambda x: [(1e-4 * (x[0] + x[1]), 3e-4, 3e-4), (x[0] * x[1], 0.0, 5.0)],
+        )
+    )
+    assert result.status is Status.OPTIMAL
+    slope = -1e-4 * 2 * result.x[0] / 1e-4
+    assert result.row_multipliers[0] == pytest.approx(slope, rel=1e-6)
 
 
 def test_a_linear_program_ends_at_its_vertex() -> None:
