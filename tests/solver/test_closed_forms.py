@@ -63,14 +63,13 @@ def test_scaled_objectives_have_large_multipliers_without_anything_being_wrong(m
     monkeypatch.setattr("stc.solver.sqp.smaller_multipliers", never)
     result = solve(
         SymbolicProgram(
-            [1.0, 2.0],
-            lambda x: 1e-4 * (x[0] ** 2 + x[1] ** 4),
-            lambda x: [(1e-4 * (x[0] + x[1]), 3e-4, 3e-4), (x[0] * x[1], 0.0, 5.0)],
+            [0.1, 0.1],  # where the objective is so flat that it is multiplied by 1e8
+            lambda x: 1e-6 * (x[0] ** 6 + x[1] ** 6),
+            lambda x: [(x[0] + x[1], 20.0, 20.0), (x[0] * x[1], 0.0, INF)],
         )
     )
-    assert result.status is Status.OPTIMAL
-    slope = -1e-4 * 2 * result.x[0] / 1e-4
-    assert result.row_multipliers[0] == pytest.approx(slope, rel=1e-6)
+    assert result.x == pytest.approx([10.0, 10.0], abs=1e-8)
+    assert result.row_multipliers == pytest.approx([-0.6, 0.0], abs=1e-8)
 
 
 def test_a_linear_program_ends_at_its_vertex() -> None:
