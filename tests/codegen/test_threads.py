@@ -34,6 +34,7 @@ def _sum_into(count: i64, source: f64s, into: f64s) -> None:
 def two(monkeypatch):
     """Two threads whatever the environment says and the machine has."""
     monkeypatch.setattr(threads, "_processors", lambda: 2)
+    monkeypatch.delenv("STC_THREADS", raising=False)
     threads.limit(2)
     yield
     threads.limit(None)
@@ -110,6 +111,58 @@ def test_one_thread_is_a_chain(two):
     python = threads.parallel([[Bound.of_python(list, ()), Bound.of_python(list, ())]])
     assert not python.native
     python()
+
+
+def _offered() -> int:
+    """How often the second thread has been asked."""
+    return threads._helper().mailbox[3]
+
+
+def test_a_limit_holds_for_calls_prepared_before(two):
+    phases, into, _ = _job(6, 500, 5)
+    reference, expected, _ = _job(6, 500, 5)
+    known = threads.record()
+    call, alone = threads.parallel(phases, known), chain([part for phase in reference for part in phase])
+    for limit, asked in ((1, False), (2, True), (1, False), (None, True)):
+        threads.limit(limit)
+        known[:] = 10, 2**40, 1
+        before = _offered()
+        for _ in range(3):
+            call()
+            alone()
+        assert (_offered() > before) == asked
+    assert (into == expected).all()
+
+
+def test_lists_of_the_same_work_share_what_they_learn(two):
+    known = threads.record()
+    first, second = (threads.parallel(_job(6, 500, seed)[0], known) for seed in (1, 2))
+    before = _offered()
+    first()
+    assert list(known) == [0, 0, 0]  # memory was cold
+    for _ in range(4):
+        first()
+    assert known[0] == 4 and min(known[1:]) > 0
+    assert _offered() == before + 3  # the first run and two of the four that are timed
+    for alone, helped, asked in ((1, 10**12, 0), (10**12, 1, 1)):
+        other = threads.parallel(_job(6, 500, 3)[0], known)
+        for call in (other, second):
+            known[:] = 10, alone, helped
+            before = _offered()
+            call()
+            assert _offered() == before + asked
+
+
+def test_now_and_then_it_is_tried_the_other_way(two):
+    known = threads.record()
+    call = threads.parallel(_job(6, 50, 4)[0], known)
+    call()
+    for alone, helped, usual in ((1, 2**40, 0), (2**40, 1, 1)):
+        for number in (5, 126, 127, 128, 255):
+            known[:] = number, alone, helped
+            before = _offered()
+            call()
+            assert _offered() - before == (1 - usual if number in (127, 255) else usual)
 
 
 def test_how_many(monkeypatch):
