@@ -73,13 +73,18 @@ def _processors() -> int:
         return os.cpu_count() or 1
 
 
-#: How often a list has been timed, and the nanoseconds that it took alone and with help lately.
+#: How often a list has been timed; the nanoseconds that it took alone and with help lately; how many runs are left
+#: until it is tried the other way, and how many there are from one try to the next.
 Record = ctypes.Array[ctypes.c_int64]
+
+#: Fewest and most runs from one try of the other way to the next.  Each try that changes nothing doubles their number.
+#: A run that others hold up speaks against its way; short waits forgive that soon, where it was held up a little.
+_SHORTEST, _LONGEST = 8, 128
 
 
 def record() -> Record:
     """Nothing is known yet."""
-    return (ctypes.c_int64 * 3)()
+    return (ctypes.c_int64 * 5)(0, 0, 0, _SHORTEST, _SHORTEST)
 
 
 def parallel(phases: Sequence[Sequence[Bound]], known: Record | None = None) -> Bound:
@@ -270,29 +275,26 @@ choose:
   %old = icmp ne i64 %old.number, 0
   %alone.place = getelementptr inbounds i64, ptr %record, i64 1
   %helped.place = getelementptr inbounds i64, ptr %record, i64 2
-  %runs = load i64, ptr %record, align 8
   %alone.time = load i64, ptr %alone.place, align 8
   %helped.time = load i64, ptr %helped.place, align 8
   %pays = icmp sle i64 %helped.time, %alone.time
   br i1 %old, label %known, label %new
 new:
-  br i1 %pays, label %new.with, label %new.without
+  br i1 %pays, label %new.with, label %simply
 new.with:
   call void @share(ptr %job)
   ret void
-new.without:
-  call void @reset(ptr %job)
-  call void @work(ptr %job)
-  ret void
 known:
+  %left.place = getelementptr inbounds i64, ptr %record, i64 3
+  %runs = load i64, ptr %record, align 8
+  %left = load i64, ptr %left.place, align 8
   %more = add i64 %runs, 1
   store i64 %more, ptr %record, align 8
-  %step = and i64 %runs, 127
-  %again = icmp eq i64 %step, 127
-  %turned = xor i1 %pays, %again
   %early = icmp slt i64 %runs, 4
   %low = and i64 %runs, 1
   %odd = icmp eq i64 %low, 1
+  %again = icmp sle i64 %left, 0
+  %turned = xor i1 %pays, %again
   %helped = select i1 %early, i1 %odd, i1 %turned
   %begin = call i64 @now()
   br i1 %helped, label %with, label %without
@@ -309,11 +311,36 @@ note:
   %place = select i1 %helped, ptr %helped.place, ptr %alone.place
   %before = load i64, ptr %place, align 8
   %difference = sub i64 %took, %before
-  %part = ashr i64 %difference, 2
+  %weight = select i1 %again, i64 1, i64 2
+  %part = ashr i64 %difference, %weight
   %mixed = add i64 %before, %part
+  %shorter = icmp slt i64 %took, %before
+  %least = select i1 %shorter, i64 %took, i64 %before
+  %learned = select i1 %early, i64 %least, i64 %mixed
   %unknown = icmp eq i64 %before, 0
-  %kept = select i1 %unknown, i64 %took, i64 %mixed
+  %kept = select i1 %unknown, i64 %took, i64 %learned
   store i64 %kept, ptr %place, align 8
+  br i1 %early, label %done, label %plan
+plan:
+  %wait.place = getelementptr inbounds i64, ptr %record, i64 4
+  %wait = load i64, ptr %wait.place, align 8
+  %alone.now = load i64, ptr %alone.place, align 8
+  %helped.now = load i64, ptr %helped.place, align 8
+  %pays.now = icmp sle i64 %helped.now, %alone.now
+  %changed = xor i1 %pays, %pays.now
+  %settled = icmp sge i64 %wait, LONGEST
+  %double = shl i64 %wait, 1
+  %longer = select i1 %settled, i64 LONGEST, i64 %double
+  %sooner = select i1 %settled, i64 SHORTEST, i64 %wait
+  %next = select i1 %changed, i64 %sooner, i64 %longer
+  %one.less = sub i64 %left, 1
+  %planned = or i1 %changed, %again
+  %wait.kept = select i1 %planned, i64 %next, i64 %wait
+  %left.kept = select i1 %planned, i64 %next, i64 %one.less
+  store i64 %wait.kept, ptr %wait.place, align 8
+  store i64 %left.kept, ptr %left.place, align 8
+  br label %done
+done:
   ret void
 }
 
@@ -423,4 +450,10 @@ define void @stop(ptr %mailbox) nounwind {
   %c = call i32 @pthread_cond_signal(ptr %condition)
   ret void
 }
-""".replace("CLOCK", "6" if sys.platform == "darwin" else "1")
+"""
+for _name, _value in (
+    ("CLOCK", 6 if sys.platform == "darwin" else 1),
+    ("SHORTEST", _SHORTEST),
+    ("LONGEST", _LONGEST),
+):
+    _IR = _IR.replace(_name, str(_value))

@@ -125,7 +125,7 @@ def test_a_limit_holds_for_calls_prepared_before(two):
     call, alone = threads.parallel(phases, known), chain([part for phase in reference for part in phase])
     for limit, asked in ((1, False), (2, True), (1, False), (None, True)):
         threads.limit(limit)
-        known[:] = 10, 2**40, 1
+        known[:] = 10, 2**40, 1, 100, 100
         before = _offered()
         for _ in range(3):
             call()
@@ -139,30 +139,59 @@ def test_lists_of_the_same_work_share_what_they_learn(two):
     first, second = (threads.parallel(_job(6, 500, seed)[0], known) for seed in (1, 2))
     before = _offered()
     first()
-    assert list(known) == [0, 0, 0]  # memory was cold
+    assert list(known) == list(threads.record())  # memory was cold
     for _ in range(4):
         first()
-    assert known[0] == 4 and min(known[1:]) > 0
+    assert known[0] == 4 and min(known[1:3]) > 0
     assert _offered() == before + 3  # the first run and two of the four that are timed
     for alone, helped, asked in ((1, 10**12, 0), (10**12, 1, 1)):
         other = threads.parallel(_job(6, 500, 3)[0], known)
         for call in (other, second):
-            known[:] = 10, alone, helped
+            known[:3] = 10, alone, helped
             before = _offered()
             call()
             assert _offered() == before + asked
 
 
-def test_now_and_then_it_is_tried_the_other_way(two):
+@pytest.mark.parametrize("pays", [False, True])
+def test_now_and_then_it_is_tried_the_other_way(two, pays):
+    """The longer it is known, the more seldom."""
     known = threads.record()
     call = threads.parallel(_job(6, 50, 4)[0], known)
     call()
-    for alone, helped, usual in ((1, 2**40, 0), (2**40, 1, 1)):
-        for number in (5, 126, 127, 128, 255):
-            known[:] = number, alone, helped
-            before = _offered()
-            call()
-            assert _offered() - before == (1 - usual if number in (127, 255) else usual)
+    times = (2**60, 1) if pays else (1, 2**60)
+    tries = []
+    known[0] = 4
+    for number in range(600):
+        known[1:3] = times
+        before = _offered()
+        call()
+        if (_offered() > before) != pays:
+            tries.append(number)
+    waits = np.diff(tries) - 1
+    assert tries[0] == 8 and waits.tolist() == [16, 32, 64, 128, 128, 128][: len(waits)]
+    assert len(waits) >= 5
+
+
+def test_a_better_way_is_taken_and_looked_at_again_soon(two):
+    known = threads.record()
+    call = threads.parallel(_job(6, 50, 4)[0], known)
+    call()
+    for wait, then in ((128, 8), (32, 32)):
+        known[:] = 10, 1, 2**40, 5, wait  # alone it is one nanosecond: from now on it is longer
+        call()
+        assert list(known[3:]) == [4, wait]  # not yet longer than what help takes
+        known[:] = 10, 2**40, 1, 5, wait
+        held_up = 2**60
+        known[2] = held_up
+        before = _offered()
+        call()
+        assert _offered() == before and list(known[3:]) == [4, wait]
+        known[:] = 10, 2**40, 2**40 - 1, 0, wait  # a try alone takes far less
+        before = _offered()
+        call()
+        assert _offered() == before
+        assert list(known[3:]) == [then, then] and known[1] < 2**40 - 1
 
 
 def test_how_many(monkeypatch):
