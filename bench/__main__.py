@@ -8,7 +8,7 @@
 
 Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solution saved), ``evaluator`` and ``lamp``
 (compiled kernels), ``mechanics`` (from a Lagrangian to compiled derivatives), ``scaling`` (growth with the frames),
-``kkt`` (the linear systems alone, beside MUMPS).
+``kkt`` (the linear systems alone, beside MUMPS), ``threads`` (two threads beside one).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from bench.peers import report, runner
 from bench.peers.contenders import Contender
 from bench.peers.task import Case
 
-SCRIPTS = ("evaluator", "lamp", "mechanics", "scaling", "kkt")
+SCRIPTS = ("evaluator", "lamp", "mechanics", "scaling", "kkt", "threads")
 PARTS = ("peers", "cold", *SCRIPTS)
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -38,7 +38,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all by default")
     parser.add_argument("--quick", action="store_true", help="two rounds, n up to 1000, short limits")
-    parser.add_argument("--rounds", type=int, help="processes per contender and case; default 5")
+    parser.add_argument(
+        "--rounds", type=int, help="processes per contender and case, 5; of threads, rounds per case, 15"
+    )
     parser.add_argument("--only", default="", help="problems, such as P2,P3")
     parser.add_argument(
         "--tools", default="", help="contenders whose name contains one of these, besides stc"
@@ -136,6 +138,10 @@ def script(part: str, options: argparse.Namespace) -> None:
         "evaluator": ["--markdown", *(["--rounds", "5"] if options.quick else [])],
         "lamp": ["--rounds", "5"] if options.quick else [],
         "kkt": ["--quick"] if options.quick else [],
+        "threads": [
+            *(["--quick"] if options.quick else []),
+            *(["--rounds", str(options.rounds)] if options.rounds else []),
+        ],
         "mechanics": ["--quick", "--rounds", "2"] if options.quick else [],
         "scaling": [
             *(["--frames", "50,1000,10000"] if options.quick else []),

@@ -93,6 +93,64 @@ def test_a_part_measured_anew_keeps_the_rest(peers: ModuleType) -> None:
     assert both[0].case == both[1].case
 
 
+def test_every_part_has_its_place_on_the_page(peers: ModuleType) -> None:
+    from bench.__main__ import PARTS, SCRIPTS
+
+    page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    for part in ("overview", "everyone", *(set(PARTS) - {"peers"})):
+        assert page.count(f"<!-- {part} -->") == page.count(f"<!-- end of {part} -->") == 1, part
+    assert all((ROOT / "bench" / f"{part}.py").exists() for part in SCRIPTS)
+
+
+@pytest.mark.parametrize(
+    ("ratios", "expected"),
+    [
+        ([0.7, 0.75, 0.8, 1.5], "faster"),
+        ([0.9, 0.97, 0.99, 1.0], "level"),
+        ([0.6, 0.9, 1.2, 1.6], "level"),
+        ([1.03, 1.03, 1.04, 1.05], "slower"),
+        ([1.0, 1.01, 1.04, 1.05], "level"),
+        ([1.1], "slower"),
+    ],
+)
+def test_two_threads_are_judged_by_most_rounds(peers: ModuleType, ratios: list[float], expected: str) -> None:
+    from bench import threads
+
+    # the machine gets slower and slower: only the ratios of a round tell
+    rounds = [((0.1 * k, 0.1 * k), (0.1 * k * ratio, 0.2 * k)) for k, ratio in enumerate(ratios, start=1)]
+    assert threads.verdict(rounds) == expected
+    if len(rounds) > 1:  # a moment of quiet that speaks against most rounds
+        quiet = [((0.01, 0.01), (0.01, 0.01))]
+        assert threads.verdict(rounds * 3 + quiet) == "level"
+    line = threads.line(threads.Case("solve", "P4", 1000, 20), rounds)
+    assert line.startswith("| solve P4, 20 rods, n = 1,000 | ") and line.endswith(f" | {expected} |")
+    assert line.count("|") == threads.HEAD.splitlines()[0].count("|")
+
+
+def test_one_thread_and_two_take_turns(peers: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    from bench import threads
+    from stc.codegen.threads import limit
+
+    asked: list[int] = []
+
+    def measure(count: int) -> threads.Times:
+        asked.append(count)
+        return float(count), 0.0
+
+    assert threads.alternate(measure, 3) == [((1.0, 0.0), (2.0, 0.0))] * 3
+    assert asked == [1, 2, 2, 1, 1, 2]
+    monkeypatch.setattr(threads, "BUDGET", 0.0)
+    assert len(threads.alternate(measure, 100)) == threads.FEWEST
+    monkeypatch.setattr(threads, "BATCH", 1e-4)
+    try:
+        for what in ("solve", "evaluate"):
+            rounds = threads.repeated(threads.Case(what, "P2", 20), 2)
+            assert len(rounds) == 2 and min(min(times) for both in rounds for times in both) >= 0.0
+    finally:
+        limit(None)
+    assert threads.summary(["level", "faster", "level"]).endswith("1 faster, 2 level, 0 slower.")
+
+
 def test_a_page_keeps_its_prose(peers: ModuleType, tmp_path: Path) -> None:
     from bench import document
 

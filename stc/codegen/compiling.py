@@ -3,7 +3,8 @@
 LLVM compiles modules of different contexts independently of each other, and the interpreter lock is not held
 meanwhile; only llvmlite lets one thread in at a time.  So the longest step, from the parsed module to object code, is
 called past llvmlite's lock where that can be done; everything else, and everything in other versions, goes by it.
-While one module is compiled, the text of the next one is written.
+While one module is compiled, the text of the next one is written.  Where every processor is busy it is all done by one
+thread.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ def compile_modules(texts: Sequence[Callable[[], str]], level: int) -> list[byte
     Raises:
         RuntimeError: malformed IR.
     """
-    emit = _unlocked_emission() if len(texts) > 1 and threads.allowed() > 1 else None
+    emit = _unlocked_emission() if len(texts) > 1 and threads.spare() else None
     if emit is None:
         return [engine.compile_ir(text(), level=level, optimise=False) for text in texts]
     with engine.compiler_lock:
@@ -48,7 +49,7 @@ class _Task(threading.Thread):
 
     def __init__(self, emit: Callable[[Any, Any], bytes], target: Any, module: Any) -> None:
         super().__init__(name="stc-compile", daemon=True)
-        self._work = emit, target, module
+        self._work = [emit, target, module]
         self._code = b""
         self._error: Exception | None = None
 
@@ -58,6 +59,9 @@ class _Task(threading.Thread):
             self._code = emit(target, module)
         except Exception as error:
             self._error = error
+        finally:  # not left to the garbage collector, which may end a module's context before the module
+            self._work.clear()
+            del target, module
 
     def result(self) -> bytes:
         """The object code, once there.

@@ -5,7 +5,8 @@
 A second thread sleeps until there is something to share.  Whoever is free takes the next call of the list, so one
 that wakes up late, or never, costs nothing: the first thread does what is left.  Where processors have other things
 to do, two threads may still take longer than one; so each list is timed both ways now and then, and goes the faster
-one.  A phase begins when all calls of the phase before have ended; calls of one phase must not write what others of
+one; lists of the same work may share what they learn.  A first run, which finds its memory cold, is not timed.
+A phase begins when all calls of the phase before have ended; calls of one phase must not write what others of
 it read or write.  Which thread makes a call makes no difference to its result: it is the same bits on one thread and
 on two.
 
@@ -21,13 +22,14 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from stc.codegen import cache, engine
 from stc.codegen.calls import Bound, chain, packed_address
 from stc.errors import UsageError
 
-__all__ = ["allowed", "limit", "parallel"]
+__all__ = ["Record", "allowed", "limit", "parallel", "record", "spare"]
 
 _MOST = 2
 _limit: int | None = None
@@ -36,13 +38,18 @@ _limit: int | None = None
 def limit(threads: int | None) -> None:
     """Use no more than so many threads from now on; None leaves it to ``STC_THREADS``.
 
+    Calls that were prepared before make no use of the second thread while it is not allowed.
+
     Raises:
-        UsageError: fewer than one.
+        UsageError: fewer than one; or as for :func:`allowed`.
     """
     global _limit
     if threads is not None and threads < 1:
         raise UsageError(f"the number of threads is {threads}; it is 1 or more")
     _limit = threads
+    with _starting:
+        for helper in filter(None, _found):
+            helper.allow(allowed() > 1)
 
 
 def allowed() -> int:
@@ -67,10 +74,46 @@ def _processors() -> int:
         return os.cpu_count() or 1
 
 
-def parallel(phases: Sequence[Sequence[Bound]]) -> Bound:
+def spare() -> bool:
+    """Whether a second thread may be used and a processor has nothing else to do, where the system tells.
+
+    For what is done once and cannot be tried both ways: two threads that get one processor between them take longer
+    than one does.
+    """
+    return allowed() > 1 and min(_running() for _ in range(3)) < (os.cpu_count() or 1)
+
+
+def _running() -> int:
+    """How many threads of all processes run or wait for a processor just now, the caller included; 1 if unknown."""
+    try:
+        with Path("/proc/loadavg").open(encoding="ascii") as file:
+            return int(file.read().split()[3].split("/")[0])
+    except (OSError, ValueError, IndexError):  # not on every system
+        return 1
+
+
+#: How often a list has been timed; the nanoseconds that it took alone and with help lately; how many runs are left
+#: until it is tried the other way, and how many there are from one try to the next.
+Record = ctypes.Array[ctypes.c_int64]
+
+#: Fewest and most runs from one try of the other way to the next.  Each try that changes nothing doubles their number.
+#: A run that others hold up speaks against its way; short waits forgive that soon, where it was held up a little.
+_SHORTEST, _LONGEST = 8, 128
+
+
+def record() -> Record:
+    """Nothing is known yet."""
+    return (ctypes.c_int64 * 5)(0, 0, 0, _SHORTEST, _SHORTEST)
+
+
+def parallel(phases: Sequence[Sequence[Bound]], known: Record | None = None) -> Bound:
     """One call that makes all calls, phase by phase, those of a phase in any order on up to two threads.
 
     They are simply made one after the other where no second thread may be used, or some are Python.
+
+    Args:
+        phases: the calls.
+        known: what lists of the same work have learned, and where this one notes what it learns.
     """
     calls = [call for phase in phases for call in phase]
     if len(calls) < 2 or allowed() < 2 or not all(call.native for call in calls):
@@ -78,13 +121,14 @@ def parallel(phases: Sequence[Sequence[Bound]]) -> Bound:
     helper = _helper()
     if helper is None:
         return chain(calls)
-    cells = [ctypes.addressof(helper.mailbox), 0, 0, len(calls), 0, 0, 0, 0]
+    known = record() if known is None else known
+    cells = [ctypes.addressof(helper.mailbox), 0, 0, len(calls), ctypes.addressof(known), 0, 0, 0]
     begun = 0
     for phase in phases:
         for call in phase:
             cells += [packed_address(call), call.args[0], begun]
         begun += len(phase)
-    return Bound.of_native(helper.run, cells, (calls, helper))
+    return Bound.of_native(helper.run, cells, (calls, helper, known))
 
 
 class _Helper:
@@ -108,6 +152,10 @@ class _Helper:
 
     def _work(self) -> None:
         self._serve(ctypes.addressof(self.mailbox))
+
+    def allow(self, wanted: bool) -> None:
+        """Whether calls may make use of the thread from now on."""
+        self.mailbox[_ALLOWED] = int(wanted)
 
     def stop(self) -> None:
         """Ends the thread; calls go on without it."""
@@ -138,10 +186,10 @@ def _helper() -> _Helper | None:
         return _found[0]
 
 
-#: mailbox: job, active, alive, number of jobs so far, then a mutex at byte 64 and a condition at byte 256.
-#: job: mailbox, next call, calls ended, calls in all, runs so far, nanoseconds that runs alone and with help took
-#: lately, one unused, then for each call its entry, its cells and how many calls must have ended before.
-_ALIVE = 2
+#: mailbox: job, active, alive, number of jobs so far, allowed, then a mutex at byte 64 and a condition at byte 256.
+#: job: mailbox, next call, calls ended, calls in all, record, whether it has run before, two unused, then for each call
+#: its entry, its cells and how many calls must have ended before.
+_ALIVE, _ALLOWED = 2, 4
 _IR = """\
 declare i32 @pthread_mutex_init(ptr, ptr)
 declare i32 @pthread_mutex_lock(ptr)
@@ -159,6 +207,8 @@ define void @prepare(ptr %mailbox) nounwind {
   %b = call i32 @pthread_cond_init(ptr %condition, ptr null)
   %alive = getelementptr inbounds i64, ptr %mailbox, i64 2
   store i64 1, ptr %alive, align 8
+  %allowed = getelementptr inbounds i64, ptr %mailbox, i64 4
+  store i64 1, ptr %allowed, align 8
   ret void
 }
 
@@ -226,22 +276,45 @@ define internal i64 @now() nounwind {
 
 define void @run(ptr %job) nounwind {
 entry:
-  %runs.place = getelementptr inbounds i64, ptr %job, i64 4
-  %alone.place = getelementptr inbounds i64, ptr %job, i64 5
-  %helped.place = getelementptr inbounds i64, ptr %job, i64 6
-  %runs = load i64, ptr %runs.place, align 8
-  %more = add i64 %runs, 1
-  store i64 %more, ptr %runs.place, align 8
+  %mailbox = load ptr, ptr %job, align 8
+  %allowed.place = getelementptr inbounds i64, ptr %mailbox, i64 4
+  %allowed = load atomic i64, ptr %allowed.place acquire, align 8
+  %both = icmp ne i64 %allowed, 0
+  br i1 %both, label %choose, label %simply
+simply:
+  call void @reset(ptr %job)
+  call void @work(ptr %job)
+  ret void
+choose:
+  %record.place = getelementptr inbounds i64, ptr %job, i64 4
+  %old.place = getelementptr inbounds i64, ptr %job, i64 5
+  %record = load ptr, ptr %record.place, align 8
+  %old.number = load i64, ptr %old.place, align 8
+  store i64 1, ptr %old.place, align 8
+  %old = icmp ne i64 %old.number, 0
+  %alone.place = getelementptr inbounds i64, ptr %record, i64 1
+  %helped.place = getelementptr inbounds i64, ptr %record, i64 2
   %alone.time = load i64, ptr %alone.place, align 8
   %helped.time = load i64, ptr %helped.place, align 8
-  %pays = icmp slt i64 %helped.time, %alone.time
-  %step = and i64 %runs, 127
-  %again = icmp eq i64 %step, 127
-  %turned = xor i1 %pays, %again
-  %early = icmp slt i64 %runs, 5
+  %pays = icmp sle i64 %helped.time, %alone.time
+  br i1 %old, label %known, label %new
+new:
+  br i1 %pays, label %new.with, label %simply
+new.with:
+  call void @share(ptr %job)
+  ret void
+known:
+  %left.place = getelementptr inbounds i64, ptr %record, i64 3
+  %runs = load i64, ptr %record, align 8
+  %left = load i64, ptr %left.place, align 8
+  %more = add i64 %runs, 1
+  store i64 %more, ptr %record, align 8
+  %early = icmp slt i64 %runs, 4
   %low = and i64 %runs, 1
-  %even = icmp eq i64 %low, 0
-  %helped = select i1 %early, i1 %even, i1 %turned
+  %odd = icmp eq i64 %low, 1
+  %again = icmp sle i64 %left, 0
+  %turned = xor i1 %pays, %again
+  %helped = select i1 %early, i1 %odd, i1 %turned
   %begin = call i64 @now()
   br i1 %helped, label %with, label %without
 with:
@@ -255,15 +328,38 @@ note:
   %end = call i64 @now()
   %took = sub i64 %end, %begin
   %place = select i1 %helped, ptr %helped.place, ptr %alone.place
-  %known = load i64, ptr %place, align 8
-  %difference = sub i64 %took, %known
-  %part = ashr i64 %difference, 2
-  %mixed = add i64 %known, %part
-  %unknown = icmp eq i64 %known, 0
-  %new = select i1 %unknown, i64 %took, i64 %mixed
-  %first = icmp eq i64 %runs, 0
-  %kept = select i1 %first, i64 0, i64 %new
+  %before = load i64, ptr %place, align 8
+  %difference = sub i64 %took, %before
+  %weight = select i1 %again, i64 1, i64 2
+  %part = ashr i64 %difference, %weight
+  %mixed = add i64 %before, %part
+  %shorter = icmp slt i64 %took, %before
+  %least = select i1 %shorter, i64 %took, i64 %before
+  %learned = select i1 %early, i64 %least, i64 %mixed
+  %unknown = icmp eq i64 %before, 0
+  %kept = select i1 %unknown, i64 %took, i64 %learned
   store i64 %kept, ptr %place, align 8
+  br i1 %early, label %done, label %plan
+plan:
+  %wait.place = getelementptr inbounds i64, ptr %record, i64 4
+  %wait = load i64, ptr %wait.place, align 8
+  %alone.now = load i64, ptr %alone.place, align 8
+  %helped.now = load i64, ptr %helped.place, align 8
+  %pays.now = icmp sle i64 %helped.now, %alone.now
+  %changed = xor i1 %pays, %pays.now
+  %settled = icmp sge i64 %wait, LONGEST
+  %double = shl i64 %wait, 1
+  %longer = select i1 %settled, i64 LONGEST, i64 %double
+  %sooner = select i1 %settled, i64 SHORTEST, i64 %wait
+  %next = select i1 %changed, i64 %sooner, i64 %longer
+  %one.less = sub i64 %left, 1
+  %planned = or i1 %changed, %again
+  %wait.kept = select i1 %planned, i64 %next, i64 %wait
+  %left.kept = select i1 %planned, i64 %next, i64 %one.less
+  store i64 %wait.kept, ptr %wait.place, align 8
+  store i64 %left.kept, ptr %left.place, align 8
+  br label %done
+done:
   ret void
 }
 
@@ -373,4 +469,10 @@ define void @stop(ptr %mailbox) nounwind {
   %c = call i32 @pthread_cond_signal(ptr %condition)
   ret void
 }
-""".replace("CLOCK", "6" if sys.platform == "darwin" else "1")
+"""
+for _name, _value in (
+    ("CLOCK", 6 if sys.platform == "darwin" else 1),
+    ("SHORTEST", _SHORTEST),
+    ("LONGEST", _LONGEST),
+):
+    _IR = _IR.replace(_name, str(_value))

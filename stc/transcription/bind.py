@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
+from stc.codegen import threads
 from stc.codegen.calls import chain
 from stc.codegen.kernel import KernelSet
 from stc.problem import ConstantRef, Problem
@@ -209,6 +210,8 @@ class BoundProgram:
             [c for c, _, _ in kernel_calls(*common, self.derivatives_buffer, values=False)]
         )
         self.counts = np.zeros(2, np.int64)
+        #: How long values and derivatives take on one thread and on two, whatever the scaling.
+        self.paces = threads.record(), threads.record()
         self._as_stated: Evaluator | None = None
 
     def _start_at(self, x0: FloatArray) -> None:

@@ -85,8 +85,10 @@ def _effort(program: Program, kernels: KernelSet, values: bool) -> float:
 class _Steps:
     """Collects the phases of one evaluator's calls."""
 
-    def __init__(self, status: FloatArray, counter: NDArray[np.int64], shared: bool) -> None:
-        self.status, self.counter, self.shared = status, counter, shared
+    def __init__(
+        self, status: FloatArray, counter: NDArray[np.int64], shared: bool, pace: threads.Record
+    ) -> None:
+        self.status, self.counter, self.shared, self.pace = status, counter, shared, pace
         self.phases: list[list[Bound]] = []
         self.cells: list[FloatArray] = []
 
@@ -113,7 +115,7 @@ class _Steps:
     def call(self) -> Bound:
         calls = [begin(self.status, self.counter)]
         if self.shared:
-            calls.append(threads.parallel(self.phases))
+            calls.append(threads.parallel(self.phases, self.pace))
             calls += [add_up(cell, self.status) for cell in self.cells]
         else:
             calls += [call for phase in self.phases for call in phase]
@@ -140,7 +142,7 @@ def _shared(nlp: BoundProgram, values: bool) -> bool:
 
 def _values_call(nlp: BoundProgram, scaling: Scaling, objective: FloatArray, result: Evaluator) -> Bound:
     program, buffer, shared = nlp.program, nlp.values_buffer, _shared(nlp, values=True)
-    steps = _Steps(result.values_status, nlp.counts[:1], shared)
+    steps = _Steps(result.values_status, nlp.counts[:1], shared, nlp.paces[0])
     kernels = kernel_calls(program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, True, cut=shared)
     steps.phases = [
         steps.place(result.x, scaling.variable, nlp.workspace[: nlp.n]),
@@ -162,7 +164,7 @@ def _derivatives_call(nlp: BoundProgram, scaling: Scaling, objective: FloatArray
         (jacobian, scaling.jacobian(jacobian.rows, jacobian.cols), result.jac),
         (hessian, scaling.hessian(hessian.rows, hessian.cols), result.hess),
     )
-    steps = _Steps(result.derivatives_status, nlp.counts[1:], _shared(nlp, values=False))
+    steps = _Steps(result.derivatives_status, nlp.counts[1:], _shared(nlp, values=False), nlp.paces[1])
 
     def copied(begin: int, end: int) -> Iterator[Bound]:
         """Copies the outputs at these places of the buffer to where they belong."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
@@ -20,6 +22,8 @@ MODULES = [
 def processors(monkeypatch):
     """Two, and the choice of threads left as it was."""
     monkeypatch.setattr(threads, "_processors", lambda: 2)
+    monkeypatch.setattr(threads, "_running", lambda: 1)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
     yield
     threads.limit(None)
 
@@ -41,6 +45,23 @@ def test_same_code_on_one_thread_and_two(processors):
         codes.append(compiling.compile_modules(texts, 1))
     assert codes[0] == codes[1]
     assert codes[0] == [engine.compile_ir(text, level=1, optimise=False) for text in MODULES]
+
+
+@pytest.mark.parametrize(("running", "begun"), [(1, 3), (2, 0)])
+def test_a_second_thread_needs_a_processor_of_its_own(processors, monkeypatch, running, begun):
+    threads.limit(2)
+    monkeypatch.setattr(threads, "_running", lambda: running)
+    started = []
+
+    class Counted(compiling._Task):
+        def start(self) -> None:
+            started.append(self)
+            super().start()
+
+    monkeypatch.setattr(compiling, "_Task", Counted)
+    codes = compiling.compile_modules([lambda text=text: text for text in MODULES], 1)
+    assert len(started) == begun
+    assert codes == [engine.compile_ir(text, level=1, optimise=False) for text in MODULES]
 
 
 def test_without_a_way_past_the_lock(processors, monkeypatch):

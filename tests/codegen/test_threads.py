@@ -34,6 +34,7 @@ def _sum_into(count: i64, source: f64s, into: f64s) -> None:
 def two(monkeypatch):
     """Two threads whatever the environment says and the machine has."""
     monkeypatch.setattr(threads, "_processors", lambda: 2)
+    monkeypatch.delenv("STC_THREADS", raising=False)
     threads.limit(2)
     yield
     threads.limit(None)
@@ -112,6 +113,87 @@ def test_one_thread_is_a_chain(two):
     python()
 
 
+def _offered() -> int:
+    """How often the second thread has been asked."""
+    return threads._helper().mailbox[3]
+
+
+def test_a_limit_holds_for_calls_prepared_before(two):
+    phases, into, _ = _job(6, 500, 5)
+    reference, expected, _ = _job(6, 500, 5)
+    known = threads.record()
+    call, alone = threads.parallel(phases, known), chain([part for phase in reference for part in phase])
+    for limit, asked in ((1, False), (2, True), (1, False), (None, True)):
+        threads.limit(limit)
+        known[:] = 10, 2**40, 1, 100, 100
+        before = _offered()
+        for _ in range(3):
+            call()
+            alone()
+        assert (_offered() > before) == asked
+    assert (into == expected).all()
+
+
+def test_lists_of_the_same_work_share_what_they_learn(two):
+    known = threads.record()
+    first, second = (threads.parallel(_job(6, 500, seed)[0], known) for seed in (1, 2))
+    before = _offered()
+    first()
+    assert list(known) == list(threads.record())  # memory was cold
+    for _ in range(4):
+        first()
+    assert known[0] == 4 and min(known[1:3]) > 0
+    assert _offered() == before + 3  # the first run and two of the four that are timed
+    for alone, helped, asked in ((1, 10**12, 0), (10**12, 1, 1)):
+        other = threads.parallel(_job(6, 500, 3)[0], known)
+        for call in (other, second):
+            known[:3] = 10, alone, helped
+            before = _offered()
+            call()
+            assert _offered() == before + asked
+
+
+@pytest.mark.parametrize("pays", [False, True])
+def test_now_and_then_it_is_tried_the_other_way(two, pays):
+    """The longer it is known, the more seldom."""
+    known = threads.record()
+    call = threads.parallel(_job(6, 50, 4)[0], known)
+    call()
+    times = (2**60, 1) if pays else (1, 2**60)
+    tries = []
+    known[0] = 4
+    for number in range(600):
+        known[1:3] = times
+        before = _offered()
+        call()
+        if (_offered() > before) != pays:
+            tries.append(number)
+    waits = np.diff(tries) - 1
+    assert tries[0] == 8 and waits.tolist() == [16, 32, 64, 128, 128, 128][: len(waits)]
+    assert len(waits) >= 5
+
+
+def test_a_better_way_is_taken_and_looked_at_again_soon(two):
+    known = threads.record()
+    call = threads.parallel(_job(6, 50, 4)[0], known)
+    call()
+    for wait, then in ((128, 8), (32, 32)):
+        known[:] = 10, 1, 2**40, 5, wait  # alone it is one nanosecond: from now on it is longer
+        call()
+        assert list(known[3:]) == [4, wait]  # not yet longer than what help takes
+        known[:] = 10, 2**40, 1, 5, wait
+        held_up = 2**60
+        known[2] = held_up
+        before = _offered()
+        call()
+        assert _offered() == before and list(known[3:]) == [4, wait]
+        known[:] = 10, 2**40, 2**40 - 1, 0, wait  # a try alone takes far less
+        before = _offered()
+        call()
+        assert _offered() == before
+        assert list(known[3:]) == [then, then] and known[1] < 2**40 - 1
+
+
 def test_how_many(monkeypatch):
     monkeypatch.setattr(threads, "_processors", lambda: 8)
     for text, count in (("", 2), ("1", 1), ("2", 2), ("16", 2)):
@@ -125,6 +207,18 @@ def test_how_many(monkeypatch):
             threads.allowed()
     with pytest.raises(UsageError):
         threads.limit(0)
+
+
+def test_a_processor_to_spare(two, monkeypatch):
+    assert threads._running() >= 1
+    monkeypatch.setattr(os, "cpu_count", lambda: 4)
+    for counts, spare in (([3, 3, 3], True), ([4, 4, 4], False), ([9, 4, 3], True)):
+        reads = iter(counts)
+        monkeypatch.setattr(threads, "_running", lambda reads=reads: next(reads))
+        assert threads.spare() == spare
+    monkeypatch.setattr(threads, "_running", lambda: 1)
+    threads.limit(1)
+    assert not threads.spare()
 
 
 SCRIPT = """
