@@ -25,7 +25,7 @@ from stc.solver.kkt.panel import LARGEST_GROUP, MASKS
 from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.singularity import confirm_zeros
 from stc.solver.kkt.staging import assign_stages
-from stc.solver.kkt.substitution import REPORT, solve, solve_both
+from stc.solver.kkt.substitution import REPORT, solve
 from stc.solver.kkt.values import count_nonzero, equilibrate, load
 from stc.solver.kkt.window import LANES
 from stc.solver.nlp import Ints
@@ -280,7 +280,7 @@ class FrontalKKT(ByCopies):
         return repeated
 
     def factors_in_order(self) -> tuple[Any, ...]:
-        """What ``substitute_both`` needs, order and scale first, for a system that has this one as a part."""
+        """What ``substitute`` needs, order and scale first, for a system that has this one as a part."""
         a = self._arrangement
         return (
             a.order, self._scale, self._counts, a.columns, self._values, self._pivots, self._starts, self._indices,
@@ -457,13 +457,10 @@ class FrontalKKT(ByCopies):
             self._indices, self._factors, self._inverse, self._zeros, *self._vectors[:2], self._counts,
         )  # fmt: skip
         self._parts = [np.zeros(self._stride + 2 * LANES) for _ in range(2)]
-        common = (
-            size, REFINEMENTS, self.accuracy, a.pointers, a.columns, self._values, self._scale, a.order,
-            self._counts, self._pivots, self._starts, self._indices, self._factors, self._inverse,
-            self.rhs, *self._vectors[:3], self.solution, self._parts[0],
+        both = (
+            size, REFINEMENTS, self.accuracy, a.pointers, a.columns, self._values, self._scale, a.order, self._counts,
+            self._pivots, self._starts, self._indices, self._factors, self._inverse, self.rhs, *self._vectors[:3],
+            self.solution, self._parts[0], self.second_rhs, *self._vectors[3:], self.second_solution, self._parts[1],
+            self.report, np.zeros(REPORT),
         )  # fmt: skip
-        self._solve = solve.bind(*common, self.report)
-        self._solve_both = solve_both.bind(
-            *common, self.second_rhs, *self._vectors[3:], self.second_solution, self._parts[1], self.report,
-            np.zeros(REPORT),
-        )  # fmt: skip
+        self._solve, self._solve_both = solve.bind(0, *both), solve.bind(1, *both)

@@ -24,13 +24,7 @@ from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, SWEEPS, FrontalKKT
 from stc.solver.kkt.lane_panel import COUNTED, LARGEST, PANEL, STATE
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import code_of, lay_out
-from stc.solver.kkt.segmented_passes import (
-    diagonal_of,
-    eliminate_all,
-    equilibrate_all,
-    solve_all,
-    solve_both,
-)
+from stc.solver.kkt.segmented_passes import diagonal_of, eliminate_all, equilibrate_all, solve_all
 from stc.solver.kkt.segments import LANES, Segmentation
 from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
@@ -435,12 +429,22 @@ class SegmentedKKT(ByCopies):
             *rest_factors,
         )  # fmt: skip
         one, other = self._vectors[:5], self._vectors[5:]
-        plan.solve = solve_all.bind(REFINEMENTS, *common, self.rhs, *one, self.solution, self.report)
-        plan.probe = solve_all.bind(0, *common, self._probe_rhs, *one, self._probe_result, self._probe_report)
-        plan.solve_both = solve_both.bind(
-            REFINEMENTS, *common, self.rhs, *one, self.solution, self.second_rhs, *other, self.second_solution,
-            self.report, np.zeros(REPORT),
-        )  # fmt: skip
+        second = self.second_rhs, *other, self.second_solution
+        both = self.rhs, *one, self.solution, *second, self.report, np.zeros(REPORT)
+        plan.solve, plan.solve_both = (
+            solve_all.bind(how_many, REFINEMENTS, *common, *both) for how_many in (0, 1)
+        )
+        plan.probe = solve_all.bind(
+            0,
+            0,
+            *common,
+            self._probe_rhs,
+            *one,
+            self._probe_result,
+            *second,
+            self._probe_report,
+            np.zeros(REPORT),
+        )
         plan.steps = chain_until([(plan.eliminate, True), *self._rest.steps()])
         plan.bindings = self._rest.bindings
 

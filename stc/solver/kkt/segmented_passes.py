@@ -12,10 +12,10 @@ from stc.solver.kkt.lane_panel import COUNTED
 from stc.solver.kkt.lane_rows import largest_in_segments, subtract_segments
 from stc.solver.kkt.lane_solve import backward, forward
 from stc.solver.kkt.lanes import eliminate
-from stc.solver.kkt.substitution import improves, substitute, substitute_both
+from stc.solver.kkt.substitution import improves, substitute
 from stc.solver.kkt.values import find_scale, spread_of
 
-__all__ = ["diagonal_of", "eliminate_all", "equilibrate_all", "solve_all", "solve_both"]
+__all__ = ["diagonal_of", "eliminate_all", "equilibrate_all", "solve_all"]
 
 #: A scale serves as long as the largest entries of all rows are within this factor of 1.
 STALE = 1024.0
@@ -237,15 +237,12 @@ def _substitute(
     _collect(outer, rest, rest_order, rest_scale, between, rest_x)
     if both != 0:
         _collect(outer, rest, rest_order, rest_scale, other_between, other_rest_x)
-        substitute_both(
-            pivot_count[0], columns, rest_values[rest:], pivots, starts, indices, rest_factors, inverse, rest_x,
-            other_rest_x, part, other_part,
-        )  # fmt: skip
+    substitute(
+        both, pivot_count[0], columns, rest_values[rest:], pivots, starts, indices, rest_factors, inverse, rest_x,
+        other_rest_x, part, other_part,
+    )  # fmt: skip
+    if both != 0:
         _return(outer, rest, rest_order, rest_scale, other_rest_x, other_y)
-    else:
-        substitute(
-            pivot_count[0], columns, rest_values[rest:], pivots, starts, indices, rest_factors, inverse, rest_x, part,
-        )  # fmt: skip
     _return(outer, rest, rest_order, rest_scale, rest_x, y)
     backward(both, groups, table, index, code, factors, between, y, other_between, other_y, lane_part)
 
@@ -307,7 +304,7 @@ def _solve(
     between: f64s, kept: f64s, result: f64s, other_rhs: f64s, other_scaled_rhs: f64s, other_solution: f64s,
     other_change: f64s, other_between: f64s, other_kept: f64s, other_result: f64s, report: f64s, other_report: f64s,
 ) -> None:  # fmt: skip
-    """See ``solve_all``; when ``both`` is 1, a constant, the same for the other right-hand side."""
+    """See ``solve_all``; ``both`` is a constant here."""
     size = outer + rest
     length = _begin(size, index, scale, rhs, scaled_rhs)
     other_length = 0.0
@@ -368,66 +365,7 @@ def _solve(
 
 @native
 def solve_all(
-    refinements: i64,
-    accuracy: f64s,
-    groups: i64,
-    table: i64s,
-    index: i32s,
-    code: i32s,
-    outer: i64,
-    rest: i64,
-    entries: i64,
-    first: i32s,
-    second: i32s,
-    factors: f64s,
-    matrix: f64s,
-    rest_matrix: f64s,
-    scale: f64s,
-    work: f64s,
-    lane_part: f64s,
-    norms: f64s,
-    rest_order: i32s,
-    rest_scale: f64s,
-    pivot_count: i64s,
-    columns: i32s,
-    rest_values: f64s,
-    pivots: i32s,
-    starts: i32s,
-    indices: i32s,
-    rest_factors: f64s,
-    inverse: f64s,
-    rest_x: f64s,
-    part: f64s,
-    other_rest_x: f64s,
-    other_part: f64s,
-    rhs: f64s,
-    scaled_rhs: f64s,
-    solution: f64s,
-    change: f64s,
-    between: f64s,
-    kept: f64s,
-    result: f64s,
-    report: f64s,
-) -> None:
-    """Solve K x = rhs: the segments' part, the rest's, the segments' again; refined as in ``substitution.solve``.
-
-    Args:
-        groups, table, index, code, factors, matrix, scale: see ``eliminate``.
-        rest_matrix: what ``eliminate_all`` has kept of the rest.
-        rest_order ... inverse: the rest, see ``FrontalKKT.factors_in_order``.
-        rhs, result: (N,); report: see ``substitution.REPORT``; the other arrays are work space.
-    """
-    _solve(
-        0, refinements, accuracy, groups, table, index, code, outer, rest, entries, first, second, factors,
-        matrix, rest_matrix, scale, work, lane_part, norms, rest_order, rest_scale, pivot_count, columns, rest_values,
-        pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x, other_part, rhs, scaled_rhs,
-        solution, change, between, kept, result, rhs, scaled_rhs, solution, change, between, kept, result, report,
-        report[1:],
-    )  # fmt: skip
-
-
-@native
-def solve_both(
+    both: i64,
     refinements: i64,
     accuracy: f64s,
     groups: i64,
@@ -477,14 +415,28 @@ def solve_both(
     report: f64s,
     other_report: f64s,
 ) -> None:
-    """The same for another right-hand side as well, in common passes over the factors and the matrix.
+    """Solve K x = rhs: the segments' part, the rest's, the segments' again; refined as in ``substitution.solve``.
 
-    ``report`` tells of the one that is less accurate.
+    Args:
+        both: whether to do the same for ``other_rhs``, in common passes; ``report`` then tells of the less accurate.
+        groups, table, index, code, factors, matrix, scale: see ``eliminate``.
+        rest_matrix: what ``eliminate_all`` has kept of the rest.
+        rest_order ... inverse: the rest, see ``FrontalKKT.factors_in_order``.
+        rhs, result: (N,); report: see ``substitution.REPORT``; the other arrays are work space.
     """
-    _solve(
-        1, refinements, accuracy, groups, table, index, code, outer, rest, entries, first, second, factors,
-        matrix, rest_matrix, scale, work, lane_part, norms, rest_order, rest_scale, pivot_count, columns, rest_values,
-        pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x, other_part, rhs, scaled_rhs,
-        solution, change, between, kept, result, other_rhs, other_scaled_rhs, other_solution, other_change,
-        other_between, other_kept, other_result, report, other_report,
-    )  # fmt: skip
+    if both != 0:
+        _solve(
+            1, refinements, accuracy, groups, table, index, code, outer, rest, entries, first, second, factors,
+            matrix, rest_matrix, scale, work, lane_part, norms, rest_order, rest_scale, pivot_count, columns,
+            rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x, other_part, rhs,
+            scaled_rhs, solution, change, between, kept, result, other_rhs, other_scaled_rhs, other_solution,
+            other_change, other_between, other_kept, other_result, report, other_report,
+        )  # fmt: skip
+    else:
+        _solve(
+            0, refinements, accuracy, groups, table, index, code, outer, rest, entries, first, second, factors,
+            matrix, rest_matrix, scale, work, lane_part, norms, rest_order, rest_scale, pivot_count, columns,
+            rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x, other_part, rhs,
+            scaled_rhs, solution, change, between, kept, result, other_rhs, other_scaled_rhs, other_solution,
+            other_change, other_between, other_kept, other_result, report, other_report,
+        )  # fmt: skip

@@ -6,7 +6,7 @@ from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.codegen.native_vector import load8, splat8, store8, sum8
 from stc.solver.kkt.values import residual
 
-__all__ = ["REPORT", "improves", "norm", "solve", "solve_both", "substitute", "substitute_both"]
+__all__ = ["REPORT", "improves", "norm", "solve", "substitute"]
 
 #: Columns of fewer entries are gone through one by one.
 LONG = 20
@@ -74,7 +74,7 @@ def _substitute(
     both: i64, count: i64, columns: i32s, upper: f64s, pivots: i32s, starts: i32s, indices: i32s, factors: f64s,
     inverse: f64s, x: f64s, other_x: f64s, part: f64s, other_part: f64s,
 ) -> None:  # fmt: skip
-    """See ``substitute``; when ``both`` is 1, a constant, the same for ``other_x`` in the same pass."""
+    """See ``substitute``; ``both`` is a constant here."""
     value_at = 0
     k = 0
     while k < count:
@@ -234,26 +234,23 @@ def _substitute(
 
 @native(fast=True, small=True)
 def substitute(
-    count: i64, columns: i32s, upper: f64s, pivots: i32s, starts: i32s, indices: i32s, factors: f64s,
-    inverse: f64s, x: f64s, part: f64s,
+    both: i64, count: i64, columns: i32s, upper: f64s, pivots: i32s, starts: i32s, indices: i32s, factors: f64s,
+    inverse: f64s, x: f64s, other_x: f64s, part: f64s, other_part: f64s,
 ) -> None:  # fmt: skip
     """Overwrite ``x`` with the solution of L D L^T x = x; ``upper`` are the entries at ``columns``.
 
-    Pivots of a panel share their rows: where these are many, what belongs to them is copied to ``part`` and back once.
-    There is room for a vector more in ``factors`` and ``part``.
+    The same for ``other_x``, in one pass over the factors, when ``both`` is not 0. Pivots of a panel share their rows:
+    where these are many, what belongs to them is copied to ``part`` and back once. There is room for a vector more in
+    ``factors`` and the parts.
     """
-    _substitute(0, count, columns, upper, pivots, starts, indices, factors, inverse, x, x, part, part)
-
-
-@native(fast=True, small=True)
-def substitute_both(
-    count: i64, columns: i32s, upper: f64s, pivots: i32s, starts: i32s, indices: i32s, factors: f64s,
-    inverse: f64s, x: f64s, other_x: f64s, part: f64s, other_part: f64s,
-) -> None:  # fmt: skip
-    """The same for ``other_x`` as well, in one pass over the factors."""
-    _substitute(
-        1, count, columns, upper, pivots, starts, indices, factors, inverse, x, other_x, part, other_part
-    )
+    if both != 0:
+        _substitute(
+            1, count, columns, upper, pivots, starts, indices, factors, inverse, x, other_x, part, other_part
+        )
+    else:
+        _substitute(
+            0, count, columns, upper, pivots, starts, indices, factors, inverse, x, other_x, part, other_part
+        )
 
 
 @native(fast=True, inline=True)
@@ -313,7 +310,7 @@ def _solve(
     other_scaled_rhs: f64s, other_solution: f64s, other_change: f64s, other_result: f64s, other_part: f64s,
     report: f64s, other_report: f64s,
 ) -> None:  # fmt: skip
-    """See ``solve``; when ``both`` is 1, a constant, the same for the other right-hand side."""
+    """See ``solve``; ``both`` is a constant here."""
     count = pivot_count[0]
     length = _begin(size, order, scale, rhs, scaled_rhs, change, solution)
     other_length = 0.0
@@ -326,13 +323,10 @@ def _solve(
     other_report[0] = 1.0 * other_active
     steps = 0
     while active + other_active > 0:
-        if both != 0:
-            substitute_both(
-                count, columns, values[size:], pivots, starts, indices, factors, inverse, change, other_change, part,
-                other_part,
-            )  # fmt: skip
-        else:
-            substitute(count, columns, values[size:], pivots, starts, indices, factors, inverse, change, part)
+        substitute(
+            both, count, columns, values[size:], pivots, starts, indices, factors, inverse, change, other_change, part,
+            other_part,
+        )  # fmt: skip
         report[1] = 1.0 * steps
         if active != 0:
             for k in range(size):
@@ -369,42 +363,7 @@ def _solve(
 
 @native
 def solve(
-    size: i64,
-    refinements: i64,
-    accuracy: f64s,
-    pointers: i32s,
-    columns: i32s,
-    values: f64s,
-    scale: f64s,
-    order: i32s,
-    pivot_count: i64s,
-    pivots: i32s,
-    starts: i32s,
-    indices: i32s,
-    factors: f64s,
-    inverse: f64s,
-    rhs: f64s,
-    scaled_rhs: f64s,
-    solution: f64s,
-    change: f64s,
-    result: f64s,
-    part: f64s,
-    report: f64s,
-) -> None:
-    """Solve K x = rhs with the factors of S K S; ``rhs`` and ``result`` (N,) in the unknowns' own order.
-
-    Refinement stops at the relative residual ``accuracy[0]``, when it no longer falls by half, or after
-    ``refinements`` steps; the best solution is kept.
-    """
-    _solve(
-        0, size, refinements, accuracy, pointers, columns, values, scale, order, pivot_count, pivots, starts, indices,
-        factors, inverse, rhs, scaled_rhs, solution, change, result, part, rhs, scaled_rhs, solution, change, result,
-        part, report, report[1:],
-    )  # fmt: skip
-
-
-@native
-def solve_both(
+    both: i64,
     size: i64,
     refinements: i64,
     accuracy: f64s,
@@ -434,12 +393,21 @@ def solve_both(
     report: f64s,
     other_report: f64s,
 ) -> None:
-    """The same for another right-hand side as well, in common passes over the factors.
+    """Solve K x = rhs with the factors of S K S; ``rhs`` and ``result`` (N,) in the unknowns' own order.
 
-    ``report`` tells of the one that is less accurate.
+    The same for ``other_rhs``, in common passes over the factors, when ``both`` is not 0: ``report`` then tells of the
+    one that is less accurate. Refinement stops at the relative residual ``accuracy[0]``, when it no longer falls by
+    half, or after ``refinements`` steps; the best solution is kept.
     """
-    _solve(
-        1, size, refinements, accuracy, pointers, columns, values, scale, order, pivot_count, pivots, starts, indices,
-        factors, inverse, rhs, scaled_rhs, solution, change, result, part, other_rhs, other_scaled_rhs, other_solution,
-        other_change, other_result, other_part, report, other_report,
-    )  # fmt: skip
+    if both != 0:
+        _solve(
+            1, size, refinements, accuracy, pointers, columns, values, scale, order, pivot_count, pivots, starts,
+            indices, factors, inverse, rhs, scaled_rhs, solution, change, result, part, other_rhs, other_scaled_rhs,
+            other_solution, other_change, other_result, other_part, report, other_report,
+        )  # fmt: skip
+    else:
+        _solve(
+            0, size, refinements, accuracy, pointers, columns, values, scale, order, pivot_count, pivots, starts,
+            indices, factors, inverse, rhs, scaled_rhs, solution, change, result, part, other_rhs, other_scaled_rhs,
+            other_solution, other_change, other_result, other_part, report, other_report,
+        )  # fmt: skip
