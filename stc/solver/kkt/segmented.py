@@ -155,7 +155,7 @@ class SegmentedKKT(ByCopies):
     def nbytes(self) -> int:
         """Memory held, about."""
         own = 8 * self._arrays.given.size + 64 * self._diagonal.size + self._layout.index.nbytes
-        own += self._factors.nbytes
+        own += self._factors.nbytes + self._matrix.nbytes + (2 + len(self._vectors)) * self._scale.nbytes
         return own + self._rest.nbytes + (self._whole.nbytes if self._whole is not None else 0)
 
     @property
