@@ -44,6 +44,8 @@ FAST = 1e-2
 """Contraction that makes one more step worth its while: it gains two digits or more."""
 ACCURATE = 0.1
 """Share of the tolerance that a point is to reach where another step would."""
+EXACT = 1e-3
+"""Share of the tolerance above which a correction with the factorisation at hand is worth its while."""
 SAME = 1e-8
 
 
@@ -86,7 +88,7 @@ def newton_on_active_set(
             return pair.point, True
         if not pair.step():
             return None, False
-        if tolerance < pair.next.error <= CONTRACTION * error:
+        if EXACT * tolerance < pair.next.error <= CONTRACTION * error:
             pair.correct()
         new = pair.next
         if new.error > max(CONTRACTION * error, ACCURATE * tolerance):
