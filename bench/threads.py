@@ -175,14 +175,7 @@ def repeated(case: Case, rounds: int) -> list[Round]:
         return timed(work, repeats)
 
     once, bits = [], []
-    for count in (
-        2,
-        1,
-        2,
-        1,
-        2,
-        1,
-    ):  # the elimination's plan settles in the first solves, and so do last bits
+    for count in 3 * (2, 1):  # the elimination's plan settles in the first solves, and so do last bits
         once.append(measure(count)[0])
         bits.append(work.bits())
     if bits[-1] != bits[-2]:

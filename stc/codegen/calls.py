@@ -66,10 +66,7 @@ def chain(calls: Sequence[Bound]) -> Bound:
     parts = tuple(calls)
     if not parts or not all(part.native for part in parts):
         return Bound.of_python(_call_all, (parts,))
-    cells = [len(parts)]
-    for part in parts:
-        cells += [packed_address(part), part.args[0]]
-    return Bound.of_native(_chain_entry("chain"), cells, parts)
+    return _chained(None, [(part, False) for part in parts])
 
 
 def chain_until(calls: Sequence[tuple[Bound, bool]]) -> Bound:
@@ -80,10 +77,15 @@ def chain_until(calls: Sequence[tuple[Bound, bool]]) -> Bound:
     parts = tuple(calls)
     if not parts or not all(part.native for part, _ in parts):
         return Bound.of_python(_call_until, (parts,))
+    return _chained(ctypes.c_int64, parts)
+
+
+def _chained(result: Any, parts: Sequence[tuple[Bound, bool]]) -> Bound:
+    """The machine code of both, ``result`` being the type of what is handed over."""
     cells = [len(parts)]
     for part, checked in parts:
         cells += [packed_address(part), part.args[0], -1 if checked else 0]
-    return Bound.of_native(_chain_entry("chain_until"), cells, parts)
+    return Bound.of_native(_chain_entry(result), cells, parts)
 
 
 def packed_address(call: Bound) -> int:
@@ -105,31 +107,9 @@ def _call_until(parts: tuple[tuple[Bound, bool], ...]) -> int:
     return 0
 
 
-#: cells: count, then (entry, cells) of each part; for ``chain_until`` (entry, cells, mask of the result)
+#: cells: count, then (entry, cells, mask of the result) of each part
 _CHAIN_IR = """\
-define void @chain(ptr %cells) nounwind {
-entry:
-  %count = load i64, ptr %cells, align 8
-  %any = icmp sgt i64 %count, 0
-  br i1 %any, label %each, label %done
-each:
-  %k = phi i64 [ 0, %entry ], [ %next, %each ]
-  %twice = shl i64 %k, 1
-  %first = add i64 %twice, 1
-  %second = add i64 %twice, 2
-  %entry.place = getelementptr inbounds i64, ptr %cells, i64 %first
-  %cells.place = getelementptr inbounds i64, ptr %cells, i64 %second
-  %function = load ptr, ptr %entry.place, align 8
-  %arguments = load ptr, ptr %cells.place, align 8
-  call void %function(ptr %arguments)
-  %next = add i64 %k, 1
-  %more = icmp slt i64 %next, %count
-  br i1 %more, label %each, label %done
-done:
-  ret void
-}
-
-define i64 @chain_until(ptr %cells) nounwind {
+define i64 @chain(ptr %cells) nounwind {
 entry:
   %count = load i64, ptr %cells, align 8
   %any = icmp sgt i64 %count, 0
@@ -161,19 +141,17 @@ done:
 }
 """
 
-_chain: dict[str, Callable[..., Any]] = {}
-_loaded: list[engine.LoadedObject] = []
+_chain: list[engine.LoadedObject] = []
 
 
-def _chain_entry(name: str) -> Callable[..., Any]:
+@functools.cache
+def _chain_entry(result: Any) -> Callable[..., Any]:
     with _lock:
         if not _chain:
             loaded = engine.cached_object(
                 cache.key_of("chain", engine.host().fingerprint(), _CHAIN_IR),
-                ["chain", "chain_until"],
+                ["chain"],
                 lambda: engine.compile_ir(_CHAIN_IR, level=1, optimise=False),
             )[0]
-            _loaded.append(loaded)
-            for known, result in (("chain", None), ("chain_until", ctypes.c_int64)):
-                _chain[known] = ctypes.CFUNCTYPE(result, ctypes.c_void_p)(loaded.address(known))
-        return _chain[name]
+            _chain.append(loaded)
+        return ctypes.CFUNCTYPE(result, ctypes.c_void_p)(_chain[0].address("chain"))

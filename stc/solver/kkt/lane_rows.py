@@ -26,42 +26,13 @@ from stc.solver.kkt.lanes import (
     SEGMENTS,
     STEPS,
     UNKNOWNS,
+    collect_ends,
+    collect_following,
+    collect_own,
+    note_outside,
 )
 
 __all__ = ["largest_in_segments", "subtract_segments"]
-
-
-@native(fast=True, inline=True)
-def collect_own(step: i64, group: i64s, x: f64s, part: f64s) -> None:
-    """Copy what a vector has for a step's U to ``part``."""
-    own = group[OWN]
-    here = group[UNKNOWNS] + 8 * step * own
-    for k in range(own):
-        store8(part, 8 * k, load8(x, here + 8 * k))
-
-
-@native(fast=True, inline=True)
-def collect_following(step: i64, group: i64s, index: i32s, code: i32s, x: f64s, part: f64s) -> None:
-    """Copy what a vector has for a step's F to ``part``."""
-    own = group[OWN]
-    if step < group[STEPS] - 1:
-        after = group[UNKNOWNS] + 8 * (step + 1) * own
-        following = code[group[FOLLOWING] :]
-        for k in range(group[NEXT]):
-            store8(part, 8 * (own + k), load8(x, after + 8 * following[k]))
-    else:
-        lasts = index[group[LASTS] :]
-        for k in range(group[NEXT]):
-            store8(part, 8 * (own + k), gather8(x, lasts, 8 * k))
-
-
-@native(fast=True, inline=True)
-def collect_ends(group: i64s, index: i32s, x: f64s, part: f64s) -> None:
-    """Copy what a vector has for L and B to ``part``."""
-    near = group[OWN] + group[NEXT]
-    outer = index[group[ENDS] :]
-    for k in range(group[LEFT] + group[BORDER]):
-        store8(part, 8 * (near + k), gather8(x, outer, 8 * k))
 
 
 @native(fast=True, inline=True)
@@ -128,8 +99,6 @@ def largest_in_segments(
         near = own + group[NEXT]
         ends = group[LEFT] + group[BORDER]
         following = code[group[FOLLOWING] :]
-        lasts = index[group[LASTS] :]
-        outer = index[group[ENDS] :]
         collect_ends(group, index, scale, scales)
         for k in range(own, near + ends):
             store8(part, 8 * k, 0.0)
@@ -154,13 +123,7 @@ def largest_in_segments(
             _largest(count, sources, code[group[ENTRY_CODE] :], given, scales, part)
             for k in range(own):
                 store8(most, here + 8 * k, load8(part, 8 * k))
-        for lane in range(group[SEGMENTS]):
-            for k in range(group[NEXT]):
-                at = lasts[8 * k + lane]
-                most[at] = max(most[at], part[8 * (own + k) + lane])
-            for k in range(ends):
-                at = outer[8 * k + lane]
-                most[at] = max(most[at], part[8 * (near + k) + lane])
+        note_outside(group, index, part, most)
 
 
 @native(fast=True, inline=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import load8, store8
-from stc.solver.kkt.lane_rows import add_following, add_outside, collect_ends, collect_following, collect_own
+from stc.solver.kkt.lane_rows import add_following, add_outside
 from stc.solver.kkt.lanes import (
     BORDER,
     FACTOR_STEP,
@@ -22,6 +22,9 @@ from stc.solver.kkt.lanes import (
     PANELS,
     STEPS,
     UNKNOWNS,
+    collect_ends,
+    collect_following,
+    collect_own,
 )
 
 __all__ = ["backward", "forward"]

@@ -22,7 +22,7 @@ from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, negative8, store8
 from stc.solver.kkt.lane_panel import LARGEST, NEGATIVE, WORST, take_panel
 
-__all__ = ["FIELDS", "eliminate"]
+__all__ = ["FIELDS", "collect_ends", "collect_following", "collect_own", "eliminate", "note_outside"]
 
 #: The numbers of a group: how many steps; unknowns of U, of F, L and B; ...
 STEPS, OWN, NEXT, LEFT, BORDER = range(5)
@@ -46,6 +46,55 @@ FACTORS, FACTOR_STEP, SEGMENTS, FOLLOWING, PANEL_STARTS, MATRIX = 25, 26, 27, 28
 FIELDS = 31
 #: Magnitudes below this are zeros.
 NOTHING = 1e-300
+
+
+@native(fast=True, inline=True)
+def collect_own(step: i64, group: i64s, x: f64s, part: f64s) -> None:
+    """Copy what a vector has for a step's U to ``part``."""
+    own = group[OWN]
+    here = group[UNKNOWNS] + 8 * step * own
+    for k in range(own):
+        store8(part, 8 * k, load8(x, here + 8 * k))
+
+
+@native(fast=True, inline=True)
+def collect_following(step: i64, group: i64s, index: i32s, code: i32s, x: f64s, part: f64s) -> None:
+    """Copy what a vector has for a step's F to ``part``."""
+    own = group[OWN]
+    if step < group[STEPS] - 1:
+        after = group[UNKNOWNS] + 8 * (step + 1) * own
+        following = code[group[FOLLOWING] :]
+        for k in range(group[NEXT]):
+            store8(part, 8 * (own + k), load8(x, after + 8 * following[k]))
+    else:
+        lasts = index[group[LASTS] :]
+        for k in range(group[NEXT]):
+            store8(part, 8 * (own + k), gather8(x, lasts, 8 * k))
+
+
+@native(fast=True, inline=True)
+def collect_ends(group: i64s, index: i32s, x: f64s, part: f64s) -> None:
+    """Copy what a vector has for L and B to ``part``."""
+    near = group[OWN] + group[NEXT]
+    outer = index[group[ENDS] :]
+    for k in range(group[LEFT] + group[BORDER]):
+        store8(part, 8 * (near + k), gather8(x, outer, 8 * k))
+
+
+@native(fast=True, inline=True)
+def note_outside(group: i64s, index: i32s, part: f64s, most: f64s) -> None:
+    """Raise what a vector has for the last F, L and B to what is in ``part``."""
+    own = group[OWN]
+    near = own + group[NEXT]
+    lasts = index[group[LASTS] :]
+    outer = index[group[ENDS] :]
+    for lane in range(group[SEGMENTS]):
+        for k in range(group[NEXT]):
+            at = lasts[8 * k + lane]
+            most[at] = max(most[at], part[8 * (own + k) + lane])
+        for k in range(group[LEFT] + group[BORDER]):
+            at = outer[8 * k + lane]
+            most[at] = max(most[at], part[8 * (near + k) + lane])
 
 
 @native(fast=True, inline=True)
@@ -91,15 +140,8 @@ def _load_step(
     cleared = code[group[CLEARED_CODE] :]
     for k in range(group[CLEARED]):
         store8(work, 8 * cleared[k], 0.0)
-    for k in range(own):
-        store8(scales, 8 * k, load8(scale, here + 8 * k))
-    if step < group[STEPS] - 1:
-        for k in range(group[NEXT]):
-            store8(scales, 8 * (own + k), load8(scale, here + 8 * (own + following[k])))
-    else:
-        lasts = index[group[LASTS] :]
-        for k in range(group[NEXT]):
-            store8(scales, 8 * (own + k), gather8(scale, lasts, 8 * k))
+    collect_own(step, group, scale, scales)
+    collect_following(step, group, index, code, scale, scales)
     kept = matrix[8 * group[MATRIX] :]
     if step > 0:
         for k in range(group[MOVED]):
@@ -108,9 +150,7 @@ def _load_step(
         empty = code[group[EMPTY_CODE] :]
         for k in range(group[EMPTY]):
             store8(work, 8 * empty[k], 0.0)
-        outer = index[group[ENDS] :]
-        for k in range(ends):
-            store8(scales, 8 * (near + k), gather8(scale, outer, 8 * k))
+        collect_ends(group, index, scale, scales)
         for k in range(near + ends):
             store8(most, 8 * k, 0.0)
         _add_entries(
@@ -220,10 +260,6 @@ def eliminate(
             if not (largest8(load8(state, WORST)) < 1.0):
                 return -1
         state[LARGEST] = max(state[LARGEST], largest8(load8(state, WORST)))
-        own = group[OWN]
-        near = own + group[NEXT]
-        lasts = index[group[LASTS] :]
-        outer = index[group[ENDS] :]
         for lane in range(group[SEGMENTS]):
             negative += state[NEGATIVE + lane]
             places = code[group[RESULT_CODE] :]
@@ -235,10 +271,5 @@ def eliminate(
                     result[target] += value
                 else:
                     result[-1 - target] -= value
-            for k in range(group[NEXT]):
-                at_outer = lasts[8 * k + lane]
-                outer_most[at_outer] = max(outer_most[at_outer], most[8 * (own + k) + lane])
-            for k in range(group[LEFT] + group[BORDER]):
-                at_outer = outer[8 * k + lane]
-                outer_most[at_outer] = max(outer_most[at_outer], most[8 * (near + k) + lane])
+        note_outside(group, index, most, outer_most)
     return int(negative)
