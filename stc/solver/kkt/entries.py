@@ -15,7 +15,7 @@ __all__ = ["Arrays", "ByCopies", "checked_values"]
 
 @dataclass(frozen=True)
 class Arrays:
-    """The arrays of an ``AttachedKKT``; ``given`` is H, J, p and d one after the other."""
+    """The arrays of an ``AttachedKKT``; ``given`` is H, J, p and d one after the other, and further numbers."""
 
     given: Floats
     hess: Floats
@@ -30,12 +30,12 @@ class Arrays:
     accuracy: Floats
 
     @staticmethod
-    def of(couplings: Couplings) -> Arrays:
-        """New ones for a pattern."""
+    def of(couplings: Couplings, unknowns: int = 0, numbers: tuple[float, ...] = ()) -> Arrays:
+        """New ones for a pattern, vectors with so many further unknowns, and with further numbers."""
         sizes = couplings.hess_count, couplings.jac_count, couplings.n, couplings.m
-        given = np.zeros(sum(sizes))
-        hess, jac, primal, dual = np.split(given, np.cumsum(sizes)[:-1])
-        size = couplings.size
+        given = np.concatenate([np.zeros(sum(sizes)), numbers])
+        hess, jac, primal, dual, _ = np.split(given, np.cumsum(sizes))
+        size = couplings.size + unknowns
         rhs, solution, second_rhs, second_solution = (np.zeros(size) for _ in range(4))
         return Arrays(
             given, hess, jac, primal, dual, rhs, solution, second_rhs, second_solution, np.zeros(REPORT),

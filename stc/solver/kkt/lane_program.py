@@ -35,23 +35,17 @@ class Kind:
 
     Attributes:
         own, variables: unknowns of U, and how many of them, the first ones, are variables.
-        following: places of F in the next stage, (F,); left: places of L in the stage before, (L,); border: numbers
-            of B among the border, (B,).
+        following: places of F in the next stage, (F,); each of them, in a segment's first stage, couples with one of L;
+            border: numbers of B among the border, (B,).
         rows, columns: places of the entries of a stage in the triangle, in the order of the codes.
-        first_rows, first_columns: the same for those of L with U, in the order of the codes across.
-        across: which of the codes are across.
     """
 
     own: int
     variables: int
     following: Int64s
-    left: Int64s
     border: Int64s
     rows: Int64s
     columns: Int64s
-    first_rows: Int64s
-    first_columns: Int64s
-    across: NDArray[np.bool_]
 
     @property
     def near(self) -> int:
@@ -61,7 +55,12 @@ class Kind:
     @property
     def size(self) -> int:
         """Rows of the triangle."""
-        return self.near + self.left.size + self.border.size
+        return self.near + self.following.size + self.border.size
+
+    @property
+    def first_rows(self) -> Int64s:
+        """Where L is in the triangle, (F,): its entries are in these rows and the columns ``following``."""
+        return self.near + np.arange(self.following.size)
 
     @property
     def carried(self) -> Int64s:
@@ -99,16 +98,13 @@ def kind_of(found: Segmentation, number: int, variables: int) -> Kind:
     own = int(pointers[example + 1] - pointers[example])
     types, i, j = codes // base**2, codes // base % base, codes % base
     across, bordering = types == ACROSS, types == BORDERING
-    following, left, border = distinct(j[across]), distinct(i[across]), distinct(j[bordering])
+    following, border = distinct(j[across]), distinct(j[bordering])
     near = own + following.size
     rows = np.where(types == INSIDE, i, 0)
     columns = np.where(types == INSIDE, j, i)
     rows[across] = own + np.searchsorted(following, j[across])
-    rows[bordering] = near + left.size + np.searchsorted(border, j[bordering])
-    first_rows = near + np.searchsorted(left, i[across])
-    return Kind(
-        own, variables, following, left, border, rows, columns, first_rows, j[across].copy(), across
-    )  # fmt: skip
+    rows[bordering] = near + following.size + np.searchsorted(border, j[bordering])
+    return Kind(own, variables, following, border, rows, columns)
 
 
 def plan_panels(kind: Kind, entries: Floats, diagonal: Floats) -> Program:

@@ -10,6 +10,7 @@ from stc.records import dataclass
 from stc.solver.kkt import lanes
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.lane_program import Kind, Program, triangle
+from stc.solver.kkt.seams import Sewn
 from stc.solver.kkt.segments import LANES, Group, Segmentation
 
 __all__ = ["Layout", "Rest", "code_of", "lay_out"]
@@ -81,12 +82,13 @@ class _Packed:
         return np.concatenate([*self._parts, np.zeros(1, np.int32)]).astype(np.int32)
 
 
-def lay_out(couplings: Couplings, found: Segmentation, kinds: list[Kind], source: Int32s) -> Layout:
+def lay_out(found: Segmentation, kinds: list[Kind], sewn: Sewn, source: Int32s, one: int) -> Layout:
     """Where the values of all segments' stages are.
 
     Args:
-        source: place of each coupling's value among those given, (E,).
+        source: place of each coupling's value among those given, (E,); one: that of a 1.
     """
+    couplings = sewn.couplings
     stages = found.stages
     sources = _by_stage(found, kinds, source)
     index = _Packed()
@@ -97,21 +99,19 @@ def lay_out(couplings: Couplings, found: Segmentation, kinds: list[Kind], source
             stages.order[begin[:, None, :] + np.arange(kinds[group.kind].own)[:, None]]
         )
     outer = index.size
-    index.put(np.flatnonzero(~found.interior[stages.stage]))
+    index.put(sewn.outside)
     length = index.size
     places = np.empty(couplings.size, dtype=np.int32)
     # Other lanes than the segments' are copies of the first, which is to be the last one written.
     places[index.array()[:length][::-1]] = np.arange(length, dtype=np.int32)[::-1]
     ends = []
     matrix = 0
-    for row, group in zip(table, found.groups, strict=True):
+    for row, group, before, after in zip(table, found.groups, sewn.before, sewn.after, strict=True):
         kind = kinds[group.kind]
         at = group.stages
-        after = stages.order[stages.pointers[at[-1] + 1].astype(np.int64) + kind.following[:, None]]
-        before = stages.order[stages.pointers[at[0] - 1].astype(np.int64) + kind.left[:, None]]
         border = np.repeat(stages.border[kind.border][:, None], LANES, axis=1)
         row[lanes.STEPS], row[lanes.OWN], row[lanes.SEGMENTS] = len(at), kind.own, group.segments
-        row[lanes.NEXT], row[lanes.LEFT] = kind.following.size, kind.left.size
+        row[lanes.NEXT], row[lanes.LEFT] = kind.following.size, kind.following.size
         row[lanes.BORDER] = kind.border.size
         row[lanes.LASTS] = index.put(places[after])
         row[lanes.ENDS] = index.put(places[np.concatenate([before, border])])
@@ -119,11 +119,11 @@ def lay_out(couplings: Couplings, found: Segmentation, kinds: list[Kind], source
         own_sources = sources[group.kind]
         row[lanes.ENTRIES] = kind.rows.size
         row[lanes.ENTRY_INDEX] = index.put(own_sources[at].transpose(0, 2, 1))
-        row[lanes.FIRST] = kind.first_rows.size
-        row[lanes.FIRST_INDEX] = index.put(own_sources[at[0] - 1][:, kind.across].T)
+        row[lanes.FIRST] = kind.following.size
+        row[lanes.FIRST_INDEX] = index.put(np.full((kind.following.size, LANES), one))
         row[lanes.MATRIX] = matrix
-        matrix += kind.first_rows.size + len(at) * (kind.own + kind.rows.size)
-    rest = _rest_of(couplings, found, ends)
+        matrix += kind.following.size + len(at) * (kind.own + kind.rows.size)
+    rest = _rest_of(found, sewn, ends)
     for row, results in zip(table, rest.results, strict=True):
         row[lanes.RESULT_INDEX] = index.put(results)
     return Layout(index.array(), table, places, outer, length, LANES * matrix, rest)
@@ -135,7 +135,6 @@ def _by_stage(found: Segmentation, kinds: list[Kind], source: Int32s) -> list[In
     kind_of_stage = np.full(stage_count, -1)
     for group in found.groups:
         kind_of_stage[group.stages] = group.kind
-        kind_of_stage[group.stages[0] - 1] = group.kind
     owner = np.where(found.edge_stage >= 0, kind_of_stage[found.edge_stage], -1)
     sources = []
     for number in range(len(kinds)):
@@ -147,11 +146,10 @@ def _by_stage(found: Segmentation, kinds: list[Kind], source: Int32s) -> list[In
     return sources
 
 
-def _rest_of(couplings: Couplings, found: Segmentation, ends: list[Int64s]) -> Rest:
+def _rest_of(found: Segmentation, sewn: Sewn, ends: list[Int64s]) -> Rest:
     """The pattern of what is left."""
+    couplings, unknowns = sewn.couplings, sewn.outside
     size = couplings.size
-    stages = found.stages
-    unknowns = np.flatnonzero(~found.interior[stages.stage])
     number = np.full(size, -1, dtype=np.int64)
     number[unknowns] = np.arange(unknowns.size)
     count = unknowns.size
@@ -200,7 +198,7 @@ def code_of(table: Int64s, groups: list[Group], kinds: list[Kind], programs: lis
         used = program.used.copy()
         for more in (results, moved, triangle(kind.rows, kind.columns), triangle(inner, inner)):
             used[more] = True
-        used[triangle(kind.first_rows, kind.first_columns)] = True
+        used[triangle(kind.first_rows, kind.following)] = True
         used_places = np.flatnonzero(used)
         columns = np.tril_indices(kind.size)[1]  # in the order of the triangle
         first = columns[used_places] < near
@@ -210,7 +208,7 @@ def code_of(table: Int64s, groups: list[Group], kinds: list[Kind], programs: lis
             [triangle(kind.rows, kind.columns), often, kind.rows + kind.columns - often], axis=1
         )
         across = np.stack(
-            [triangle(kind.first_rows, kind.first_columns), kind.first_rows, kind.first_columns], axis=1
+            [triangle(kind.first_rows, kind.following), kind.first_rows, kind.following], axis=1
         )
         field = {
             lanes.ENTRY_CODE: code.put(entries),

@@ -24,6 +24,7 @@ from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, SWEEPS, FrontalKKT
 from stc.solver.kkt.lane_panel import COUNTED, LARGEST, PANEL, STATE
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import code_of, lay_out
+from stc.solver.kkt.seams import sew
 from stc.solver.kkt.segmented_passes import diagonal_of, eliminate_all, equilibrate_all, solve_all
 from stc.solver.kkt.segments import LANES, Segmentation
 from stc.solver.kkt.substitution import REPORT
@@ -32,13 +33,18 @@ from stc.solver.nlp import Floats
 __all__ = ["SegmentedKKT"]
 
 #: No product that is subtracted may exceed this, nor any entry of an inverted pivot, in the equilibrated matrix.
-GROWTH = 1e14
-INVERSE = 1e13
+GROWTH = 1e16
+INVERSE = 1e15
 #: Where they are larger than this share of it, the factors are tried on a right-hand side: the residual, before
 #: refinement, should be no larger than INACCURATE, and the solution no longer than SINGULAR times as much.
-SUSPECT = 1e-5
+SUSPECT = 1e-7
 INACCURATE = 1e-6
 SINGULAR = 3e9
+#: Where both are below this share of that, factors are not tried again until they are so many times as suspect, but
+#: above this share in any case.
+EASILY = 0.01
+MORE = 3.0
+TRUSTED = 1e-4
 #: Stages of a kind whose entries are looked at for a plan.
 SAMPLE = 32
 #: Another plan takes as long as ``FrontalKKT`` takes for matrices of so many unknowns together: it is made when all
@@ -57,6 +63,8 @@ RECENT = 0.3
 UNLIKELY = 0.2
 #: Room for factors, as a multiple of what the first plan needs.
 ROOM = 1.25
+#: A cheaper plan that has failed is tried again after twice so many matrices, then twice as many each time.
+RESTING = 2
 #: After so many failures in a row segments are skipped for one matrix, then for twice as many each time, up to this
 #: power of two.
 PATIENCE = 3
@@ -75,8 +83,11 @@ class _Prepared:
     equilibrate: Bound
     operations: int
     curved: bool  # whether H was not zero when it was made
+    trusted: float  # share of what is acceptable up to which its factors are not tried
     won: float = 0.0  # share of the last matrices that it suited
     served: int = 0  # matrices that it suited
+    failed: int = 0  # times in a row that it did not
+    rest_until: int = 0  # the matrix from which on it may be tried again
     steps: Bound | None = None  # elimination, and those of the rest
     solve: Bound | None = None
     solve_both: Bound | None = None
@@ -96,20 +107,27 @@ class SegmentedKKT(ByCopies):
         self.nnz_factor = 0
         self.last_residual = 0.0
         self._couplings, self._stage, self._found = couplings, stage, found
-        self._arrays = a = Arrays.of(couplings)
+        variables = np.bincount(found.stages.stage[: self.n], minlength=found.stages.pointers.size - 1)
+        self._kinds = [kind_of(found, k, int(variables[example])) for k, example in enumerate(found.example)]
+        self._sewn = sewn = sew(couplings, found, self._kinds)
+        self._arrays = a = Arrays.of(couplings, sewn.added, (1.0, -1.0))
         self.hess, self.jac, self.primal, self.dual = a.hess, a.jac, a.primal, a.dual
-        self.rhs, self.solution = a.rhs, a.solution
-        self.second_rhs, self.second_solution = a.second_rhs, a.second_solution
+        self.rhs, self.solution, self.second_rhs, self.second_solution = (
+            vector[: couplings.size] for vector in (a.rhs, a.solution, a.second_rhs, a.second_solution)
+        )
         self.report, self.accuracy = a.report, a.accuracy
-        size = couplings.size
+        size = sewn.couplings.size
+        one, minus_one = a.given.size - 2, a.given.size - 1
         self._source = np.concatenate(
-            [couplings.hess_off, couplings.hess_count + np.arange(couplings.jac_count)]
+            [
+                couplings.hess_off,
+                couplings.hess_count + np.arange(couplings.jac_count),
+                np.full(sewn.added // 2, minus_one),
+            ]
         ).astype(np.int32)
         self._curved_source = couplings.hess_diagonal.astype(np.int32)
         self._diagonal, self._curvatures = np.zeros(size), np.zeros(1, dtype=np.int64)
-        variables = np.bincount(found.stages.stage[: self.n], minlength=found.stages.pointers.size - 1)
-        self._kinds = [kind_of(found, k, int(variables[example])) for k, example in enumerate(found.example)]
-        self._layout = layout = lay_out(couplings, found, self._kinds, self._source)
+        self._layout = layout = lay_out(found, self._kinds, sewn, self._source, one)
         self._scale, self._most, *self._vectors = (aligned_zeros(layout.length) for _ in range(12))
         self._scale[:] = 1.0
         self._scaled = False
@@ -117,10 +135,11 @@ class SegmentedKKT(ByCopies):
         self._matrix = aligned_zeros(layout.matrix)
         self._rest_matrix = np.zeros(rest.unknowns.size + rest.entry.size)
         self._rest = FrontalKKT.of_couplings(
-            rest.couplings, stage[rest.unknowns], Arrays.of(rest.couplings), part=True
+            rest.couplings, sewn.stage[rest.unknowns], Arrays.of(rest.couplings), part=True
         )
         self._whole: FrontalKKT | None = None
         self._eliminated = int(size - rest.unknowns.size)
+        self._added = sewn.added // 2
         self._probe_rhs = np.copysign(1.0, scattered(size))
         self._probe_result, self._probe_report = np.zeros(size), np.zeros(REPORT)
         self._tried = 0
@@ -146,6 +165,8 @@ class SegmentedKKT(ByCopies):
         self._failures = self._skip = 0
         if self._plans:
             self._now = self._plans[0]
+        for plan in self._plans:
+            plan.trusted = SUSPECT
         self._factorized = False
         self._rest.restart()
         if self._whole is not None:
@@ -244,7 +265,10 @@ class SegmentedKKT(ByCopies):
             plan.won += RECENT * (float(rest is not None) - plan.won)
             if rest is not None:
                 plan.served += 1
+                plan.failed = 0
                 break
+            plan.failed += 1
+            plan.rest_until = self._tried + RESTING * 2 ** min(plan.failed, LONGEST_SKIP)
         if rest is None:
             self._now = max(self._plans, key=lambda plan: plan.won)
             self._failures += 1
@@ -256,12 +280,14 @@ class SegmentedKKT(ByCopies):
         now = self._now
         if now.bindings != self._rest.bindings:
             self._bind_solve(now)
-        if now.state[LARGEST] > SUSPECT and not self._passes_probe():
+        if now.state[LARGEST] > now.trusted and not self._passes_probe(now):
             return None
         self._failures = 0
         self.nnz_factor = now.factors.size + self._rest.nnz_factor
         negative = int(now.state[COUNTED])
-        return Inertia(self._eliminated - negative + rest.positive, negative + rest.negative, rest.zero)
+        # The seams have as many positive as negative eigenvalues.
+        positive = self._eliminated - negative + rest.positive
+        return Inertia(positive - self._added, negative + rest.negative - self._added, rest.zero)
 
     def _through(self, plan: _Prepared) -> Inertia | None:
         """Factorise by a plan: the inertia of the rest, or None where a pivot of the segments is refused."""
@@ -296,7 +322,7 @@ class SegmentedKKT(ByCopies):
         curved = bool(self._curvatures[0])
         now = self._now
         if now.served > 0 and now.curved == curved and (now.served != SETTLED or self._settled):
-            return now
+            return self._cheaper(now)
         alike = [plan for plan in self._plans if plan.curved == curved]
         if not alike and len(self._plans) < PLANS:
             return self._new_plan()
@@ -311,17 +337,28 @@ class SegmentedKKT(ByCopies):
                 return other
         return now
 
+    def _cheaper(self, now: _Prepared) -> _Prepared:
+        """Another plan that takes fewer operations, and has not failed lately, or ``now``."""
+        best = now
+        for plan in self._plans:
+            cheaper = plan.curved == now.curved and plan.operations < FEWER * best.operations
+            if cheaper and plan.rest_until <= self._tried:
+                best = plan
+        return best
+
     def _new_plan(self) -> _Prepared:
         self._missed = 0
         self._next_plan = self._tried + MATRICES
         self._plans.append(self._prepare(self._programs()))
         return self._plans[-1]
 
-    def _passes_probe(self) -> bool:
+    def _passes_probe(self, plan: _Prepared) -> bool:
         """Solve once: a matrix that is nearly singular has long solutions, inaccurate factors a large residual."""
-        assert self._now.probe is not None
-        self._now.probe()
+        assert plan.probe is not None
+        plan.probe()
         residual, _, gain = self._probe_report
+        if residual < EASILY * INACCURATE and gain < EASILY * SINGULAR:
+            plan.trusted = min(TRUSTED, MORE * float(plan.state[LARGEST]))
         return bool(residual < INACCURATE and gain < SINGULAR)
 
     def _refactor_whole(self) -> Inertia:
@@ -338,10 +375,11 @@ class SegmentedKKT(ByCopies):
         """
         scale, couplings, found = self._scale[self._layout.places], self._couplings, self._found
         programs = []
-        values = self._arrays.given[self._source] * scale[couplings.first] * scale[couplings.second]
+        values = self._arrays.given[self._source[: couplings.first.size]]
+        values *= scale[couplings.first] * scale[couplings.second]
         diagonal = np.concatenate([np.zeros(self.n), -self.dual])
         diagonal[couplings.hess_variable] += self._arrays.given[self._curved_source]
-        diagonal *= scale * scale
+        diagonal *= scale[: couplings.size] ** 2
         for number, kind in enumerate(self._kinds):
             lanes_of = [group.stages for group in found.groups if group.kind == number]
             chosen = distinct(np.concatenate([stages.reshape(-1) for stages in lanes_of]))
@@ -359,13 +397,14 @@ class SegmentedKKT(ByCopies):
         """Prepare the calls that do not depend on the plan."""
         c, layout, given = self._couplings, self._layout, self._arrays.given
         self._collect = diagonal_of.bind(
-            c.n, c.m, given.size - c.size, c.hess_count, self._curved_source.size, c.hess_variable,
+            c.n, c.m, c.hess_count + c.jac_count, c.hess_count, self._curved_source.size, c.hess_variable,
             self._curved_source, given, self._diagonal, self._curvatures,
         )  # fmt: skip
         entry = layout.rest.entry
+        sewn = self._sewn.couplings
         self._rest_entries = (
-            layout.places[c.first[entry]],
-            layout.places[c.second[entry]],
+            layout.places[sewn.first[entry]],
+            layout.places[sewn.second[entry]],
             self._source[entry].copy(),
         )
 
@@ -416,6 +455,7 @@ class SegmentedKKT(ByCopies):
             equilibrate,
             operations,
             bool(self._curvatures[0]),
+            SUSPECT,
         )
 
     def _bind_solve(self, plan: _Prepared) -> None:
@@ -429,8 +469,9 @@ class SegmentedKKT(ByCopies):
             *rest_factors,
         )  # fmt: skip
         one, other = self._vectors[:5], self._vectors[5:]
-        second = self.second_rhs, *other, self.second_solution
-        both = self.rhs, *one, self.solution, *second, self.report, np.zeros(REPORT)
+        arrays = self._arrays
+        second = arrays.second_rhs, *other, arrays.second_solution
+        both = arrays.rhs, *one, arrays.solution, *second, self.report, np.zeros(REPORT)
         plan.solve, plan.solve_both = (
             solve_all.bind(how_many, REFINEMENTS, *common, *both) for how_many in (0, 1)
         )

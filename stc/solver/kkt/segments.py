@@ -1,12 +1,12 @@
 """Where a horizon repeats itself: runs of stages with the same pattern, cut into segments of equal length.
 
-    stage    0 | 1 2 3 | 4 | 5 6 7 | 8 | 9 10 11 | 12 ...
-               |  lane |   |  lane |   |   lane  |
-             rest   0  rest    1  rest     2     rest
+    stage    0 1 | 2 3 4 | 5 6 7 | 8 9 10 | 11 ...
+                 |  lane |  lane |  lane  |
+            rest seam 0 seam 1  seam  2   rest
 
-Between two segments one stage is left out, so that each of them couples with the stages left out alone, with unknowns
-of the last stage group (parameters) and others that couple with many stages, the border.  What is left out, the rest,
-is a chain again, of few stages.
+Segments are sewn together by unknowns of their own (see stc.solver.kkt.seams), so that each of them couples with the
+seams alone, or with a stage left out, and with unknowns of the last stage group (parameters) and others that couple
+with many stages, the border.  What is left out, the rest, is a chain again, of few stages.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ Int64s = NDArray[np.int64]
 
 #: Segments that are eliminated at once.
 LANES = 8
-#: Stages of a segment at least: between both ends held, short ones may have no solution, and their matrices no inverse.
-SHORTEST = 8
+#: Stages of a segment at least.
+SHORTEST = 3
 #: Unknowns that couple with distant stages at most.
 LARGEST_BORDER = 64
 #: Unknowns of a stage at most: larger ones leave the nearest memory, and do well one by one.
@@ -35,8 +35,10 @@ LARGEST_STAGE = 100
 #: unknowns of a stage: there are more rows, and wide ones do well in the rest, too.
 STEP_COST = 1.5
 STEP_GROWTH = 40.0
+#: A seam takes this many times as long as a stage of the rest, about.
+SEAM_COST = 1.0
 #: Segments should cost this much less than their stages would in the rest.
-WORTH = 0.6
+WORTH = 0.8
 #: Kinds of codes of entries: inside a stage, with the next stage, with the border, on the diagonal of H.
 INSIDE, ACROSS, BORDERING, CURVED = range(4)
 
@@ -111,7 +113,10 @@ def find_segments(couplings: Couplings, stage: Int64s) -> Segmentation | None:
     stage_of = numbers.astype(np.int32)
     first, second = couplings.first, couplings.second
     far, flagged = np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
-    _flag_border(first.size, first, second, stage_of, size, far, flagged)
+    ahead, behind = np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
+    _flag_border(first.size, first, second, stage_of, far, flagged, ahead, behind)
+    if np.count_nonzero(behind) > np.count_nonzero(ahead) and not np.any(ahead & behind):
+        stage_of[ahead > 0] += 1  # what a stage passes on to the next is to be little
     border = np.flatnonzero(flagged).astype(np.int32)
     order, pointers = sort_by_key(stage_of, stages)
     widest = int(np.diff(pointers).max())
@@ -160,17 +165,17 @@ def _cut(starts: Int64s, lengths: Int64s, features: Int64s) -> tuple[list[Group]
     for runs in known.values():
         length = lengths[runs]
         steps = np.arange(SHORTEST, max(int(length.max()), SHORTEST + 1))
-        counts = length[:, None] // (steps + 1)
+        counts = (length[:, None] - 1) // steps
         eliminated = (counts * steps).sum(axis=0)
         rounds = -(-counts.sum(axis=0) // LANES)
         step_cost = STEP_COST + features[0, starts[runs[0]]] / STEP_GROWTH
-        cost = rounds * steps * step_cost + length.sum() - eliminated
+        cost = rounds * steps * step_cost + length.sum() - eliminated + SEAM_COST * counts.sum(axis=0)
         best = int(np.argmin(cost))
         if cost[best] > WORTH * length.sum():
             continue
         span = int(steps[best])
         begins = np.concatenate(
-            [starts[run] + 1 + (span + 1) * np.arange(lengths[run] // (span + 1)) for run in runs]
+            [starts[run] + 1 + span * np.arange((lengths[run] - 1) // span) for run in runs]
         )
         for at in range(0, begins.size, LANES):
             chosen = begins[at : at + LANES]
@@ -182,9 +187,12 @@ def _cut(starts: Int64s, lengths: Int64s, features: Int64s) -> tuple[list[Group]
 
 @native(small=True)
 def _flag_border(
-    count: i64, first: i32s, second: i32s, stage: i32s, size: i64, far: i32s, flagged: i32s
-) -> None:
-    """Mark, of each two unknowns that are more than a stage apart, the one with more such couplings."""
+    count: i64, first: i32s, second: i32s, stage: i32s, far: i32s, flagged: i32s, ahead: i32s, behind: i32s
+) -> None:  # fmt: skip
+    """Mark, of each two unknowns that are more than a stage apart, the one with more such couplings.
+
+    Others are marked in ``ahead`` and ``behind`` where they couple with one of the next stage or of that before.
+    """
     for e in range(count):
         a = first[e]
         b = second[e]
@@ -196,6 +204,14 @@ def _flag_border(
         b = second[e]
         if abs(stage[a] - stage[b]) > 1 and flagged[a] == 0 and flagged[b] == 0:
             flagged[a if far[a] > far[b] else b] = 1
+    for e in range(count):
+        a = first[e]
+        b = second[e]
+        if stage[a] != stage[b] and flagged[a] == 0 and flagged[b] == 0:
+            if stage[a] > stage[b]:
+                a, b = b, a
+            ahead[a] = 1
+            behind[b] = 1
 
 
 @native(small=True)

@@ -14,6 +14,7 @@ from solver.kkt.test_contract import check
 
 from stc.solver.kkt import DenseKKT, segmented, segments
 from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.lane_program import kind_of
 from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.kkt.segmented import SegmentedKKT
 from stc.solver.kkt.segments import Segmentation, find_segments
@@ -150,7 +151,7 @@ def test_segments_do_not_touch_each_other():
     """What is eliminated in one segment couples with no other, and all lanes of a group look alike."""
     rng = np.random.default_rng(6)
     pattern = motion(rng, 60, parameters=1, waypoint=True)
-    couplings, _, found = parts(pattern)
+    couplings, stage, found = parts(pattern)
     assert found is not None
     assert found.interior.sum() > 30
     segment = np.full(found.interior.size, -1)
@@ -161,8 +162,80 @@ def test_segments_do_not_touch_each_other():
             segment[group.stages[:, lane]] = number
             number += 1
     assert np.array_equal(segment >= 0, found.interior)
-    first, second = (segment[found.stages.stage[unknown]] for unknown in (couplings.first, couplings.second))
+    sewn = SegmentedKKT(couplings, stage, found)._sewn
+    own = np.concatenate([segment[found.stages.stage], np.full(sewn.added, -1)])
+    first, second = own[sewn.couplings.first], own[sewn.couplings.second]
     assert not np.any((first >= 0) & (second >= 0) & (first != second))
+    for group, before, after in zip(found.groups, sewn.before, sewn.after, strict=True):
+        assert before.shape == after.shape == (before.shape[0], group.stages.shape[1])
+        assert (own[before] == -1).all()
+        assert (own[after] == -1).all()
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_seams_change_nothing(backwards):
+    """Without their unknowns, the matrix is what it was, and each has one positive and one negative eigenvalue."""
+    rng = np.random.default_rng(15)
+    pattern = motion(rng, 30, parameters=1, waypoint=True)
+    if backwards:
+        for stage in (pattern.var_stage, pattern.row_stage):
+            stage[:] = np.where(stage < 30, 29 - stage, stage)
+    couplings, stage, found = parts(pattern)
+    assert found is not None
+    assert len(found.groups) > 0
+    sewn = SegmentedKKT(couplings, stage, found)._sewn
+    size, values = couplings.size, rng.normal(size=couplings.first.size)
+    expected, extended = np.zeros((size, size)), np.zeros((size + sewn.added, size + sewn.added))
+    diagonal = rng.normal(size=size)
+    for matrix, pairs, own in (
+        (expected, couplings, values),
+        (extended, sewn.couplings, np.concatenate([values, np.full(sewn.added // 2, -1.0)])),
+    ):
+        np.add.at(matrix, (pairs.first, pairs.second), own)
+        np.add.at(matrix, (pairs.second, pairs.first), own)
+        matrix[np.arange(size), np.arange(size)] = diagonal
+    kinds = [kind_of(found, k, 0) for k in range(len(found.example))]
+    for group, before in zip(found.groups, sewn.before, strict=True):
+        begin = found.stages.pointers[group.stages[0, : group.segments]]
+        held = found.stages.order[begin + kinds[group.kind].following[:, None]]
+        extended[before[:, : group.segments], held] = extended[held, before[:, : group.segments]] = 1.0
+    inner = np.linalg.inv(extended[size:, size:])
+    left = extended[:size, :size] - extended[:size, size:] @ inner @ extended[size:, :size]
+    np.testing.assert_allclose(left, expected, atol=1e-12)
+    assert (np.linalg.eigvalsh(inner) > 0.0).sum() == sewn.added // 2
+
+
+def test_what_a_stage_passes_on_is_little():
+    """Whichever way the stages are numbered, segments begin at the end that has fewer unknowns there."""
+    rng = np.random.default_rng(16)
+    pattern = motion(rng, 30)
+    widths = []
+    for _ in range(2):
+        couplings, stage, found = parts(pattern)
+        assert found is not None
+        widths.append([kind_of(found, k, 0).following.size for k in range(len(found.example))])
+        check(SegmentedKKT(couplings, stage, found), pattern, generic(rng, pattern), rng)
+        pattern.var_stage[:], pattern.row_stage[:] = 29 - pattern.var_stage, 29 - pattern.row_stage
+    assert widths[0] == widths[1]
+
+
+def test_factors_that_are_tried_once_are_trusted(monkeypatch):
+    monkeypatch.setattr(segmented, "SUSPECT", 0.0)
+    rng = np.random.default_rng(17)
+    pattern = motion(rng, 40)
+    kkt = system_of(pattern)
+    values = generic(rng, pattern)
+    tried = []
+    passes = SegmentedKKT._passes_probe
+    monkeypatch.setattr(
+        SegmentedKKT, "_passes_probe", lambda self, plan: tried.append(1) or passes(self, plan)
+    )
+    for _ in range(3):
+        check(kkt, pattern, values, rng)
+    assert len(tried) == 1
+    kkt.restart()
+    check(kkt, pattern, values, rng)
+    assert len(tried) == 2
 
 
 def test_storage_grows_with_the_frames_only():
