@@ -94,6 +94,7 @@ class ScaledProblem(Formulation):
             nlp.hess_cols,
             nlp.var_stage,
             nlp.row_stage,
+            self.held,
         )
 
     def release(self) -> None:

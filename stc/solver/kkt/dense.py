@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
@@ -66,6 +67,7 @@ class DenseKKT(ByCopies):
         hess_cols: Ints,
         var_stage: Ints,
         row_stage: Ints,
+        held: NDArray[np.bool_] | None = None,
     ) -> None:
         self.n = n
         self.m = m

@@ -11,6 +11,7 @@ import weakref
 from collections import OrderedDict
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound
 from stc.digests import blake2b
@@ -56,8 +57,11 @@ class StructuredKKT(ByCopies):
         hess_cols: Ints,
         var_stage: Ints,
         row_stage: Ints,
+        held: NDArray[np.bool_] | None = None,
     ) -> None:
-        arrays = jac_rows, jac_cols, hess_rows, hess_cols, var_stage, row_stage
+        if held is None:
+            held = np.zeros(n, dtype=bool)
+        arrays = jac_rows, jac_cols, hess_rows, hess_cols, var_stage, row_stage, held
         system = None
         if n + m <= LARGEST:
             digest = blake2b(f"{n} {m}".encode(), digest_size=16)
@@ -182,10 +186,11 @@ def _new_system(
     hess_cols: Ints,
     var_stage: Ints,
     row_stage: Ints,
+    held: NDArray[np.bool_],
 ) -> FrontalKKT | SegmentedKKT:
     couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
     stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
-    found = find_segments(couplings, stage)
+    found = find_segments(couplings, stage, held)
     if found is None:
         return FrontalKKT.of_couplings(couplings, stage, Arrays.of(couplings))
     return SegmentedKKT(couplings, stage, found)

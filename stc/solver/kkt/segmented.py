@@ -37,7 +37,7 @@ GROWTH = 1e16
 INVERSE = 1e15
 #: Where they are larger than this share of it, the factors are tried on a right-hand side: the residual, before
 #: refinement, should be no larger than INACCURATE, and the solution no longer than SINGULAR times as much.
-SUSPECT = 1e-7
+SUSPECT = 1e-6
 INACCURATE = 1e-6
 SINGULAR = 3e9
 #: Where both are below this share of that, factors are not tried again until they are so many times as suspect, but

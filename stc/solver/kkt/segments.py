@@ -39,8 +39,9 @@ STEP_GROWTH = 40.0
 SEAM_COST = 1.0
 #: Segments should cost this much less than their stages would in the rest.
 WORTH = 0.8
-#: Kinds of codes of entries: inside a stage, with the next stage, with the border, on the diagonal of H.
-INSIDE, ACROSS, BORDERING, CURVED = range(4)
+#: Kinds of codes of entries: inside a stage, with the next stage, with the border, on the diagonal of H; variables
+#: that are held. Without these, a segment that begins right before a waypoint has a matrix without inverse.
+INSIDE, ACROSS, BORDERING, CURVED, HELD = range(5)
 
 
 @dataclass(frozen=True)
@@ -97,11 +98,14 @@ class Segmentation:
     interior: NDArray[np.bool_]
 
 
-def find_segments(couplings: Couplings, stage: Int64s) -> Segmentation | None:
+def find_segments(
+    couplings: Couplings, stage: Int64s, held: NDArray[np.bool_] | None = None
+) -> Segmentation | None:
     """Cut the horizon, or None where too little of it repeats.
 
     Args:
         stage: suggested stage of each unknown, (N,), any whole numbers.
+        held: variables that never move, (n,); a stage is only like others that hold the same ones.
     """
     size = couplings.size
     if size == 0:
@@ -115,8 +119,8 @@ def find_segments(couplings: Couplings, stage: Int64s) -> Segmentation | None:
     far, flagged = np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
     ahead, behind = np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
     _flag_border(first.size, first, second, stage_of, far, flagged, ahead, behind)
-    if np.count_nonzero(behind) > np.count_nonzero(ahead) and not np.any(ahead & behind):
-        stage_of[ahead > 0] += 1  # what a stage passes on to the next is to be little
+    if np.count_nonzero(behind) > np.count_nonzero(ahead):
+        stage_of[ahead > behind] += 1  # what a stage passes on to the next is to be little
     border = np.flatnonzero(flagged).astype(np.int32)
     order, pointers = sort_by_key(stage_of, stages)
     widest = int(np.diff(pointers).max())
@@ -131,7 +135,10 @@ def find_segments(couplings: Couplings, stage: Int64s) -> Segmentation | None:
     sums = np.zeros(2 * stages, dtype=np.int64)
     _codes(first.size, first, second, stage_of, local, number, base, edge_stage, edge_code, sums)
     curved = couplings.hess_variable
-    _curved_codes(curved.size, curved, stage_of, local, base, sums)
+    _own_codes(CURVED, curved.size, curved, stage_of, local, base, sums)
+    if held is not None:
+        fixed = np.flatnonzero(held).astype(np.int32)
+        _own_codes(HELD, fixed.size, fixed, stage_of, local, base, sums)
     variables = np.bincount(stage_of[: couplings.n], minlength=stages)
     features = np.stack([np.diff(pointers), variables, sums[0::2], sums[1::2]])
     irregular = np.zeros(stages, dtype=bool)
@@ -256,10 +263,12 @@ def _codes(
 
 
 @native(small=True)
-def _curved_codes(count: i64, variable: i32s, stage: i32s, local: i32s, base: i64, sums: i64s) -> None:
-    """The same for the diagonal entries of H."""
+def _own_codes(
+    kind: i64, count: i64, variable: i32s, stage: i32s, local: i32s, base: i64, sums: i64s
+) -> None:  # fmt: skip
+    """The same for what concerns variables alone."""
     for e in range(count):
         a = variable[e]
-        code = (CURVED * base + local[a]) * base
+        code = (kind * base + local[a]) * base
         sums[2 * stage[a]] += _mixed(code, 1)
         sums[2 * stage[a] + 1] += _mixed(code, 12345)

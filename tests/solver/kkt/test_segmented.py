@@ -219,6 +219,42 @@ def test_what_a_stage_passes_on_is_little():
     assert widths[0] == widths[1]
 
 
+def test_unknowns_that_couple_both_ways_stay_where_they_are():
+    """A control whose rate costs something couples with those before and after; the rows still change their stage."""
+    rng = np.random.default_rng(18)
+    b = Builder(rng)
+    frames = 30
+    x = [b.variables(3, i) for i in range(frames)]
+    for i in range(frames):
+        b.curvature([x[i][2]], 1.0)
+        if i:
+            b.row(i - 1, [x[i - 1][0], x[i - 1][1], x[i][0], x[i][1]])
+            b.row(i - 1, [x[i - 1][1], x[i - 1][2], x[i][1], x[i][2]])
+            b.curvature([x[i - 1][2], x[i][2]], 1.0)
+    pattern = b.pattern()
+    couplings, stage, found = parts(pattern)
+    assert found is not None
+    assert [kind_of(found, k, 0).following.size for k in range(len(found.example))] == [3]
+    check(SegmentedKKT(couplings, stage, found), pattern, generic(rng, pattern), rng)
+
+
+def test_frames_that_hold_a_variable_are_left_out():
+    rng = np.random.default_rng(19)
+    pattern = motion(rng, 60)
+    couplings = Couplings.of(*pattern.arguments()[:6])
+    stage = np.concatenate([pattern.var_stage, pattern.row_stage]).astype(np.int64)
+    held = np.zeros(pattern.n, dtype=bool)
+    for frame in (20, 40):
+        held[np.flatnonzero(pattern.var_stage == frame)[0]] = True
+    free, found = find_segments(couplings, stage), find_segments(couplings, stage, held)
+    assert free is not None
+    assert found is not None
+    assert free.interior[[20, 40]].all()
+    assert not found.interior[[20, 40]].any()
+    one, other = (StructuredKKT(*pattern.arguments(), held=mask).system for mask in (None, held))
+    assert other is not one
+
+
 def test_factors_that_are_tried_once_are_trusted(monkeypatch):
     monkeypatch.setattr(segmented, "SUSPECT", 0.0)
     rng = np.random.default_rng(17)
