@@ -2,8 +2,8 @@
 
     python bench/kkt.py [--frames 1000] [--growth 1000,10000,100000] [--rounds 15] [--quick]
 
-The matrices come from solves of P3 (a chain of five rods), P5 (the lamp's jump) and P4 (20 rods): the last one of
-the right inertia of so many iterations. Everybody factorises the same values on one thread, in turn, the sparsity
+The matrices come from solves of P3 (a chain of five rods), P5 and P6 (the lamp's jump) and P4 (20 rods): the last one
+of the right inertia of so many iterations. Everybody factorises the same values on one thread, in turn, the sparsity
 analysed before (here: the elimination planned); times are minima of processor time over the rounds.
 
 - MUMPS is the library and the settings that IPOPT uses (see mumps.py). It needs CasADi and gcc.
@@ -38,7 +38,7 @@ from stc.solver import Options, minimize  # noqa: E402
 from stc.solver.kkt import FrontalKKT, Inertia, structured_kkt  # noqa: E402
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))
-from bench.peers.problems import spec_of  # noqa: E402
+from bench.peers.problems import constants_of, spec_of  # noqa: E402
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
@@ -186,7 +186,7 @@ def growth(frames: list[int], rounds: int) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--frames", type=int, default=1000, help="of P3, and about that of P5")
+    parser.add_argument("--frames", type=int, default=1000, help="of P3, and about that of P5 and P6")
     parser.add_argument("--growth", default="1000,10000,100000")
     parser.add_argument("--rounds", type=int, default=15)
     parser.add_argument("--quick", action="store_true", help="200 frames, growth up to 5000, five rounds")
@@ -201,10 +201,10 @@ def main() -> None:
         "| operations per frame | GF/s | factor, kB per frame | backward error |"
     )
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
-    k = max(options.frames // 60, 1)
     for name, spec, iterations, constants in (
         ("P3", spec_of("P3", 5), 12, {"n": options.frames}),
-        ("P5", spec_of("P5", 0), 14, {"k": k}),
+        ("P5", spec_of("P5", 0), 14, constants_of("P5", options.frames // 15 * 15)),
+        ("P6", spec_of("P6", 0), 14, constants_of("P6", options.frames)),
         ("P4, 20 rods", spec_of("P4", 20), 6, {"n": 50}),
     ):
         print(

@@ -27,7 +27,7 @@ from pathlib import Path  # noqa: E402
 from typing import Any, Protocol  # noqa: E402
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))
-from bench.peers.problems import spec_of  # noqa: E402
+from bench.peers.problems import constants_of, spec_of  # noqa: E402
 
 #: Rounds of each case, those of a quick run, and how many there are at least where they are long.
 ROUNDS, QUICK_ROUNDS, FEWEST = 15, 6, 5
@@ -55,13 +55,13 @@ class Case:
     def label(self) -> str:
         """What the table calls it."""
         name = f"{self.problem}, {self.rods} rods" if self.problem == "P4" else self.problem
-        name = name.replace("P5", "luxo_jump")
+        name = name.replace("P6", "luxo_jump")
         return f"{self.what} {name}" if self.what == "compile" else f"{self.what} {name}, n = {self.n:,}"
 
     @property
     def constants(self) -> dict[str, int]:
         """Those that give the spec its number of intervals."""
-        return {"k": self.n // 60} if self.problem == "P5" else {"n": self.n}
+        return constants_of(self.problem, self.n)
 
 
 CASES = (
@@ -75,11 +75,12 @@ CASES = (
     Case("solve", "P3", 1000, 5),
     Case("solve", "P4", 50, 10),
     Case("solve", "P5", 120),
+    Case("solve", "P6", 120),
     Case("evaluate", "P2", 10_000),
     Case("evaluate", "P2", 100_000),
     Case("evaluate", "P4", 1000, 20),
     Case("compile", "P2", 50),
-    Case("compile", "P5", 120),
+    Case("compile", "P6", 120),
     Case("compile", "P4", 50, 20),
 )
 

@@ -1,8 +1,8 @@
 """CasADi + IPOPT: one function per frame, mapped over the frames.
 
 P1 and P2 eliminate what is explicit (P2: the accelerations); the chains keep accelerations and torques as unknowns,
-tied by inverse dynamics, which is much sparser than eliminating them.  P5 is the lamp's program itself, kernel by
-kernel (:mod:`bench.casadi_bridge`).
+tied by inverse dynamics, which is much sparser than eliminating them, and so does P5, where contact forces are
+unknowns, too.  P6 is the lamp's program itself, kernel by kernel (:mod:`bench.casadi_bridge`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from bench.peers.task import Case, Outcome, Task
 
 
 def build(case: Case, variant: str) -> Task:
-    makers = {"P1": _point, "P2": _cart_pole, "P3": _chain, "P4": _chain, "P5": _jump}
+    makers = {"P1": _point, "P2": _cart_pole, "P3": _chain, "P4": _chain, "P5": _jump, "P6": _bundled_jump}
     program, arguments, more = makers[case.problem](case)
     solver = ca.nlpsol("solver", "ipopt", program, ipopt_options(case, variant, **more))
     return Task(lambda: solved(solver, arguments))
@@ -129,11 +129,105 @@ def _chain(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     return program, _arguments(guess, lower, upper), {}
 
 
+#: What IPOPT does best with on P5.
+_JUMP_OPTIONS = {"ipopt.mu_strategy": "adaptive"}
+
+
 def _jump(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """Phase by phase; of each frame x, z, pitch and joints, their rates, accelerations, torques, contact."""
+    q, v, a, u, f = (ca.SX.sym(name, size) for name, size in zip("qvauf", (6, 6, 6, 3, 3)))
+    inertial = problems.lamp_forces(*(ca.vertsplit(part) for part in (q, v, a)), ca.sin, ca.cos)
+    balance = ca.Function("balance", [q, v, a, u, f], [ca.vertcat(*inertial) - ca.vertcat(f, u)])
+    # M(q) dv, of a jump of the rates dv
+    impulse = ca.Function("impulse", [q, v, a], [ca.vertcat(*inertial)])
+    start = np.array([0.0, 0.0, 0.0, *problems.LAMP_POSE])
+    weight = sum(problems.LAMP_MASS) * problems.GRAVITY
+    holding = impulse(start, np.zeros(6), np.zeros(6)).full().ravel()[3:]
+    phases, objective = [], 0.0
+    rows: list[tuple[Any, float, float]] = []
+    guesses, lowers, uppers = [], [], []
+    for phase, (time, share) in enumerate(zip(problems.JUMP_TIMES, problems.JUMP_SHARES)):
+        n = case.n * share // sum(problems.JUMP_SHARES)
+        h, grounded = time / n, phase != 1
+        w = ca.MX.sym(f"w{phase}", 24, n + 1)
+        places, rates, accelerations, torques, contact = ca.vertsplit(w, [0, 6, 12, 18, 21, 24])
+        lower, upper = _boxes(24, n)
+        for joint, (least, most) in enumerate(problems.LAMP_RANGES):
+            lower[3 + joint], upper[3 + joint] = least, most
+        lower[9:12], upper[9:12] = -problems.LAMP_RATE, problems.LAMP_RATE
+        lower[18:21], upper[18:21] = -problems.LAMP_TORQUE, problems.LAMP_TORQUE
+        guess = np.zeros((24, n + 1))
+        guess[:6], guess[18:21] = start[:, None], holding[:, None]
+        share_of_flight = np.linspace(0.0, 1.0, n + 1)
+        if grounded:
+            guess[22] = weight
+            lower[12:15] = upper[12:15] = 0.0
+            lower[22] = 0.0
+            rows += [
+                (sign * contact[k, :] - most * contact[1, :], -np.inf, 0.0)
+                for k, most in ((0, problems.FRICTION), (2, problems.REACH))
+                for sign in (1.0, -1.0)
+            ]
+        else:
+            guess[0] = problems.JUMP_DISTANCE * share_of_flight
+            guess[1] = 0.4 * share_of_flight * (1.0 - share_of_flight)
+            guess[6] = problems.JUMP_DISTANCE / time
+            guess[7] = 0.4 * (1.0 - 2.0 * share_of_flight) / time
+            lower[21:] = upper[21:] = 0.0
+            lower[2], upper[2] = -problems.PITCH, problems.PITCH
+            lower[:3, n] = upper[:3, n] = problems.JUMP_DISTANCE, 0.0, 0.0
+            upper[7, n] = 0.0
+            tip = problems.FOOT * ca.sin(places[2, 1:-1])
+            rows.append((ca.vertcat(places[1, 1:-1] + tip, places[1, 1:-1] - tip), 0.0, np.inf))
+        if phase == 0:
+            lower[:6, 0] = upper[:6, 0] = start
+            lower[6:12, 0] = upper[6:12, 0] = 0.0
+        if phase == 2:
+            guess[0] = problems.JUMP_DISTANCE
+            lower[6:9, 0] = upper[6:9, 0] = 0.0
+            lower[3:6, n] = upper[3:6, n] = start[3:]
+            lower[9:12, n] = upper[9:12, n] = 0.0
+        gaps = trapezoidal_gaps(places, rates, h), trapezoidal_gaps(rates, accelerations, h)
+        rows += [(ca.vertcat(*gaps), 0.0, 0.0)]
+        rows += [(balance.map(n + 1)(places, rates, accelerations, torques, contact), 0.0, 0.0)]
+        effort = ca.sum1(torques**2) + problems.WHIP * ca.sum1(accelerations[3:, :] ** 2)
+        turns = ca.sumsqr(torques[:, 1:] - torques[:, :-1])
+        objective += ca.dot(effort, ca.DM(weights(n, h)).T) + problems.TURNS / h * turns
+        phases.append(w)
+        guesses.append(guess.ravel("F"))
+        lowers.append(lower.ravel("F"))
+        uppers.append(upper.ravel("F"))
+    push, flight, landing = phases
+    blow = ca.MX.sym("blow", 3)
+    rows.append((flight[:12, 0] - push[:12, -1], 0.0, 0.0))
+    rows.append((landing[:6, 0] - flight[:6, -1], 0.0, 0.0))
+    touching, change = landing[:6, 0], landing[6:12, 0] - flight[6:12, -1]
+    none = np.zeros(6)
+    passed = impulse(touching, none, change) - impulse(touching, none, none)
+    rows.append((passed - ca.vertcat(blow, np.zeros(3)), 0.0, 0.0))
+    rows += [
+        (sign * blow[k] - most * blow[1], -np.inf, 0.0)
+        for k, most in ((0, problems.FRICTION), (2, problems.REACH))
+        for sign in (1.0, -1.0)
+    ]
+    arguments = {
+        "x0": np.concatenate([*guesses, [0.0, 0.5, 0.0]]),
+        "lbx": np.concatenate([*lowers, [-np.inf, 0.0, -np.inf]]),
+        "ubx": np.concatenate([*uppers, np.full(3, np.inf)]),
+        "lbg": np.concatenate([np.full(row.numel(), least) for row, least, _ in rows]),
+        "ubg": np.concatenate([np.full(row.numel(), most) for row, _, most in rows]),
+    }
+    together = ca.vertcat(*(ca.vec(row) for row, _, _ in rows))
+    unknowns = ca.vertcat(*(ca.vec(w) for w in phases), blow)
+    return {"x": unknowns, "f": objective, "g": together}, arguments, _JUMP_OPTIONS
+
+
+def _bundled_jump(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     import stc
     from bench import casadi_bridge
 
-    problem, transcription = stc.load(problems.spec_of("P5", 0)).transcription(k=case.n // 60)
+    constants = problems.constants_of("P6", case.n)
+    problem, transcription = stc.load(problems.spec_of("P6", 0)).transcription(**constants)
     bound = transcription.bind(problem.constants)
     w, f, g = casadi_bridge.program(bound)
     arguments = {

@@ -31,12 +31,13 @@ class Contender:
 
 
 _EVERY = {"P1": 100_000, "P2": 100_000, "P3": 10_000, "P4": 50}
+_LAMP = {"P5": 10_000, "P6": 10_000}
 
 CONTENDERS = (
-    Contender("stc", "stc", "ours", sizes={**_EVERY, "P5": 10_000}),
+    Contender("stc", "stc", "ours", sizes={**_EVERY, **_LAMP}),
     *(
         Contender(
-            f"IPOPT, {variant}", "CasADi + IPOPT", "casadi_ipopt", variant, "casadi", {**_EVERY, "P5": 10_000}
+            f"IPOPT, {variant}", "CasADi + IPOPT", "casadi_ipopt", variant, "casadi", {**_EVERY, **_LAMP}
         )
         for variant in ("mapped", "expanded")
     ),
@@ -47,7 +48,7 @@ CONTENDERS = (
         "casadi_ipopt",
         "compiled",
         "casadi",
-        {"P2": 10_000, "P3": 1000, "P4": 50},
+        {"P2": 10_000, "P3": 1000, "P4": 50, "P5": 120},
     ),
     *(
         Contender(f"fatrop, {variant}", "CasADi + fatrop", "casadi_fatrop", variant, "casadi", _EVERY)

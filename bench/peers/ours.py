@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bench.peers.problems import spec_of
+from bench.peers.problems import constants_of, spec_of
 from bench.peers.task import Case, Outcome, Task
 
 
@@ -10,7 +10,7 @@ def build(case: Case, variant: str) -> Task:
     """All but the solve is done before: parsed, differentiated, compiled and bound."""
     import stc
 
-    overrides = {"k": case.n // 60} if case.problem == "P5" else {"n": case.n}
+    overrides = constants_of(case.problem, case.n)
     model = stc.load(spec_of(case.problem, case.rods))
     prepared = model.prepare(max_iterations=case.max_iterations, time_limit=case.time_limit, **overrides)
 

@@ -4,9 +4,10 @@ P1  a point through three waypoints, least acceleration: a quadratic problem
 P2  cart-pole swing-up of [Kelly2017], bounds on cart and force
 P3  a chain of five rods, hanging to upright in half a second, least torque: absolute angles, inverse dynamics
 P4  the same of 2, 10 and 20 rods
-P5  the lamp's jump, ``luxo_jump`` of the bundled specs
+P5  a lamp on a flat foot jumps: six coordinates, phases of fixed length, a plastic landing; inverse dynamics
+P6  the lamp's jump of the bundled specs, ``luxo_jump``
 
-All use the trapezoidal rule (P5: Hermite-Simpson) with n intervals: q and q' are continuous and linear in
+All use the trapezoidal rule (P6: Hermite-Simpson) with n intervals: q and q' are continuous and linear in
 between averages of q' and q''.
 """
 
@@ -33,6 +34,21 @@ SWING_TIME, DISTANCE, TRACK, FORCE = 2.0, 1.0, 2.0, 20.0
 # P3 and P4
 ROD_MASS, ROD_LENGTH, CHAIN_TIME = 0.5, 0.5, 0.5
 UPRIGHT = math.pi
+
+# P5: base, lower arm, upper arm, head; from the sole up
+LAMP_MASS = (1.0, 0.25, 0.25, 0.6)
+LAMP_INERTIA = (0.0034083333333333344, 0.0016422756891745437, 0.0016422756891745437, 0.0016516092001062825)
+#: From a joint to the centre of mass of the body above it, and to the next joint.
+LAMP_CENTRE = (0.015, 0.14, 0.14, 0.07155771905424202)
+LAMP_LENGTH = (0.03, 0.28, 0.28, 0.0)
+LAMP_POSE = (-0.7339498748935395, 1.5, 1.0)
+LAMP_RANGES = ((-1.6, 1.6), (0.15, 2.6), (-0.5, 2.4))
+#: Lengths of push, flight and landing, and their shares of the intervals.
+JUMP_TIMES, JUMP_SHARES = (0.35, 0.30, 0.45), (5, 4, 6)
+JUMP_DISTANCE, FOOT, REACH, FRICTION = 0.4, 0.1, 0.08, 0.6
+LAMP_TORQUE, LAMP_RATE, PITCH = 15.0, 20.0, 1.0
+#: Weights of accelerations of joints and of changes of torques.
+WHIP, TURNS = 1e-5, 1e-4
 
 
 def cart_pole_accelerations(
@@ -77,6 +93,37 @@ def chain_torques(
     return torques[::-1]
 
 
+def lamp_forces(
+    q: Sequence[Any], v: Sequence[Any], a: Sequence[Any], sin: Function, cos: Function
+) -> list[Any]:
+    """Generalised forces on x, z, pitch and the three joints of the lamp, (6,), by Newton and Euler: O(bodies).
+
+    Joint angles are relative, from upright, forward positive.
+    """
+    angle, rate, turning = q[2], v[2], a[2]
+    ax, az = a[0], a[1] + GRAVITY
+    bodies: list[tuple[Any, Any, Any, Any, Any]] = []
+    for k in range(4):
+        if k:
+            angle, rate, turning = angle + q[2 + k], rate + v[2 + k], turning + a[2 + k]
+        s, c = sin(angle), cos(angle)
+        along, down = c * turning - s * rate * rate, s * turning + c * rate * rate
+        centre = LAMP_CENTRE[k]
+        force_x = LAMP_MASS[k] * (ax + centre * along)
+        force_z = LAMP_MASS[k] * (az - centre * down)
+        bodies.append((s, c, force_x, force_z, LAMP_INERTIA[k] * turning))
+        ax, az = ax + LAMP_LENGTH[k] * along, az - LAMP_LENGTH[k] * down
+    sum_x = sum_z = torque = 0.0
+    torques = []
+    for k in reversed(range(4)):
+        s, c, force_x, force_z, spin = bodies[k]
+        lever, centre = LAMP_LENGTH[k], LAMP_CENTRE[k]
+        torque = torque + spin + lever * (c * sum_x - s * sum_z) + centre * (c * force_x - s * force_z)
+        sum_x, sum_z = sum_x + force_x, sum_z + force_z
+        torques.append(torque)
+    return [sum_x, sum_z, *torques[::-1]]
+
+
 def chain_spec(rods: int) -> str:
     """P3 or P4 in this project's language, stated as :func:`chain_torques` does it."""
     every = range(1, rods + 1)
@@ -117,10 +164,15 @@ def chain_spec(rods: int) -> str:
     return "\n".join(lines) + "\n"
 
 
+def constants_of(problem: str, n: int) -> dict[str, int]:
+    """Those that give the text so many intervals (P5: a multiple of 15; P6: of 60)."""
+    return {"k": n // 60} if problem == "P6" else {"n": n}
+
+
 def spec_of(problem: str, rods: int) -> str:
     """The text, or the bundled name, of a problem in this project's language."""
     if problem in ("P3", "P4"):
         return chain_spec(rods)
-    if problem == "P5":
+    if problem == "P6":
         return "luxo_jump"
     return (SPECS / f"{problem.lower()}.stc").read_text(encoding="utf-8")

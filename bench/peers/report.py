@@ -20,6 +20,7 @@ GOALS: dict[tuple[str, int], float] = {
     ("P3", 1000): 21.0,
     ("P4, 10 rods", 50): 10.0,
     ("P5", 120): 10.0,
+    ("P6", 120): 10.0,
 }
 
 #: How many times the time of CasADi + IPOPT from Python a cold start may take: (first time, again).

@@ -36,6 +36,7 @@ CASES = (
     Case("P4", 50, 10, max_iterations=1000),
     Case("P4", 50, 20, max_iterations=1000),
     Case("P5", 120),
+    Case("P6", 120),
 )
 
 #: From process start to solution saved.

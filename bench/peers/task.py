@@ -12,7 +12,7 @@ class Case:
     """One problem at one size.
 
     Attributes:
-        problem: ``P1`` to ``P5``.
+        problem: ``P1`` to ``P6``.
         n: number of intervals.
         rods: of the chain, for P3 and P4.
         max_iterations: where a tool is to stop; what did not converge by then is compared per iteration.

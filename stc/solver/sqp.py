@@ -259,10 +259,7 @@ class _Solve:
             point = self._stated(outcome)
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
                 judged = self._assess(point)
-                feasible = judged.violation <= self.options.feasibility_tolerance
-                stationary = judged.optimality <= self.options.unscaled_tolerance
-                credible = np.abs(outcome.y).max(initial=0.0) <= LARGEST_MULTIPLIER
-                if feasible and stationary and credible:
+                if self._confirms(point, outcome.y):
                     outcome.end = End.CONVERGED
                     return outcome
             if outcome.end is End.STUCK:
@@ -278,6 +275,13 @@ class _Solve:
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome
+
+    def _confirms(self, point: _Point, y: Floats) -> bool:
+        """Whether the problem as stated confirms a point, with multipliers ``y`` that can be believed."""
+        judged = self._assess(point)
+        feasible = judged.violation <= self.options.feasibility_tolerance
+        stationary = judged.optimality <= self.options.unscaled_tolerance
+        return bool(feasible and stationary and np.abs(y).max(initial=0.0) <= LARGEST_MULTIPLIER)
 
     def _assess(self, point: _Point) -> Assessment:
         """The conditions at a point of the problem as stated, of the last one without evaluating them again."""
@@ -337,7 +341,12 @@ class _Solve:
         if best is None:
             return self._result(status, np.asarray(self.start.x, dtype=float))
         _, _, x, y = best
-        return self._result(status, x, y if y.size == self.nlp.m else None)
+        if y.size != self.nlp.m:
+            y = np.zeros(self.nlp.m)
+        point = _Point(x, y)
+        if status is Status.FAILED and self._confirms(point, y):
+            status = Status.OPTIMAL  # where many points are as good, one may have been passed on the way to nowhere
+        return self._result(status, x, y, at=point)
 
     def _result(
         self, status: Status, x: Floats, y: Floats | None = None, message: str = "", at: _Point | None = None

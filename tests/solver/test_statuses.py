@@ -168,3 +168,23 @@ def test_the_same_answer_twice() -> None:
     first, second = minimize(program), minimize(program)
     assert np.array_equal(first.x, second.x)
     assert first.iterations == second.iterations
+
+
+def test_a_point_passed_on_the_way_counts_where_the_problem_confirms_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whatever the iteration made of it: the best point seen is judged like any other."""
+    from stc.solver import sqp
+    from stc.solver.outcome import End, Outcome
+
+    def lost(self: object, outcome: Outcome) -> Outcome:
+        outcome.end, outcome.error = End.STUCK, 1.0
+        return outcome
+
+    monkeypatch.setattr(sqp._Solve, "_settle", lost)
+    flat = SymbolicProgram(
+        [0.6, 0.8], lambda x: 7.0 + 0.0 * x[0], lambda x: [(x[0] ** 2 + x[1] ** 2, 1.0, 1.0)]
+    )
+    assert minimize(flat, Options(retries=0)).status is Status.OPTIMAL
+    steep = SymbolicProgram([0.6, 0.8], lambda x: x[0], lambda x: [(x[0] ** 2 + x[1] ** 2, 1.0, 1.0)])
+    assert minimize(steep, Options(retries=0, max_iterations=1)).status is not Status.OPTIMAL

@@ -353,6 +353,8 @@ class FrontalKKT(ByCopies):
         """Compare what the last factorisation cost with the plan."""
         assert self._plan is not None
         found = self._found
+        if not (found[pivots.STRAYED] or found[pivots.REJECTED] or self.nnz_factor > self._plan.nnz):
+            return
         strayed = found[pivots.STRAYED] / max(self._staging.stages, 1)
         self._waste += max(self.nnz_factor - self._plan.nnz, 0) + STRAYING * strayed * self.nnz_factor
         self._waste += REJECTION * found[pivots.REJECTED]

@@ -63,6 +63,8 @@ RECENT = 0.3
 UNLIKELY = 0.2
 #: Room for factors, as a multiple of what the first plan needs.
 ROOM = 1.25
+#: A number of matrices that is never reached.
+FAR = 2**62
 #: A cheaper plan that has failed is tried again after twice so many matrices, then twice as many each time.
 RESTING = 2
 #: After so many failures in a row segments are skipped for one matrix, then for twice as many each time, up to this
@@ -93,6 +95,18 @@ class _Prepared:
     solve_both: Bound | None = None
     probe: Bound | None = None
     bindings: int = -1  # of the rest, that these are made for
+
+    def suited(self) -> None:
+        """Note that it did for a matrix."""
+        self.won += RECENT * (1.0 - self.won)
+        self.served += 1
+        self.failed = 0
+
+    def refused(self, number: int) -> None:
+        """Note that it did not, for the matrix of that number."""
+        self.won -= RECENT * self.won
+        self.failed += 1
+        self.rest_until = number + RESTING * 2 ** min(self.failed, LONGEST_SKIP)
 
 
 class SegmentedKKT(ByCopies):
@@ -147,6 +161,7 @@ class SegmentedKKT(ByCopies):
         self._failures = 0
         self._missed = 0
         self._skip = 0
+        self._choose_at = 0  # the matrix from which on the plan to begin with is to be chosen anew
         self._settled = False
         self._by_segments = False
         self._factorized = False
@@ -162,7 +177,7 @@ class SegmentedKKT(ByCopies):
         self.nnz_factor = 0
         self.last_residual = 0.0
         self._scaled = False
-        self._failures = self._skip = 0
+        self._failures = self._skip = self._choose_at = 0
         if self._plans:
             self._now = self._plans[0]
         for plan in self._plans:
@@ -262,13 +277,10 @@ class SegmentedKKT(ByCopies):
         for plan in self._candidates():
             self._now = plan
             rest = self._through(plan)
-            plan.won += RECENT * (float(rest is not None) - plan.won)
             if rest is not None:
-                plan.served += 1
-                plan.failed = 0
+                plan.suited()
                 break
-            plan.failed += 1
-            plan.rest_until = self._tried + RESTING * 2 ** min(plan.failed, LONGEST_SKIP)
+            plan.refused(self._tried)
         if rest is None:
             self._now = max(self._plans, key=lambda plan: plan.won)
             self._failures += 1
@@ -304,8 +316,15 @@ class SegmentedKKT(ByCopies):
 
     def _candidates(self) -> Iterator[_Prepared]:
         """Plans to try for the matrix at hand: that in use, others that suited some before, a new one."""
-        first = self._first()
+        first = self._now
+        if self._tried >= self._choose_at or first.curved != bool(self._curvatures[0]):
+            first = self._first()
+            self._choose_at = self._tried + 1
+            if first is self._now and (self._settled or not first.curved):
+                # Nothing changes before another plan is to be tried again.
+                self._choose_at = min((plan.rest_until for plan in self._cheaper(first)), default=FAR)
         yield first
+        self._choose_at = 0
         others = (plan for plan in self._plans if plan is not first and plan.won > UNLIKELY)
         yield from sorted(others, key=lambda plan: -plan.won)
         self._missed += self._couplings.size
@@ -322,7 +341,7 @@ class SegmentedKKT(ByCopies):
         curved = bool(self._curvatures[0])
         now = self._now
         if now.served > 0 and now.curved == curved and (now.served != SETTLED or self._settled):
-            return self._cheaper(now)
+            return next((plan for plan in self._cheaper(now) if plan.rest_until <= self._tried), now)
         alike = [plan for plan in self._plans if plan.curved == curved]
         if not alike and len(self._plans) < PLANS:
             return self._new_plan()
@@ -337,14 +356,14 @@ class SegmentedKKT(ByCopies):
                 return other
         return now
 
-    def _cheaper(self, now: _Prepared) -> _Prepared:
-        """Another plan that takes fewer operations, and has not failed lately, or ``now``."""
-        best = now
-        for plan in self._plans:
-            cheaper = plan.curved == now.curved and plan.operations < FEWER * best.operations
-            if cheaper and plan.rest_until <= self._tried:
-                best = plan
-        return best
+    def _cheaper(self, now: _Prepared) -> list[_Prepared]:
+        """Other plans for such matrices that take fewer operations, those with the fewest first."""
+        cheaper = (
+            plan
+            for plan in self._plans
+            if plan.curved == now.curved and plan.operations < FEWER * now.operations
+        )
+        return sorted(cheaper, key=lambda plan: plan.operations)
 
     def _new_plan(self) -> _Prepared:
         self._missed = 0
