@@ -345,7 +345,9 @@ class _Solve:
             y = np.zeros(self.nlp.m)
         point = _Point(x, y)
         if status is Status.FAILED and self._confirms(point, y):
-            status = Status.OPTIMAL  # where many points are as good, one may have been passed on the way to nowhere
+            status = (
+                Status.OPTIMAL
+            )  # where many points are as good, one may have been passed on the way to nowhere
         return self._result(status, x, y, at=point)
 
     def _result(

@@ -47,6 +47,9 @@ MORE = 3.0
 TRUSTED = 1e-4
 #: Stages of a kind whose entries are looked at for a plan.
 SAMPLE = 32
+#: Entries that are below this share of their mean somewhere count this much when pivots are planned.
+VANISHING = 1e-6
+UNRELIABLE = 1e-4
 #: Another plan takes as long as ``FrontalKKT`` takes for matrices of so many unknowns together: it is made when all
 #: plans have failed for so many.
 PLANNING = 13_000
@@ -406,11 +409,26 @@ class SegmentedKKT(ByCopies):
             inside = np.isin(found.edge_stage, chosen)
             codes = found.codes[number]
             entries = _middle(np.searchsorted(codes, found.edge_code[inside]), values[inside], codes.size)
+            entries *= self._reliable(number, values, entries)
             unknowns = found.stages.order[found.stages.pointers[chosen][:, None] + np.arange(kind.own)]
             place = np.broadcast_to(np.arange(kind.own), unknowns.shape).reshape(-1)
             own = _middle(place, diagonal[unknowns.reshape(-1)], kind.own)
             programs.append(plan_panels(kind, entries, own))
         return programs
+
+    def _reliable(self, number: int, values: Floats, entries: Floats) -> Floats:
+        """What to multiply the entries (codes,) of a kind with, so that those that vanish somewhere are no pivots."""
+        found = self._found
+        stages = np.zeros(found.interior.size, dtype=bool)
+        for group in found.groups:
+            if group.kind == number:
+                stages[group.stages] = True
+        inside = np.flatnonzero((found.edge_stage >= 0) & stages[found.edge_stage])
+        least = np.full(entries.size, np.inf)
+        np.minimum.at(
+            least, np.searchsorted(found.codes[number], found.edge_code[inside]), np.abs(values[inside])
+        )
+        return np.where(least < VANISHING * np.abs(entries), UNRELIABLE, 1.0)
 
     def _bind_entries(self) -> None:
         """Prepare the calls that do not depend on the plan."""

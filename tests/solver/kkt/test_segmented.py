@@ -255,6 +255,27 @@ def test_frames_that_hold_a_variable_are_left_out():
     assert other is not one
 
 
+def test_entries_that_vanish_somewhere_are_no_pivots():
+    """An angle passes a right angle at one frame of a long horizon: its cosine is no pivot there."""
+    rng = np.random.default_rng(20)
+    pattern = motion(rng, 200)
+    values = generic(rng, pattern)
+    # The only entry of the first position in an equation of its frame, next to that of the first velocity.
+    column = np.flatnonzero(pattern.var_stage == 100)[0]
+    rows = pattern.jac_rows[pattern.jac_cols == column]
+    counts = np.bincount(pattern.jac_rows, minlength=pattern.m)
+    row = next(r for r in rows if counts[r] == 2)
+    values.jac[(pattern.jac_rows == row) & (pattern.jac_cols == column)] = 1e-17
+    kkt = system_of(pattern)
+    check(kkt, pattern, values, rng)
+    assert kkt._by_segments
+    number, codes = 0, kkt._found.codes[0]
+    weights = kkt._reliable(
+        number, kkt._arrays.given[kkt._source[: kkt._couplings.first.size]], np.ones(codes.size)
+    )
+    assert np.count_nonzero(weights != 1.0) == 1
+
+
 def test_factors_that_are_tried_once_are_trusted(monkeypatch):
     monkeypatch.setattr(segmented, "SUSPECT", 0.0)
     rng = np.random.default_rng(17)
