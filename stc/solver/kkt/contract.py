@@ -16,7 +16,7 @@ from stc.solver.nlp import Floats
 __all__ = ["FINE", "AttachedKKT", "Inertia", "KKTSystem", "NotFinite"]
 
 #: The relative residual that iterative refinement aims at.
-FINE = 1e-12
+FINE = 1e-13
 
 
 class NotFinite(ValueError):
