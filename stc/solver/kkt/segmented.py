@@ -7,15 +7,11 @@ whole matrix when a test fails with every plan. Another plan is made when that h
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.arrays import aligned_zeros, distinct, scattered
+from stc.arrays import aligned_zeros, scattered
 from stc.codegen.calls import Bound, chain_until
-from stc.records import dataclass
 from stc.solver.kkt import lanes
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
@@ -24,11 +20,12 @@ from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, SWEEPS, FrontalKKT
 from stc.solver.kkt.lane_panel import COUNTED, LARGEST, PANEL, STATE
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import code_of, lay_out
+from stc.solver.kkt.lane_values import sizes_of
+from stc.solver.kkt.plan_choice import Plans, Prepared
 from stc.solver.kkt.seams import sew
 from stc.solver.kkt.segmented_passes import diagonal_of, eliminate_all, equilibrate_all, solve_all
 from stc.solver.kkt.segments import LANES, Segmentation
 from stc.solver.kkt.substitution import REPORT
-from stc.solver.nlp import Floats
 
 __all__ = ["SegmentedKKT"]
 
@@ -45,71 +42,8 @@ SINGULAR = 3e9
 EASILY = 0.01
 MORE = 3.0
 TRUSTED = 1e-4
-#: Stages of a kind whose entries are looked at for a plan.
-SAMPLE = 32
-#: Entries that are below this share of their mean somewhere count this much when pivots are planned.
-VANISHING = 1e-6
-UNRELIABLE = 1e-4
-#: Another plan takes as long as ``FrontalKKT`` takes for matrices of so many unknowns together: it is made when all
-#: plans have failed for so many.
-PLANNING = 13_000
-#: Plans that are kept; after so many matrices one that failed may be replaced.
-PLANS = 4
-MATRICES = 40
-#: When a plan has served so many matrices another one is made, once, and used if it takes this share of the operations
-#: at most.
-SETTLED = 6
-FEWER = 0.97
-#: How much the last matrix counts in the share of matrices that a plan suits, and the share that makes a trial worth
-#: its while.
-RECENT = 0.3
-UNLIKELY = 0.2
 #: Room for factors, as a multiple of what the first plan needs.
 ROOM = 1.25
-#: A number of matrices that is never reached.
-FAR = 2**62
-#: A cheaper plan that has failed is tried again after twice so many matrices, then twice as many each time.
-RESTING = 2
-#: After so many failures in a row segments are skipped for one matrix, then for twice as many each time, up to this
-#: power of two.
-PATIENCE = 3
-LONGEST_SKIP = 4
-
-
-@dataclass
-class _Prepared:
-    """Calls for one plan, and what they work with."""
-
-    tables: tuple[Any, ...]
-    factors: Floats
-    state: Floats
-    space: tuple[Floats, Floats]
-    eliminate: Bound
-    equilibrate: Bound
-    operations: int
-    curved: bool  # whether H was not zero when it was made
-    trusted: float  # share of what is acceptable up to which its factors are not tried
-    won: float = 0.0  # share of the last matrices that it suited
-    served: int = 0  # matrices that it suited
-    failed: int = 0  # times in a row that it did not
-    rest_until: int = 0  # the matrix from which on it may be tried again
-    steps: Bound | None = None  # elimination, and those of the rest
-    solve: Bound | None = None
-    solve_both: Bound | None = None
-    probe: Bound | None = None
-    bindings: int = -1  # of the rest, that these are made for
-
-    def suited(self) -> None:
-        """Note that it did for a matrix."""
-        self.won += RECENT * (1.0 - self.won)
-        self.served += 1
-        self.failed = 0
-
-    def refused(self, number: int) -> None:
-        """Note that it did not, for the matrix of that number."""
-        self.won -= RECENT * self.won
-        self.failed += 1
-        self.rest_until = number + RESTING * 2 ** min(self.failed, LONGEST_SKIP)
 
 
 class SegmentedKKT(ByCopies):
@@ -159,20 +93,13 @@ class SegmentedKKT(ByCopies):
         self._added = sewn.added // 2
         self._probe_rhs = np.copysign(1.0, scattered(size))
         self._probe_result, self._probe_report = np.zeros(size), np.zeros(REPORT)
-        self._tried = 0
-        self._next_plan = 0
-        self._failures = 0
-        self._missed = 0
-        self._skip = 0
-        self._choose_at = 0  # the matrix from which on the plan to begin with is to be chosen anew
-        self._settled = False
         self._by_segments = False
         self._factorized = False
-        self._plans: list[_Prepared] = []
         self._factors = aligned_zeros(0)
         self._bind_entries()
         nothing = [np.zeros(kind.size * (kind.size + 1) // 2, dtype=bool) for kind in self._kinds]
-        self._now = self._prepare([Program([], used, 0, 0) for used in nothing])  # for equilibration
+        first = self._prepare([Program([], used, 0, 0) for used in nothing])  # for equilibration
+        self._plans = Plans(couplings.size, first)
 
     def restart(self) -> None:
         """Forget all matrices, as if new, but not the plans: they are taken up in the same order."""
@@ -180,9 +107,7 @@ class SegmentedKKT(ByCopies):
         self.nnz_factor = 0
         self.last_residual = 0.0
         self._scaled = False
-        self._failures = self._skip = self._choose_at = 0
-        if self._plans:
-            self._now = self._plans[0]
+        self._plans.restart()
         for plan in self._plans:
             plan.trusted = SUSPECT
         self._factorized = False
@@ -202,14 +127,14 @@ class SegmentedKKT(ByCopies):
         """Additions and multiplications of the last factorisation, updates only."""
         if not self._by_segments:
             return self._whole.operations if self._whole is not None else 0
-        return self._now.operations + self._rest.operations
+        return self._plans.now.operations + self._rest.operations
 
     @property
     def factor_bytes(self) -> int:
         """Memory that the last factorisation fills."""
         if not self._by_segments:
             return self._whole.factor_bytes if self._whole is not None else 0
-        return self._now.factors.nbytes + self._rest.factor_bytes
+        return self._plans.now.factors.nbytes + self._rest.factor_bytes
 
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
@@ -220,7 +145,7 @@ class SegmentedKKT(ByCopies):
         self.accuracy[0] = FINE
         if not self._scaled:
             self._scale[:] = 1.0
-            self._now.equilibrate()
+            self._plans.now.equilibrate()
             self._scaled = True
         inertia = self._refactor_segments()
         self._by_segments = inertia is not None
@@ -235,8 +160,8 @@ class SegmentedKKT(ByCopies):
         if not self._factorized:
             raise ValueError("factorize before solving")
         if self._by_segments:
-            assert self._now.solve is not None
-            return self._now.solve
+            assert self._plans.now.solve is not None
+            return self._plans.now.solve
         assert self._whole is not None
         return self._whole.solve_call
 
@@ -246,8 +171,8 @@ class SegmentedKKT(ByCopies):
         if not self._factorized:
             raise ValueError("factorize before solving")
         if self._by_segments:
-            assert self._now.solve_both is not None
-            return self._now.solve_both
+            assert self._plans.now.solve_both is not None
+            return self._plans.now.solve_both
         assert self._whole is not None
         return self._whole.solve_both_call
 
@@ -272,39 +197,34 @@ class SegmentedKKT(ByCopies):
 
     def _refactor_segments(self) -> Inertia | None:
         """Inertia, or None when a pivot is not good enough."""
-        if self._skip > 0:
-            self._skip -= 1
+        plans = self._plans
+        if plans.paused():
             return None
-        self._tried += 1
         rest = None
-        for plan in self._candidates():
-            self._now = plan
+        for plan in plans.candidates(bool(self._curvatures[0]), self._new_plan):
             rest = self._through(plan)
             if rest is not None:
                 plan.suited()
                 break
-            plan.refused(self._tried)
+            plan.refused(plans.tried)
         if rest is None:
-            self._now = max(self._plans, key=lambda plan: plan.won)
-            self._failures += 1
-            if self._failures >= PATIENCE:
-                self._skip = 2 ** min(self._failures - PATIENCE, LONGEST_SKIP)
+            plans.failed()
             return None
         if rest.zero > 0:
             return None
-        now = self._now
+        now = plans.now
         if now.bindings != self._rest.bindings:
             self._bind_solve(now)
         if now.state[LARGEST] > now.trusted and not self._passes_probe(now):
             return None
-        self._failures = 0
+        plans.succeeded()
         self.nnz_factor = now.factors.size + self._rest.nnz_factor
         negative = int(now.state[COUNTED])
         # The seams have as many positive as negative eigenvalues.
         positive = self._eliminated - negative + rest.positive
         return Inertia(positive - self._added, negative + rest.negative - self._added, rest.zero)
 
-    def _through(self, plan: _Prepared) -> Inertia | None:
+    def _through(self, plan: Prepared) -> Inertia | None:
         """Factorise by a plan: the inertia of the rest, or None where a pivot of the segments is refused."""
         rest = self._rest
         if plan.steps is not None and plan.bindings == rest.bindings and rest.follows_plan:
@@ -317,64 +237,7 @@ class SegmentedKKT(ByCopies):
         # The scale may have served its time.
         return rest.refactor() if plan.equilibrate() and not plan.eliminate() else None
 
-    def _candidates(self) -> Iterator[_Prepared]:
-        """Plans to try for the matrix at hand: that in use, others that suited some before, a new one."""
-        first = self._now
-        if self._tried >= self._choose_at or first.curved != bool(self._curvatures[0]):
-            first = self._first()
-            self._choose_at = self._tried + 1
-            if first is self._now and (self._settled or not first.curved):
-                # Nothing changes before another plan is to be tried again.
-                self._choose_at = min((plan.rest_until for plan in self._cheaper(first)), default=FAR)
-        yield first
-        self._choose_at = 0
-        others = (plan for plan in self._plans if plan is not first and plan.won > UNLIKELY)
-        yield from sorted(others, key=lambda plan: -plan.won)
-        self._missed += self._couplings.size
-        if self._missed < PLANNING:
-            return
-        if len(self._plans) == PLANS:
-            if self._tried < self._next_plan:
-                return
-            del self._plans[min(range(PLANS), key=lambda k: self._plans[k].won)]
-        yield self._new_plan()
-
-    def _first(self) -> _Prepared:
-        """The plan in use, or the latest, of those that were made where H was zero or of the others, as it is now."""
-        curved = bool(self._curvatures[0])
-        now = self._now
-        if now.served > 0 and now.curved == curved and (now.served != SETTLED or self._settled):
-            return next((plan for plan in self._cheaper(now) if plan.rest_until <= self._tried), now)
-        alike = [plan for plan in self._plans if plan.curved == curved]
-        if not alike and len(self._plans) < PLANS:
-            return self._new_plan()
-        if alike and now.curved != curved:
-            return [plan for plan in alike if plan.won > UNLIKELY or plan is alike[0]][-1]
-        if now.served == SETTLED and curved and not self._settled:
-            # By now the entries have the sizes that they will keep.
-            self._settled = True
-            other = self._prepare(self._programs())
-            if other.operations < FEWER * now.operations and len(self._plans) < PLANS:
-                self._plans.append(other)
-                return other
-        return now
-
-    def _cheaper(self, now: _Prepared) -> list[_Prepared]:
-        """Other plans for such matrices that take fewer operations, those with the fewest first."""
-        cheaper = (
-            plan
-            for plan in self._plans
-            if plan.curved == now.curved and plan.operations < FEWER * now.operations
-        )
-        return sorted(cheaper, key=lambda plan: plan.operations)
-
-    def _new_plan(self) -> _Prepared:
-        self._missed = 0
-        self._next_plan = self._tried + MATRICES
-        self._plans.append(self._prepare(self._programs()))
-        return self._plans[-1]
-
-    def _passes_probe(self, plan: _Prepared) -> bool:
+    def _passes_probe(self, plan: Prepared) -> bool:
         """Solve once: a matrix that is nearly singular has long solutions, inaccurate factors a large residual."""
         assert plan.probe is not None
         plan.probe()
@@ -390,6 +253,9 @@ class SegmentedKKT(ByCopies):
         self.nnz_factor = self._whole.nnz_factor
         return inertia
 
+    def _new_plan(self) -> Prepared:
+        return self._prepare(self._programs())
+
     def _programs(self) -> list[Program]:
         """Plan the pivots of each kind for values like those of the matrix at hand, without p.
 
@@ -403,32 +269,8 @@ class SegmentedKKT(ByCopies):
         diagonal[couplings.hess_variable] += self._arrays.given[self._curved_source]
         diagonal *= scale[: couplings.size] ** 2
         for number, kind in enumerate(self._kinds):
-            lanes_of = [group.stages for group in found.groups if group.kind == number]
-            chosen = distinct(np.concatenate([stages.reshape(-1) for stages in lanes_of]))
-            chosen = chosen[:: -(-chosen.size // SAMPLE)]
-            inside = np.isin(found.edge_stage, chosen)
-            codes = found.codes[number]
-            entries = _middle(np.searchsorted(codes, found.edge_code[inside]), values[inside], codes.size)
-            entries *= self._reliable(number, values, entries)
-            unknowns = found.stages.order[found.stages.pointers[chosen][:, None] + np.arange(kind.own)]
-            place = np.broadcast_to(np.arange(kind.own), unknowns.shape).reshape(-1)
-            own = _middle(place, diagonal[unknowns.reshape(-1)], kind.own)
-            programs.append(plan_panels(kind, entries, own))
+            programs.append(plan_panels(kind, *sizes_of(found, kind, number, values, diagonal)))
         return programs
-
-    def _reliable(self, number: int, values: Floats, entries: Floats) -> Floats:
-        """What to multiply the entries (codes,) of a kind with, so that those that vanish somewhere are no pivots."""
-        found = self._found
-        stages = np.zeros(found.interior.size, dtype=bool)
-        for group in found.groups:
-            if group.kind == number:
-                stages[group.stages] = True
-        inside = np.flatnonzero((found.edge_stage >= 0) & stages[found.edge_stage])
-        least = np.full(entries.size, np.inf)
-        np.minimum.at(
-            least, np.searchsorted(found.codes[number], found.edge_code[inside]), np.abs(values[inside])
-        )
-        return np.where(least < VANISHING * np.abs(entries), UNRELIABLE, 1.0)
 
     def _bind_entries(self) -> None:
         """Prepare the calls that do not depend on the plan."""
@@ -445,7 +287,7 @@ class SegmentedKKT(ByCopies):
             self._source[entry].copy(),
         )
 
-    def _prepare(self, programs: list[Program]) -> _Prepared:
+    def _prepare(self, programs: list[Program]) -> Prepared:
         """Prepare the calls that depend on the plan."""
         layout, groups, given = self._layout, self._found.groups, self._arrays.given
         rest = layout.rest
@@ -483,7 +325,7 @@ class SegmentedKKT(ByCopies):
         operations = sum(
             group.segments * len(group.stages) * programs[group.kind].operations for group in groups
         )
-        return _Prepared(
+        return Prepared(
             tables,
             factors,
             state,
@@ -495,7 +337,7 @@ class SegmentedKKT(ByCopies):
             SUSPECT,
         )
 
-    def _bind_solve(self, plan: _Prepared) -> None:
+    def _bind_solve(self, plan: Prepared) -> None:
         """Prepare the calls that depend on the rest's factors, too."""
         layout = self._layout
         rest = layout.rest
@@ -525,11 +367,3 @@ class SegmentedKKT(ByCopies):
         )
         plan.steps = chain_until([(plan.eliminate, True), *self._rest.steps()])
         plan.bindings = self._rest.bindings
-
-
-def _middle(place: NDArray[np.integer], values: Floats, count: int) -> Floats:
-    """Geometric means of magnitudes by place, (count,), with the sign that most have."""
-    many = np.maximum(np.bincount(place, minlength=count), 1)
-    logs = np.bincount(place, np.log(np.maximum(np.abs(values), 1e-12)), count) / many
-    size = np.where(logs < -27.0, 0.0, np.exp(logs))
-    return np.copysign(size, np.bincount(place, np.sign(values), count))

@@ -15,6 +15,7 @@ from solver.kkt.test_contract import check
 from stc.solver.kkt import DenseKKT, segmented, segments
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.lane_program import kind_of
+from stc.solver.kkt.lane_values import sizes_of
 from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.kkt.segmented import SegmentedKKT
 from stc.solver.kkt.segments import Segmentation, find_segments
@@ -269,11 +270,11 @@ def test_entries_that_vanish_somewhere_are_no_pivots():
     kkt = system_of(pattern)
     check(kkt, pattern, values, rng)
     assert kkt._by_segments
-    number, codes = 0, kkt._found.codes[0]
-    weights = kkt._reliable(
-        number, kkt._arrays.given[kkt._source[: kkt._couplings.first.size]], np.ones(codes.size)
+    given = kkt._arrays.given[kkt._source[: kkt._couplings.first.size]]
+    sizes, _ = sizes_of(
+        kkt._found, kkt._kinds[0], 0, np.where(np.abs(given) < 1e-9, 1e-17, 1.0), np.ones(kkt.n + kkt.m)
     )
-    assert np.count_nonzero(weights != 1.0) == 1
+    assert np.count_nonzero(sizes < 1e-3) == 1
 
 
 def test_factors_that_are_tried_once_are_trusted(monkeypatch):
@@ -381,7 +382,7 @@ def test_a_factorisation_of_the_rest_that_is_interrupted():
     rest._capacity = 8  # less than any factor needs
     rest._allocate_factors()
     rest._bind()
-    kkt._bind_solve(kkt._now)
+    kkt._bind_solve(kkt._plans.now)
     check(kkt, pattern, values, rng)
     assert rest._capacity > 8
     assert not rest._window.any()

@@ -1,0 +1,53 @@
+"""The values that pivots of segments are planned from: one size for each entry of all stages of a kind."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.arrays import distinct
+from stc.solver.kkt.lane_program import Kind
+from stc.solver.kkt.segments import Segmentation
+from stc.solver.nlp import Floats
+
+__all__ = ["sizes_of"]
+
+#: Stages of a kind whose entries are looked at.
+SAMPLE = 32
+#: Entries that are below this share of their mean somewhere count this much: they are no pivots there.
+VANISHING = 1e-6
+UNRELIABLE = 1e-4
+
+
+def sizes_of(
+    found: Segmentation, kind: Kind, number: int, values: Floats, diagonal: Floats
+) -> tuple[Floats, Floats]:
+    """Sizes of the entries, in the order of the codes, and of the diagonal, (own,), of a kind of that number.
+
+    Args:
+        values: of all couplings, scaled, (E,).
+        diagonal: of all unknowns, scaled, (N,).
+    """
+    lanes_of = [group.stages for group in found.groups if group.kind == number]
+    stages = distinct(np.concatenate([stages.reshape(-1) for stages in lanes_of]))
+    codes = found.codes[number]
+    chosen = stages[:: -(-stages.size // SAMPLE)]
+    inside = np.isin(found.edge_stage, chosen)
+    entries = _middle(np.searchsorted(codes, found.edge_code[inside]), values[inside], codes.size)
+    unknowns = found.stages.order[found.stages.pointers[chosen][:, None] + np.arange(kind.own)]
+    place = np.broadcast_to(np.arange(kind.own), unknowns.shape).reshape(-1)
+    own = _middle(place, diagonal[unknowns.reshape(-1)], kind.own)
+    of_kind = np.zeros(found.interior.size, dtype=bool)
+    of_kind[stages] = True
+    everywhere = np.flatnonzero((found.edge_stage >= 0) & of_kind[found.edge_stage])
+    least = np.full(codes.size, np.inf)
+    np.minimum.at(least, np.searchsorted(codes, found.edge_code[everywhere]), np.abs(values[everywhere]))
+    return np.where(least < VANISHING * np.abs(entries), UNRELIABLE * entries, entries), own
+
+
+def _middle(place: NDArray[np.integer], values: Floats, count: int) -> Floats:
+    """Geometric means of magnitudes by place, (count,), with the sign that most have."""
+    many = np.maximum(np.bincount(place, minlength=count), 1)
+    logs = np.bincount(place, np.log(np.maximum(np.abs(values), 1e-12)), count) / many
+    size = np.where(logs < -27.0, 0.0, np.exp(logs))
+    return np.copysign(size, np.bincount(place, np.sign(values), count))

@@ -1,0 +1,189 @@
+"""Which of several plans for segments to try for a matrix, and when to make another one.
+
+A plan fixes the pivots; which plan suits a matrix shows when it is tried. One is made for the first matrix without
+curvature, one for the first with it, one more when the entries have reached their sizes, and others when those have
+failed so often that falling back has cost as much as planning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from stc.codegen.calls import Bound
+from stc.records import dataclass
+from stc.solver.nlp import Floats
+
+__all__ = ["Plans", "Prepared"]
+
+#: Another plan takes as long as ``FrontalKKT`` takes for matrices of so many unknowns together: it is made when all
+#: plans have failed for so many.
+PLANNING = 13_000
+#: Plans that are kept; after so many matrices one that failed may be replaced.
+PLANS = 4
+MATRICES = 40
+#: When a plan has served so many matrices another one is made, once, and used if it takes this share of the operations
+#: at most.
+SETTLED = 6
+FEWER = 0.97
+#: How much the last matrix counts in the share of matrices that a plan suits, and the share that makes a trial worth
+#: its while.
+RECENT = 0.3
+UNLIKELY = 0.2
+#: A number of matrices that is never reached.
+FAR = 2**62
+#: A cheaper plan that has failed is tried again after twice so many matrices, then twice as many each time.
+RESTING = 2
+#: After so many matrices in a row that no plan suited, plans are not tried for one matrix, then for twice as many each
+#: time, up to this power of two.
+PATIENCE = 3
+LONGEST_PAUSE = 4
+
+
+@dataclass
+class Prepared:
+    """Calls for one plan, and what they work with; how it has done."""
+
+    tables: tuple[Any, ...]
+    factors: Floats
+    state: Floats
+    space: tuple[Floats, Floats]
+    eliminate: Bound
+    equilibrate: Bound
+    operations: int
+    curved: bool  # whether H was not zero when it was made
+    trusted: float  # share of what is acceptable up to which its factors are not tried
+    won: float = 0.0  # share of the last matrices that it suited
+    served: int = 0  # matrices that it suited
+    failed: int = 0  # times in a row that it did not
+    rest_until: int = 0  # the matrix from which on it may be tried again
+    steps: Bound | None = None  # elimination, and those of the rest
+    solve: Bound | None = None
+    solve_both: Bound | None = None
+    probe: Bound | None = None
+    bindings: int = -1  # of the rest, that these are made for
+
+    def suited(self) -> None:
+        """Note that it did for a matrix."""
+        self.won += RECENT * (1.0 - self.won)
+        self.served += 1
+        self.failed = 0
+
+    def refused(self, number: int) -> None:
+        """Note that it did not, for the matrix of that number."""
+        self.won -= RECENT * self.won
+        self.failed += 1
+        self.rest_until = number + RESTING * 2 ** min(self.failed, LONGEST_PAUSE)
+
+
+class Plans:
+    """The plans of one system.
+
+    Attributes:
+        now: the plan in use.
+        tried: matrices for which plans were tried.
+    """
+
+    def __init__(self, unknowns: int, first: Prepared) -> None:
+        """``first`` stands in before there is a plan."""
+        self.now = first
+        self.tried = 0
+        self._unknowns = unknowns
+        self._plans: list[Prepared] = []
+        self._next_at = self._missed = 0
+        self._failures = self._pause = 0
+        self._choose_at = 0  # the matrix from which on the plan to begin with is to be chosen anew
+        self._settled = False
+
+    def __iter__(self) -> Iterator[Prepared]:
+        return iter(self._plans)
+
+    def restart(self) -> None:
+        """Take up the plans in the same order as at first."""
+        self._failures = self._pause = self._choose_at = 0
+        if self._plans:
+            self.now = self._plans[0]
+
+    def paused(self) -> bool:
+        """Whether none is to be tried for the next matrix."""
+        if self._pause > 0:
+            self._pause -= 1
+            return True
+        self.tried += 1
+        return False
+
+    def candidates(self, curved: bool, make: Callable[[], Prepared]) -> Iterator[Prepared]:
+        """Plans to try for the matrix at hand, each in use meanwhile: that in use, others that suited some, a new one.
+
+        Args:
+            curved: whether its H is not zero.
+            make: plans for it.
+        """
+        first = self.now
+        if self.tried >= self._choose_at or first.curved != curved:
+            first = self._first(curved, make)
+            self._choose_at = self.tried + 1
+            if first is self.now and (self._settled or not curved):
+                # Nothing changes before another plan is to be tried again.
+                self._choose_at = min((plan.rest_until for plan in self._cheaper(first)), default=FAR)
+        self.now = first
+        yield first
+        self._choose_at = 0
+        others = (plan for plan in self._plans if plan is not first and plan.won > UNLIKELY)
+        for plan in sorted(others, key=lambda plan: -plan.won):
+            self.now = plan
+            yield plan
+        self._missed += self._unknowns
+        if self._missed < PLANNING:
+            return
+        if len(self._plans) == PLANS:
+            if self.tried < self._next_at:
+                return
+            del self._plans[min(range(PLANS), key=lambda k: self._plans[k].won)]
+        self.now = self._another(make)
+        yield self.now
+
+    def succeeded(self) -> None:
+        """The factors of the plan in use are good."""
+        self._failures = 0
+
+    def failed(self) -> None:
+        """None of the candidates would do."""
+        self.now = max(self._plans, key=lambda plan: plan.won)
+        self._failures += 1
+        if self._failures >= PATIENCE:
+            self._pause = 2 ** min(self._failures - PATIENCE, LONGEST_PAUSE)
+
+    def _first(self, curved: bool, make: Callable[[], Prepared]) -> Prepared:
+        """The plan in use, or the latest, of those that were made where H was zero or of the others."""
+        now = self.now
+        if now.served > 0 and now.curved == curved and (now.served != SETTLED or self._settled):
+            return next((plan for plan in self._cheaper(now) if plan.rest_until <= self.tried), now)
+        alike = [plan for plan in self._plans if plan.curved == curved]
+        if not alike and len(self._plans) < PLANS:
+            return self._another(make)
+        if alike and now.curved != curved:
+            return [plan for plan in alike if plan.won > UNLIKELY or plan is alike[0]][-1]
+        if now.served == SETTLED and curved and not self._settled:
+            # By now the entries have the sizes that they will keep.
+            self._settled = True
+            other = make()
+            if other.operations < FEWER * now.operations and len(self._plans) < PLANS:
+                self._plans.append(other)
+                return other
+        return now
+
+    def _cheaper(self, now: Prepared) -> list[Prepared]:
+        """Other plans for such matrices that take fewer operations, those with the fewest first."""
+        cheaper = (
+            plan
+            for plan in self._plans
+            if plan.curved == now.curved and plan.operations < FEWER * now.operations
+        )
+        return sorted(cheaper, key=lambda plan: plan.operations)
+
+    def _another(self, make: Callable[[], Prepared]) -> Prepared:
+        self._missed = 0
+        self._next_at = self.tried + MATRICES
+        self._plans.append(make())
+        return self._plans[-1]
