@@ -145,7 +145,7 @@ class Nested:
         options, callback: of the whole solve.
     """
 
-    coarse: Callable[[Options, Callback], Solution]
+    coarse: Callable[[Options, Callback | None], Solution]
     start: Callable[[Solution], Start]
     fine: Callable[[Options, Start | None, Callback | None], Result]
     options: Options
@@ -167,11 +167,11 @@ class Nested:
         self._begin = time.monotonic()
         before = self._before()
         if self._stopped or self._over:  # the next solve ends at once, with the motion so far
-            return self._counted(self.fine(self._left(), Start(self.start(before).x), self._told))
+            return self._counted(self.fine(self._left(), Start(self.start(before).x), self._teller))
         found: Result | None = None
         if before.status == "optimal":
             quick = replace(self._attempt(), warm_start=True, trusting=False)
-            found = self.fine(quick, self.start(before), self._told)
+            found = self.fine(quick, self.start(before), self._teller)
             promised = ratio * before.objective
             as_good = found.objective <= promised + WORSE * max(abs(promised), abs(found.objective))
             if (found.status is Status.OPTIMAL and as_good) or self._stopped or self._over:
@@ -179,7 +179,7 @@ class Nested:
             self._count(found)
             if self._over:
                 return self._counted(replace(found, iterations=0, factorizations=0))
-        other = self.fine(self._left(), None, self._told)
+        other = self.fine(self._left(), None, self._teller)
         if found is not None and found.status is Status.OPTIMAL:
             if other.status is not Status.OPTIMAL or found.objective < other.objective:
                 self._count(other)
@@ -201,12 +201,12 @@ class Nested:
             before = self._before()
             return self.start(before).x if before.status == "optimal" else None
 
-        return self._counted(self.fine(self.options, replace(own, another=another), self._told))
+        return self._counted(self.fine(self.options, replace(own, another=another), self._teller))
 
     def _before(self) -> Solution:
         """The motion on fewer frames, counted."""
         # Not to a rougher tolerance: multipliers would not tell any more which constraints are active.
-        before = self.coarse(self._attempt(), self._told_from_afar)
+        before = self.coarse(self._attempt(), self._told_from_afar if self.callback is not None else None)
         self._count(before)
         self._stopped = self._stopped or before.status == "interrupted"
         return before
@@ -241,11 +241,15 @@ class Nested:
             factorizations=result.factorizations + self._factorizations,
         )
 
+    @property
+    def _teller(self) -> Callback | None:
+        """What the solves are to call; None where nobody wants to know, which saves them the effort."""
+        return self._told if self.callback is not None else None
+
     def _told(self, record: IterationRecord) -> bool:
         """Pass a record on, the iterations before counted."""
-        if self.callback is not None and self.callback(
-            replace(record, iteration=record.iteration + self._iterations)
-        ):
+        assert self.callback is not None
+        if self.callback(replace(record, iteration=record.iteration + self._iterations)):
             self._stopped = True
         return self._stopped
 

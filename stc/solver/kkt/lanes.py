@@ -5,7 +5,7 @@ row by row: entry (i, j), i >= j, of all eight lanes is at ``work[8 (i (i + 1) /
 
     U   unknowns of the stage, which are all eliminated
     F   unknowns of the next stage that couple with these
-    L   unknowns before the segment that couple with its first stage
+    L   states of the seam before the segment (see stc.solver.kkt.seams), which couple with its first stage
     B   unknowns that couple with every stage
 
 and F becomes part of the next step's U.  Pivots are taken in panels of unknowns that share their rows.

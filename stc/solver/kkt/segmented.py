@@ -1,8 +1,8 @@
-"""The KKT system of a horizon that repeats itself: eight segments at once, then the few stages between them.
+"""The KKT system of a horizon that repeats itself: eight segments at once, then what is between them.
 
 Segments are eliminated with pivots fixed before (see stc.solver.kkt.lanes), which are tested while they are taken.
-Stages between them and irregular ones go through ``FrontalKKT``, which pivots as the values ask for, and so does the
-whole matrix when a test fails with every plan. Another plan is made when that has cost as much as planning.
+The seams between them and irregular stages go through ``FrontalKKT``, which pivots as the values ask for, and so does the
+whole matrix when a test fails with every plan (see stc.solver.kkt.plan_choice).
 """
 
 from __future__ import annotations
