@@ -1,8 +1,8 @@
 """The KKT system of a horizon that repeats itself: eight segments at once, then what is between them.
 
 Segments are eliminated with pivots fixed before (see stc.solver.kkt.lanes), which are tested while they are taken.
-The seams between them and irregular stages go through ``FrontalKKT``, which pivots as the values ask for, and so does the
-whole matrix when a test fails with every plan (see stc.solver.kkt.plan_choice).
+The seams between them and irregular stages go through ``FrontalKKT``, which pivots as the values ask for, and so does
+the whole matrix when a test fails with every plan (see stc.solver.kkt.plan_choice).
 """
 
 from __future__ import annotations
