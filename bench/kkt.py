@@ -203,8 +203,8 @@ def main() -> None:
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for name, spec, iterations, constants in (
         ("P3", spec_of("P3", 5), 12, {"n": options.frames}),
-        ("P5", spec_of("P5", 0), 14, constants_of("P5", options.frames // 15 * 15)),
-        ("P6", spec_of("P6", 0), 14, constants_of("P6", options.frames)),
+        ("P5", spec_of("P5", 0), 14, constants_of("P5", max(options.frames // 15, 1) * 15)),
+        ("P6", spec_of("P6", 0), 14, constants_of("P6", max(options.frames, 60))),
         ("P4, 20 rods", spec_of("P4", 20), 6, {"n": 50}),
     ):
         print(

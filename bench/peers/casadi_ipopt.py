@@ -129,6 +129,15 @@ def _chain(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     return program, _arguments(guess, lower, upper), {}
 
 
+def _cone(force: Any) -> list[tuple[Any, float, float]]:
+    """Rows, with their bounds, that keep rows fx, fz, my of a force on the sole inside friction and foot."""
+    return [
+        (sign * force[k, :] - most * force[1, :], -np.inf, 0.0)
+        for k, most in ((0, problems.FRICTION), (2, problems.REACH))
+        for sign in (1.0, -1.0)
+    ]
+
+
 #: What IPOPT does best with on P5.
 _JUMP_OPTIONS = {"ipopt.mu_strategy": "adaptive"}
 
@@ -163,11 +172,7 @@ def _jump(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
             guess[22] = weight
             lower[12:15] = upper[12:15] = 0.0
             lower[22] = 0.0
-            rows += [
-                (sign * contact[k, :] - most * contact[1, :], -np.inf, 0.0)
-                for k, most in ((0, problems.FRICTION), (2, problems.REACH))
-                for sign in (1.0, -1.0)
-            ]
+            rows += _cone(contact)
         else:
             guess[0] = problems.JUMP_DISTANCE * share_of_flight
             guess[1] = 0.4 * share_of_flight * (1.0 - share_of_flight)
@@ -205,11 +210,7 @@ def _jump(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     none = np.zeros(6)
     passed = impulse(touching, none, change) - impulse(touching, none, none)
     rows.append((passed - ca.vertcat(blow, np.zeros(3)), 0.0, 0.0))
-    rows += [
-        (sign * blow[k] - most * blow[1], -np.inf, 0.0)
-        for k, most in ((0, problems.FRICTION), (2, problems.REACH))
-        for sign in (1.0, -1.0)
-    ]
+    rows += _cone(blow)
     arguments = {
         "x0": np.concatenate([*guesses, [0.0, 0.5, 0.0]]),
         "lbx": np.concatenate([*lowers, [-np.inf, 0.0, -np.inf]]),

@@ -344,10 +344,9 @@ class _Solve:
         if y.size != self.nlp.m:
             y = np.zeros(self.nlp.m)
         point = _Point(x, y)
+        # Where many points are as good, one may have been passed on the way to nowhere.
         if status is Status.FAILED and self._confirms(point, y):
-            status = (
-                Status.OPTIMAL
-            )  # where many points are as good, one may have been passed on the way to nowhere
+            status = Status.OPTIMAL
         return self._result(status, x, y, at=point)
 
     def _result(

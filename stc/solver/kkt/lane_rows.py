@@ -9,7 +9,6 @@ from stc.codegen.native import f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, splat8, store8, sum8
 from stc.solver.kkt.lanes import (
     BORDER,
-    ENDS,
     ENTRIES,
     ENTRY_CODE,
     ENTRY_INDEX,
@@ -50,14 +49,10 @@ def add_following(group: i64s, code: i32s, part: f64s) -> None:
 def add_outside(group: i64s, index: i32s, part: f64s, x: f64s) -> None:
     """Add what the segments have left for the last F, L and B to a vector."""
     own = group[OWN]
-    near = own + group[NEXT]
-    lasts = index[group[LASTS] :]
-    outer = index[group[ENDS] :]
+    outside = index[group[LASTS] :]
     for lane in range(group[SEGMENTS]):
-        for k in range(group[NEXT]):
-            x[lasts[8 * k + lane]] += part[8 * (own + k) + lane]
-        for k in range(group[LEFT] + group[BORDER]):
-            x[outer[8 * k + lane]] += part[8 * (near + k) + lane]
+        for k in range(group[NEXT] + group[LEFT] + group[BORDER]):
+            x[outside[8 * k + lane]] += part[8 * (own + k) + lane]
 
 
 @native(fast=True, inline=True)

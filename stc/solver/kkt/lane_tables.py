@@ -113,9 +113,9 @@ def lay_out(found: Segmentation, kinds: list[Kind], sewn: Sewn, source: Int32s, 
         row[lanes.STEPS], row[lanes.OWN], row[lanes.SEGMENTS] = len(at), kind.own, group.segments
         row[lanes.NEXT], row[lanes.LEFT] = kind.following.size, kind.following.size
         row[lanes.BORDER] = kind.border.size
-        row[lanes.LASTS] = index.put(places[after])
-        row[lanes.ENDS] = index.put(places[np.concatenate([before, border])])
         ends.append(np.concatenate([after, before, border]).astype(np.int64))
+        row[lanes.LASTS] = index.put(places[ends[-1]])
+        row[lanes.ENDS] = row[lanes.LASTS] + LANES * kind.following.size
         own_sources = sources[group.kind]
         row[lanes.ENTRIES] = kind.rows.size
         row[lanes.ENTRY_INDEX] = index.put(own_sources[at].transpose(0, 2, 1))

@@ -30,18 +30,16 @@ def sizes_of(
     """
     lanes_of = [group.stages for group in found.groups if group.kind == number]
     stages = distinct(np.concatenate([stages.reshape(-1) for stages in lanes_of]))
-    codes = found.codes[number]
+    members = np.flatnonzero(np.isin(found.edge_stage, stages))
+    place, values = np.searchsorted(found.codes[number], found.edge_code[members]), values[members]
     chosen = stages[:: -(-stages.size // SAMPLE)]
-    inside = np.isin(found.edge_stage, chosen)
-    entries = _middle(np.searchsorted(codes, found.edge_code[inside]), values[inside], codes.size)
+    sampled = np.isin(found.edge_stage[members], chosen)
+    entries = _middle(place[sampled], values[sampled], found.codes[number].size)
+    least = np.full(entries.size, np.inf)
+    np.minimum.at(least, place, np.abs(values))
     unknowns = found.stages.order[found.stages.pointers[chosen][:, None] + np.arange(kind.own)]
-    place = np.broadcast_to(np.arange(kind.own), unknowns.shape).reshape(-1)
-    own = _middle(place, diagonal[unknowns.reshape(-1)], kind.own)
-    of_kind = np.zeros(found.interior.size, dtype=bool)
-    of_kind[stages] = True
-    everywhere = np.flatnonzero((found.edge_stage >= 0) & of_kind[found.edge_stage])
-    least = np.full(codes.size, np.inf)
-    np.minimum.at(least, np.searchsorted(codes, found.edge_code[everywhere]), np.abs(values[everywhere]))
+    own_place = np.broadcast_to(np.arange(kind.own), unknowns.shape).reshape(-1)
+    own = _middle(own_place, diagonal[unknowns.reshape(-1)], kind.own)
     return np.where(least < VANISHING * np.abs(entries), UNRELIABLE * entries, entries), own
 
 

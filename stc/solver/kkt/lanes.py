@@ -27,7 +27,7 @@ __all__ = ["FIELDS", "collect_ends", "collect_following", "collect_own", "elimin
 #: The numbers of a group: how many steps; unknowns of U, of F, L and B; ...
 STEPS, OWN, NEXT, LEFT, BORDER = range(5)
 #: ... where the unknowns of U begin in vectors, step by step, eight for each place; where in vectors those of the last
-#: step's F, and of L and B, are, as listed in ``index``; ...
+#: step's F are, as listed in ``index``, and, right behind them there, of L and B; ...
 UNKNOWNS, LASTS, ENDS = 5, 6, 7
 #: ... entries of a stage: how many, where the sources of each step are listed in ``index``, and where the places of
 #: one step, three numbers each (entry, and its row and column in any order, the first the same for many entries in a
@@ -85,16 +85,11 @@ def collect_ends(group: i64s, index: i32s, x: f64s, part: f64s) -> None:
 def note_outside(group: i64s, index: i32s, part: f64s, most: f64s) -> None:
     """Raise what a vector has for the last F, L and B to what is in ``part``."""
     own = group[OWN]
-    near = own + group[NEXT]
-    lasts = index[group[LASTS] :]
-    outer = index[group[ENDS] :]
+    outside = index[group[LASTS] :]
     for lane in range(group[SEGMENTS]):
-        for k in range(group[NEXT]):
-            at = lasts[8 * k + lane]
+        for k in range(group[NEXT] + group[LEFT] + group[BORDER]):
+            at = outside[8 * k + lane]
             most[at] = max(most[at], part[8 * (own + k) + lane])
-        for k in range(group[LEFT] + group[BORDER]):
-            at = outer[8 * k + lane]
-            most[at] = max(most[at], part[8 * (near + k) + lane])
 
 
 @native(fast=True, inline=True)

@@ -262,15 +262,15 @@ class SegmentedKKT(ByCopies):
         What barrier and shifts add to the diagonal comes and goes: pivots that need it would fail sooner or later.
         """
         scale, couplings, found = self._scale[self._layout.places], self._couplings, self._found
-        programs = []
         values = self._arrays.given[self._source[: couplings.first.size]]
         values *= scale[couplings.first] * scale[couplings.second]
         diagonal = np.concatenate([np.zeros(self.n), -self.dual])
         diagonal[couplings.hess_variable] += self._arrays.given[self._curved_source]
         diagonal *= scale[: couplings.size] ** 2
-        for number, kind in enumerate(self._kinds):
-            programs.append(plan_panels(kind, *sizes_of(found, kind, number, values, diagonal)))
-        return programs
+        return [
+            plan_panels(kind, *sizes_of(found, kind, number, values, diagonal))
+            for number, kind in enumerate(self._kinds)
+        ]
 
     def _bind_entries(self) -> None:
         """Prepare the calls that do not depend on the plan."""
