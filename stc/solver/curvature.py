@@ -35,7 +35,7 @@ def leave_saddle(system: NewtonSystem, seed: int) -> bool:
     it = work.it
     mu = inner(it.gap, it.z) / max(1, form.gaps)
     try:
-        system.factorize(max(mu, 1e-9))
+        system.factorize(max(mu, 1e-9), exact=True)
         system.tighten()
     except SingularSystem:
         return False

@@ -71,6 +71,8 @@ class Formulation:
         index, sign, bound: the gaps, (gaps,) each.
         convex: variables that the objective alone bends, upwards, and where in the Hessian's entries it says so,
             (k,) each.
+        linear: whether all rows are known to be linear.
+        quadratic_objective: whether the objective is known to bend the same everywhere.
         extra_diagonal: constant added to the Hessian's diagonal, (n,), or None.
         kkt: the linear algebra for this sparsity.
         stated_limits: of rows and of variables: which ones, the limits, and the factors that turn
@@ -82,6 +84,8 @@ class Formulation:
     m: int
     kkt: KKTSystem
     convex: tuple[Indices, Indices] = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    linear: bool = False
+    quadratic_objective: bool = False
     extra_diagonal: Floats | None = None
     workspace: Workspace | None = None
     stated_limits: tuple[Indices, Floats, Floats, Indices, Floats, Floats] | None = None

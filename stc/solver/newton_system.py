@@ -8,6 +8,13 @@ gaps' multipliers leaves, with Sigma = z / gap collected per entry of (x, s),
 
 whose sparsity never changes.  The step is a descent direction when the matrix has n positive and m negative
 eigenvalues; delta_w grows until it has (Waechter and Biegler 2006, algorithm IC).
+
+Where the objective bends upwards, as efforts do, it is the rows that make H indefinite, with multipliers far from
+those of the solution.  There only a share of their part of H is used,
+
+    H_f + share * sum y_i H_i,
+
+between Newton's method and that of Gauss and Newton: it needs smaller shifts, and they make longer steps.
 """
 
 from __future__ import annotations
@@ -43,6 +50,10 @@ SMOOTH = 3
 WHOLE = 0.5
 SOFTER = 0.01
 SMALLEST_STIFFNESS = 1e-8
+ROWS_SHARE = 0.4
+"""Of the rows' part of the Hessian where the whole of it makes the matrix indefinite."""
+BENT = 0.05
+"""Share of the variables that an objective has to bend at least."""
 
 
 class SingularSystem(ArithmeticError):
@@ -71,21 +82,30 @@ class NewtonSystem:
         self._deficiencies = 0
         self._failures = self._untried = 0
         self._smooth = 0
+        self._whole = True
+        self._bends: bool | None = False if form.linear else None
         place = work.shifted_call.position
         self._places = place("shift"), place("dual_shift")
 
-    def factorize(self, mu: float) -> None:
+    def factorize(self, mu: float, *, exact: bool = False) -> None:
         """Factorise at the iterate, shifting until the inertia is right.
+
+        Args:
+            mu: the barrier parameter, which says how much dependent rows may give way.
+            exact: use the whole Hessian, whatever its inertia.
 
         Raises:
             SingularSystem: when no shift helps.
         """
         self.work.diagonals_call()
+        self._whole = True
         self.shift = self._stiffness
         untried = self._untried > 0 and self.shift == 0.0
         if untried:  # without a shift: it has failed again and again
             self._untried -= 1
             self.shift = max(SMALLEST_SHIFT, DECAY * self._last_shift)
+            if not exact:
+                self._damp()
         dual_shift = DUAL_SHIFT * max(mu, 1e-12) ** 0.25
         # Rows that have been dependent all the time are so by their structure.
         self.deficient = self._deficiencies >= ALWAYS
@@ -102,6 +122,8 @@ class NewtonSystem:
             if self.shift == 0.0:
                 self._failures += 1
                 self._untried = min(self._failures - 1, MOST_UNTRIED)
+            if verdict == "indefinite" and not exact and self._damp() and self.shift > 0.0:
+                continue
             self.shift = self._larger_shift()
         if self._smooth >= SMOOTH and not self.deficient:
             self.work.kkt.accuracy[0] = COARSE
@@ -110,6 +132,23 @@ class NewtonSystem:
         self._deficiencies = self._deficiencies + 1 if self.deficient else 0
         if self.shift > 0.0:
             self._last_shift = self.shift
+
+    def _damp(self) -> bool:
+        """Use a share of the rows' part of the Hessian only; False when that is so already, or of no use."""
+        if not self._whole or self._bends is False:
+            return False
+        work, form = self.work, self.form
+        if self._bends is None or not form.quadratic_objective:
+            work.find_bend()
+        if self._bends is None:
+            diagonal = work.bend[form.hess_rows == form.hess_cols]
+            bent = np.count_nonzero(diagonal > 0.0) >= BENT * form.n
+            self._bends = bool(bent and diagonal.min() >= 0.0)
+            if not self._bends:
+                return False
+        work.damp(ROWS_SHARE)
+        self._whole = False
+        return True
 
     def stiffen(self, dw: Floats, shorter: float) -> None:
         """Factorise with a shift that makes a step like ``dw`` (n + m,) ``shorter`` times shorter.

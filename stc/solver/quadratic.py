@@ -332,6 +332,8 @@ class QuadraticProgram:
 class _Model(Formulation):
     """The quadratic program as a problem of its own, in the step ``d``."""
 
+    linear = quadratic_objective = True
+
     def __init__(self, form: ScaledProblem, point: PrimalDual) -> None:
         self.n, self.m, self.kkt = form.n, form.m, form.kkt
         self._point = point

@@ -84,7 +84,8 @@ class ScaledProblem(Formulation):
         diagonal = np.flatnonzero((self.hess_rows == self.hess_cols) & nlp.fixed_curvature[self.hess_rows])
         self.convex = self.hess_rows[diagonal], diagonal
         self.linear = bool(np.all(nlp.row_linear))
-        self.quadratic_program = self.linear and nlp.objective_degree <= 2
+        self.quadratic_objective = nlp.objective_degree <= 2
+        self.quadratic_program = self.linear and self.quadratic_objective
         self.kkt = new_kkt(
             self.n,
             self.m,

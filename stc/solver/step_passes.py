@@ -69,6 +69,13 @@ def shifted(
 
 
 @native(fast=True)
+def damped(entries: i64, share: f64, bend: f64s, hess: f64s, out: f64s) -> None:
+    """The Hessian ``hess`` with a share of the rows' part of it: ``bend`` is the objective's."""
+    for e in range(entries):
+        out[e] = bend[e] + share * (hess[e] - bend[e])
+
+
+@native(fast=True)
 def mean_centre(gaps: i64, gap: f64s, centre: f64s, s: f64s) -> None:
     """The target of equal products of gaps and multipliers, as large as they are on average."""
     average = s[PRODUCTS] / gaps

@@ -265,6 +265,29 @@ class Workspace:
         return form
 
     @cached_property
+    def bend(self) -> Floats:
+        """The objective's part of the Hessian where ``find_bend`` was last called, (nnz_H,)."""
+        return np.zeros(self.form.hess_rows.size)
+
+    @cached_property
+    def _bend_call(self) -> Bound:
+        """The derivatives without the rows' multipliers; ``hess`` is as before afterwards."""
+        ev, it, form = self.evaluator, self.it, self.form
+        curved = form.hess_rows.size
+        kept = np.zeros(curved)
+        return chain(
+            [
+                passes.copy.bind(curved, ev.hess, kept),
+                passes.copy.bind(form.n, it.w, ev.x),
+                passes.copy.bind(form.m, np.zeros(form.m), ev.y),
+                ev.derivatives_call,
+                passes.copy.bind(curved, ev.hess, self.bend),
+                passes.copy.bind(curved, kept, ev.hess),
+                passes.copy.bind(form.m, it.y, ev.y),
+            ]
+        )
+
+    @cached_property
     def spare(self) -> Step:
         """A step that may be needed again."""
         return Step(self.form)
@@ -382,6 +405,14 @@ class Workspace:
         self.solve_call(name, step, c, residuals=residuals)()
         if self.kkt.check_solution():
             self._end(name, step, c, residuals, self.centre, self.kkt.solution)()
+
+    def find_bend(self) -> None:
+        """Evaluate the objective's part of the Hessian at the iterate."""
+        self._bend_call()
+
+    def damp(self, share: float) -> None:
+        """Take only a share of the rows' part of the Hessian into the matrix; after ``diagonals_call``."""
+        step_passes.damped(self.bend.size, share, self.bend, self.it.hess, self.kkt.hess)
 
     def aim_at(self, mu: float) -> None:
         """Make ``centre`` that of the barrier problem with parameter ``mu``."""

@@ -67,7 +67,7 @@ def test_the_shifted_matrix_gives_descent(seed: int) -> None:
     system = NewtonSystem(work)
     system.factorize(0.1)
     n, m = form.n, form.m
-    hess = dense(form.hess_rows, form.hess_cols, it.hess, (n, n))
+    hess = dense(form.hess_rows, form.hess_cols, work.kkt.hess, (n, n))
     sigma = np.zeros(form.size)
     np.add.at(sigma, form.index, it.z / it.gap)
     hess = hess + np.tril(hess, -1).T + np.diag(sigma[:n] + system.shift)
