@@ -4,8 +4,9 @@
     L   D^-1 C, the factors, which are kept             work[rows, rows] -= L^T C
 
 The triangle's entry (i, j), i >= j, of all eight lanes is at ``work[8 (i (i + 1) / 2 + j)]``.  All that is kept of a
-panel are ``members`` rows of L, each of members + rows vectors.  Of the triangle that no factor needs, the diagonal has
-D^-1, and the place below it the other entry of D^-1 where a pivot has two unknowns.
+panel are the corner, members x members of L, and then the rest of L, row by row.  Of the corner there is the upper
+triangle, row by row: D^-1 on the diagonal, and beside it the other entry of D^-1 where a pivot has two unknowns, which
+have no factor there.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 from stc.codegen.native import f64, f64s, i32s, i64, native
 from stc.codegen.native_vector import abs8, load8, max8, negative8, splat8, store8
 
-__all__ = ["COUNTED", "LARGEST", "NEGATIVE", "PANEL", "STATE", "WORST", "take_panel"]
+__all__ = ["COUNTED", "LARGEST", "NEGATIVE", "PANEL", "STATE", "WORST", "panel_vectors", "take_panel"]
 
 #: Unknowns of a panel at most.
 PANEL = 4
@@ -26,6 +27,12 @@ COUNTED = 17
 STATE = 24
 #: Makes any number nothing, but not infinity.
 NO_SHARE = 1e-200
+
+
+@native(inline=True)
+def panel_vectors(members: i64, count: i64) -> i64:
+    """How many vectors are kept of a panel."""
+    return members * (members + 1) // 2 + members * count
 
 
 @native(fast=True, inline=True)
@@ -194,8 +201,7 @@ def _take_pair(
         factor_p = max8(abs8(scaled_p), factor_p)
         factor_q = max8(abs8(scaled_q), factor_q)
     store8(factors, one + 8 * p, inverse_pp)
-    store8(factors, one + 8 * p + 8, 0.0)
-    store8(factors, two + 8 * p, inverse_pq)
+    store8(factors, one + 8 * p + 8, inverse_pq)
     store8(factors, two + 8 * p + 8, inverse_qq)
     size = max8(abs8(inverse_pq), max8(abs8(inverse_pp), abs8(inverse_qq)))
     # All three may be undefined (0 times infinity): the reciprocal is infinite then.
@@ -215,49 +221,64 @@ def _take_pair(
 
 @native(fast=True, inline=True)
 def _take_corner(
-    members: i64, length: i64, kinds: i32s, sources: i32s, growth: f64, suspect: f64, work: f64s, corner: f64s,
-    factors: f64s, state: f64s,
+    members: i64, length: i64, kinds: i32s, sources: i32s, growth: f64, suspect: f64, work: f64s, columns: f64s,
+    corner: f64s, factors: f64s, state: f64s,
 ) -> None:  # fmt: skip
-    """Eliminate the members from each other; of their columns only those parts."""
+    """Eliminate the members from each other, of C and L only ``members`` columns; L is in ``corner``, and kept."""
     for k in range(members):
         for e in range(k, members):
-            store8(corner, 8 * (k * length + e), load8(work, 8 * sources[k * length + e]))
+            store8(columns, 8 * (k * members + e), load8(work, 8 * sources[k * length + e]))
     p = 0
     while p < members:
         if kinds[p] == 2:
-            _take_pair(p, members, members, length, growth, suspect, corner, factors, state)
+            _take_pair(p, members, members, members, growth, suspect, columns, corner, state)
             p += 2
         else:
-            _take_single(p, members, members, length, growth, suspect, corner, factors, state)
+            _take_single(p, members, members, members, growth, suspect, columns, corner, state)
             p += 1
+    _keep_corner(members, members, corner, factors)
+
+
+@native(fast=True, inline=True)
+def _keep_corner(members: i64, length: i64, corner: f64s, factors: f64s) -> None:
+    """Copy the upper triangle; rows of ``corner`` are ``length`` vectors apart."""
+    at = 0
+    for p in range(members):
+        for q in range(p, members):
+            store8(factors, 8 * at, load8(corner, 8 * (p * length + q)))
+            at += 1
 
 
 @native(fast=True, inline=True)
 def _scale_four(
-    count: i64, kinds: i32s, sources: i32s, growth: f64, work: f64s, columns: f64s, factors: f64s, state: f64s
+    count: i64, kinds: i32s, sources: i32s, growth: f64, work: f64s, corner: f64s, columns: f64s, factors: f64s,
+    state: f64s,
 ) -> None:  # fmt: skip
     """The rest of four members' columns, once they have been eliminated from each other, and the factors."""
     length = 4 + count
-    far = 8 * length
-    l01 = load8(factors, 8)
-    l02 = load8(factors, 16)
-    l03 = load8(factors, 24)
-    l12 = load8(factors, far + 16)
-    l13 = load8(factors, far + 24)
-    l23 = load8(factors, 2 * far + 24)
-    d0 = load8(factors, 0)
-    d1 = load8(factors, far + 8)
-    d2 = load8(factors, 2 * far + 16)
-    d3 = load8(factors, 3 * far + 24)
+    far = 8 * count
+    d0 = load8(corner, 0)
+    l01 = load8(corner, 8)
+    l02 = load8(corner, 16)
+    l03 = load8(corner, 24)
+    d1 = load8(corner, 40)
+    l12 = load8(corner, 48)
+    l13 = load8(corner, 56)
+    d2 = load8(corner, 80)
+    l23 = load8(corner, 88)
+    d3 = load8(corner, 120)
     o01 = splat8(0.0)
     o12 = splat8(0.0)
     o23 = splat8(0.0)
     if kinds[0] == 2:
-        o01 = load8(factors, far)
+        o01 = l01
+        l01 = splat8(0.0)
     if kinds[1] == 2:
-        o12 = load8(factors, 2 * far + 8)
+        o12 = l12
+        l12 = splat8(0.0)
     if kinds[2] == 2:
-        o23 = load8(factors, 3 * far + 16)
+        o23 = l23
+        l23 = splat8(0.0)
     most0 = splat8(0.0)
     most1 = splat8(0.0)
     most2 = splat8(0.0)
@@ -266,13 +287,14 @@ def _scale_four(
     high1 = splat8(0.0)
     high2 = splat8(0.0)
     high3 = splat8(0.0)
-    for e in range(4, length):
+    for e in range(count):
         at = 8 * e
-        c0 = load8(work, 8 * sources[e])
-        c1 = load8(work, 8 * sources[length + e]) - l01 * c0
-        c2 = load8(work, 8 * sources[2 * length + e]) - l02 * c0
+        source = 4 + e
+        c0 = load8(work, 8 * sources[source])
+        c1 = load8(work, 8 * sources[length + source]) - l01 * c0
+        c2 = load8(work, 8 * sources[2 * length + source]) - l02 * c0
         c2 = c2 - l12 * c1
-        c3 = load8(work, 8 * sources[3 * length + e]) - l03 * c0
+        c3 = load8(work, 8 * sources[3 * length + source]) - l03 * c0
         c3 = c3 - l13 * c1
         c3 = c3 - l23 * c2
         f0 = d0 * c0 + o01 * c1
@@ -301,25 +323,27 @@ def _scale_four(
 
 @native(fast=True, inline=True)
 def _scale_two(
-    count: i64, kinds: i32s, sources: i32s, growth: f64, work: f64s, columns: f64s, factors: f64s, state: f64s
+    count: i64, kinds: i32s, sources: i32s, growth: f64, work: f64s, corner: f64s, columns: f64s, factors: f64s,
+    state: f64s,
 ) -> None:  # fmt: skip
     """The same for two members."""
     length = 2 + count
-    far = 8 * length
-    l01 = load8(factors, 8)
-    d0 = load8(factors, 0)
-    d1 = load8(factors, far + 8)
+    far = 8 * count
+    d0 = load8(corner, 0)
+    l01 = load8(corner, 8)
+    d1 = load8(corner, 24)
     o01 = splat8(0.0)
     if kinds[0] == 2:
-        o01 = load8(factors, far)
+        o01 = l01
+        l01 = splat8(0.0)
     most0 = splat8(0.0)
     most1 = splat8(0.0)
     high0 = splat8(0.0)
     high1 = splat8(0.0)
-    for e in range(2, length):
+    for e in range(count):
         at = 8 * e
-        c0 = load8(work, 8 * sources[e])
-        c1 = load8(work, 8 * sources[length + e]) - l01 * c0
+        c0 = load8(work, 8 * sources[2 + e])
+        c1 = load8(work, 8 * sources[length + 2 + e]) - l01 * c0
         f0 = d0 * c0 + o01 * c1
         f1 = d1 * c1 + o01 * c0
         store8(columns, at, c0)
@@ -333,38 +357,58 @@ def _scale_two(
     store8(state, WORST, max8(max8(most0 * high0, most1 * high1) * growth, load8(state, WORST)))
 
 
+@native(fast=True, inline=True)
+def _take_three(
+    count: i64, kinds: i32s, rows: i32s, sources: i32s, growth: f64, suspect: f64, work: f64s, columns: f64s,
+    whole: f64s, factors: f64s, state: f64s,
+) -> None:  # fmt: skip
+    """Take three members out at once; ``whole`` is room for all of L."""
+    length = 3 + count
+    for k in range(3):
+        row = k * length
+        for e in range(k, length):
+            store8(columns, 8 * (row + e), load8(work, 8 * sources[row + e]))
+    p = 0
+    while p < 3:
+        if kinds[p] == 2:
+            _take_pair(p, 3, length, length, growth, suspect, columns, whole, state)
+            p += 2
+        else:
+            _take_single(p, 3, length, length, growth, suspect, columns, whole, state)
+            p += 1
+    _update_two(count, rows, length, 3, whole, columns, work)
+    last = 16 * length
+    _update_one(count, rows, 3, whole[last:], columns[last:], work)
+    _keep_corner(3, length, whole, factors)
+    for k in range(3):
+        for e in range(count):
+            store8(factors, 8 * (6 + k * count + e), load8(whole, 8 * (k * length + 3 + e)))
+
+
 @native(fast=True)
 def take_panel(
     members: i64, count: i64, kinds: i32s, rows: i32s, sources: i32s, growth: f64, suspect: f64, work: f64s,
     columns: f64s, factors: f64s, state: f64s,
 ) -> None:  # fmt: skip
-    """Take the members out of ``work`` and keep their factors."""
+    """Take the members out of ``work`` and keep their factors; ``columns`` is room for them twice over."""
     length = members + count
+    # Room for C without the corner is followed by that for C and for L in the corner.
+    corner = columns[8 * members * count :]
     if members == 4:
-        _take_corner(4, length, kinds, sources, growth, suspect, work, columns, factors, state)
-        _scale_four(count, kinds, sources, growth, work, columns, factors, state)
-        _update_four(count, rows, length, 4, factors, columns, work)
-        return
-    if members == 2:
-        _take_corner(2, length, kinds, sources, growth, suspect, work, columns, factors, state)
-        _scale_two(count, kinds, sources, growth, work, columns, factors, state)
-        _update_two(count, rows, length, 2, factors, columns, work)
-        return
-    for k in range(members):
-        row = k * length
-        for e in range(k, length):
-            store8(columns, 8 * (row + e), load8(work, 8 * sources[row + e]))
-    p = 0
-    while p < members:
-        if kinds[p] == 2:
-            _take_pair(p, members, length, length, growth, suspect, columns, factors, state)
-            p += 2
-        else:
-            _take_single(p, members, length, length, growth, suspect, columns, factors, state)
-            p += 1
-    done = 0
-    if members == 3:
-        _update_two(count, rows, length, 3, factors, columns, work)
-        done = 2
-    at = 8 * done * length
-    _update_one(count, rows, members, factors[at:], columns[at:], work)
+        own = corner[128:]
+        _take_corner(4, length, kinds, sources, growth, suspect, work, corner, own, factors, state)
+        _scale_four(count, kinds, sources, growth, work, own, columns, factors[80:], state)
+        _update_four(count, rows, count, 0, factors[80:], columns, work)
+    elif members == 2:
+        own = corner[32:]
+        _take_corner(2, length, kinds, sources, growth, suspect, work, corner, own, factors, state)
+        _scale_two(count, kinds, sources, growth, work, own, columns, factors[24:], state)
+        _update_two(count, rows, count, 0, factors[24:], columns, work)
+    elif members == 3:
+        whole = columns[24 * length :]
+        _take_three(count, kinds, rows, sources, growth, suspect, work, columns, whole, factors, state)
+    else:
+        for e in range(length):
+            store8(columns, 8 * e, load8(work, 8 * sources[e]))
+        _take_single(0, 1, length, length, growth, suspect, columns, factors, state)
+        _update_one(count, rows, 1, factors, columns, work)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from stc.arrays import distinct
 from stc.records import dataclass
-from stc.solver.kkt.lane_panel import PANEL
+from stc.solver.kkt.lane_panel import PANEL, panel_vectors
 from stc.solver.kkt.ordering import SECOND, SMALLEST, order_stage
 from stc.solver.kkt.segments import ACROSS, BORDERING, INSIDE, Segmentation
 from stc.solver.nlp import Floats
@@ -23,9 +23,8 @@ ROUNDS = 1
 UNKNOWN = 1e-2
 #: Pivots of about equal cost that are compared.
 CANDIDATES = 500
-#: Cycles that a panel takes besides its products, for itself and for each row, and for each product by members.
-PANEL_CYCLES = 40.0
-ROW_CYCLES = 10.0
+#: Cycles that a panel takes for each row besides its products, and for each product by members.
+ROW_CYCLES = 5.0
 PRODUCT_CYCLES = (0.0, 1.3, 1.6, 1.9, 2.2)
 
 
@@ -154,7 +153,7 @@ def _order(own: int, sizes: Floats) -> tuple[Int32s, Int32s]:
 
 def _cycles(members: int, rows: int) -> float:
     products = 0.5 * rows * (rows + 1) * PRODUCT_CYCLES[members] + members * (members + 2 * rows)
-    return PANEL_CYCLES + ROW_CYCLES * rows + products
+    return ROW_CYCLES * rows + products
 
 
 def _panels(kind: Kind, order: Int32s, kinds: Int32s, pattern: NDArray[np.bool_]) -> Program:
@@ -203,7 +202,7 @@ def _panels(kind: Kind, order: Int32s, kinds: Int32s, pattern: NDArray[np.bool_]
                 [[len(members), len(listed)], member_kinds, members, listed, sources.reshape(-1)]
             ).astype(np.int32)
         )
-        vectors += sources.size
+        vectors += panel_vectors(len(members), len(listed))
         operations += who.size * row_array.size * (row_array.size + 1 + who.size)
     return Program(panels, used, vectors, operations)
 

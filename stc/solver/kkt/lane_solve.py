@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import load8, store8
+from stc.solver.kkt.lane_panel import panel_vectors
 from stc.solver.kkt.lane_rows import add_following, add_outside
 from stc.solver.kkt.lanes import (
     BORDER,
@@ -31,24 +32,62 @@ __all__ = ["backward", "forward"]
 
 
 @native(fast=True, inline=True)
+def _forward_corner(members: i64, kinds: i32s, who: i32s, factors: f64s, part: f64s) -> None:
+    """Forward substitution inside a panel."""
+    row = 0
+    for p in range(members):
+        y = load8(part, 8 * who[p])
+        for q in range(p + max(kinds[p], 1), members):
+            to = 8 * who[q]
+            store8(part, to, load8(part, to) - y * load8(factors, row + 8 * (q - p)))
+        row += 8 * (members - p)
+
+
+@native(fast=True, inline=True)
+def _backward_corner(members: i64, kinds: i32s, who: i32s, factors: f64s, part: f64s) -> None:
+    """Back substitution inside a panel."""
+    row = 4 * members * (members + 1)
+    for back in range(members):
+        p = members - 1 - back
+        row -= 8 * (members - p)
+        y = load8(part, 8 * who[p])
+        for q in range(p + max(kinds[p], 1), members):
+            y -= load8(part, 8 * who[q]) * load8(factors, row + 8 * (q - p))
+        store8(part, 8 * who[p], y)
+
+
+@native(fast=True, inline=True)
+def _divide(members: i64, kinds: i32s, who: i32s, factors: f64s, part: f64s) -> None:
+    """Divide by D."""
+    p = 0
+    row = 0
+    while p < members:
+        y = load8(part, 8 * who[p])
+        next_row = row + 8 * (members - p)
+        if kinds[p] == 2:
+            z = load8(part, 8 * who[p + 1])
+            mixed = load8(factors, row + 8)
+            store8(part, 8 * who[p], y * load8(factors, row) + z * mixed)
+            store8(part, 8 * who[p + 1], y * mixed + z * load8(factors, next_row))
+            row = next_row + 8 * (members - p - 1)
+            p += 2
+        else:
+            store8(part, 8 * who[p], y * load8(factors, row))
+            row = next_row
+            p += 1
+
+
+@native(fast=True, inline=True)
 def _forward_panel(
     both: i64, members: i64, count: i64, kinds: i32s, who: i32s, rows: i32s, factors: f64s, part: f64s, other: f64s
 ) -> None:  # fmt: skip
     """Forward substitution and division by D for one panel."""
-    length = members + count
-    for p in range(members):
-        y = load8(part, 8 * who[p])
-        row = 8 * p * length
-        for q in range(p + 1, members):
-            to = 8 * who[q]
-            store8(part, to, load8(part, to) - y * load8(factors, row + 8 * q))
-        if both != 0:
-            y = load8(other, 8 * who[p])
-            for q in range(p + 1, members):
-                to = 8 * who[q]
-                store8(other, to, load8(other, to) - y * load8(factors, row + 8 * q))
+    _forward_corner(members, kinds, who, factors, part)
+    if both != 0:
+        _forward_corner(members, kinds, who, factors, other)
+    own = factors[4 * members * (members + 1) :]
     p = 0
-    far = 8 * length
+    far = 8 * count
     if members == 4:
         y0 = load8(part, 8 * who[0])
         y1 = load8(part, 8 * who[1])
@@ -60,11 +99,11 @@ def _forward_panel(
         z3 = load8(other, 8 * who[3])
         for e in range(count):
             to = 8 * rows[e]
-            at = 8 * (4 + e)
-            f0 = load8(factors, at)
-            f1 = load8(factors, at + far)
-            f2 = load8(factors, at + 2 * far)
-            f3 = load8(factors, at + 3 * far)
+            at = 8 * e
+            f0 = load8(own, at)
+            f1 = load8(own, at + far)
+            f2 = load8(own, at + 2 * far)
+            f3 = load8(own, at + 3 * far)
             store8(part, to, load8(part, to) - y0 * f0 - y1 * f1 - y2 * f2 - y3 * f3)
             if both != 0:
                 store8(other, to, load8(other, to) - z0 * f0 - z1 * f1 - z2 * f2 - z3 * f3)
@@ -72,44 +111,26 @@ def _forward_panel(
     while p < members:
         y = load8(part, 8 * who[p])
         z = load8(other, 8 * who[p])
-        row = 8 * (p * length + members)
+        row = p * far
         for e in range(count):
             to = 8 * rows[e]
-            f = load8(factors, row + 8 * e)
+            f = load8(own, row + 8 * e)
             store8(part, to, load8(part, to) - y * f)
             if both != 0:
                 store8(other, to, load8(other, to) - z * f)
         p += 1
-    _divide(members, kinds, who, far, factors, part)
+    _divide(members, kinds, who, factors, part)
     if both != 0:
-        _divide(members, kinds, who, far, factors, other)
-
-
-@native(fast=True, inline=True)
-def _divide(members: i64, kinds: i32s, who: i32s, far: i64, factors: f64s, part: f64s) -> None:
-    """Divide by D; rows of ``factors`` are ``far`` numbers apart."""
-    p = 0
-    while p < members:
-        own = p * far + 8 * p
-        y = load8(part, 8 * who[p])
-        if kinds[p] == 2:
-            z = load8(part, 8 * who[p + 1])
-            mixed = load8(factors, own + far)
-            store8(part, 8 * who[p], y * load8(factors, own) + z * mixed)
-            store8(part, 8 * who[p + 1], y * mixed + z * load8(factors, own + far + 8))
-            p += 2
-        else:
-            store8(part, 8 * who[p], y * load8(factors, own))
-            p += 1
+        _divide(members, kinds, who, factors, other)
 
 
 @native(fast=True, inline=True)
 def _backward_panel(
-    both: i64, members: i64, count: i64, who: i32s, rows: i32s, factors: f64s, part: f64s, other: f64s
+    both: i64, members: i64, count: i64, kinds: i32s, who: i32s, rows: i32s, factors: f64s, part: f64s, other: f64s
 ) -> None:  # fmt: skip
     """Back substitution for one panel."""
-    length = members + count
-    far = 8 * length
+    own = factors[4 * members * (members + 1) :]
+    far = 8 * count
     done = 0
     if members == 4:
         y0 = load8(part, 8 * who[0])
@@ -121,11 +142,11 @@ def _backward_panel(
         z2 = load8(other, 8 * who[2])
         z3 = load8(other, 8 * who[3])
         for e in range(count):
-            at = 8 * (4 + e)
-            f0 = load8(factors, at)
-            f1 = load8(factors, at + far)
-            f2 = load8(factors, at + 2 * far)
-            f3 = load8(factors, at + 3 * far)
+            at = 8 * e
+            f0 = load8(own, at)
+            f1 = load8(own, at + far)
+            f2 = load8(own, at + 2 * far)
+            f3 = load8(own, at + 3 * far)
             value = load8(part, 8 * rows[e])
             y0 -= value * f0
             y1 -= value * f1
@@ -150,9 +171,9 @@ def _backward_panel(
     while done < members:
         y = load8(part, 8 * who[done])
         z = load8(other, 8 * who[done])
-        row = 8 * (done * length + members)
+        row = done * far
         for e in range(count):
-            f = load8(factors, row + 8 * e)
+            f = load8(own, row + 8 * e)
             y -= load8(part, 8 * rows[e]) * f
             if both != 0:
                 z -= load8(other, 8 * rows[e]) * f
@@ -160,19 +181,9 @@ def _backward_panel(
         if both != 0:
             store8(other, 8 * who[done], z)
         done += 1
-    for back in range(members):
-        p = members - 1 - back
-        row = 8 * p * length
-        y = load8(part, 8 * who[p])
-        z = load8(other, 8 * who[p])
-        for q in range(p + 1, members):
-            f = load8(factors, row + 8 * q)
-            y -= load8(part, 8 * who[q]) * f
-            if both != 0:
-                z -= load8(other, 8 * who[q]) * f
-        store8(part, 8 * who[p], y)
-        if both != 0:
-            store8(other, 8 * who[p], z)
+    _backward_corner(members, kinds, who, factors, part)
+    if both != 0:
+        _backward_corner(members, kinds, who, factors, other)
 
 
 @native(fast=True, inline=True)
@@ -210,13 +221,12 @@ def forward(
             for _panel in range(group[PANELS]):
                 members = panel[0]
                 count = panel[1]
-                length = members * (members + count)
                 rows = panel[2 + 2 * members :]
                 _forward_panel(
                     both, members, count, panel[2:], panel[2 + members :], rows, factors[at:], part, other
                 )
-                panel = rows[count + length :]
-                at += 8 * length
+                panel = rows[count + members * (members + count) :]
+                at += 8 * panel_vectors(members, count)
             for k in range(own):
                 store8(y, here + 8 * k, load8(part, 8 * k))
                 if both != 0:
@@ -253,9 +263,10 @@ def backward(
                 panel = code[starts[group[PANELS] - 1 - last] :]
                 members = panel[0]
                 count = panel[1]
-                at -= 8 * members * (members + count)
+                at -= 8 * panel_vectors(members, count)
                 _backward_panel(
-                    both, members, count, panel[2 + members :], panel[2 + 2 * members :], factors[at:], part, other
+                    both, members, count, panel[2:], panel[2 + members :], panel[2 + 2 * members :], factors[at:], part,
+                    other,
                 )  # fmt: skip
             for k in range(own):
                 store8(y, here + 8 * k, load8(part, 8 * k))

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, negative8, store8
-from stc.solver.kkt.lane_panel import LARGEST, NEGATIVE, WORST, take_panel
+from stc.solver.kkt.lane_panel import LARGEST, NEGATIVE, WORST, panel_vectors, take_panel
 
 __all__ = ["FIELDS", "collect_ends", "collect_following", "collect_own", "eliminate", "note_outside"]
 
@@ -245,13 +245,12 @@ def eliminate(
                 members = panel[0]
                 count = panel[1]
                 rows = panel[2 + 2 * members :]
-                size = members * (members + count)
                 take_panel(
                     members, count, panel[2:], rows, rows[count:], growth, suspect, work, columns, factors[at:],
                     state,
                 )  # fmt: skip
-                panel = rows[count + size :]
-                at += 8 * size
+                panel = rows[count + members * (members + count) :]
+                at += 8 * panel_vectors(members, count)
             if not (largest8(load8(state, WORST)) < 1.0):
                 return -1
         state[LARGEST] = max(state[LARGEST], largest8(load8(state, WORST)))

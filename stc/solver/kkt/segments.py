@@ -170,26 +170,48 @@ def _cut(starts: Int64s, lengths: Int64s, features: Int64s) -> tuple[list[Group]
     for run in waiting:
         known.setdefault(features[:, starts[run]].tobytes(), []).append(int(run))
     for runs in known.values():
-        length = lengths[runs]
-        steps = np.arange(SHORTEST, max(int(length.max()), SHORTEST + 1))
-        counts = (length[:, None] - 1) // steps
-        eliminated = (counts * steps).sum(axis=0)
-        rounds = -(-counts.sum(axis=0) // LANES)
-        step_cost = STEP_COST + features[0, starts[runs[0]]] / STEP_GROWTH
-        cost = rounds * steps * step_cost + length.sum() - eliminated + SEAM_COST * counts.sum(axis=0)
-        best = int(np.argmin(cost))
-        if cost[best] > WORTH * length.sum():
-            continue
-        span = int(steps[best])
-        begins = np.concatenate(
-            [starts[run] + 1 + span * np.arange((lengths[run] - 1) // span) for run in runs]
-        )
-        for at in range(0, begins.size, LANES):
-            chosen = begins[at : at + LANES]
-            all_lanes = np.concatenate([chosen, np.repeat(chosen[:1], LANES - chosen.size)])
-            groups.append(Group(len(example), np.arange(span)[:, None] + all_lanes, chosen.size))
-        example.append(int(begins[0]))
+        width = int(features[0, starts[runs[0]]])
+        first = len(groups)
+        for together in _shared(runs, lengths, width):
+            cost, span = _span(lengths[together], width)
+            if cost > WORTH * lengths[together].sum():
+                continue
+            begins = np.concatenate(
+                [starts[run] + 1 + span * np.arange((lengths[run] - 1) // span) for run in together]
+            )
+            for at in range(0, begins.size, LANES):
+                chosen = begins[at : at + LANES]
+                all_lanes = np.concatenate([chosen, np.repeat(chosen[:1], LANES - chosen.size)])
+                groups.append(Group(len(example), np.arange(span)[:, None] + all_lanes, chosen.size))
+        if len(groups) > first:
+            example.append(int(groups[first].stages[0, 0]))
     return groups, example
+
+
+def _shared(runs: list[int], lengths: Int64s, width: int) -> list[list[int]]:
+    """Which runs of one kind have segments of equal length: all, but for those that do better on their own."""
+    together: list[int] = runs
+    alone: list[list[int]] = []
+    for run in sorted(runs, key=lambda run: -lengths[run]):
+        others = [other for other in together if other != run]
+        if not others or lengths[run] <= LANES * SHORTEST:
+            break
+        apart = _span(lengths[others], width)[0] + _span(lengths[[run]], width)[0]
+        if apart < _span(lengths[together], width)[0]:
+            together, alone = others, [*alone, [run]]
+    return [together, *alone]
+
+
+def _span(lengths: Int64s, width: int) -> tuple[float, int]:
+    """The best length of the segments of some runs whose stages have ``width`` unknowns, and its cost before it."""
+    steps = np.arange(SHORTEST, max(int(lengths.max()), SHORTEST + 1))
+    counts = (lengths[:, None] - 1) // steps
+    left = lengths.sum() - (counts * steps).sum(axis=0)
+    segments = counts.sum(axis=0)
+    step_cost = STEP_COST + width / STEP_GROWTH
+    cost = -(-segments // LANES) * steps * step_cost + left + SEAM_COST * segments
+    best = int(np.argmin(cost))
+    return float(cost[best]), int(steps[best])
 
 
 @native(small=True)

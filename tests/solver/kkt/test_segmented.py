@@ -256,6 +256,22 @@ def test_frames_that_hold_a_variable_are_left_out():
     assert other is not one
 
 
+def test_runs_of_unequal_length_have_segments_of_their_own():
+    """Eight segments in either, and next to nothing left: of equal length, they would leave a whole segment."""
+    rng = np.random.default_rng(21)
+    pattern = motion(rng, 300)
+    couplings = Couplings.of(*pattern.arguments()[:6])
+    stage = np.concatenate([pattern.var_stage, pattern.row_stage]).astype(np.int64)
+    held = np.zeros(pattern.n, dtype=bool)
+    held[np.flatnonzero(pattern.var_stage == 70)[0]] = True
+    found = find_segments(couplings, stage, held)
+    assert found is not None
+    assert sorted(len(group.stages) for group in found.groups) == [8, 28]
+    assert np.count_nonzero(~found.interior) < 15
+    assert len(found.example) == 1
+    check(SegmentedKKT(couplings, stage, found), pattern, generic(rng, pattern), rng)
+
+
 def test_entries_that_vanish_somewhere_are_no_pivots():
     """An angle passes a right angle at one frame of a long horizon: its cosine is no pivot there."""
     rng = np.random.default_rng(20)
