@@ -34,12 +34,16 @@ SMALLEST_SHIFT = 1e-20
 LARGEST_SHIFT = 1e40
 GROWTH_AT_FIRST = 100.0
 GROWTH = 8.0
+GROWTH_IN_VAIN = 64.0
+"""After a shift that has left as many eigenvalues negative as the one before."""
 DECAY = 1.0 / 3.0
 DUAL_SHIFT = 1e-8
 ALWAYS = 3
 """Iterations in a row that met dependent rows, after which they are expected."""
 MOST_UNTRIED = 3
 """Iterations in a row at most in which a matrix without a shift is not tried, after it has failed again and again."""
+MOST_DAMPED = 8
+"""The same where there is the rows' part to be damped; no more than it had negative eigenvalues too many."""
 COARSE = 1e-10
 """Relative residual that is enough for a step while steps are smooth and no rows depend on one another.
 
@@ -83,6 +87,7 @@ class NewtonSystem:
         self._failures = self._untried = 0
         self._smooth = 0
         self._whole = True
+        self._excess = 0  # negative eigenvalues of the last matrix tried beyond those that there should be
         self._bends: bool | None = False if form.linear else None
         place = work.shifted_call.position
         self._places = place("shift"), place("dual_shift")
@@ -110,10 +115,13 @@ class NewtonSystem:
         # Rows that have been dependent all the time are so by their structure.
         self.deficient = self._deficiencies >= ALWAYS
         self.dual_shift = dual_shift if self.deficient else 0.0
+        growth, before = GROWTH, 0
         while True:
             verdict = self._try()
             if verdict == "good":
                 break
+            growth = GROWTH_IN_VAIN if self._excess == before and not self._whole else GROWTH
+            before = self._excess
             if verdict == "singular" and self.dual_shift == 0.0 and self._any_equality:
                 self.dual_shift = dual_shift
                 self.deficient = True
@@ -122,9 +130,12 @@ class NewtonSystem:
             if self.shift == 0.0:
                 self._failures += 1
                 self._untried = min(self._failures - 1, MOST_UNTRIED)
-            if verdict == "indefinite" and not exact and self._damp() and self.shift > 0.0:
-                continue
-            self.shift = self._larger_shift()
+            if verdict == "indefinite" and not exact and self._damp():
+                if self._untried > 0:
+                    self._untried = max(self._untried, min(self._excess, MOST_DAMPED))
+                if self.shift > 0.0:
+                    continue
+            self.shift = self._larger_shift(growth)
         if self._smooth >= SMOOTH and not self.deficient:
             self.work.kkt.accuracy[0] = COARSE
         if self.shift == 0.0:
@@ -208,12 +219,12 @@ class NewtonSystem:
         )  # np.median imports masked arrays first, which takes longer than a small solve
         return float(np.clip(np.partition(diagonal, middle)[middle], *ORDINARY))
 
-    def _larger_shift(self) -> float:
+    def _larger_shift(self, growth: float = GROWTH) -> float:
         if self.shift == 0.0:
             if self._last_shift == 0.0:
                 return FIRST_SHIFT * self._ordinary_curvature()
             return max(SMALLEST_SHIFT, DECAY * self._last_shift)
-        grown = self.shift * (GROWTH_AT_FIRST if self._last_shift == 0.0 else GROWTH)
+        grown = self.shift * (GROWTH_AT_FIRST if self._last_shift == 0.0 else growth)
         if grown > LARGEST_SHIFT:
             raise SingularSystem
         return grown
@@ -227,9 +238,10 @@ class NewtonSystem:
             inertia = work.kkt.refactor()
         except NotFinite as error:  # a derivative or the ratio of a multiplier to its gap has overflowed
             raise SingularSystem from error
-        if inertia.zero > 0 or inertia.negative < self.form.m:
+        self._excess = inertia.negative - self.form.m
+        if inertia.zero > 0 or self._excess < 0:
             return "singular"
-        return "good" if inertia.negative == self.form.m else "indefinite"
+        return "good" if self._excess == 0 else "indefinite"
 
     def solve(self, rhs_w: Floats, c: Floats) -> tuple[Floats, Floats]:
         """Steps ``(dw, dy)`` for a right-hand side ``rhs_w`` (n + m,) of the dual part and residual ``c`` (m,)."""
