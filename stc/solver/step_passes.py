@@ -69,10 +69,10 @@ def shifted(
 
 
 @native(fast=True)
-def damped(entries: i64, share: f64, bend: f64s, hess: f64s, out: f64s) -> None:
+def damped(entries: i64, share: f64s, bend: f64s, hess: f64s, out: f64s) -> None:
     """The Hessian ``hess`` with a share of the rows' part of it: ``bend`` is the objective's."""
     for e in range(entries):
-        out[e] = bend[e] + share * (hess[e] - bend[e])
+        out[e] = bend[e] + share[0] * (hess[e] - bend[e])
 
 
 @native(fast=True)

@@ -113,7 +113,7 @@ class Workspace:
         self.trial_w, self.trial_gap, self.trial_c = zeros(size), zeros(gaps), zeros(m)
         self._trial_y, self._trial_z, self._trial_dual = zeros(m), zeros(gaps), zeros(size)
         self._pull, self._turn = zeros(size), zeros(size)
-        self._nowhere = np.zeros(1)
+        self._nowhere, self._share = np.zeros(1), np.ones(1)
         self._no_residual, self._factor, self._target = np.zeros(m), np.zeros(1), np.zeros(1)
         self._solve: Bound | None = None
         self._parts: dict[str, Bound] = {}
@@ -288,6 +288,10 @@ class Workspace:
         )
 
     @cached_property
+    def _damp_call(self) -> Bound:
+        return step_passes.damped.bind(self.bend.size, self._share, self.bend, self.it.hess, self.kkt.hess)
+
+    @cached_property
     def spare(self) -> Step:
         """A step that may be needed again."""
         return Step(self.form)
@@ -412,7 +416,8 @@ class Workspace:
 
     def damp(self, share: float) -> None:
         """Take only a share of the rows' part of the Hessian into the matrix; after ``diagonals_call``."""
-        step_passes.damped(self.bend.size, share, self.bend, self.it.hess, self.kkt.hess)
+        self._share[0] = share
+        self._damp_call()
 
     def aim_at(self, mu: float) -> None:
         """Make ``centre`` that of the barrier problem with parameter ``mu``."""
