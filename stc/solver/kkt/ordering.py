@@ -18,13 +18,23 @@ from __future__ import annotations
 
 from stc.codegen.native import copysign, f64, f64s, fabs, i32s, i64, native
 
-__all__ = ["LEAF", "SECOND", "SMALLEST", "UNPLANNED", "follow_order", "order_stage", "take_leaves"]
+__all__ = [
+    "COMPARED",
+    "LEAF",
+    "MARGIN",
+    "SECOND",
+    "SMALLEST",
+    "UNPLANNED",
+    "follow_order",
+    "order_stage",
+    "take_leaves",
+]
 
 #: Kinds of unknowns in an order: first of a pivot of one or two, second of two, not eliminated.
 SECOND = 0
 UNPLANNED = -1
 
-#: Pivots are planned for this threshold, above the one they will have to pass.
+#: Pivots are planned for this threshold, as a rule, above the one they will have to pass.
 MARGIN = 0.01
 #: Leaves have no more entries than this in their columns, and diagonals of at least this share of the largest: they
 #: leave no choice later.
@@ -39,7 +49,7 @@ NEGLIGIBLE = 1e-9
 PENALTY = 1e6
 #: Slots looked at in the search for one pivot, about.
 EFFORT = 30000
-#: Pivots with at most this many times the fewest multiplications are compared by their fill.
+#: Those with at most this many times the fewest multiplications are compared by their fill, as a rule.
 COMPARED = 2.0
 
 
@@ -87,20 +97,20 @@ def _largest(p: i64, left_out: i64, top: i64, stride: i64, sizes: f64s, most: f6
 
 
 @native
-def _one_cost(p: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s) -> f64:
+def _one_cost(p: i64, margin: f64, stride: i64, sizes: f64s, degree: i32s, most: f64s) -> f64:
     """Multiplications of a 1x1 pivot, or -1."""
     own = fabs(sizes[p * stride + p])
     cost = -1.0
     if own > NEGLIGIBLE:
         cost = 0.5 * degree[p] * (degree[p] + 1)
-        if own < MARGIN * most[p]:
+        if own < margin * most[p]:
             cost = (cost + 1.0) * PENALTY
     return cost
 
 
 @native
 def _two_cost(
-    p: i64, q: i64, top: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s, limit: f64
+    p: i64, q: i64, margin: f64, top: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s, limit: f64
 ) -> f64:
     """Multiplications per unknown of a 2x2 pivot, or -1; any number above ``limit`` when it is above."""
     b = sizes[p * stride + q]
@@ -123,7 +133,7 @@ def _two_cost(
         a = fabs(a)
         b = fabs(b)
         c = fabs(c)
-        if MARGIN * max(c * most_p + b * most_q, b * most_p + a * most_q) > determinant:
+        if margin * max(c * most_p + b * most_q, b * most_p + a * most_q) > determinant:
             cost = (cost + 1.0) * PENALTY
     return cost
 
@@ -170,8 +180,8 @@ def _added(p: i64, q: i64, top: i64, stride: i64, sizes: f64s, row_p: i32s, row_
 
 @native
 def _choose(
-    done: i64, count: i64, waiting: i32s, top: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s,
-    row_p: i32s, row_q: i32s, candidates: i64, first: i32s, second: i32s, costs: f64s,
+    done: i64, count: i64, waiting: i32s, margin: f64, compared: f64, top: i64, stride: i64, sizes: f64s,
+    degree: i32s, most: f64s, row_p: i32s, row_q: i32s, candidates: i64, first: i32s, second: i32s, costs: f64s,
 ) -> i64:  # fmt: skip
     """The next pivot as ``p * (stride + 1) + q + 1``, q being -1 for a single one; -1 when there is none."""
     least = -1.0
@@ -179,9 +189,9 @@ def _choose(
     effort = 0
     for k in range(done, count):
         one = waiting[k]
-        strong = fabs(sizes[one * stride + one]) >= MARGIN * most[one]
-        cost = _one_cost(one, stride, sizes, degree, most)
-        if cost >= 0.0 and (least < 0.0 or cost <= COMPARED * least + 2.0):
+        strong = fabs(sizes[one * stride + one]) >= margin * most[one]
+        cost = _one_cost(one, margin, stride, sizes, degree, most)
+        if cost >= 0.0 and (least < 0.0 or cost <= compared * least + 2.0):
             least = cost if least < 0.0 else min(least, cost)
             if found < candidates:
                 first[found] = one
@@ -192,10 +202,10 @@ def _choose(
             other = waiting[e]
             if sizes[one * stride + other] == 0.0 or effort > EFFORT:
                 continue
-            if strong and fabs(sizes[other * stride + other]) >= MARGIN * most[other]:
+            if strong and fabs(sizes[other * stride + other]) >= margin * most[other]:
                 continue  # both will do alone
-            limit = COMPARED * least + 2.0 if least >= 0.0 else PENALTY
-            cost = _two_cost(one, other, top, stride, sizes, degree, most, limit)
+            limit = compared * least + 2.0 if least >= 0.0 else PENALTY
+            cost = _two_cost(one, other, margin, top, stride, sizes, degree, most, limit)
             if cost >= 0.0 and (least < 0.0 or cost <= limit):
                 effort += 2 * top
                 least = cost if least < 0.0 else min(least, cost)
@@ -208,7 +218,7 @@ def _choose(
     chosen = -1
     effort = 0
     for k in range(found):
-        if costs[k] <= COMPARED * least + 2.0 and effort <= EFFORT:
+        if costs[k] <= compared * least + 2.0 and effort <= EFFORT:
             p = first[k]
             q = second[k]
             effort += degree[p] * degree[p] // 2
@@ -222,11 +232,13 @@ def _choose(
 
 
 @native
-def _choose_any(done: i64, count: i64, waiting: i32s, stride: i64, sizes: f64s, most: f64s) -> i64:
+def _choose_any(
+    done: i64, count: i64, waiting: i32s, margin: f64, stride: i64, sizes: f64s, most: f64s
+) -> i64:  # fmt: skip
     """The same where every order costs the same: single pivots as long as there are strong ones."""
     for k in range(done, count):
         p = waiting[k]
-        if fabs(sizes[p * stride + p]) >= max(MARGIN * most[p], NEGLIGIBLE):
+        if fabs(sizes[p * stride + p]) >= max(margin * most[p], NEGLIGIBLE):
             return p * (stride + 1)
     for k in range(done, count):
         p = waiting[k]
@@ -250,13 +262,13 @@ def _kept(value: f64) -> f64:
 
 @native
 def _fill_pivot(
-    p: i64, q: i64, top: i64, stride: i64, sizes: f64s, most: f64s, row_p: i32s, row_q: i32s
+    p: i64, q: i64, margin: f64, top: i64, stride: i64, sizes: f64s, most: f64s, row_p: i32s, row_q: i32s
 ) -> None:
     """Subtract what the elimination of p, and of q when that is no less than 0, leaves behind."""
     count = _column(p, q, top, stride, sizes, row_p)
     a = sizes[p * stride + p]
     if q < 0:
-        reciprocal = 1.0 / copysign(max(max(fabs(a), MARGIN * most[p]), SMALLEST), a)
+        reciprocal = 1.0 / copysign(max(max(fabs(a), margin * most[p]), SMALLEST), a)
         for k in range(count):
             i = row_p[k]
             by_row = sizes[i * stride + p] * reciprocal
@@ -320,7 +332,7 @@ def follow_order(
             if kinds[k] == 2:
                 q = order[k + 1]
             _measure(p, top, stride, sizes, degree, most)
-            _fill_pivot(p, q, top, stride, sizes, most, row_p, row_q)
+            _fill_pivot(p, q, MARGIN, top, stride, sizes, most, row_p, row_q)
             _drop(p, q, top, stride, sizes, 0, lists)
 
 
@@ -354,7 +366,7 @@ def take_leaves(
             leaves += 1
     for k in range(leaves):
         p = waiting[k]
-        _fill_pivot(p, -1, top, stride, sizes, most, row_p, row_q)
+        _fill_pivot(p, -1, MARGIN, top, stride, sizes, most, row_p, row_q)
         for e in range(top):
             sizes[p * stride + e] = 0.0
             sizes[e * stride + p] = 0.0
@@ -367,6 +379,8 @@ def order_stage(
     top: i64,
     count: i64,
     waiting: i32s,
+    margin: f64,
+    compared: f64,
     sizes: f64s,
     degree: i32s,
     most: f64s,
@@ -385,6 +399,8 @@ def order_stage(
     """Eliminate the slots ``waiting`` (count,) from the sizes (stride * stride,), in place.
 
     Args:
+        margin: the threshold that pivots are planned for.
+        compared: pivots with at most this many times the fewest multiplications are compared by their fill.
         order: the slots in the order of their elimination, (count,).
         kinds: 1 or 2 where a pivot begins, 0 for the second of two, -1 for slots without a pivot: these come
             last, and the sizes then are as if they had been eliminated one by one.
@@ -407,11 +423,11 @@ def order_stage(
         if used + top > capacity:
             return -1
         if full:
-            chosen = _choose_any(done, count, waiting, stride, sizes, most)
+            chosen = _choose_any(done, count, waiting, margin, stride, sizes, most)
         else:
             chosen = _choose(
-                done, count, waiting, top, stride, sizes, degree, most, row_p, row_q, candidates, first, second,
-                costs,
+                done, count, waiting, margin, compared, top, stride, sizes, degree, most, row_p, row_q, candidates,
+                first, second, costs,
             )  # fmt: skip
         kind = 1
         p = waiting[done]
@@ -427,7 +443,7 @@ def order_stage(
                 if fabs(sizes[p * stride + p]) < fabs(sizes[q * stride + q]):
                     p, q = q, p
         if not full:
-            _fill_pivot(p, q, top, stride, sizes, most, row_p, row_q)
+            _fill_pivot(p, q, margin, top, stride, sizes, most, row_p, row_q)
             # Once a single pivot has coupled all that is left, nothing can be filled any more.
             coupled = 0
             for k in range(top):

@@ -22,8 +22,8 @@ PLANNING = 13_000
 #: Plans that are kept; after so many matrices one that failed may be replaced.
 PLANS = 4
 MATRICES = 40
-#: When a plan has served so many matrices another one is made, once, and used if it takes this share of the operations
-#: at most.
+#: When a plan has served so many matrices another one is made, once, with more effort, and used if it takes this share
+#: of the operations at most.
 SETTLED = 6
 FEWER = 0.97
 #: How much the last matrix counts in the share of matrices that a plan suits, and the share that makes a trial worth
@@ -112,12 +112,12 @@ class Plans:
         self.tried += 1
         return False
 
-    def candidates(self, curved: bool, make: Callable[[], Prepared]) -> Iterator[Prepared]:
+    def candidates(self, curved: bool, make: Callable[[bool], Prepared]) -> Iterator[Prepared]:
         """Plans to try for the matrix at hand, each in use meanwhile: that in use, others that suited some, a new one.
 
         Args:
             curved: whether its H is not zero.
-            make: plans for it.
+            make: plans for it; as few operations as it can find when told so.
         """
         first = self.now
         if self.tried >= self._choose_at or first.curved != curved:
@@ -154,7 +154,7 @@ class Plans:
         if self._failures >= PATIENCE:
             self._pause = 2 ** min(self._failures - PATIENCE, LONGEST_PAUSE)
 
-    def _first(self, curved: bool, make: Callable[[], Prepared]) -> Prepared:
+    def _first(self, curved: bool, make: Callable[[bool], Prepared]) -> Prepared:
         """The plan in use, or the latest, of those that were made where H was zero or of the others."""
         now = self.now
         if now.served > 0 and now.curved == curved and (now.served != SETTLED or self._settled):
@@ -167,7 +167,7 @@ class Plans:
         if now.served == SETTLED and curved and not self._settled:
             # By now the entries have the sizes that they will keep.
             self._settled = True
-            other = make()
+            other = make(True)
             if other.operations < FEWER * now.operations and len(self._plans) < PLANS:
                 self._plans.append(other)
                 return other
@@ -182,8 +182,8 @@ class Plans:
         )
         return sorted(cheaper, key=lambda plan: plan.operations)
 
-    def _another(self, make: Callable[[], Prepared]) -> Prepared:
+    def _another(self, make: Callable[[bool], Prepared]) -> Prepared:
         self._missed = 0
         self._next_at = self.tried + MATRICES
-        self._plans.append(make())
+        self._plans.append(make(False))
         return self._plans[-1]

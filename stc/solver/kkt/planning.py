@@ -14,7 +14,7 @@ from stc.arrays import distinct
 from stc.records import dataclass
 from stc.solver.kkt.arrangement import Arrangement, Couplings, enter_window
 from stc.solver.kkt.grouping import group_stage
-from stc.solver.kkt.ordering import SMALLEST, follow_order, order_stage, take_leaves
+from stc.solver.kkt.ordering import COMPARED, MARGIN, SMALLEST, follow_order, order_stage, take_leaves
 from stc.solver.kkt.staging import Staging
 from stc.solver.nlp import Floats
 
@@ -273,7 +273,7 @@ class _Walk:
         first, second = np.empty(CANDIDATES, dtype=np.int32), np.empty(CANDIDATES, dtype=np.int32)
         before = sizes.reshape(-1).copy()
         order_stage(
-            window, top, count, waiting, sizes.reshape(-1), degree, most, row_p, row_q,
+            window, top, count, waiting, MARGIN, COMPARED, sizes.reshape(-1), degree, most, row_p, row_q,
             first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
         )  # fmt: skip
         fixed = np.zeros_like(order)

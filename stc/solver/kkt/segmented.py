@@ -253,10 +253,10 @@ class SegmentedKKT(ByCopies):
         self.nnz_factor = self._whole.nnz_factor
         return inertia
 
-    def _new_plan(self) -> Prepared:
-        return self._prepare(self._programs())
+    def _new_plan(self, thorough: bool) -> Prepared:
+        return self._prepare(self._programs(thorough))
 
-    def _programs(self) -> list[Program]:
+    def _programs(self, thorough: bool) -> list[Program]:
         """Plan the pivots of each kind for values like those of the matrix at hand, without p.
 
         What barrier and shifts add to the diagonal comes and goes: pivots that need it would fail sooner or later.
@@ -268,7 +268,7 @@ class SegmentedKKT(ByCopies):
         diagonal[couplings.hess_variable] += self._arrays.given[self._curved_source]
         diagonal *= scale[: couplings.size] ** 2
         return [
-            plan_panels(kind, *sizes_of(found, kind, number, values, diagonal))
+            plan_panels(kind, *sizes_of(found, kind, number, values, diagonal), thorough=thorough)
             for number, kind in enumerate(self._kinds)
         ]
 

@@ -14,7 +14,7 @@ from solver.kkt.test_contract import check
 
 from stc.solver.kkt import DenseKKT, segmented, segments
 from stc.solver.kkt.arrangement import Couplings
-from stc.solver.kkt.lane_program import kind_of
+from stc.solver.kkt.lane_program import kind_of, plan_panels
 from stc.solver.kkt.lane_values import sizes_of
 from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.kkt.segmented import SegmentedKKT
@@ -256,6 +256,26 @@ def test_frames_that_hold_a_variable_are_left_out():
     assert other is not one
 
 
+def test_a_settled_plan_takes_no_more_operations():
+    """After some matrices a plan is made with more effort; it serves the same ones, and others like them."""
+    rng = np.random.default_rng(22)
+    pattern = motion(rng, 60, parameters=1)
+    kkt = system_of(pattern)
+    operations = []
+    for _ in range(10):
+        check(kkt, pattern, generic(rng, pattern), rng)
+        assert kkt._by_segments
+        operations.append(kkt._plans.now.operations)
+    assert kkt._plans._settled
+    assert operations[-1] <= operations[0]
+    values = np.ones(kkt._kinds[0].rows.size)
+    plain, thorough = (
+        plan_panels(kkt._kinds[0], values, np.ones(kkt._kinds[0].own), thorough=effort)
+        for effort in (False, True)
+    )
+    assert thorough.operations <= plain.operations
+
+
 def test_runs_of_unequal_length_have_segments_of_their_own():
     """Eight segments in either, and next to nothing left: of equal length, they would leave a whole segment."""
     rng = np.random.default_rng(21)
@@ -365,9 +385,9 @@ def test_what_barriers_add_comes_and_goes():
     for size in (1e3, 0.0, 1e-6, 1.0):
         values.primal = size * rng.uniform(0.5, 2.0, pattern.n)
         check(kkt, pattern, values, rng)
-    before = kkt._programs()
+    before = kkt._programs(thorough=True)
     kkt.primal *= 7.0
-    for one, other in zip(before, kkt._programs(), strict=True):
+    for one, other in zip(before, kkt._programs(thorough=True), strict=True):
         for panel, same in zip(one.panels, other.panels, strict=True):
             np.testing.assert_array_equal(panel, same)
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stc.solver.kkt import window
-from stc.solver.kkt.ordering import SECOND, UNPLANNED, order_stage
+from stc.solver.kkt.ordering import COMPARED, MARGIN, SECOND, UNPLANNED, order_stage
 from stc.solver.kkt.values import GOOD, equilibrate, find_scale, load, residual
 
 SEEDS = st.integers(0, 10**6)
@@ -87,7 +87,7 @@ def test_planned_patterns_hold_all_fill(seed):
     work = [np.zeros(stride, dtype=np.int32) for _ in range(3)]
     pairs = np.zeros(50, dtype=np.int32), np.zeros(50, dtype=np.int32), np.zeros(50)
     used = order_stage(
-        stride, top, count, leaving.copy(), sizes, work[0], np.zeros(stride), work[1], work[2],
+        stride, top, count, leaving.copy(), MARGIN, COMPARED, sizes, work[0], np.zeros(stride), work[1], work[2],
         50, *pairs, order, kinds, starts, lists.size, lists,
     )  # fmt: skip
     assert used == starts[count]
