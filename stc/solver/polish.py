@@ -1,0 +1,68 @@
+"""Meeting the equations to the last digits where an iteration has only come near enough."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stc.solver.kkt.contract import NotFinite
+from stc.solver.multipliers import DUAL_SHIFT
+from stc.solver.nlp import Floats
+from stc.solver.scaled_problem import ScaledProblem
+
+__all__ = ["meet_equations"]
+
+#: Equations met so well are left alone.
+MET = 1e-11
+#: Variables so near to a bound stay there, and inequalities are left out: both are this stiff or soft.
+NEAR = 1e-6
+STIFF = 1e8
+STEPS = 2
+HALF = 0.5
+
+
+def meet_equations(form: ScaledProblem, x: Floats) -> Floats:
+    """The nearest point to ``x`` (n,), scaled, where the equality rows hold, to first order; ``x`` if that is no gain.
+
+    The system is that of least-squares multipliers (see stc.solver.multipliers), for the least step instead.
+    """
+    best, worst = x, _largest(form, x)
+    for _ in range(STEPS):
+        if not worst > MET:
+            break
+        moved = best + _step(form, best)
+        error = _largest(form, moved)
+        if not error <= HALF * worst:
+            break
+        best, worst = moved, error
+    return best
+
+
+def _residual(form: ScaledProblem, x: Floats) -> Floats:
+    """How far the equality rows are from their right-hand sides, (m,); 0 for other rows."""
+    _, r = form.values(x)
+    return np.where(form.equality, r - form.target, 0.0)
+
+
+def _largest(form: ScaledProblem, x: Floats) -> float:
+    return float(np.abs(_residual(form, x)).max(initial=0.0))
+
+
+def _step(form: ScaledProblem, x: Floats) -> Floats:
+    """The least step that meets the linearised equality rows, (n,)."""
+    _, jac, _ = form.derivatives(x, np.zeros(form.m))
+    lower, upper = form.true_x
+    at_bound = (x - lower <= NEAR) | (upper - x <= NEAR)
+    shift = DUAL_SHIFT * min(1.0, float(np.abs(jac).max(initial=0.0)) ** 2)
+    kkt = form.attached_kkt
+    kkt.hess[:], kkt.jac[:] = 0.0, jac
+    kkt.primal[:] = np.where(at_bound, STIFF, 1.0)
+    kkt.dual[:] = np.where(form.equality, shift, STIFF)
+    try:
+        kkt.refactor()
+    except NotFinite:
+        return np.zeros(form.n)
+    kkt.rhs[: form.n] = 0.0
+    kkt.rhs[form.n :] = -_residual(form, x)
+    kkt.solve_call()
+    kkt.check_solution()
+    return kkt.solution[: form.n] * form.free_factor
