@@ -9,11 +9,11 @@ from stc.solver.multipliers import DUAL_SHIFT
 from stc.solver.nlp import Floats
 from stc.solver.scaled_problem import ScaledProblem
 
-__all__ = ["meet_equations"]
+__all__ = ["MET", "meet_equations"]
 
 #: Equations met so well are left alone.
 MET = 1e-11
-#: Variables so near to a bound stay there, and inequalities are left out: both are this stiff or soft.
+#: Variables so near to a bound stay there, and inequalities are left out: the ones are so stiff, the others so soft.
 NEAR = 1e-6
 STIFF = 1e8
 STEPS = 2

@@ -15,7 +15,7 @@ from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
-from stc.solver.polish import meet_equations
+from stc.solver.polish import MET, meet_equations
 from stc.solver.products import inner
 from stc.solver.report import Callback, Result, Start
 from stc.solver.residuals import Assessment, assess
@@ -257,7 +257,7 @@ class _Solve:
             # In the objective's own terms: it may have been multiplied, as sums over many short intervals are.
             if np.abs(outcome.y).max(initial=0.0) > LARGE_MULTIPLIER * max(1.0, form.objective_scale):
                 outcome.y = smaller_multipliers(form, outcome.x, outcome.y)
-            if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
+            if MET < outcome.error <= ACCEPTABLE:
                 x = meet_equations(form, outcome.x)
                 if x is not outcome.x:
                     outcome.x, self._last_stated = x, None
