@@ -9,7 +9,7 @@ from stc.solver.iterate import Errors, Iterate, errors_of, evaluate
 from stc.solver.nlp import Floats
 from stc.solver.workspace import Workspace
 
-__all__ = ["LaggingMultipliers", "least_squares_multipliers"]
+__all__ = ["LaggingMultipliers", "least_squares_multipliers", "shift_of_equations"]
 
 LARGEST = 1e3
 LARGEST_LATER = 1e8
@@ -26,7 +26,7 @@ def least_squares_multipliers(form: Formulation, it: Iterate, largest: float = L
     """
     if form.m == 0:
         return np.zeros(0)
-    d = np.where(form.equality, DUAL_SHIFT * min(1.0, float(np.abs(it.jac).max(initial=0.0)) ** 2), 1.0)
+    d = np.where(form.equality, shift_of_equations(it.jac), 1.0)
     n = form.n
     kkt = form.attached_kkt
     kkt.hess[:], kkt.jac[:], kkt.primal[:], kkt.dual[:] = 0.0, it.jac, 1.0, d
@@ -41,6 +41,11 @@ def least_squares_multipliers(form: Formulation, it: Iterate, largest: float = L
     if not np.isfinite(y.sum()) or np.abs(y).max(initial=0.0) > largest:
         return np.zeros(form.m)
     return y
+
+
+def shift_of_equations(jac: Floats) -> float:
+    """What to soften equality rows by where the Hessian is the identity, given the Jacobian's entries."""
+    return DUAL_SHIFT * min(1.0, float(np.abs(jac).max(initial=0.0)) ** 2)
 
 
 class LaggingMultipliers:

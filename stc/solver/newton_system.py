@@ -55,8 +55,6 @@ SMOOTH = 3
 WHOLE = 0.5
 SOFTER = 0.01
 SMALLEST_STIFFNESS = 1e-8
-ROWS_SHARE = 0.4
-"""Of the rows' part of the Hessian where the whole of it makes the matrix indefinite."""
 BENT = 0.05
 """Share of the variables that an objective has to bend at least."""
 
@@ -116,7 +114,7 @@ class NewtonSystem:
         # Rows that have been dependent all the time are so by their structure.
         self.deficient = self._deficiencies >= ALWAYS
         self.dual_shift = dual_shift if self.deficient else 0.0
-        growth, before = GROWTH, 0
+        before = 0
         while True:
             verdict = self._try()
             if verdict == "good":
@@ -151,14 +149,14 @@ class NewtonSystem:
             return False
         work, form = self.work, self.form
         if self._bends is None or not form.quadratic_objective:
-            work.find_bend()
+            work.bend_call()
         if self._bends is None:
             diagonal = work.bend[form.hess_rows == form.hess_cols]
             bent = np.count_nonzero(diagonal > 0.0) >= BENT * form.n
             self._bends = bool(bent and diagonal.min() >= 0.0)
             if not self._bends:
                 return False
-        work.damp(ROWS_SHARE)
+        work.damped_call()
         self._whole = False
         return True
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.kkt.contract import NotFinite
-from stc.solver.multipliers import DUAL_SHIFT
+from stc.solver.multipliers import shift_of_equations
 from stc.solver.nlp import Floats
 from stc.solver.scaled_problem import ScaledProblem
 
@@ -25,16 +25,17 @@ def meet_equations(form: ScaledProblem, x: Floats) -> Floats:
 
     The system is that of least-squares multipliers (see stc.solver.multipliers), for the least step instead.
     """
-    best, worst = x, _largest(form, x)
+    residual = _residual(form, x)
     for _ in range(STEPS):
+        worst = float(np.abs(residual).max(initial=0.0))
         if not worst > MET:
             break
-        moved = best + _step(form, best)
-        error = _largest(form, moved)
-        if not error <= HALF * worst:
+        moved = x + _step(form, x, residual)
+        left = _residual(form, moved)
+        if not float(np.abs(left).max()) <= HALF * worst:
             break
-        best, worst = moved, error
-    return best
+        x, residual = moved, left
+    return x
 
 
 def _residual(form: ScaledProblem, x: Floats) -> Floats:
@@ -43,26 +44,21 @@ def _residual(form: ScaledProblem, x: Floats) -> Floats:
     return np.where(form.equality, r - form.target, 0.0)
 
 
-def _largest(form: ScaledProblem, x: Floats) -> float:
-    return float(np.abs(_residual(form, x)).max(initial=0.0))
-
-
-def _step(form: ScaledProblem, x: Floats) -> Floats:
-    """The least step that meets the linearised equality rows, (n,)."""
+def _step(form: ScaledProblem, x: Floats, residual: Floats) -> Floats:
+    """The least step that meets the linearised equality rows, (n,); ``residual`` (m,) is theirs."""
     _, jac, _ = form.derivatives(x, np.zeros(form.m))
     lower, upper = form.true_x
     at_bound = (x - lower <= NEAR) | (upper - x <= NEAR)
-    shift = DUAL_SHIFT * min(1.0, float(np.abs(jac).max(initial=0.0)) ** 2)
     kkt = form.attached_kkt
     kkt.hess[:], kkt.jac[:] = 0.0, jac
     kkt.primal[:] = np.where(at_bound, STIFF, 1.0)
-    kkt.dual[:] = np.where(form.equality, shift, STIFF)
+    kkt.dual[:] = np.where(form.equality, shift_of_equations(jac), STIFF)
     try:
         kkt.refactor()
     except NotFinite:
         return np.zeros(form.n)
     kkt.rhs[: form.n] = 0.0
-    kkt.rhs[form.n :] = -_residual(form, x)
+    kkt.rhs[form.n :] = -residual
     kkt.solve_call()
     kkt.check_solution()
     return kkt.solution[: form.n] * form.free_factor

@@ -27,6 +27,8 @@ from stc.solver.passes import (
 #: and so much of the shift.
 SHARE = 0.1
 SLIGHT = 1e-3
+#: How much of the rows' part of the Hessian is used where the whole of it makes the matrix indefinite.
+ROWS_SHARE = 0.4
 
 
 @native(fast=True)
@@ -69,10 +71,10 @@ def shifted(
 
 
 @native(fast=True)
-def damped(entries: i64, share: f64s, bend: f64s, hess: f64s, out: f64s) -> None:
+def damped(entries: i64, bend: f64s, hess: f64s, out: f64s) -> None:
     """The Hessian ``hess`` with a share of the rows' part of it: ``bend`` is the objective's."""
     for e in range(entries):
-        out[e] = bend[e] + share[0] * (hess[e] - bend[e])
+        out[e] = bend[e] + ROWS_SHARE * (hess[e] - bend[e])
 
 
 @native(fast=True)

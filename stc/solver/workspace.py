@@ -113,7 +113,7 @@ class Workspace:
         self.trial_w, self.trial_gap, self.trial_c = zeros(size), zeros(gaps), zeros(m)
         self._trial_y, self._trial_z, self._trial_dual = zeros(m), zeros(gaps), zeros(size)
         self._pull, self._turn = zeros(size), zeros(size)
-        self._nowhere, self._share = np.zeros(1), np.ones(1)
+        self._nowhere = np.zeros(1)
         self._no_residual, self._factor, self._target = np.zeros(m), np.zeros(1), np.zeros(1)
         self._solve: Bound | None = None
         self._parts: dict[str, Bound] = {}
@@ -266,12 +266,12 @@ class Workspace:
 
     @cached_property
     def bend(self) -> Floats:
-        """The objective's part of the Hessian where ``find_bend`` was last called, (nnz_H,)."""
+        """The objective's part of the Hessian where ``bend_call`` was last made, (nnz_H,)."""
         return np.zeros(self.form.hess_rows.size)
 
     @cached_property
-    def _bend_call(self) -> Bound:
-        """The derivatives without the rows' multipliers; ``hess`` is as before afterwards."""
+    def bend_call(self) -> Bound:
+        """Evaluates the objective's part of the Hessian at the iterate, all else staying as it is."""
         ev, it, form = self.evaluator, self.it, self.form
         curved = form.hess_rows.size
         kept = np.zeros(curved)
@@ -288,8 +288,9 @@ class Workspace:
         )
 
     @cached_property
-    def _damp_call(self) -> Bound:
-        return step_passes.damped.bind(self.bend.size, self._share, self.bend, self.it.hess, self.kkt.hess)
+    def damped_call(self) -> Bound:
+        """Takes only a share of the rows' part of the Hessian into the matrix; after ``diagonals_call``."""
+        return step_passes.damped.bind(self.bend.size, self.bend, self.it.hess, self.kkt.hess)
 
     @cached_property
     def spare(self) -> Step:
@@ -409,15 +410,6 @@ class Workspace:
         self.solve_call(name, step, c, residuals=residuals)()
         if self.kkt.check_solution():
             self._end(name, step, c, residuals, self.centre, self.kkt.solution)()
-
-    def find_bend(self) -> None:
-        """Evaluate the objective's part of the Hessian at the iterate."""
-        self._bend_call()
-
-    def damp(self, share: float) -> None:
-        """Take only a share of the rows' part of the Hessian into the matrix; after ``diagonals_call``."""
-        self._share[0] = share
-        self._damp_call()
 
     def aim_at(self, mu: float) -> None:
         """Make ``centre`` that of the barrier problem with parameter ``mu``."""

@@ -36,14 +36,12 @@ def panel_vectors(members: i64, count: i64) -> i64:
 
 
 @native(fast=True, inline=True)
-def _update_four(
-    count: i64, rows: i32s, length: i64, begin: i64, factors: f64s, columns: f64s, work: f64s
-) -> None:
-    """Subtract what four members leave; their rows of ``factors`` and ``columns`` are ``length`` vectors apart."""
+def _update_four(count: i64, rows: i32s, factors: f64s, columns: f64s, work: f64s) -> None:
+    """Subtract what four members leave; their rows of ``factors`` and ``columns`` are ``count`` vectors."""
     i = 0
-    far = 8 * length
+    far = 8 * count
     while i + 1 < count:
-        e = 8 * (begin + i)
+        e = 8 * i
         row = rows[i]
         base = 4 * row * (row + 1)
         below = rows[i + 1]
@@ -58,7 +56,7 @@ def _update_four(
         b3 = load8(factors, e + 3 * far + 8)
         for j in range(i + 1):
             other = 8 * rows[j]
-            at = 8 * (begin + j)
+            at = 8 * j
             c0 = load8(columns, at)
             c1 = load8(columns, at + far)
             c2 = load8(columns, at + 2 * far)
@@ -74,7 +72,7 @@ def _update_four(
         store8(work, base_below + 8 * below, last)
         i += 2
     if i < count:
-        e = 8 * (begin + i)
+        e = 8 * i
         row = rows[i]
         base = 4 * row * (row + 1)
         a0 = load8(factors, e)
@@ -83,7 +81,7 @@ def _update_four(
         a3 = load8(factors, e + 3 * far)
         for j in range(i + 1):
             other = 8 * rows[j]
-            at = 8 * (begin + j)
+            at = 8 * j
             one = load8(work, base + other) - a0 * load8(columns, at) - a1 * load8(columns, at + far)
             one = one - a2 * load8(columns, at + 2 * far) - a3 * load8(columns, at + 3 * far)
             store8(work, base + other, one)
@@ -93,7 +91,7 @@ def _update_four(
 def _update_two(
     count: i64, rows: i32s, length: i64, begin: i64, factors: f64s, columns: f64s, work: f64s
 ) -> None:
-    """The same for two members."""
+    """The same for two members, of rows that are ``length`` vectors apart and looked at from ``begin`` on."""
     far = 8 * length
     i = 0
     while i + 1 < count:
@@ -145,15 +143,15 @@ def _update_one(count: i64, rows: i32s, begin: i64, factors: f64s, columns: f64s
 
 @native(fast=True, inline=True)
 def _take_single(
-    p: i64, members: i64, end: i64, length: i64, growth: f64, suspect: f64, columns: f64s, factors: f64s,
+    p: i64, members: i64, length: i64, growth: f64, suspect: f64, columns: f64s, factors: f64s,
     state: f64s,
 ) -> None:  # fmt: skip
-    """Take the pivot of member ``p`` out of the panel, of whose rows the first ``end`` are looked at."""
+    """Take the pivot of member ``p`` out of the panel, whose rows are ``length`` vectors long."""
     own = 8 * p * length
     d = load8(columns, own + 8 * p)
     reciprocal = 1.0 / d
     most = splat8(0.0)
-    for e in range(p + 1, end):
+    for e in range(p + 1, length):
         value = load8(columns, own + 8 * e)
         most = max8(abs8(value), most)
         store8(factors, own + 8 * e, value * reciprocal)
@@ -165,13 +163,13 @@ def _take_single(
     for q in range(p + 1, members):
         factor = load8(factors, own + 8 * q)
         row = 8 * q * length
-        for e in range(q, end):
+        for e in range(q, length):
             store8(columns, row + 8 * e, load8(columns, row + 8 * e) - factor * load8(columns, own + 8 * e))
 
 
 @native(fast=True, inline=True)
 def _take_pair(
-    p: i64, members: i64, end: i64, length: i64, growth: f64, suspect: f64, columns: f64s, factors: f64s,
+    p: i64, members: i64, length: i64, growth: f64, suspect: f64, columns: f64s, factors: f64s,
     state: f64s,
 ) -> None:  # fmt: skip
     """The same for members ``p`` and ``p + 1``."""
@@ -189,7 +187,7 @@ def _take_pair(
     most_q = splat8(0.0)
     factor_p = splat8(0.0)
     factor_q = splat8(0.0)
-    for e in range(p + 2, end):
+    for e in range(p + 2, length):
         value_p = load8(columns, one + 8 * e)
         value_q = load8(columns, two + 8 * e)
         scaled_p = inverse_pp * value_p + inverse_pq * value_q
@@ -214,7 +212,7 @@ def _take_pair(
         by_p = load8(factors, one + 8 * q)
         by_q = load8(factors, two + 8 * q)
         row = 8 * q * length
-        for e in range(q, end):
+        for e in range(q, length):
             change = by_p * load8(columns, one + 8 * e) + by_q * load8(columns, two + 8 * e)
             store8(columns, row + 8 * e, load8(columns, row + 8 * e) - change)
 
@@ -231,10 +229,10 @@ def _take_corner(
     p = 0
     while p < members:
         if kinds[p] == 2:
-            _take_pair(p, members, members, members, growth, suspect, columns, corner, state)
+            _take_pair(p, members, members, growth, suspect, columns, corner, state)
             p += 2
         else:
-            _take_single(p, members, members, members, growth, suspect, columns, corner, state)
+            _take_single(p, members, members, growth, suspect, columns, corner, state)
             p += 1
     _keep_corner(members, members, corner, factors)
 
@@ -371,10 +369,10 @@ def _take_three(
     p = 0
     while p < 3:
         if kinds[p] == 2:
-            _take_pair(p, 3, length, length, growth, suspect, columns, whole, state)
+            _take_pair(p, 3, length, growth, suspect, columns, whole, state)
             p += 2
         else:
-            _take_single(p, 3, length, length, growth, suspect, columns, whole, state)
+            _take_single(p, 3, length, growth, suspect, columns, whole, state)
             p += 1
     _update_two(count, rows, length, 3, whole, columns, work)
     last = 16 * length
@@ -398,7 +396,7 @@ def take_panel(
         own = corner[128:]
         _take_corner(4, length, kinds, sources, growth, suspect, work, corner, own, factors, state)
         _scale_four(count, kinds, sources, growth, work, own, columns, factors[80:], state)
-        _update_four(count, rows, count, 0, factors[80:], columns, work)
+        _update_four(count, rows, factors[80:], columns, work)
     elif members == 2:
         own = corner[32:]
         _take_corner(2, length, kinds, sources, growth, suspect, work, corner, own, factors, state)
@@ -410,5 +408,5 @@ def take_panel(
     else:
         for e in range(length):
             store8(columns, 8 * e, load8(work, 8 * sources[e]))
-        _take_single(0, 1, length, length, growth, suspect, columns, factors, state)
+        _take_single(0, 1, length, growth, suspect, columns, factors, state)
         _update_one(count, rows, 1, factors, columns, work)

@@ -192,13 +192,14 @@ def _shared(runs: list[int], lengths: Int64s, width: int) -> list[list[int]]:
     """Which runs of one kind have segments of equal length: all, but for those that do better on their own."""
     together: list[int] = runs
     alone: list[list[int]] = []
+    cost = _span(lengths[together], width)[0]
     for run in sorted(runs, key=lambda run: -lengths[run]):
         others = [other for other in together if other != run]
         if not others or lengths[run] <= LANES * SHORTEST:
             break
-        apart = _span(lengths[others], width)[0] + _span(lengths[[run]], width)[0]
-        if apart < _span(lengths[together], width)[0]:
-            together, alone = others, [*alone, [run]]
+        rest = _span(lengths[others], width)[0]
+        if rest + _span(lengths[[run]], width)[0] < cost:
+            together, alone, cost = others, [*alone, [run]], rest
     return [together, *alone]
 
 

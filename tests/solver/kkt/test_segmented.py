@@ -40,9 +40,22 @@ def motion(rng: np.random.Generator, frames: int, *, parameters: int = 0, waypoi
     return b.pattern()
 
 
-def parts(pattern: Pattern) -> tuple[Couplings, np.ndarray, Segmentation | None]:
+def structure(pattern: Pattern) -> tuple[Couplings, np.ndarray]:
     couplings = Couplings.of(*pattern.arguments()[:6])
     stage = np.concatenate([pattern.var_stage, pattern.row_stage]).astype(np.int64)
+    return couplings, stage
+
+
+def holding(pattern: Pattern, *frames: int) -> np.ndarray:
+    """Hold the first variable of these frames."""
+    held = np.zeros(pattern.n, dtype=bool)
+    for frame in frames:
+        held[np.flatnonzero(pattern.var_stage == frame)[0]] = True
+    return held
+
+
+def parts(pattern: Pattern) -> tuple[Couplings, np.ndarray, Segmentation | None]:
+    couplings, stage = structure(pattern)
     with mock.patch.multiple(segments, WORTH=2.0, SHORTEST=2):  # however short the horizon is
         return couplings, stage, find_segments(couplings, stage)
 
@@ -242,11 +255,8 @@ def test_unknowns_that_couple_both_ways_stay_where_they_are():
 def test_frames_that_hold_a_variable_are_left_out():
     rng = np.random.default_rng(19)
     pattern = motion(rng, 60)
-    couplings = Couplings.of(*pattern.arguments()[:6])
-    stage = np.concatenate([pattern.var_stage, pattern.row_stage]).astype(np.int64)
-    held = np.zeros(pattern.n, dtype=bool)
-    for frame in (20, 40):
-        held[np.flatnonzero(pattern.var_stage == frame)[0]] = True
+    couplings, stage = structure(pattern)
+    held = holding(pattern, 20, 40)
     free, found = find_segments(couplings, stage), find_segments(couplings, stage, held)
     assert free is not None
     assert found is not None
@@ -280,11 +290,8 @@ def test_runs_of_unequal_length_have_segments_of_their_own():
     """Eight segments in either, and next to nothing left: of equal length, they would leave a whole segment."""
     rng = np.random.default_rng(21)
     pattern = motion(rng, 300)
-    couplings = Couplings.of(*pattern.arguments()[:6])
-    stage = np.concatenate([pattern.var_stage, pattern.row_stage]).astype(np.int64)
-    held = np.zeros(pattern.n, dtype=bool)
-    held[np.flatnonzero(pattern.var_stage == 70)[0]] = True
-    found = find_segments(couplings, stage, held)
+    couplings, stage = structure(pattern)
+    found = find_segments(couplings, stage, holding(pattern, 70))
     assert found is not None
     assert sorted(len(group.stages) for group in found.groups) == [8, 28]
     assert np.count_nonzero(~found.interior) < 15
