@@ -1,7 +1,8 @@
 """Prepared calls of machine code, and chains of them.
 
 A prepared call has all its arguments in consecutive 8-byte cells of memory; calling it hands over one
-address.  So every prepared call has the same form, and one call can run a list of others.
+address.  So every prepared call has the same form, one call can run a list of others, and compiled functions can make
+those of a table by number.
 """
 
 from __future__ import annotations
@@ -9,8 +10,11 @@ from __future__ import annotations
 import ctypes
 import functools
 import threading
+import weakref
 from collections.abc import Callable, Sequence
 from typing import Any, Self
+
+import numpy as np
 
 from stc.codegen import cache, engine
 
@@ -28,6 +32,7 @@ class Bound(functools.partial[Any]):
     floats: ctypes.Array[ctypes.c_double]
     keep: Any
     native: bool = False
+    entry: int | None = None
 
     @classmethod
     def of_native(cls, entry: Callable[..., Any], cells: Sequence[int], keep: Any) -> Self:
@@ -90,9 +95,71 @@ def _chained(result: Any, parts: Sequence[tuple[Bound, bool]]) -> Bound:
 
 def packed_address(call: Bound) -> int:
     """Where the machine code of a native call is; it takes the address of the cells, ``call.args[0]``."""
-    entry = ctypes.cast(call.func, ctypes.c_void_p).value  # type: ignore[arg-type]
-    assert entry is not None
-    return entry
+    if call.entry is None:
+        call.entry = ctypes.cast(call.func, ctypes.c_void_p).value  # type: ignore[arg-type]
+        assert call.entry is not None
+    return call.entry
+
+
+class CallTable:
+    """Prepared calls that a compiled function makes by number, with :func:`invoke`.
+
+    Calls of Python functions may be among them: what they raise is kept, and raised by :meth:`check`.
+
+    Attributes:
+        cells: what such a function takes for the table.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.cells = np.zeros(2 * size, dtype=np.int64)
+        self._parts: list[Bound | None] = [None] * size
+        self._entries: list[Any] = [None] * size
+        self._raised: BaseException | None = None
+
+    def put(self, place: int, call: Bound | None) -> None:
+        """Set one call; ``has`` tells a compiled function whether there is one."""
+        if self._parts[place] is call:
+            return
+        self._parts[place] = call
+        entry = address = 0
+        if call is None:
+            pass
+        elif call.native:
+            entry, address = packed_address(call), call.args[0]
+        else:
+            address = ctypes.addressof(call.integers)
+            _placed[address] = call
+            self._entries[place] = made = _CALLBACK(functools.partial(self._guarded, call))
+            entry = ctypes.cast(made, ctypes.c_void_p).value or 0
+        self.cells[2 * place], self.cells[2 * place + 1] = entry, address
+
+    def check(self) -> None:
+        """Raise what a Python function has raised since the last time."""
+        if self._raised is not None:
+            raised, self._raised = self._raised, None
+            raise raised
+
+    def _guarded(self, call: Bound, _: Any) -> int:
+        if self._raised is not None:  # nothing counts any more
+            return 0
+        try:
+            return int(call() or 0)
+        except BaseException as raised:  # it cannot pass through machine code
+            self._raised = raised
+            return 0
+
+
+_CALLBACK = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)
+#: Python functions in tables, by the address of their cells.
+_placed: weakref.WeakValueDictionary[int, Bound] = weakref.WeakValueDictionary()
+
+
+def invoke(cells: Any, place: int) -> int:
+    """Make a call of a table; its result where that is a whole number.
+
+    In compiled functions, which have to be ``shared`` if it writes to their arrays.
+    """
+    return int(_placed[int(cells[2 * place + 1])]() or 0)
 
 
 def _call_all(parts: tuple[Bound, ...]) -> None:

@@ -22,8 +22,9 @@ on disk.  Arrays written by a call must not overlap its other arrays.  Arithmeti
 ``fast=True`` lets the compiler fuse multiply-adds and reorder sums (nan and infinity keep their meaning), and makes
 nan of ``min`` and ``max`` where an argument is nan.
 ``inline=True`` copies the body into every caller; ``small=True`` is for code outside inner loops: it compiles
-three times faster, to a third of the size, and runs slower.  Without LLVM, or with ``STC_BACKEND=python``, the same
-functions run as plain Python.  The interpreter lock is released while compiled code runs.
+three times faster, to a third of the size, and runs slower.  ``shared=True`` is for functions that make prepared calls
+(:func:`stc.codegen.calls.invoke`), which may write to their arrays.  Without LLVM, or with ``STC_BACKEND=python``, the
+same functions run as plain Python.  The interpreter lock is released while compiled code runs.
 """
 
 from __future__ import annotations
@@ -139,13 +140,16 @@ class BoundFunction(Bound):
 class NativeFunction(Generic[P, R]):
     """A function of the compiled subset; call it like the Python function it was."""
 
-    def __init__(self, function: Callable[P, R], *, fast: bool, inline: bool, small: bool) -> None:
+    def __init__(
+        self, function: Callable[P, R], *, fast: bool, inline: bool, small: bool, shared: bool = False
+    ) -> None:
         self.__name__ = function.__name__
         functools.update_wrapper(self, function)
         self.function = function
         self.fast = fast
         self.inline = inline
         self.small = small
+        self.shared = shared
         self.signature = signature_of(function)
         self._call: Callable[..., Any] | None = None
         self._packed: Callable[..., Any] | None = None
@@ -353,7 +357,7 @@ def _reachable(roots: list[NativeFunction[..., Any]]) -> tuple[list[NativeFuncti
         code = inner.__code__
         described.append(
             f"{inner.__module__}.{inner.__qualname__} line {code.co_firstlineno} "
-            f"fast={current.fast} inline={current.inline} small={current.small}"
+            f"fast={current.fast} inline={current.inline} small={current.small} shared={current.shared}"
         )
         if code.co_filename not in files:
             files.add(code.co_filename)
@@ -392,6 +396,7 @@ def unit_ir(functions: list[NativeFunction[..., Any]], exported: int) -> str:
             fast=native_function.fast,
             inline=native_function.inline,
             small=native_function.small,
+            shared=native_function.shared,
             exported=position < exported,
             resolve=_resolver(function),
             callee_of=lambda target: callees.get(id(target)),
@@ -459,7 +464,7 @@ def _compile_unit(wanted: NativeFunction[..., Any]) -> None:
 def native(function: Callable[P, R], /) -> NativeFunction[P, R]: ...
 @overload
 def native(
-    *, fast: bool = False, inline: bool = False, small: bool = False
+    *, fast: bool = False, inline: bool = False, small: bool = False, shared: bool = False
 ) -> Callable[[Callable[P, R]], NativeFunction[P, R]]: ...
 
 
@@ -470,6 +475,7 @@ def native(
     fast: bool = False,
     inline: bool = False,
     small: bool = False,
+    shared: bool = False,
 ) -> Any:
     """Compile a function of the subset (see the module's documentation) at its first call.
 
@@ -477,13 +483,14 @@ def native(
         fast: fuse multiply-adds and reorder sums; nan and infinity keep their meaning.
         inline: copy the body into every compiled caller.
         small: compile quickly and compactly, for code that is not in an inner loop.
+        shared: what it calls may write to its arrays.
 
     Raises:
         NativeError: a parameter without a type of the subset.
     """
     if function is not None:
-        return NativeFunction(function, fast=fast, inline=inline, small=small)
-    return lambda inner: NativeFunction(inner, fast=fast, inline=inline, small=small)
+        return NativeFunction(function, fast=fast, inline=inline, small=small, shared=shared)
+    return lambda inner: NativeFunction(inner, fast=fast, inline=inline, small=small, shared=shared)
 
 
 def native_source(text: str, name: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from stc.codegen import native_math, native_vector
+from stc.codegen import calls, native_math, native_vector
 from stc.codegen.native_blocks import BlockBuilder, Value
 from stc.codegen.native_types import Signature, Type
 from stc.codegen.native_vector_ir import vector_call
@@ -405,6 +405,8 @@ class ExpressionEmitter(BlockBuilder):
         if target in (native_math.copysign, math.copysign):
             x, y = self.arguments(node, 2, name, Type.F64)
             return self.compute(Type.F64, f"call double @llvm.copysign.f64(double {x.text}, double {y.text})")
+        if target is calls.invoke:
+            return self._invoke(node, name)
         if target in _VECTOR:
             return vector_call(self, node, target, name)
         if target in (builtins.min, builtins.max):
@@ -422,6 +424,22 @@ class ExpressionEmitter(BlockBuilder):
             )
         values = [self.number(argument) for argument in node.args]
         return values if type_ is None else [self.convert(value, type_, node, "argument") for value in values]
+
+    def _invoke(self, node: ast.Call, name: str) -> Value:
+        """A prepared call of a table: its entry and the address of its cells stand side by side."""
+        if len(node.args) != 2:
+            raise self.error(node, f"{name}() takes a table and a place")
+        table = self.expression(node.args[0])
+        if table.type is not Type.I64S:
+            raise self.error(node, f"{name}() takes the cells of a table of calls, not {table.type.value}")
+        place = self.integer(node.args[1], "place")
+        first = self.compute(Type.I64, f"shl i64 {place.text}, 1")
+        second = self.compute(Type.I64, f"or i64 {first.text}, 1")
+        loaded = []
+        for at in (first, second):
+            cell = self.compute(Type.I64S, f"getelementptr inbounds i64, ptr {table.text}, i64 {at.text}")
+            loaded.append(self.compute(Type.I64S, f"load ptr, ptr {cell.text}, align 8"))
+        return self.compute(Type.I64, f"call i64 {loaded[0].text}(ptr {loaded[1].text})")
 
     def _builtin(self, node: ast.Call, target: Any) -> Value:
         (value,) = self.arguments(node, 1, target.__name__)

@@ -24,6 +24,7 @@ class FunctionEmitter(ExpressionEmitter):
         fast: bool,
         inline: bool,
         small: bool,
+        shared: bool,
         exported: bool,
         resolve: Callable[[str], Any],
         callee_of: Callable[[Any], Callee | None],
@@ -34,6 +35,7 @@ class FunctionEmitter(ExpressionEmitter):
         self.signature = signature
         self.attributes = "nounwind" + " alwaysinline" * inline + " minsize optsize" * small
         self.exported = exported
+        self.array_attributes = " noundef" if shared else " noalias noundef"
         self._loops: list[tuple[str, str]] = []  # labels to go to on continue and on break
         stores = (n for n in ast.walk(definition) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store))
         self.assigned_names = frozenset(n.id for n in stores) | frozenset(signature.names)
@@ -45,7 +47,7 @@ class FunctionEmitter(ExpressionEmitter):
             zip(self.signature.names, self.signature.types, strict=True)
         ):
             self.locals[name] = (type_, self.slot(type_, f"%a{position}"))
-            attributes = " noalias noundef" if type_.is_array else " noundef"
+            attributes = self.array_attributes if type_.is_array else " noundef"
             parameters.append(f"{type_.ir}{attributes} %a{position}")
         self.block(self.definition.body)
         if not self.terminated:

@@ -128,21 +128,25 @@ def _pair_of(form: ScaledProblem) -> ProjectionPair:
 
 
 class Finish:
-    """Tries :func:`newton_on_active_set` once an iterate is near enough, ever more rarely when that fails."""
+    """Tries :func:`newton_on_active_set` once an iterate is near enough, ever more rarely when that fails.
+
+    Attributes:
+        threshold: the error at which it is tried next.
+    """
 
     def __init__(self, form: Formulation, tolerance: float, monitor: Monitor) -> None:
         self._form, self._tolerance, self._monitor = form, tolerance, monitor
-        self._threshold = NEAR
+        self.threshold = NEAR
 
     def attempt(self, it: Iterate, error: float) -> Projection | None:
         """The solution, or None."""
         form = self._form
-        if not isinstance(form, ScaledProblem) or error > self._threshold:
+        if not isinstance(form, ScaledProblem) or error > self.threshold:
             return None
         point, solved = newton_on_active_set(
             form, it.w[: form.n], it.y, self._monitor, steps=FINISHING_STEPS, tolerance=self._tolerance
         )
-        self._threshold = RETREAT * min(self._threshold, error)
+        self.threshold = RETREAT * min(self.threshold, error)
         return point if solved else None
 
 

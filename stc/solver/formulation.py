@@ -61,6 +61,7 @@ class Formulation:
     """Sizes, bounds and sparsity, with the products that they imply.  Subclasses evaluate functions.
 
     Attributes:
+        hess_diagonal: which of the Hessian's entries are on its diagonal.
         n, m: numbers of variables and rows; ``n + m`` entries in ``w``.
         lower, upper: bounds of ``w``, (n + m,); infinite for held variables, equalities and ignored rows.
         held: variables that the bounds fix, (n,).
@@ -133,6 +134,7 @@ class Formulation:
         self.jac_cols = np.ascontiguousarray(jac_cols, dtype=np.int64)
         self.hess_rows = np.ascontiguousarray(hess_rows, dtype=np.int64)
         self.hess_cols = np.ascontiguousarray(hess_cols, dtype=np.int64)
+        self.hess_diagonal: Indices = np.flatnonzero(self.hess_rows == self.hess_cols)
 
     # -- functions ---------------------------------------------------------------------------------------------
 

@@ -12,39 +12,61 @@ import numpy as np
 
 from stc.solver.active_set import Finish
 from stc.solver.barrier_parameter import BarrierParameter
+from stc.solver.barrier_passes import DOUBTFUL_SOLUTION
 from stc.solver.curvature import leave_saddle
 from stc.solver.elastic import ElasticProblem
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import LineSearch, barrier_value
 from stc.solver.iterate import Iterate, evaluate
+from stc.solver.kkt.frontal import DOUBTFUL
 from stc.solver.monitor import Monitor
 from stc.solver.multipliers import LaggingMultipliers, least_squares_multipliers
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
-from stc.solver.passes import FARTHEST, FINITE, LENGTH, PRIMAL, PRODUCTS, STEP
+from stc.solver.places import (
+    ATTEMPT,
+    ATTENTION,
+    DOUBT,
+    ENDED_BY,
+    ERROR,
+    FARTHEST,
+    LENGTH,
+    LENGTH_TAKEN,
+    MU,
+    PATIENCE,
+    PRIMAL,
+    PRODUCTS,
+    SHIFT,
+    SHORTEST,
+    STEP_TAKEN,
+    STUCK,
+    TAU,
+)
 from stc.solver.products import inner
 from stc.solver.progress import Drift, Nearest, Stall
+from stc.solver.progress_passes import LARGEST_ERROR
 from stc.solver.restoration import Acceptance, back_from, elastic_start
 from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.search_passes import NOT_FINITE
+from stc.solver.stages import BLOCKED, FACTORIZATION, LAGGING, SEARCH, stages_of
 from stc.solver.unboundedness import is_unbounded
 from stc.solver.workspace import Step, workspace_of
 
 __all__ = ["feasible_first", "optimise"]
 
 ESCAPES = 5
-LARGEST_ERROR = 1e50
 TOO_FAR = 1e20
 GAP = 1e-7
 """Largest sum of gap times multiplier, relative to the objective, which it bounds the error of."""
 MANY_GAPS = 100.0
 FEASIBLE = 0.01
 TOO_LITTLE = 0.99
-DOUBTFUL = 10.0
+NEARLY_MET = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 LONG_PATIENCE = 100
-SHORTEST = 2e-3
+SHORTEST_FRACTION = 2e-3
 SHORTER = (10.0, 10.0, 1e3, 1e8)
 SAME_SIZE = 0.8
 """A stiffer Hessian that leaves the step longer than this fraction of it is of no use."""
@@ -105,79 +127,92 @@ class _Loop:
         self.form, self.options, self.monitor = form, options, monitor
         self.work = workspace_of(form)
         self.work.load(it)
-        self.it = self.work.it
+        self.it, self.s = self.work.it, self.work.s
+        self.stages = stages_of(self.work)
         self.tactics, self.stop = tactics, stop
         self.system = NewtonSystem(self.work)
         self.finish = Finish(form, options.tolerance, monitor)
-        self.lagging = LaggingMultipliers()
-        self.drift = Drift()
+        self.lagging = LaggingMultipliers(self.work)
+        self.drift = Drift(self.work)
         self.last = monitor.iterations + tactics.budget
         self.escapes = 0
         self.adaptive = tactics.adaptive
-        self.step = self.length = 0.0
         self.error = np.inf
+        self.phase = "barrier" if isinstance(form, ScaledProblem) else "restoration"
+        self.s[LENGTH_TAKEN] = self.s[STEP_TAKEN] = 0.0
+        self.s[DOUBT] = DOUBTFUL
         self._begin(mu)
 
     def _begin(self, mu: float) -> None:
         """Forget how the current iterate was reached."""
-        form = self.form
+        form, work, s = self.form, self.work, self.s
         smallest = self.options.tolerance / 11.0 / max(1.0, form.gaps / MANY_GAPS)
-        self.barrier = BarrierParameter(self.work, mu, smallest, self.adaptive)
-        self.search = LineSearch(self.work, self.tactics.largest_theta)
-        self.nearest = Nearest(form, self.it)
-        self.stall = Stall()
-        self.stuck = False
+        self.barrier = BarrierParameter(work, mu, smallest, self.adaptive)
+        self.search = LineSearch(work, self.tactics.largest_theta)
+        self.nearest = Nearest(work)
+        self.stall = Stall(work)
+        s[STUCK], s[SHORTEST] = 0.0, SHORTEST_FRACTION
+        s[ATTENTION] = self._attention()
+
+    def _attention(self) -> float:
+        """The error at which more than the next step is to be thought of."""
+        tolerance = self.options.tolerance
+        return max(tolerance, self.finish.threshold) if isinstance(self.form, ScaledProblem) else tolerance
 
     def run(self) -> Outcome:
+        work, stages, monitor = self.work, self.stages, self.monitor
         while True:
-            self._measure()
-            end = self._end()
-            if end is not None:
-                return end
-            if self._converged():
-                if self._leave_saddle():
-                    continue
-                return self._outcome(End.CONVERGED)
-            if self._stalled():
-                self.nearest.return_to(self.work)
-                if self._leave_saddle() or self._hold_barrier():
-                    continue
-                return self._give_up()
-            self.barrier.update(self.error, self.stuck)
+            if self._measure() or self.stop is not None or monitor.iterations >= self.last:
+                end = self._end()
+                if end is not None:
+                    return end
+                if self._converged():
+                    if self._leave_saddle():
+                        continue
+                    return self._outcome(End.CONVERGED)
+                if self._stalled():
+                    self.nearest.return_to()
+                    if self._leave_saddle() or self._hold_barrier():
+                        continue
+                    return self._give_up()
+                self.s[ATTENTION] = self._attention()
+            ended = stages.iterate()
+            work.note_moved()
             try:
-                self.system.factorize(self.barrier.mu)
+                work.calls.check()
+                if ended == 0 or self._complete(ended):
+                    monitor.count()
+                    continue
             except SingularSystem:
                 return self._give_up()
-            if self._advance() and not self.stall.blocked(self.length, self.it.theta):
-                continue
+            monitor.count()
             end = self._restore()
             if end is not None:
                 return end
 
     # -- the state -------------------------------------------------------------------------------------------------
 
-    def _measure(self) -> None:
-        """Errors of the iterate; tell whoever keeps account of them."""
-        form, it = self.form, self.it
-        errors = self.work.errors()
-        self.drift.note(it.f, errors.dual)
-        if self.lagging.due(errors, self.length):
-            errors = self.lagging.renew(self.work, errors)
-        self.error = errors.total
-        self.nearest.note(it, self.error)
-        own = isinstance(form, ScaledProblem)
+    def _measure(self) -> bool:
+        """Errors of the iterate; tell whoever keeps account of them. Whether there is more to look at."""
+        s = self.s
+        ended = self.stages.measure()
+        if ended == LAGGING:
+            self.lagging.renew()
+            self.stages.note()
+        self.error = s[ERROR]
         f, violation = self.work.user_measures()
         self.monitor.record(
             self._as_stated,
             f,
             violation,
             self.error,
-            self.step,
-            self.length,
-            self.barrier.mu,
-            self.system.shift,
-            "barrier" if own else "restoration",
+            s[STEP_TAKEN],
+            s[LENGTH_TAKEN],
+            s[MU],
+            s[SHIFT],
+            self.phase,
         )
+        return bool(ended)
 
     def _as_stated(self) -> tuple[Floats, Floats]:
         """Variables and row multipliers in the user's terms; no multipliers while rows may be violated."""
@@ -191,10 +226,10 @@ class _Loop:
         form, it = self.form, self.it
         if self.stop is not None and self.stop(form, it):
             return self._outcome(End.STOPPED)
-        if is_unbounded(form, it, self.work.s[FARTHEST]):
+        if is_unbounded(form, it, self.s[FARTHEST]):
             return self._outcome(End.UNBOUNDED)
-        if not self.error < LARGEST_ERROR or self.work.s[FARTHEST] > TOO_FAR:
-            feasible = self.work.s[PRIMAL] <= ACCEPTABLE
+        if not self.error < LARGEST_ERROR or self.s[FARTHEST] > TOO_FAR:
+            feasible = self.s[PRIMAL] <= ACCEPTABLE
             return self._outcome(End.UNBOUNDED) if feasible and self.drift.falling else self._give_up()
         done = None if self.drift.falling else self.finish.attempt(it, self.error)
         if done is not None:
@@ -206,7 +241,7 @@ class _Loop:
 
     def _open(self) -> bool:
         """Whether products of gaps and multipliers may still hide an error of the objective."""
-        return self.work.s[PRODUCTS] > GAP * max(1.0, abs(self.it.f))
+        return self.s[PRODUCTS] > GAP * max(1.0, abs(self.it.f))
 
     def _stalled(self) -> bool:
         return self.stall.stalled or self.nearest.waited or self.monitor.iterations >= self.last
@@ -216,7 +251,7 @@ class _Loop:
         return Outcome(end, self.form, it.w[: self.form.n].copy(), it.y.copy(), self.error, it.snapshot())
 
     def _give_up(self) -> Outcome:
-        return self.nearest.outcome(self.it)
+        return self.nearest.outcome()
 
     # -- moves -----------------------------------------------------------------------------------------------------
 
@@ -239,52 +274,77 @@ class _Loop:
             return False
         self.adaptive = False
         self._begin(inner(it.gap, it.z) / self.form.gaps)
-        self.nearest.patience = LONG_PATIENCE
+        self.s[PATIENCE] = LONG_PATIENCE
         return True
 
-    def _advance(self) -> bool:
-        """Take a step; False when none was acceptable."""
-        self.length = self._search()
-        self.system.relax(self.length)
-        self.barrier.blocked(self.length)
-        self.monitor.count()
-        self.step = self.work.s[STEP] if self.length > 0.0 else 0.0
-        self.stuck = self.search.tiny or self.length == 0.0
-        if self.length > 0.0:
-            self.stall.note(self.step, self.search.tiny and not self.barrier.changed)
-        return self.length > 0.0
+    def _complete(self, ended: int) -> bool:
+        """Complete an iteration that needs help; False when no step was acceptable, or steps are too short to go on.
 
-    def _search(self) -> float:
-        """Compute a step and search along it; the fraction taken.
+        Raises:
+            SingularSystem: there is no step.
+        """
+        work, s, system = self.work, self.s, self.system
+        if ended == FACTORIZATION:
+            system.go_on(int(s[ENDED_BY]))
+            ended = self.stages.advance()
+            work.note_moved()
+            work.calls.check()
+            if ended == 0:
+                return True
+            ended += FACTORIZATION
+        if ended == BLOCKED:
+            return False
+        self._search(int(s[ENDED_BY]) if ended == SEARCH else None)
+        return self.stages.settle() == 0 and s[LENGTH_TAKEN] > 0.0
+
+    def _find_step(self) -> None:
+        """Compute the step with the factorised system."""
+        work, stages, s = self.work, self.stages, self.s
+        ended = stages.find_step()
+        work.calls.check()
+        while ended:
+            if ended == DOUBTFUL_SOLUTION:
+                work.calls.put(ATTEMPT, None)
+                if not work.kkt.check_solution():
+                    s[DOUBT] = np.inf  # there is none better
+            work.provide_solves()
+            ended = stages.find_step()
+            work.calls.check()
+        s[DOUBT] = DOUBTFUL
+
+    def _search(self, ended: int | None) -> None:
+        """Compute a step and search along it; a search that has ``ended`` already is the first.
 
         A step that only a small fraction of is acceptable tells that the curvature along it is underestimated: it
         is computed anew with a stiffer Hessian, which also turns it. Where that does not make it shorter, it is the
         rows that ask for the step, and the first one is searched to the end.
         """
-        work, system, barrier, search = self.work, self.system, self.barrier, self.search
+        work, system, search, s = self.work, self.system, self.search, self.s
         before: tuple[Step, float] | None = None
         for shorter in (*SHORTER, 0.0):
-            barrier.step(system)
-            if barrier.changed:
-                search.reset()
-            if work.s[FINITE] != 0.0:
-                return 0.0
             final = not shorter
-            if before is not None and work.s[LENGTH] > SAME_SIZE * before[1]:
-                system.soften()
-                work.step.become(before[0])
-                work.limit_step(barrier.tau)
-                final = True
-            length = search.search(system, barrier.mu, barrier.tau, 0.0 if final else SHORTEST)
-            if length > 0.0 or final or search.went_back:
-                return length
-            before = work.spare, work.s[LENGTH]
+            if ended is None:
+                self._find_step()
+                if before is not None and s[LENGTH] > SAME_SIZE * before[1]:
+                    system.soften()
+                    work.step.become(before[0])
+                    work.limit_step(s[TAU])
+                    final = True
+                s[SHORTEST] = 0.0 if final else SHORTEST_FRACTION
+                ended = self.stages.search()
+            taken = search.go_on(ended)
+            work.calls.check()
+            if taken or final or search.went_back or ended == NOT_FINITE:
+                break
+            ended = None
+            before = work.spare, s[LENGTH]
             work.spare.become(work.step)
             try:
                 system.stiffen(work.step.dw, shorter)
             except SingularSystem:
-                return 0.0
-        return 0.0
+                break
+        s[SHORTEST] = SHORTEST_FRACTION
+        work.note_moved()
 
     def _restore(self) -> Outcome | None:
         """Run the restoration phase from a point where no step was acceptable.
@@ -307,7 +367,7 @@ class _Loop:
         self.work.load(it)
         if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):
             return self._give_up()
-        self.stall = Stall()
+        self.stall = Stall(self.work)
         return None if end is None else self._outcome(end)
 
 
@@ -324,7 +384,7 @@ def _return(
     minimal = outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE
     if outcome.end is not End.STOPPED and minimal:
         violation = form.violation(w[: form.n], restored.r)
-        doubt = 1.0 if form.linear else DOUBTFUL
+        doubt = 1.0 if form.linear else NEARLY_MET
         if violation > doubt * options.feasibility_tolerance:
             end = End.STATIONARY_VIOLATION
     y = outcome.y / elastic.price if end else least_squares_multipliers(form, restored)

@@ -11,11 +11,9 @@ from stc.solver import passes
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import Floats
 
-__all__ = ["Errors", "Iterate", "errors_of", "evaluate", "multiplier_scale", "push_inside"]
+__all__ = ["Errors", "Iterate", "errors_of", "evaluate", "push_inside"]
 
 ARRAYS = ("w", "y", "z", "r", "gradient", "jac", "hess", "gap", "c", "dual")
-MEAN_MULTIPLIER = 100.0
-LARGEST_SCALE = 1e3
 
 
 @dataclass(slots=True)
@@ -78,17 +76,6 @@ class Errors:
         self.total = max(dual, primal, complementarity)
 
 
-def multiplier_scale(total: float, count: int) -> float:
-    """What dual errors are divided by where multipliers are large, given the sum of their magnitudes.
-
-    Bounded, because multipliers that grow without limit are no sign of optimality.
-    """
-    scale = total / (count or 1) / MEAN_MULTIPLIER
-    if scale > 1.0:
-        return scale if scale < LARGEST_SCALE else LARGEST_SCALE
-    return 1.0
-
-
 def evaluate(form: Formulation, w: Floats, y: Floats, z: Floats) -> Iterate:
     """Every quantity at ``(w, y, z)``; check ``is_finite`` of the result where functions may be undefined."""
     f, r = form.values(w[: form.n])
@@ -105,8 +92,8 @@ def evaluate(form: Formulation, w: Floats, y: Floats, z: Floats) -> Iterate:
 def errors_of(form: Formulation, it: Iterate, mu: float) -> Errors:
     """KKT error of the barrier problem with parameter ``mu`` (Waechter and Biegler 2006, equation 5)."""
     z_sum = float(it.z.sum())
-    dual_scale = multiplier_scale(float(np.abs(it.y).sum()) + z_sum, form.m + form.gaps)
-    gap_scale = multiplier_scale(z_sum, form.gaps)
+    dual_scale = passes.multiplier_scale(float(np.abs(it.y).sum()) + z_sum, form.m + form.gaps)
+    gap_scale = passes.multiplier_scale(z_sum, form.gaps)
     dual = it.dual - form.scatter(it.z) if form.gaps else it.dual
     return Errors(
         float(np.abs(dual).max(initial=0.0)) / dual_scale,

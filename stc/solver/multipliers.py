@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from stc.codegen.native import f64s, i64, native
 from stc.solver.formulation import Formulation
-from stc.solver.iterate import Errors, Iterate, errors_of, evaluate
+from stc.solver.iterate import Iterate, errors_of, evaluate
 from stc.solver.nlp import Floats
+from stc.solver.places import DUAL_ERROR, ERROR, LAGGING, LAGGING_DUAL, LENGTH_TAKEN, PRIMAL
 from stc.solver.workspace import Workspace
 
-__all__ = ["LaggingMultipliers", "least_squares_multipliers", "shift_of_equations"]
+__all__ = ["LaggingMultipliers", "lags", "least_squares_multipliers", "shift_of_equations"]
 
 LARGEST = 1e3
 LARGEST_LATER = 1e8
@@ -48,6 +50,16 @@ def shift_of_equations(jac: Floats) -> float:
     return DUAL_SHIFT * min(1.0, float(np.abs(jac).max(initial=0.0)) ** 2)
 
 
+@native
+def lags(s: f64s) -> i64:
+    """For :class:`LaggingMultipliers`: 1 after several whole steps that met the rows but left the dual error."""
+    dual = s[DUAL_ERROR]
+    lagging = s[PRIMAL] <= NEARLY and dual > max(HALF * s[LAGGING_DUAL], 10.0 * s[PRIMAL])
+    s[LAGGING] = s[LAGGING] + 1.0 if lagging and s[LENGTH_TAKEN] == 1.0 else 0.0
+    s[LAGGING_DUAL] = dual
+    return 1 if s[LAGGING] >= LAGGING_STEPS else 0
+
+
 class LaggingMultipliers:
     """Replaces the row multipliers where Newton's method leaves them behind.
 
@@ -55,25 +67,17 @@ class LaggingMultipliers:
     a constant share of the dual error, while the rows are met better and better.
     """
 
-    def __init__(self) -> None:
-        self._dual = np.inf
-        self._waited = 0
+    def __init__(self, work: Workspace) -> None:
+        self._work = work
+        work.s[LAGGING_DUAL], work.s[LAGGING] = np.inf, 0.0
 
-    def due(self, errors: Errors, length: float) -> bool:
-        """True after several whole steps that met the rows without reducing the dual error."""
-        lagging = errors.primal <= NEARLY and errors.dual > max(HALF * self._dual, 10.0 * errors.primal)
-        self._waited = self._waited + 1 if lagging and length == 1.0 else 0
-        self._dual = errors.dual
-        return self._waited >= LAGGING_STEPS
-
-    def renew(self, work: Workspace, errors: Errors) -> Errors:
-        """Give the iterate its least-squares multipliers if they are better; the errors then."""
-        self._waited = 0
-        form, it = work.form, work.it
+    def renew(self) -> None:
+        """Give the iterate its least-squares multipliers if they are better, and measure it."""
+        work = self._work
+        work.s[LAGGING] = 0.0
+        form, it, total = work.form, work.it, work.s[ERROR]
         y = least_squares_multipliers(form, it, LARGEST_LATER)
         other = evaluate(form, it.w, y, it.z)
-        new = errors_of(form, other, 0.0)
-        if not new.total < HALF * errors.total:
-            return errors
-        work.load(other)
-        return work.errors()
+        if errors_of(form, other, 0.0).total < HALF * total:
+            work.load(other)
+            work.errors()

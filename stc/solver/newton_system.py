@@ -22,41 +22,46 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.solver.kkt.contract import NotFinite
+from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.nlp import Floats
+from stc.solver.places import (
+    ATTEMPT,
+    BENDS,
+    BENDS_ALIKE,
+    DEFICIENCIES,
+    DEFICIENT,
+    DUAL_SHIFT,
+    ENDED,
+    EQUATIONS,
+    EXACT,
+    EXCESS,
+    FAILURES,
+    LAST_SHIFT,
+    MU,
+    ORDINARY,
+    SHIFT,
+    SMOOTH,
+    STIFFNESS,
+    UNTRIED,
+)  # fmt: skip
 from stc.solver.products import inner
+from stc.solver.shift_passes import (
+    DONE,
+    GROWTH,
+    LARGEST_SHIFT,
+    MEASURE_CURVATURE,
+    NO_SHIFT,
+    REFACTOR,
+    SMALLEST_SHIFT,
+    UNKNOWN,
+    larger_shift,
+)
+from stc.solver.stages import stages_of
 from stc.solver.workspace import Step, Workspace
 
 __all__ = ["NewtonSystem", "SingularSystem"]
 
-FIRST_SHIFT = 1e-4
-ORDINARY = (1e-6, 1e2)
-SMALLEST_SHIFT = 1e-20
-LARGEST_SHIFT = 1e40
-GROWTH_AT_FIRST = 100.0
-GROWTH = 8.0
-GROWTH_IN_VAIN = 64.0
-"""After a shift that has left as many eigenvalues negative as the one before."""
-DECAY = 1.0 / 3.0
-DUAL_SHIFT = 1e-8
-ALWAYS = 3
-"""Iterations in a row that met dependent rows, after which they are expected."""
-MOST_UNTRIED = 3
-"""Iterations in a row at most in which a matrix without a shift is not tried, after it has failed again and again."""
-MOST_DAMPED = 8
-"""The same where there is the rows' part to be damped; no more than it had negative eigenvalues too many."""
-COARSE = 1e-10
-"""Relative residual that is enough for a step while steps are smooth and no rows depend on one another.
-
-Elsewhere errors are multiplied.
-"""
-SMOOTH = 3
-"""Steps in a row that were accepted nearly whole."""
-WHOLE = 0.5
-SOFTER = 0.01
-SMALLEST_STIFFNESS = 1e-8
-BENT = 0.05
-"""Share of the variables that an objective has to bend at least."""
+ITS_ORDINARY = (1e-6, 1e2)
 
 
 class SingularSystem(ArithmeticError):
@@ -64,32 +69,33 @@ class SingularSystem(ArithmeticError):
 
 
 class NewtonSystem:
-    """Factorises and solves the system above for the iterates of a workspace.
-
-    Attributes:
-        shift: the delta_w in use.
-        dual_shift: the delta_c in use.
-        deficient: True when the last factorisation met dependent rows.
-    """
+    """Factorises and solves the system above for the iterates of a workspace."""
 
     def __init__(self, work: Workspace) -> None:
         self.work = work
         self.form = form = work.form
-        self.shift = 0.0
-        self.dual_shift = 0.0
-        self.deficient = False
-        self._last_shift = 0.0
-        self._stiffness = 0.0
+        self._stages = stages_of(work)
         self._before = (0.0, 0.0)
-        self._any_equality = bool(form.equality.any())
-        self._deficiencies = 0
-        self._failures = self._untried = 0
-        self._smooth = 0
-        self._whole = True
-        self._excess = 0  # negative eigenvalues of the last matrix tried beyond those that there should be
-        self._bends: bool | None = False if form.linear else None
-        place = work.shifted_call.position
-        self._places = place("shift"), place("dual_shift")
+        s = work.s
+        for place in (
+            SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, DEFICIENT, DEFICIENCIES, FAILURES, UNTRIED, SMOOTH, EXCESS, EXACT,
+        ):  # fmt: skip
+            s[place] = 0.0
+        s[EQUATIONS] = form.equality.any()
+        s[BENDS] = 0.0 if form.linear else UNKNOWN
+        s[BENDS_ALIKE] = form.quadratic_objective
+        s[ORDINARY] = UNKNOWN
+        work.calls.put(ATTEMPT, None)
+
+    @property
+    def shift(self) -> float:
+        """The delta_w in use."""
+        return self.work.s[SHIFT]
+
+    @property
+    def dual_shift(self) -> float:
+        """The delta_c in use."""
+        return self.work.s[DUAL_SHIFT]
 
     def factorize(self, mu: float, *, exact: bool = False) -> None:
         """Factorise at the iterate, shifting until the inertia is right.
@@ -101,64 +107,53 @@ class NewtonSystem:
         Raises:
             SingularSystem: when no shift helps.
         """
-        self.work.diagonals_call()
-        self._whole = True
-        self.shift = self._stiffness
-        untried = self._untried > 0 and self.shift == 0.0
-        if untried:  # without a shift: it has failed again and again
-            self._untried -= 1
-            self.shift = max(SMALLEST_SHIFT, DECAY * self._last_shift)
-            if not exact:
-                self._damp()
-        dual_shift = DUAL_SHIFT * max(mu, 1e-12) ** 0.25
-        # Rows that have been dependent all the time are so by their structure.
-        self.deficient = self._deficiencies >= ALWAYS
-        self.dual_shift = dual_shift if self.deficient else 0.0
-        before = 0
-        while True:
-            verdict = self._try()
-            if verdict == "good":
-                break
-            growth = GROWTH_IN_VAIN if self._excess == before and not self._whole else GROWTH
-            before = self._excess
-            if verdict == "singular" and self.dual_shift == 0.0 and self._any_equality:
-                self.dual_shift = dual_shift
-                self.deficient = True
-                if self.shift == 0.0:
-                    continue
-            if self.shift == 0.0:
-                self._failures += 1
-                self._untried = min(self._failures - 1, MOST_UNTRIED)
-            if verdict == "indefinite" and not exact and self._damp():
-                if self._untried > 0:
-                    self._untried = max(self._untried, min(self._excess, MOST_DAMPED))
-                if self.shift > 0.0:
-                    continue
-            self.shift = self._larger_shift(growth)
-        if self._smooth >= SMOOTH and not self.deficient:
-            self.work.kkt.accuracy[0] = COARSE
-        if self.shift == 0.0:
-            self._failures = 0
-        self._deficiencies = self._deficiencies + 1 if self.deficient else 0
-        if self.shift > 0.0:
-            self._last_shift = self.shift
+        s = self.work.s
+        before = s[MU]
+        s[MU], s[EXACT] = mu, exact
+        try:
+            self._stages.begin()
+            self.go_on(self._stages.factorize())
+        finally:
+            s[MU], s[EXACT] = before, 0.0
 
-    def _damp(self) -> bool:
-        """Use a share of the rows' part of the Hessian only; False when that is so already, or of no use."""
-        if not self._whole or self._bends is False:
-            return False
-        work, form = self.work, self.form
-        if self._bends is None or not form.quadratic_objective:
-            work.bend_call()
-        if self._bends is None:
-            diagonal = work.bend[form.hess_rows == form.hess_cols]
-            bent = np.count_nonzero(diagonal > 0.0) >= BENT * form.n
-            self._bends = bool(bent and diagonal.min() >= 0.0)
-            if not self._bends:
-                return False
-        work.damped_call()
-        self._whole = False
-        return True
+    def go_on(self, ended: int) -> None:
+        """Do what a compiled factorisation that has ended so cannot do, until it is done.
+
+        Raises:
+            SingularSystem: when no shift helps.
+        """
+        work = self.work
+        work.calls.check()
+        while ended != DONE:
+            if ended == NO_SHIFT:
+                raise SingularSystem
+            if ended == REFACTOR:
+                self._refactor(int(work.s[ENDED]))
+            elif ended == MEASURE_CURVATURE:
+                work.s[ORDINARY] = self._ordinary_curvature()
+            else:
+                work.provide_bend()
+            ended = self._stages.factorize()
+            work.calls.check()
+        work.s[ORDINARY] = UNKNOWN
+
+    def _refactor(self, ended: int = 0) -> Inertia:
+        """Factorise the matrix, after an attempt that ended so where there was one."""
+        work = self.work
+        work.calls.put(ATTEMPT, None)
+        try:
+            inertia = work.kkt.resume(ended) if ended else work.kkt.refactor()
+        except NotFinite as error:  # a derivative or the ratio of a multiplier to its gap has overflowed
+            raise SingularSystem from error
+        work.provide_attempt()
+        work.inertia[:] = inertia
+        return inertia
+
+    def _is_right(self) -> bool:
+        """Factorise with the shifts as they are; whether the inertia is right."""
+        self.work.shifted_call()
+        inertia = self._refactor()
+        return inertia.zero == 0 and inertia.negative == self.form.m
 
     def stiffen(self, dw: Floats, shorter: float) -> None:
         """Factorise with a shift that makes a step like ``dw`` (n + m,) ``shorter`` times shorter.
@@ -167,80 +162,43 @@ class NewtonSystem:
             SingularSystem: the matrix cannot be factorised.
         """
         form, work = self.form, self.work
+        s = work.s
         dx = dw[: form.n]
         curved = form.hessian_times(work.it.hess, dx) + work.sigma[: form.n] * dx
-        curvature = inner(dx, curved) / max(inner(dx, dx), 1e-300) + self.shift
-        self._before = self._stiffness, self.shift
-        self.shift = max(GROWTH * self.shift, shorter * abs(curvature), SMALLEST_SHIFT)
-        self._stiffness = self.shift
-        while self._try() != "good":
-            self.shift = self._larger_shift()
+        curvature = inner(dx, curved) / max(inner(dx, dx), 1e-300) + s[SHIFT]
+        self._before = s[STIFFNESS], s[SHIFT]
+        s[SHIFT] = s[STIFFNESS] = max(GROWTH * s[SHIFT], shorter * abs(curvature), SMALLEST_SHIFT)
+        while not self._is_right():
+            s[SHIFT] = larger_shift(GROWTH, work.numbers)
+            if s[SHIFT] > LARGEST_SHIFT:
+                raise SingularSystem
 
     def soften(self) -> None:
         """Forget the last stiffening; the factorisation stays."""
-        self._stiffness, self.shift = self._before
-
-    def relax(self, length: float) -> None:
-        """Let the stiffness go as steps are accepted nearly whole, and at once where none is (``length`` 0).
-
-        A shift that did not even lead to a step is none to start from next time.
-        """
-        if length == 0.0:
-            self._stiffness = 0.0
-        elif self.shift > 0.0:
-            self._last_shift = self.shift
-        self._smooth = self._smooth + 1 if length >= WHOLE else 0
-        if length >= WHOLE:
-            self._stiffness *= SOFTER
-            if self._stiffness < SMALLEST_STIFFNESS:
-                self._stiffness = 0.0
+        self.work.s[STIFFNESS], self.work.s[SHIFT] = self._before
 
     def tighten(self) -> None:
         """Halve the shift as often as the inertia stays right, and factorise with the last one."""
-        if self.shift == 0.0:
+        s = self.work.s
+        if s[SHIFT] == 0.0:
             return
-        while self.shift > SMALLEST_SHIFT:
-            self.shift *= 0.5
-            if self._try() != "good":
-                self.shift *= 2.0
+        while s[SHIFT] > SMALLEST_SHIFT:
+            s[SHIFT] *= 0.5
+            if not self._is_right():
+                s[SHIFT] *= 2.0
                 break
-        self._try()
+        self._is_right()
 
     def _ordinary_curvature(self) -> float:
         """What shifts are measured in: the Hessian's entries shrink with the steps of a finer motion."""
-        form = self.form
-        diagonal = np.abs(self.work.it.hess[form.hess_rows == form.hess_cols])
+        diagonal = np.abs(self.work.it.hess[self.form.hess_diagonal])
         diagonal = diagonal[diagonal > 0.0]
         if not diagonal.size:
             return 1.0
         middle = (
             diagonal.size // 2
         )  # np.median imports masked arrays first, which takes longer than a small solve
-        return float(np.clip(np.partition(diagonal, middle)[middle], *ORDINARY))
-
-    def _larger_shift(self, growth: float = GROWTH) -> float:
-        if self.shift == 0.0:
-            if self._last_shift == 0.0:
-                return FIRST_SHIFT * self._ordinary_curvature()
-            return max(SMALLEST_SHIFT, DECAY * self._last_shift)
-        grown = self.shift * (GROWTH_AT_FIRST if self._last_shift == 0.0 else growth)
-        if grown > LARGEST_SHIFT:
-            raise SingularSystem
-        return grown
-
-    def _try(self) -> str:
-        work = self.work
-        shifted = work.shifted_call
-        shifted.floats[self._places[0]], shifted.floats[self._places[1]] = self.shift, self.dual_shift
-        shifted()
-        try:
-            inertia = work.kkt.refactor()
-        except NotFinite as error:  # a derivative or the ratio of a multiplier to its gap has overflowed
-            raise SingularSystem from error
-        self._excess = inertia.negative - self.form.m
-        if inertia.zero > 0 or self._excess < 0:
-            return "singular"
-        return "good" if self._excess == 0 else "indefinite"
+        return float(np.clip(np.partition(diagonal, middle)[middle], *ITS_ORDINARY))
 
     def solve(self, rhs_w: Floats, c: Floats) -> tuple[Floats, Floats]:
         """Steps ``(dw, dy)`` for a right-hand side ``rhs_w`` (n + m,) of the dual part and residual ``c`` (m,)."""

@@ -2,7 +2,7 @@
 
 Those that find the step from one point to the next are in :mod:`stc.solver.step_passes`.
 
-Vectors are those of :class:`stc.solver.workspace.Workspace`, ``s`` is its array of numbers with the places below.
+Vectors are those of :class:`stc.solver.workspace.Workspace`, ``s`` is its array of numbers (:mod:`stc.solver.places`).
 ``index``, ``sign``, ``kind``, ``free`` and ``moving`` describe the form of the problem (:mod:`stc.solver.formulation`):
 rows are equalities, inequalities or ignored (:data:`EQUALITY`, :data:`INEQUALITY`, :data:`IGNORED`).
 """
@@ -12,43 +12,40 @@ from __future__ import annotations
 from typing import Final
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, inf, log, native
+from stc.solver.places import (
+    COMPLEMENTARITY,
+    DUAL,
+    DUAL_ERROR,
+    DUAL_SQUARED,
+    DUAL_STEP,
+    ERROR,
+    FARTHEST,
+    GAP_ERROR,
+    LOGARITHMS,
+    MOVED,
+    OBJECTIVE,
+    PRIMAL,
+    PRIMAL_SQUARED,
+    PRODUCTS,
+    STEP,
+    THETA,
+    TRIAL_GAP,
+    TRIAL_LOGARITHMS,
+    TRIAL_THETA,
+    Y_SUM,
+    Z_SUM,
+)
 
 EQUALITY: Final = 0
 INEQUALITY: Final = 1
 IGNORED: Final = 2
 
-#: Places in the array of numbers.
-OBJECTIVE: Final = 0  # f, |c|_1 and the sum of the gaps' logarithms at the iterate
-THETA: Final = 1
-LOGARITHMS: Final = 2
-DUAL: Final = 3  # the iterate's errors, not scaled
-PRIMAL: Final = 4
-COMPLEMENTARITY: Final = 5
-Z_SUM: Final = 6
-Y_SUM: Final = 7
-PRODUCTS: Final = 8  # sum of gap times multiplier
-DUAL_SQUARED: Final = 9
-PRIMAL_SQUARED: Final = 10
-FARTHEST: Final = 11  # largest |w|
-SIGMA: Final = 12  # the centring parameter found best
-PRIMAL_STEP: Final = 13  # fractions of the step that the bounds allow
-DUAL_STEP: Final = 14
-SLOPE: Final = 15  # of f, and of the sum of logarithms
-LOG_SLOPE: Final = 16
-LENGTH: Final = 17  # of the variables' part of the step
-RELATIVE: Final = 18  # largest |dw| / (1 + |w|)
-FINITE: Final = 19  # 0 where all of the step is finite, else nan
-TRIAL_THETA: Final = 20
-TRIAL_LOGARITHMS: Final = 21
-TRIAL_GAP: Final = 22  # the smallest
-MOVED: Final = 23  # 1 when the trial point has become the iterate
-STEP: Final = 24  # largest relative change of a variable
-VIOLATION: Final = 25  # in the user's terms
-NUMBERS: Final = 32
-
 #: Products of gaps between these are collected before their logarithm is taken.
-TINY: Final = 1e-140
-HUGE: Final = 1e140
+UNDERFLOW: Final = 1e-140
+OVERFLOW: Final = 1e140
+#: See :func:`multiplier_scale`.
+MEAN_MULTIPLIER: Final = 100.0
+LARGEST_SCALE: Final = 1e3
 #: Gap multipliers stay within this factor of mu / gap.
 NEAR_CENTRE: Final = 1e10
 
@@ -62,14 +59,23 @@ def log_sum(count: i64, values: f64s) -> f64:
         value = values[k]
         if not (value > 0.0):
             return value * 0.0 / 0.0
-        if value < TINY or value > HUGE:
+        if value < UNDERFLOW or value > OVERFLOW:
             total += log(value)
         else:
             product *= value
-            if product < TINY or product > HUGE:
+            if product < UNDERFLOW or product > OVERFLOW:
                 total += log(product)
                 product = 1.0
     return total + log(product)
+
+
+@native(fast=True)
+def multiplier_scale(total: f64, count: i64) -> f64:
+    """What dual errors are divided by where multipliers are large, given the sum of their magnitudes.
+
+    Bounded, because multipliers that grow without limit are no sign of optimality.
+    """
+    return min(max(total / max(count, 1) / MEAN_MULTIPLIER, 1.0), LARGEST_SCALE)
 
 
 @native(fast=True)
@@ -120,6 +126,9 @@ def measure(
     s[PRIMAL] = largest + check
     s[PRIMAL_SQUARED] = squared
     s[Y_SUM] = y_sum
+    s[DUAL_ERROR] = s[DUAL] / multiplier_scale(y_sum + z_sum, m + gaps)
+    s[GAP_ERROR] = s[COMPLEMENTARITY] / multiplier_scale(z_sum, gaps)
+    s[ERROR] = max(s[DUAL_ERROR], s[PRIMAL], s[GAP_ERROR])
 
 
 @native(fast=True)

@@ -4,91 +4,77 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.solver.formulation import Formulation
-from stc.solver.iterate import Iterate, evaluate
+from stc.solver.iterate import evaluate
 from stc.solver.outcome import ACCEPTABLE, End, Outcome
+from stc.solver.places import (
+    DUAL_BEFORE,
+    DUAL_NOW,
+    NEAREST_ERROR,
+    OBJECTIVE_BEFORE,
+    OBJECTIVE_NOW,
+    PATIENCE,
+    SHORT_STEPS,
+    SMALL_STEPS,
+    THETA_BEFORE,
+    TINY_STEPS,
+    WAITING,
+)
+from stc.solver.progress_passes import ITS_PATIENCE, MOST_TINY_STEPS
 from stc.solver.workspace import Workspace
 
 __all__ = ["Drift", "Nearest", "Stall"]
 
-NOTICEABLE = 0.9
-PATIENCE = 15
-TINY_STEPS = 3
-SMALL_STEP = 1e-9
 SLOW = 0.1
-SHORT = 1e-2
-SHORT_STEPS = 5
-HALF = 0.5
-NEARLY_FEASIBLE = 1e-4
 MUCH = 1e-6
 
 
 class Nearest:
-    """The iterate with the smallest error so far.
+    """The iterate with the smallest error so far."""
 
-    Attributes:
-        error: its error.
-        waited: True when that error is acceptable and ``patience`` steps have not improved it.
-    """
+    def __init__(self, work: Workspace) -> None:
+        self._work = work
+        s = work.s
+        s[NEAREST_ERROR], s[WAITING], s[PATIENCE] = np.inf, 0.0, ITS_PATIENCE
+        for kept, now in zip(work.kept, (work.it.w, work.it.y, work.it.z)):
+            kept[:] = now
 
-    def __init__(self, form: Formulation, it: Iterate) -> None:
-        self._form = form
-        self.error = np.inf
-        self._waiting = 0
-        self._kept = it.w.copy(), it.y.copy(), it.z.copy()
-        self.patience = PATIENCE
-
-    def note(self, it: Iterate, error: float) -> None:
-        """The next iterate and its error."""
-        if error < NOTICEABLE * self.error:
-            self._waiting = 0
-        elif self.error <= ACCEPTABLE:
-            self._waiting += 1
-        if error < self.error:
-            self.error = error
-            for kept, now in zip(self._kept, (it.w, it.y, it.z)):
-                kept[:] = now
+    @property
+    def error(self) -> float:
+        """Its error."""
+        return self._work.s[NEAREST_ERROR]
 
     @property
     def waited(self) -> bool:
-        """See the class."""
-        return self._waiting >= self.patience
+        """True when that error is acceptable and so many steps as ``s[PATIENCE]`` says have not improved it."""
+        return self._work.s[WAITING] >= self._work.s[PATIENCE]
 
-    def return_to(self, work: Workspace) -> None:
+    def return_to(self) -> None:
         """Make the iterate that one again where its error is acceptable."""
+        work = self._work
         if self.error <= ACCEPTABLE:
-            work.load(evaluate(self._form, *self._kept))
+            w, y, z = work.kept
+            work.load(evaluate(work.form, w.copy(), y.copy(), z.copy()))
 
-    def outcome(self, it: Iterate) -> Outcome:
-        """The end of an iteration that got stuck, at that iterate; ``it`` is the last one."""
-        n = self._form.n
-        w, y, _ = self._kept
-        return Outcome(End.STUCK, self._form, w[:n].copy(), y.copy(), self.error, it.snapshot())
+    def outcome(self) -> Outcome:
+        """The end of an iteration that got stuck, at that iterate."""
+        work = self._work
+        n = work.form.n
+        w, y, _ = work.kept
+        return Outcome(End.STUCK, work.form, w[:n].copy(), y.copy(), self.error, work.it.snapshot())
 
 
 class Stall:
     """Counts steps that move nothing any more."""
 
-    def __init__(self) -> None:
-        self._tiny = self._small = self._short = 0
-        self._theta = np.inf
-
-    def note(self, size: float, tiny: bool) -> None:
-        """The relative size of a step; ``tiny``: below rounding error, and no change of the barrier explains it."""
-        self._tiny = self._tiny + 1 if tiny else 0
-        self._small = self._small + 1 if size <= SMALL_STEP else 0
-
-    def blocked(self, length: float, theta: float) -> bool:
-        """True after several very short steps in a row that did not even halve the violation ``theta``."""
-        if length >= SHORT or theta < HALF * self._theta:
-            self._short, self._theta = 0, theta
-        self._short += 1
-        return self._short > SHORT_STEPS and theta > NEARLY_FEASIBLE
+    def __init__(self, work: Workspace) -> None:
+        self._s = s = work.s
+        s[TINY_STEPS] = s[SMALL_STEPS] = s[SHORT_STEPS] = 0.0
+        s[THETA_BEFORE] = np.inf
 
     @property
     def stalled(self) -> bool:
         """True after several such steps in a row."""
-        return self._tiny >= TINY_STEPS or self._small >= PATIENCE
+        return self._s[TINY_STEPS] >= MOST_TINY_STEPS or self._s[SMALL_STEPS] >= ITS_PATIENCE
 
 
 class Drift:
@@ -98,15 +84,14 @@ class Drift:
     lowers the objective as much as the one before.
     """
 
-    def __init__(self) -> None:
-        self._f, self._dual = [np.nan, np.nan], [np.inf, np.inf]
-
-    def note(self, f: float, dual: float) -> None:
-        """The objective and the dual error of the next iterate."""
-        self._f, self._dual = [self._f[1], f], [self._dual[1], dual]
+    def __init__(self, work: Workspace) -> None:
+        self._s = s = work.s
+        s[OBJECTIVE_BEFORE] = s[OBJECTIVE_NOW] = np.nan
+        s[DUAL_BEFORE] = s[DUAL_NOW] = np.inf
 
     @property
     def falling(self) -> bool:
         """True when the last step reduced the dual error little and the objective much."""
-        slow = self._dual[1] > SLOW * self._dual[0]
-        return slow and self._f[0] - self._f[1] > MUCH * max(1.0, abs(self._f[1]))
+        s = self._s
+        slow = s[DUAL_NOW] > SLOW * s[DUAL_BEFORE]
+        return slow and s[OBJECTIVE_BEFORE] - s[OBJECTIVE_NOW] > MUCH * max(1.0, abs(s[OBJECTIVE_NOW]))

@@ -12,8 +12,8 @@ import numpy as np
 
 from stc.codegen.calls import Bound, chain
 from stc.solver import conditions
-from stc.solver.iterate import multiplier_scale
 from stc.solver.nlp import Floats
+from stc.solver.passes import multiplier_scale
 from stc.solver.restricted import RestrictedDiagonals, factorize_restricted
 from stc.solver.scaled_problem import ScaledProblem
 

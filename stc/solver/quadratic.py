@@ -20,7 +20,7 @@ from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, evaluate, push_inside
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
-from stc.solver.passes import DUAL_STEP, FINITE, PRIMAL_STEP
+from stc.solver.places import DUAL_STEP, FINITE, PRIMAL_STEP
 from stc.solver.primal_dual import PrimalDual
 from stc.solver.products import inner
 from stc.solver.restricted import RestrictedDiagonals, factorize_restricted

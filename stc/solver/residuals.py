@@ -6,8 +6,8 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.solver.conditions import STATED, stated_conditions
-from stc.solver.iterate import multiplier_scale
 from stc.solver.nlp import NLP, Floats
+from stc.solver.passes import multiplier_scale
 
 __all__ = ["Assessment", "assess"]
 

@@ -6,19 +6,19 @@ See :mod:`stc.solver.passes` for the vectors and the array of numbers.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
-from stc.solver.passes import (
+from stc.solver.passes import EQUALITY, IGNORED, INEQUALITY
+from stc.solver.places import (
+    DUAL_SHIFT,
     DUAL_SQUARED,
     DUAL_STEP,
-    EQUALITY,
     FINITE,
-    IGNORED,
-    INEQUALITY,
     LENGTH,
     LOG_SLOPE,
     PRIMAL_SQUARED,
     PRIMAL_STEP,
     PRODUCTS,
     RELATIVE,
+    SHIFT,
     SIGMA,
     SLOPE,
 )
@@ -53,10 +53,11 @@ def diagonals(
 
 @native(fast=True)
 def shifted(
-    n: i64, m: i64, shift: f64, dual_shift: f64, free: f64s, kind: i32s, primal: f64s, d: f64s,
-    convex: i64, variable: i64s, entry: i64s, hess: f64s, shifts: f64s, out_primal: f64s, out_dual: f64s,
+    n: i64, m: i64, free: f64s, kind: i32s, primal: f64s, d: f64s, convex: i64, variable: i64s, entry: i64s, hess: f64s,
+    shifts: f64s, out_primal: f64s, out_dual: f64s, s: f64s,
 ) -> None:  # fmt: skip
     """The diagonals with shifts; the ``shifts`` (n,) of the Hessian are smaller where it bends upwards anyway."""
+    shift = s[SHIFT]
     for i in range(n):
         shifts[i] = shift * free[i]
     for k in range(convex):
@@ -67,7 +68,7 @@ def shifted(
     for i in range(n):
         out_primal[i] = primal[i] + shifts[i]
     for r in range(m):
-        out_dual[r] = dual_shift if kind[r] == EQUALITY else d[r]
+        out_dual[r] = s[DUAL_SHIFT] if kind[r] == EQUALITY else d[r]
 
 
 @native(fast=True)

@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.codegen.calls import Bound, chain
-from stc.solver import passes, step_passes
+from stc.codegen.calls import Bound, CallTable, chain
+from stc.solver import passes, places, step_passes
+from stc.solver.filter import Filter
 from stc.solver.formulation import Formulation
-from stc.solver.iterate import Errors, Iterate, multiplier_scale
+from stc.solver.iterate import Errors, Iterate
 from stc.solver.nlp import Floats
-from stc.solver.passes import (
-    COMPLEMENTARITY,
-    DUAL,
+from stc.solver.places import (
+    DUAL_ERROR,
+    GAP_ERROR,
     LOGARITHMS,
     MOVED,
     OBJECTIVE,
@@ -30,14 +31,13 @@ from stc.solver.passes import (
     TRIAL_LOGARITHMS,
     TRIAL_THETA,
     VIOLATION,
-    Y_SUM,
-    Z_SUM,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from stc.solver.evaluator import Evaluator
+    from stc.solver.stages import Stages
 
 __all__ = ["Step", "Workspace", "workspace_of"]
 
@@ -47,6 +47,13 @@ CENTRING = np.array([1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.
 SMALLEST_TAU = 0.99
 #: Chains are kept for so many of the last solves that differ, of so many unknowns at most: each keeps its factors.
 SOLVES = 4
+#: Places of the calls that hold a solve, and what they are called here.
+SOLVING = {
+    places.PREDICT: "predictor",
+    places.NEWTON: "newton",
+    places.CENTRING_STEP: "centring",
+    places.CORRECTION: "correction",
+}
 SMALL = 20_000
 
 
@@ -81,7 +88,13 @@ class Workspace:
 
     Attributes:
         it: the iterate; its arrays stay the same objects.
-        s: numbers that the passes leave (see :mod:`stc.solver.passes`); reading one gives a float.
+        numbers: what the passes leave (see :mod:`stc.solver.places`).
+        s: the same; reading one gives a float.
+        calls: the prepared calls that compiled functions make.
+        filter: of the search along a step.
+        accepted: of iterates while the barrier parameter is chosen anew at each.
+        stages: see :func:`stc.solver.stages.stages_of`.
+        kept: w, y and z of the iterate with the smallest error.
         step: the step in use.
         mu, tau, alpha, shifted: arguments of passes, (1,) each.
         centre: target of the gaps' multipliers, (gaps,).
@@ -103,19 +116,25 @@ class Workspace:
             zeros(size), zeros(m), zeros(gaps), 0.0, zeros(m), zeros(gaps), zeros(m), 0.0,
             ev.gradient, ev.jac, ev.hess, zeros(size),
         )  # fmt: skip
-        self._s = zeros(passes.NUMBERS)
-        self.s: memoryview[float] = memoryview(self._s.data)
+        self.numbers = zeros(places.NUMBERS)
+        self.s: memoryview[float] = memoryview(self.numbers.data)
+        self.calls = CallTable(places.CALLS)
+        self.filter, self.accepted = Filter(np.inf), Filter(np.inf)
+        self.kept = zeros(size), zeros(m), zeros(gaps)
+        self.inertia = self.kkt.inertia
         self.mu, self.tau, self.alpha, self.shifted = (zeros(1) for _ in range(4))
         self.centre, self._no_centre, self.residual = zeros(gaps), zeros(gaps), zeros(size)
         self.primal, self.d, self.sigma, self.ratio = zeros(n), zeros(m), zeros(size), zeros(gaps)
         self.shifts = zeros(n)
-        self.step, self.affine, self.centring = Step(form), Step(form), Step(form)
+        self.step, self.affine, self.centring, self.correction = (Step(form) for _ in range(4))
+        self.correction_c = zeros(m)
         self.trial_w, self.trial_gap, self.trial_c = zeros(size), zeros(gaps), zeros(m)
         self._trial_y, self._trial_z, self._trial_dual = zeros(m), zeros(gaps), zeros(size)
         self._pull, self._turn = zeros(size), zeros(size)
         self._nowhere = np.zeros(1)
-        self._no_residual, self._factor, self._target = np.zeros(m), np.zeros(1), np.zeros(1)
+        self._no_residual, self.factor, self.target = np.zeros(m), np.zeros(1), np.zeros(1)
         self._solve: Bound | None = None
+        self.stages: Stages | None = None
         self._parts: dict[str, Bound] = {}
         self._chains: dict[str, Bound] = {}
         self._chains_of: dict[int, tuple[Bound, dict[str, Bound]]] = {}
@@ -132,7 +151,7 @@ class Workspace:
             form.kind,
             form.moving_factor,
         )
-        rows, cols, s = form.jac_rows, form.jac_cols, self._s
+        rows, cols, s = form.jac_rows, form.jac_cols, self.numbers
         extra = np.zeros(n) if form.extra_diagonal is None else form.extra_diagonal
         step = self.step
         affine, centring = self.affine, self.centring
@@ -162,7 +181,7 @@ class Workspace:
             gaps,
             index,
             sign,
-            self._target,
+            self.target,
             it.w,
             it.y,
             it.z,
@@ -176,7 +195,7 @@ class Workspace:
             row_places, row_limits, row_units, x_places, x_limits, x_units = form.stated_limits
             watch = passes.overstepped.bind(
                 row_places.size, row_places, row_limits, row_units, it.r, x_places.size, x_places, x_limits, x_units,
-                it.w, self._s[VIOLATION : VIOLATION + 1],
+                it.w, self.numbers[VIOLATION : VIOLATION + 1],
             )  # fmt: skip
             self.measure_call = chain([self.measure_call, watch])
         self.diagonals_call = chain(
@@ -190,18 +209,18 @@ class Workspace:
             ]
         )  # fmt: skip
         self.shifted_call = step_passes.shifted.bind(
-            n, m, 0.0, 0.0, free, kind, self.primal, self.d, form.convex[0].size, *form.convex, it.hess, self.shifts,
-            kkt.primal, kkt.dual,
+            n, m, free, kind, self.primal, self.d, form.convex[0].size, *form.convex, it.hess, self.shifts, kkt.primal,
+            kkt.dual, s,
         )  # fmt: skip
-        self._mu_centre_call = step_passes.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
+        self.centre_call = step_passes.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
         self.lengths_call = step_passes.lengths.bind(
             n, m, gaps, index, sign, self.tau, it.w, it.z, it.gap, it.gradient, step.dw, step.dy, step.dz, s
         )
         self.combine_call = chain(
             [
-                step_passes.combine.bind(size, self._factor, affine.dw, centring.dw, step.dw),
-                step_passes.combine.bind(m, self._factor, affine.dy, centring.dy, step.dy),
-                step_passes.combine.bind(gaps, self._factor, affine.dz, centring.dz, step.dz),
+                step_passes.combine.bind(size, self.factor, affine.dw, centring.dw, step.dw),
+                step_passes.combine.bind(m, self.factor, affine.dy, centring.dy, step.dy),
+                step_passes.combine.bind(gaps, self.factor, affine.dz, centring.dz, step.dz),
                 self.lengths_call,
             ]
         )
@@ -257,6 +276,10 @@ class Workspace:
             ]
         )  # fmt: skip
 
+        self.return_call = chain(
+            [passes.copy.bind(n, it.w, ev.x), passes.copy.bind(m, it.y, ev.y), ev.derivatives_call]
+        )
+
     @property
     def form(self) -> Formulation:
         """The form of the problem that the workspace belongs to."""
@@ -297,16 +320,6 @@ class Workspace:
         """A step that may be needed again."""
         return Step(self.form)
 
-    @cached_property
-    def correction(self) -> Step:
-        """Of second order."""
-        return Step(self.form)
-
-    @cached_property
-    def correction_c(self) -> Floats:
-        """The residual of the rows that it removes, (m,)."""
-        return np.zeros(self.form.m)
-
     # -- the iterate -----------------------------------------------------------------------------------------------
 
     def evaluate(self, w: Floats, y: Floats, z: Floats) -> Iterate:
@@ -328,12 +341,11 @@ class Workspace:
 
     def errors(self, mu: float = 0.0) -> Errors:
         """Errors of the optimality conditions with barrier parameter ``mu``."""
-        self._target[0] = mu
+        self.target[0] = mu
         self.measure_call()
-        s, form = self.s, self.form
-        dual_scale = multiplier_scale(s[Y_SUM] + s[Z_SUM], form.m + form.gaps)
-        gap_scale = multiplier_scale(s[Z_SUM], form.gaps)
-        return Errors(s[DUAL] / dual_scale, s[PRIMAL], s[COMPLEMENTARITY] / gap_scale)
+        self.target[0] = 0.0
+        s = self.s
+        return Errors(s[DUAL_ERROR], s[PRIMAL], s[GAP_ERROR])
 
     def user_measures(self) -> tuple[float, float]:
         """Objective and violation of the iterate, just measured, in the user's terms."""
@@ -376,6 +388,8 @@ class Workspace:
             self._chains_of[id(solve)] = solve, self._chains
             if len(self._chains_of) > (SOLVES if self.kkt.rhs.size <= SMALL else 1):
                 del self._chains_of[next(iter(self._chains_of))]
+            for place, name in SOLVING.items():
+                self.calls.put(place, self._chains.get(name))
 
     def _begin(self, name: str, c: Floats, residuals: bool, centre: Floats, rhs: Floats) -> Bound:
         form = self.form
@@ -414,7 +428,7 @@ class Workspace:
     def aim_at(self, mu: float) -> None:
         """Make ``centre`` that of the barrier problem with parameter ``mu``."""
         self.mu[0] = mu
-        self._mu_centre_call()
+        self.centre_call()
 
     def predict(self) -> None:
         """Find the affine and the centring step, and the centring parameter that suits them."""
@@ -447,13 +461,35 @@ class Workspace:
 
     def combine(self, centring: float, tau: float) -> None:
         """Make the step from the affine one and ``centring`` times the centring one; see :meth:`limit_step`."""
-        self._factor[0], self.tau[0] = centring, tau
+        self.factor[0], self.tau[0] = centring, tau
         self.combine_call()
 
     def limit_step(self, tau: float) -> None:
         """See how far the step may go towards the bounds: ``tau`` of the way."""
         self.tau[0] = tau
         self.lengths_call()
+
+    # -- calls that compiled functions make -------------------------------------------------------------------------
+
+    def provide_attempt(self) -> None:
+        """Renew the calls that hold for the last factorisation."""
+        self._predictor()
+        self.calls.put(places.ATTEMPT, self.kkt.attempt_call)
+        self.calls.put(places.PREDICT, self._chains["predictor"])
+
+    def provide_solves(self) -> None:
+        """Make all the calls that solve."""
+        self._predictor()
+        self.solve_call("newton", self.step, self.it.c, residuals=True)
+        self.solve_call("centring", self.centring, self._no_residual, residuals=False)
+        self.solve_call("correction", self.correction, self.correction_c, residuals=True)
+        for place, name in SOLVING.items():
+            self.calls.put(place, self._chains[name])
+
+    def provide_bend(self) -> None:
+        """Make those that know the objective's part of the Hessian."""
+        self.calls.put(places.BEND, self.bend_call)
+        self.calls.put(places.DAMPED, self.damped_call)
 
     # -- the trial point -------------------------------------------------------------------------------------------
 
@@ -489,11 +525,12 @@ class Workspace:
         """
         self.alpha[0], self.mu[0], self.shifted[0] = alpha, mu, shifted
         self.move_call()
-        it, s = self.it, self.s
-        if s[MOVED]:
-            it.f, it.theta = s[OBJECTIVE], s[THETA]
+        if self.s[MOVED]:
+            self.note_moved()
             return True
-        ev = self.evaluator
-        ev.x[:], ev.y[:] = it.w[: self.form.n], it.y
-        ev.derivatives_call()
+        self.return_call()
         return False
+
+    def note_moved(self) -> None:
+        """Take up numbers of the iterate that compiled functions have moved."""
+        self.it.f, self.it.theta = self.s[OBJECTIVE], self.s[THETA]

@@ -79,6 +79,11 @@ class _TimedKKT(_Timed):
         self._timed: dict[Watch, tuple[Bound, Bound]] = {}
 
     @property
+    def attempt_call(self) -> None:
+        """Each is to be seen by itself."""
+        return None
+
+    @property
     def solve_call(self) -> Bound:
         return self._over(self._inner.solve_call, self._watches[0])
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scaled_program import dense, inside, scaled
 
-from stc.solver import passes
+from stc.solver import passes, places
 from stc.solver.globalization import largest_step
 from stc.solver.iterate import errors_of, evaluate
 from stc.solver.newton_system import NewtonSystem
@@ -35,7 +35,7 @@ def test_errors_are_those_of_the_definition(seed: int, mu: float) -> None:
     found, wanted = work.errors(mu), errors_of(form, work.it, mu)
     for name in ("dual", "primal", "complementarity"):
         assert getattr(found, name) == pytest.approx(getattr(wanted, name), rel=1e-12)
-    assert work.s[passes.PRODUCTS] == pytest.approx(float(work.it.gap @ work.it.z), rel=1e-12)
+    assert work.s[places.PRODUCTS] == pytest.approx(float(work.it.gap @ work.it.z), rel=1e-12)
     x, r = work.it.w[: form.n], work.it.r
     assert work.user_measures() == pytest.approx(form.user_measures(x, work.it.f, r), rel=1e-12)
 
@@ -47,7 +47,7 @@ def test_an_error_that_is_no_number_shows(name: str) -> None:
     total = work.errors().total if name not in ("w", "y") else np.nan
     work.step.dw[0] = np.nan
     work.limit_step(0.99)
-    assert not np.isfinite(work.s[passes.FINITE])
+    assert not np.isfinite(work.s[places.FINITE])
     if name in ("c", "dual", "z"):
         errors = work.errors()
         assert not all(np.isfinite([errors.dual, errors.primal, errors.complementarity])), total
@@ -60,15 +60,15 @@ def test_steps_end_before_the_bounds(seed: int, tau: float) -> None:
     work.limit_step(tau)
     gap_step = form.sign * step.dw[form.index]
     s = work.s
-    assert s[passes.PRIMAL_STEP] == pytest.approx(largest_step(it.gap, gap_step, tau), rel=1e-12)
-    assert s[passes.DUAL_STEP] == pytest.approx(largest_step(it.z, step.dz, tau), rel=1e-12)
-    assert s[passes.SLOPE] == pytest.approx(float(it.gradient @ step.dw[: form.n]), rel=1e-10, abs=1e-12)
-    assert s[passes.LOG_SLOPE] == pytest.approx(float((gap_step / it.gap).sum()), rel=1e-10, abs=1e-12)
-    assert s[passes.LENGTH] == pytest.approx(float(np.linalg.norm(step.dw[: form.n])), rel=1e-12)
-    alpha = s[passes.PRIMAL_STEP]
+    assert s[places.PRIMAL_STEP] == pytest.approx(largest_step(it.gap, gap_step, tau), rel=1e-12)
+    assert s[places.DUAL_STEP] == pytest.approx(largest_step(it.z, step.dz, tau), rel=1e-12)
+    assert s[places.SLOPE] == pytest.approx(float(it.gradient @ step.dw[: form.n]), rel=1e-10, abs=1e-12)
+    assert s[places.LOG_SLOPE] == pytest.approx(float((gap_step / it.gap).sum()), rel=1e-10, abs=1e-12)
+    assert s[places.LENGTH] == pytest.approx(float(np.linalg.norm(step.dw[: form.n])), rel=1e-12)
+    alpha = s[places.PRIMAL_STEP]
     assert work.try_step(alpha)
     trial = evaluate(form, it.w + alpha * step.dw, it.y, it.z)
-    assert s[passes.TRIAL_THETA] == pytest.approx(trial.theta, rel=1e-12)
+    assert s[places.TRIAL_THETA] == pytest.approx(trial.theta, rel=1e-12)
     assert work.trial_phi(0.3) == pytest.approx(trial.f - 0.3 * np.log(trial.gap).sum(), rel=1e-12)
 
 
@@ -82,7 +82,7 @@ def test_rows_multipliers_move_as_far_as_suits_the_lagrangian(seed: int, shifted
     work.shifts[:] = np.random.default_rng(seed).uniform(0.0, 1.0, n) * form.free
     shifts = shifted * work.shifts
     before = it.snapshot()
-    residual, alpha, dual = work.residual.copy(), work.s[passes.PRIMAL_STEP], work.s[passes.DUAL_STEP]
+    residual, alpha, dual = work.residual.copy(), work.s[places.PRIMAL_STEP], work.s[places.DUAL_STEP]
     assert work.try_step(alpha)
     assert work.move(alpha, 0.1, shifted)
     moved = it.y - before.y
@@ -115,9 +115,8 @@ def test_shifts_of_what_only_the_objective_bends_stay_small() -> None:
     work = Workspace(form)
     work.primal[:] = np.random.default_rng(3).uniform(0.0, 1.0, form.n)
     work.it.hess[:] = np.random.default_rng(4).standard_normal(form.hess_rows.size)
-    call, shift = work.shifted_call, 0.5
-    call.floats[call.position("shift")] = shift
-    call()
+    work.s[places.SHIFT] = shift = 0.5
+    work.shifted_call()
     curvature = work.primal[convex[0]] + work.it.hess[convex[1]]
     assert (curvature > 0.0).any() and (curvature <= 0.0).any()
     expected = shift * form.free
@@ -134,7 +133,7 @@ def test_the_centring_with_the_least_predicted_error_is_found(seed: int) -> None
     system = NewtonSystem(work)
     system.factorize(0.1)
     work.predict()
-    average = s[passes.PRODUCTS] / form.gaps
+    average = s[places.PRODUCTS] / form.gaps
     grid = [1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0]
     errors = []
     for sigma in grid:
@@ -146,7 +145,7 @@ def test_the_centring_with_the_least_predicted_error_is_found(seed: int) -> None
         dual = float(work.residual @ work.residual) / form.moving.sum()
         primal = float(it.c @ it.c) / form.m
         errors.append(np.mean(products**2) + (1 - b) ** 2 * dual + (1 - a) ** 2 * primal)
-    assert s[passes.SIGMA] == grid[int(np.argmin(errors))]
+    assert s[places.SIGMA] == grid[int(np.argmin(errors))]
 
 
 @given(st.lists(st.floats(1e-300, 1e300), max_size=30))

@@ -33,6 +33,7 @@ class _Copying:
         self.rhs, self.solution = np.zeros(n + m), np.zeros(n + m)
         self.second_rhs, self.second_solution = np.zeros(n + m), np.zeros(n + m)
         self.report, self.accuracy = np.zeros(1), np.full(1, FINE)
+        self.inertia = np.zeros(3, dtype=np.int64)
         self.solve_call = Bound.of_python(self._solve, ())
         self.solve_both_call = Bound.of_python(self._solve_both, ())
 
@@ -55,6 +56,13 @@ class _Copying:
 
     def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
         return self._kkt.solve(rhs_x, rhs_y)
+
+    @property
+    def attempt_call(self) -> None:
+        return None
+
+    def resume(self, ended: int) -> Inertia:
+        return self.refactor()
 
     def refactor(self) -> Inertia:
         return self._kkt.factorize(self.hess, self.jac, self.primal, self.dual)

@@ -10,6 +10,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from stc.codegen.calls import Bound
 from stc.solver.nlp import Floats
 
@@ -134,6 +137,21 @@ class AttachedKKT(KKTSystem, Protocol):
         Raises:
             NotFinite: a value is not finite.
         """
+
+    @property
+    def inertia(self) -> NDArray[np.int64]:
+        """What ``attempt_call`` found, (3,)."""
+
+    @property
+    def attempt_call(self) -> Bound | None:
+        """``refactor`` as one call of machine code for matrices like the last one, where all goes as it did there.
+
+        Its result is 0 then, and ``solve_call`` and ``solve_both_call`` stay as they are. Other results are what
+        ``resume`` takes. None where there is no such call; valid until ``refactor``, ``resume`` or ``check_solution``.
+        """
+
+    def resume(self, ended: int) -> Inertia:
+        """``refactor``, after ``attempt_call`` has ended with this result, not 0."""
 
     @property
     def solve_call(self) -> Bound:

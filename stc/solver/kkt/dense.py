@@ -74,6 +74,7 @@ class DenseKKT(ByCopies):
         self.factorizations = 0
         self.nnz_factor = (n + m) ** 2
         self.last_residual = 0.0
+        self.inertia = np.zeros(3, dtype=np.int64)
         self._pattern = (
             np.asarray(jac_rows),
             np.asarray(jac_cols),
@@ -88,6 +89,15 @@ class DenseKKT(ByCopies):
         self._solve = Bound.of_python(self._solve_once, ())
         self._solve_both = Bound.of_python(self._solve_twice, ())
         self._factorized = False
+
+    @property
+    def attempt_call(self) -> None:
+        """There is none."""
+        return None
+
+    def resume(self, ended: int) -> Inertia:
+        """See ``AttachedKKT.resume``."""
+        return self.refactor()
 
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
-from stc.codegen.calls import Bound
-from stc.solver.kkt import pivots
+from stc.codegen.calls import Bound, chain_until
+from stc.solver.kkt import attempts, pivots
 from stc.solver.kkt.arrangement import (
     Arrangement,
     Couplings,
@@ -51,12 +51,8 @@ SWEEPS_OF_PART = 4
 STALE_OF_PART = 64.0
 #: Steps of iterative refinement at most.
 REFINEMENTS = 10
-#: A plan is made anew when what matrices cost beyond it adds up to the cost of planning. Both are counted in entries
-#: of the factor: a strayed stage costs this share more per entry, ...
-STRAYING = 0.1
-#: ... a rejected pivot as much as so many entries; ...
-REJECTION = 25
-#: ... planning costs this much at least, for each unknown of the stages that are ordered, and for each unknown.
+#: A plan is made anew when what matrices cost beyond it (see stc.solver.kkt.attempts) adds up to the cost of planning:
+#: in entries of the factor, this much at least, for each unknown of the stages that are ordered, and for each unknown.
 PLANNING = 80_000
 ORDERING = 1000
 ARRANGING = 50
@@ -126,6 +122,11 @@ class FrontalKKT(ByCopies):
     ) -> None:
         self._scaling = (SWEEPS_OF_PART, STALE_OF_PART) if part else (SWEEPS, STALE)
         self.n, self.m = n, m = couplings.n, couplings.m
+        self.inertia = np.zeros(3, dtype=np.int64)
+        self._tally = np.zeros(attempts.TALLY, dtype=np.int64)
+        self.account = np.zeros(attempts.ACCOUNT)
+        self._has_served = attempts.has_served.bind(self.account)
+        self._attempt: tuple[int, Bound, int] | None = None
         self.factorizations = 0
         self.nnz_factor = 0
         self.last_residual = 0.0
@@ -151,13 +152,12 @@ class FrontalKKT(ByCopies):
         self._pivots = np.zeros(2 * size, dtype=np.int32)
         self._starts = np.zeros(2 * size, dtype=np.int32)
         self._counts = np.zeros(pivots.COUNTS, dtype=np.int64)
+        self._note_waste = attempts.note_waste.bind(self._counts, self.account)
         self._found = self._counts.tolist()
         self._capacity = 0
         self._held_slots = HELD_SLOTS
         self.bindings = 0  # counts how often the arrays of the factors were replaced
         self._plans_made = 0
-        self._allowance = 0.0
-        self._waste = 0.0
         self._plan: Plan | None = None
         self._factorized = False
         self._stage = stage
@@ -178,10 +178,18 @@ class FrontalKKT(ByCopies):
         self.pivot_threshold = PIVOT_THRESHOLD
         self._plans_made = min(self._plans_made, SETTLED)
         if self._plan is not None:
-            self._allowance = self._planning_cost()
-        self._waste = 0.0
+            self._open_account()
         self._scale[:] = 1.0
         self._factorized = False
+
+    @property
+    def factorizations(self) -> int:
+        """See ``KKTSystem.factorizations``."""
+        return self._counted + int(self._tally[attempts.MADE])
+
+    @factorizations.setter
+    def factorizations(self, count: int) -> None:
+        self._counted, self._tally[attempts.MADE] = count, 0
 
     @property
     def nbytes(self) -> int:
@@ -208,7 +216,7 @@ class FrontalKKT(ByCopies):
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
         self._factorized = False
-        if self._load() != 0.0:
+        if self._load():
             raise NotFinite("the KKT matrix has entries that are not finite")
         self.factorizations += 1
         self.accuracy[0] = FINE
@@ -218,6 +226,34 @@ class FrontalKKT(ByCopies):
         self._eliminate_all(planned)
         return self._conclude()
 
+    @property
+    def attempt_call(self) -> Bound | None:
+        """See ``AttachedKKT.attempt_call``."""
+        if self._plan is None or not self._factorized or self._has_served():
+            return None
+        if self._attempt is None or self._attempt[0] != self.bindings:
+            end = attempts.end.bind(
+                self._counts, self.account, FINE, self.inertia, self.accuracy, self._tally
+            )
+            (load, _), *others = self.steps()
+            first = [(load, True), (self._has_served, True)]
+            if self._strangers is not None:
+                first.append((self._strangers, True))
+            elimination = len(first) + ELIMINATION - 1
+            self._attempt = self.bindings, chain_until([*first, *others, (end, True)]), elimination
+        self.follow()
+        return self._attempt[1]
+
+    def resume(self, ended: int) -> Inertia:
+        """See ``AttachedKKT.resume``."""
+        assert self._attempt is not None
+        elimination = self._attempt[2]
+        if ended > elimination:
+            return self.complete(0)
+        if ended == elimination:
+            self._window[:] = 0.0  # as ever before it begins
+        return self.refactor()
+
     def _conclude(self) -> Inertia:
         """What a factorisation has found."""
         self._note_waste()
@@ -225,9 +261,14 @@ class FrontalKKT(ByCopies):
         return Inertia(*self._found[pivots.POSITIVE : pivots.ZERO + 1])
 
     @property
+    def counts(self) -> NDArray[np.int64]:
+        """What an elimination counts, (COUNTS,)."""
+        return self._counts
+
+    @property
     def follows_plan(self) -> bool:
         """Whether ``steps`` may be tried: there is a plan, and it has not wasted too much."""
-        return self._plan is not None and self._strangers is None and self._waste < self._allowance
+        return self._plan is not None and self._strangers is None and not self._has_served()
 
     def steps(self) -> list[tuple[Bound, bool]]:
         """The calls of ``refactor`` where all goes to plan, for ``chain_until``; as long as ``bindings`` stays.
@@ -242,6 +283,10 @@ class FrontalKKT(ByCopies):
     def prepare_steps(self) -> None:
         """Make ready for the steps."""
         self._factorized = False
+        self.follow()
+
+    def follow(self) -> None:
+        """Let the next elimination follow the plan."""
         self._threshold, self._planned = self.pivot_threshold, True
         self._eliminate.floats[self._threshold_at] = self._threshold
         self._eliminate.integers[self._planned_at] = 1
@@ -300,7 +345,7 @@ class FrontalKKT(ByCopies):
     def _follow_plan(self) -> bool:
         """Make a plan when there is none, or none that suits; whether the plan's patterns hold for the values."""
         strangers = self._strangers is not None and self._strangers() > 0
-        if self._plan is not None and not strangers and self._waste < self._allowance:
+        if self._plan is not None and not strangers and not self._has_served():
             if self._appeared() == 0:
                 return True
             # What shifts leave on the diagonal comes again: the next plan is to hold for it.
@@ -312,11 +357,10 @@ class FrontalKKT(ByCopies):
         a = self._arrangement
         has_diagonal = self._structural_diagonal | self._diagonal_seen
         has_diagonal[a.order] |= self._values[:size] != 0.0
-        self._waste = 0.0
         self._plans_made += 1
         self._equilibrate()
         self._plan = plan_elimination(self._couplings, self._staging, a, self._values, has_diagonal)
-        self._allowance = self._planning_cost()
+        self._open_account()
         self._capacity = max(self._capacity, int(ROOM * self._plan.nnz) + 256)
         self._use(arrange(self._couplings, self._staging.stage, self._staging.stages, self._plan.rank))
         self._load()
@@ -340,6 +384,11 @@ class FrontalKKT(ByCopies):
             self._arrange_anew(pattern.only(kept))
             self._load()
 
+    def _open_account(self) -> None:
+        """Begin to count what matrices cost beyond the plan."""
+        assert self._plan is not None
+        self.account[:] = 0.0, self._planning_cost(), self._plan.nnz, self._staging.stages
+
     def _planning_cost(self) -> float:
         """What may be wasted with a plan before the next one: more each time, since some matrices suit none.
 
@@ -348,16 +397,6 @@ class FrontalKKT(ByCopies):
         assert self._plan is not None
         cost = PLANNING + ORDERING * self._plan.ordered + ARRANGING * (self.n + self.m)
         return cost * 0.5 * self._plans_made**2
-
-    def _note_waste(self) -> None:
-        """Compare what the last factorisation cost with the plan."""
-        assert self._plan is not None
-        found = self._found
-        if not (found[pivots.STRAYED] or found[pivots.REJECTED] or self.nnz_factor > self._plan.nnz):
-            return
-        strayed = found[pivots.STRAYED] / max(self._staging.stages, 1)
-        self._waste += max(self.nnz_factor - self._plan.nnz, 0) + STRAYING * strayed * self.nnz_factor
-        self._waste += REJECTION * found[pivots.REJECTED]
 
     def _use(self, arrangement: Arrangement) -> None:
         """Adopt an arrangement of the entries."""

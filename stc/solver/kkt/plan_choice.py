@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from stc.codegen.calls import Bound
+from stc.codegen.native import BoundFunction
 from stc.records import dataclass
 from stc.solver.nlp import Floats
 
@@ -61,12 +62,14 @@ class Prepared:
     solve: Bound | None = None
     solve_both: Bound | None = None
     probe: Bound | None = None
+    attempt: Bound | None = None  # the same as ``steps`` for the next matrix, and all that goes with it
+    attempted: BoundFunction | None = None  # the last part of it
     bindings: int = -1  # of the rest, that these are made for
 
-    def suited(self) -> None:
-        """Note that it did for a matrix."""
-        self.won += RECENT * (1.0 - self.won)
-        self.served += 1
+    def suited(self, matrices: int = 1) -> None:
+        """Note that it did, for so many in a row."""
+        self.won = 1.0 - (1.0 - RECENT) ** matrices * (1.0 - self.won)
+        self.served += matrices
         self.failed = 0
 
     def refused(self, number: int) -> None:
@@ -123,7 +126,7 @@ class Plans:
         if self.tried >= self._choose_at or first.curved != curved:
             first = self._first(curved, make)
             self._choose_at = self.tried + 1
-            if first is self.now and (self._settled or not curved):
+            if first.served > 0 and (self._settled or not curved):
                 # Nothing changes before another plan is to be tried again.
                 self._choose_at = min((plan.rest_until for plan in self._cheaper(first)), default=FAR)
         self.now = first
@@ -142,6 +145,17 @@ class Plans:
             del self._plans[min(range(PLANS), key=lambda k: self._plans[k].won)]
         self.now = self._another(make)
         yield self.now
+
+    @property
+    def certain(self) -> int:
+        """So many of the next matrices, if they are alike, are tried with the plan in use first."""
+        return 0 if self._pause else max(0, self._choose_at - 1 - self.tried)
+
+    def went_well(self, matrices: int) -> None:
+        """Note that so many were factorised by the plan in use."""
+        self.tried += matrices
+        self.now.suited(matrices)
+        self.succeeded()
 
     def succeeded(self) -> None:
         """The factors of the plan in use are good."""

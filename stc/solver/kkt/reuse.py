@@ -168,6 +168,20 @@ class StructuredKKT(ByCopies):
         """See ``AttachedKKT.solve_both_call``."""
         return self.system.solve_both_call
 
+    @property
+    def inertia(self) -> NDArray[np.int64]:
+        """See ``AttachedKKT.inertia``."""
+        return self.system.inertia
+
+    @property
+    def attempt_call(self) -> Bound | None:
+        """See ``AttachedKKT.attempt_call``."""
+        return self.system.attempt_call
+
+    def resume(self, ended: int) -> Inertia:
+        """See ``AttachedKKT.resume``."""
+        return self.system.resume(ended)
+
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
         return self.system.refactor()

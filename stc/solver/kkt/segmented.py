@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros, scattered
 from stc.codegen.calls import Bound, chain_until
-from stc.solver.kkt import lanes
+from stc.solver.kkt import attempts, lanes
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import Arrays, ByCopies
@@ -42,6 +42,8 @@ SINGULAR = 3e9
 EASILY = 0.01
 MORE = 3.0
 TRUSTED = 1e-4
+#: The place of the segments' elimination among the steps of an attempt, counted from 1.
+ELIMINATED = 3
 #: Room for factors, as a multiple of what the first plan needs.
 ROOM = 1.25
 
@@ -54,7 +56,9 @@ class SegmentedKKT(ByCopies):
 
     def __init__(self, couplings: Couplings, stage: NDArray[np.int64], found: Segmentation) -> None:
         self.n, self.m = couplings.n, couplings.m
-        self.factorizations = 0
+        self.inertia = np.zeros(3, dtype=np.int64)
+        self._tally = np.zeros(attempts.TALLY, dtype=np.int64)
+        self._counted = 0
         self.nnz_factor = 0
         self.last_residual = 0.0
         self._couplings, self._stage, self._found = couplings, stage, found
@@ -101,9 +105,14 @@ class SegmentedKKT(ByCopies):
         first = self._prepare([Program([], used, 0, 0) for used in nothing])  # for equilibration
         self._plans = Plans(couplings.size, first)
 
+    @property
+    def factorizations(self) -> int:
+        """See ``KKTSystem.factorizations``."""
+        return self._counted + int(self._tally[attempts.MADE])
+
     def restart(self) -> None:
         """Forget all matrices, as if new, but not the plans: they are taken up in the same order."""
-        self.factorizations = 0
+        self._counted = self._tally[attempts.MADE] = 0
         self.nnz_factor = 0
         self.last_residual = 0.0
         self._scaled = False
@@ -139,15 +148,51 @@ class SegmentedKKT(ByCopies):
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
         self._factorized = False
-        if self._collect() != 0.0:
+        self._take_attempts()
+        if self._collect():
             raise NotFinite("the KKT matrix has entries that are not finite")
-        self.factorizations += 1
-        self.accuracy[0] = FINE
         if not self._scaled:
             self._scale[:] = 1.0
             self._plans.now.equilibrate()
             self._scaled = True
-        inertia = self._refactor_segments()
+        return self._complete(None)
+
+    @property
+    def attempt_call(self) -> Bound | None:
+        """See ``AttachedKKT.attempt_call``."""
+        now = self._plans.now
+        if not (self._factorized and self._by_segments and self._rest.follows_plan):
+            return None
+        if now.attempt is None or now.bindings != self._rest.bindings:
+            return None
+        self._take_attempts()
+        self._tally[attempts.ALLOWED] = self._plans.certain
+        self._rest.follow()
+        assert now.attempted is not None
+        now.attempted.set("trusted", now.trusted)
+        return now.attempt
+
+    def resume(self, ended: int) -> Inertia:
+        """See ``AttachedKKT.resume``."""
+        if ended < ELIMINATED:
+            return self.refactor()
+        self._factorized = False
+        self._take_attempts()
+        return self._complete(ended)
+
+    def _take_attempts(self) -> None:
+        """Note the attempts that have succeeded."""
+        made = int(self._tally[attempts.MADE])
+        if made:
+            self._tally[attempts.MADE] = 0
+            self._counted += made
+            self._plans.went_well(made)
+
+    def _complete(self, ended: int | None) -> Inertia:
+        """Factorise the matrix, collected and scaled; ``ended`` tells of an attempt."""
+        self._counted += 1
+        self.accuracy[0] = FINE
+        inertia = self._refactor_segments(ended)
         self._by_segments = inertia is not None
         if inertia is None:
             inertia = self._refactor_whole()
@@ -181,7 +226,7 @@ class SegmentedKKT(ByCopies):
         repeated = False
         if self._by_segments:
             if self.report[0] > DOUBTFUL:
-                self.factorizations += 1
+                self._counted += 1
                 self._refactor_whole()
                 self._by_segments = False
                 self.solve_call()
@@ -191,18 +236,19 @@ class SegmentedKKT(ByCopies):
             assert self._whole is not None
             before = self._whole.factorizations
             repeated = self._whole.check_solution() or repeated
-            self.factorizations += self._whole.factorizations - before
+            self._counted += self._whole.factorizations - before
             self.last_residual = self._whole.last_residual
         return repeated
 
-    def _refactor_segments(self) -> Inertia | None:
-        """Inertia, or None when a pivot is not good enough."""
+    def _refactor_segments(self, ended: int | None) -> Inertia | None:
+        """Inertia, or None when a pivot is not good enough; ``ended`` tells of an attempt with the plan in use."""
         plans = self._plans
         if plans.paused():
             return None
         rest = None
         for plan in plans.candidates(bool(self._curvatures[0]), self._new_plan):
-            rest = self._through(plan)
+            rest = self._through(plan, ended)
+            ended = None
             if rest is not None:
                 plan.suited()
                 break
@@ -224,10 +270,14 @@ class SegmentedKKT(ByCopies):
         positive = self._eliminated - negative + rest.positive
         return Inertia(positive - self._added, negative + rest.negative - self._added, rest.zero)
 
-    def _through(self, plan: Prepared) -> Inertia | None:
+    def _through(self, plan: Prepared, ended: int | None) -> Inertia | None:
         """Factorise by a plan: the inertia of the rest, or None where a pivot of the segments is refused."""
         rest = self._rest
-        if plan.steps is not None and plan.bindings == rest.bindings and rest.follows_plan:
+        if ended is not None:
+            if ended > ELIMINATED:
+                made = ended == ELIMINATED + len(rest.steps()) + 1
+                return rest.complete(0 if made else ended - ELIMINATED)
+        elif plan.steps is not None and plan.bindings == rest.bindings and rest.follows_plan:
             rest.prepare_steps()
             ended = plan.steps()
             if ended != 1:
@@ -365,5 +415,12 @@ class SegmentedKKT(ByCopies):
             self._probe_report,
             np.zeros(REPORT),
         )
-        plan.steps = chain_until([(plan.eliminate, True), *self._rest.steps()])
+        steps = [(plan.eliminate, True), *self._rest.steps()]
+        plan.steps = chain_until(steps)
+        begin = attempts.begin.bind(plan.curved, self._curvatures, self._rest.account, self._tally)
+        plan.attempted = attempts.end_of_segments.bind(
+            self._rest.counts, self._rest.account, plan.trusted, self._eliminated, self._added, plan.state, FINE,
+            self.inertia, self.accuracy, self._tally,
+        )  # fmt: skip
+        plan.attempt = chain_until([(self._collect, True), (begin, True), *steps, (plan.attempted, True)])
         plan.bindings = self._rest.bindings

@@ -28,8 +28,8 @@ STALE_SCALE = 2
 def diagonal_of(
     n: i64, m: i64, at: i64, curvatures: i64, curved: i64, curved_variable: i32s, curved_source: i32s, given: f64s,
     diagonal: f64s, count: i64s,
-) -> f64:  # fmt: skip
-    """Collect the diagonal, (n + m,); p and d begin at ``given[at]``.  Returns 0, or nan when not all is finite.
+) -> i64:  # fmt: skip
+    """Collect the diagonal, (n + m,); p and d begin at ``given[at]``.  Returns 0, or 1 when not all is finite.
 
     ``count[0]`` becomes the number of entries of H that are not zero, of which ``curvatures`` are given first.
     """
@@ -48,7 +48,7 @@ def diagonal_of(
     for k in range(curvatures, at + n + m):
         check += given[k] * 0.0
     count[0] = found
-    return check
+    return 0 if check == 0.0 else 1
 
 
 @native

@@ -31,8 +31,8 @@ def load(
     hess_target: i32s,
     jac_target: i32s,
     values: f64s,
-) -> f64:
-    """Put the values of H, J, p and d at their places; returns 0, or nan when a value is not finite."""
+) -> i64:
+    """Put the values of H, J, p and d at their places; returns 0, or 1 when a value is not finite."""
     check = 0.0
     for k in range(n):
         value = primal[k]
@@ -54,7 +54,7 @@ def load(
         value = jac[k]
         check += value * 0.0
         values[jac_target[k]] = value
-    return check
+    return 0 if check == 0.0 else 1
 
 
 @native

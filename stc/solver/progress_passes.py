@@ -1,0 +1,92 @@
+"""What is noted of every iterate and step, compiled; :mod:`stc.solver.progress` tells what it is for."""
+
+from __future__ import annotations
+
+from stc.codegen.native import f64, f64s, i64, native
+from stc.solver.outcome import ACCEPTABLE
+from stc.solver.places import (
+    ATTENTION,
+    DUAL_BEFORE,
+    DUAL_ERROR,
+    DUAL_NOW,
+    ERROR,
+    FARTHEST,
+    NEAREST_ERROR,
+    OBJECTIVE,
+    OBJECTIVE_BEFORE,
+    OBJECTIVE_NOW,
+    PATIENCE,
+    SHORT_STEPS,
+    SMALL_STEPS,
+    THETA_BEFORE,
+    TINY_STEPS,
+    WAITING,
+)
+from stc.solver.unboundedness import FAR, LOW
+
+NOTICEABLE = 0.9
+ITS_PATIENCE = 15
+MOST_TINY_STEPS = 3
+SMALL_STEP = 1e-9
+SHORT = 1e-2
+MOST_SHORT_STEPS = 5
+HALF = 0.5
+NEARLY_FEASIBLE = 1e-4
+LARGEST_ERROR = 1e50
+
+
+@native
+def note_objective(s: f64s) -> None:
+    """For :class:`Drift`: the objective and the dual error of the iterate just measured."""
+    s[OBJECTIVE_BEFORE] = s[OBJECTIVE_NOW]
+    s[OBJECTIVE_NOW] = s[OBJECTIVE]
+    s[DUAL_BEFORE] = s[DUAL_NOW]
+    s[DUAL_NOW] = s[DUAL_ERROR]
+
+
+@native
+def note_iterate(
+    size: i64, m: i64, gaps: i64, w: f64s, y: f64s, z: f64s, kept_w: f64s, kept_y: f64s, kept_z: f64s, s: f64s
+) -> i64:
+    """For :class:`Nearest`: the iterate just measured.
+
+    Returns:
+        1 where more is to be looked at: the error is small, or anything is large, or nothing moves any more.
+    """
+    error = s[ERROR]
+    nearest = s[NEAREST_ERROR]
+    if error < NOTICEABLE * nearest:
+        s[WAITING] = 0.0
+    elif nearest <= ACCEPTABLE:
+        s[WAITING] += 1.0
+    if error < nearest:
+        s[NEAREST_ERROR] = error
+        for i in range(size):
+            kept_w[i] = w[i]
+        for r in range(m):
+            kept_y[r] = y[r]
+        for k in range(gaps):
+            kept_z[k] = z[k]
+    ordinary = error > s[ATTENTION] and error < LARGEST_ERROR and s[FARTHEST] <= FAR and s[OBJECTIVE] >= LOW
+    still = s[WAITING] >= s[PATIENCE] or s[TINY_STEPS] >= MOST_TINY_STEPS or s[SMALL_STEPS] >= ITS_PATIENCE
+    return 0 if ordinary and not still else 1
+
+
+@native
+def note_step(size: f64, tiny: i64, s: f64s) -> None:
+    """For :class:`Stall`: the relative size of a step.
+
+    ``tiny``: it was below rounding error, and no change of the barrier explains it.
+    """
+    s[TINY_STEPS] = s[TINY_STEPS] + 1.0 if tiny != 0 else 0.0
+    s[SMALL_STEPS] = s[SMALL_STEPS] + 1.0 if size <= SMALL_STEP else 0.0
+
+
+@native
+def block(length: f64, theta: f64, s: f64s) -> i64:
+    """1 after several very short steps in a row that did not even halve the violation ``theta``."""
+    if length >= SHORT or theta < HALF * s[THETA_BEFORE]:
+        s[SHORT_STEPS] = 0.0
+        s[THETA_BEFORE] = theta
+    s[SHORT_STEPS] += 1.0
+    return 1 if s[SHORT_STEPS] > MOST_SHORT_STEPS and theta > NEARLY_FEASIBLE else 0

@@ -1,0 +1,234 @@
+"""Factorisation with the inertia under control, compiled: which shift to try next.
+
+See :mod:`stc.solver.newton_system` for the system, and :mod:`stc.solver.places` for the numbers ``s`` and the calls.
+"""
+
+from __future__ import annotations
+
+from stc.codegen.calls import invoke
+from stc.codegen.native import f64, f64s, i64, i64s, native, sqrt
+from stc.solver.places import (
+    ATTEMPT,
+    BEND,
+    BENDS,
+    BENDS_ALIKE,
+    DAMPED,
+    DEFICIENCIES,
+    DEFICIENT,
+    DIAGONALS,
+    DUAL_SHIFT,
+    ENDED,
+    ENDED_BY,
+    EQUATIONS,
+    EXACT,
+    EXCESS,
+    EXCESS_BEFORE,
+    FAILURES,
+    GROWTH_NOW,
+    LAST_SHIFT,
+    MU,
+    ORDINARY,
+    SHIFT,
+    SHIFTED,
+    SMOOTH,
+    SOFT,
+    STIFFNESS,
+    TASK,
+    UNTRIED,
+    WHOLE,
+)
+
+FIRST_SHIFT = 1e-4
+SMALLEST_SHIFT = 1e-20
+LARGEST_SHIFT = 1e40
+GROWTH_AT_FIRST = 100.0
+GROWTH = 8.0
+GROWTH_IN_VAIN = 64.0
+"""After a shift that has left as many eigenvalues negative as the one before."""
+DECAY = 1.0 / 3.0
+ITS_DUAL_SHIFT = 1e-8
+ALWAYS = 3
+"""Iterations in a row that met dependent rows, after which they are expected."""
+MOST_UNTRIED = 3
+"""Iterations in a row at most in which a matrix without a shift is not tried, after it has failed again and again."""
+MOST_DAMPED = 8
+"""The same where there is the rows' part to be damped; no more than it had negative eigenvalues too many."""
+COARSE = 1e-10
+"""Relative residual that is enough for a step while steps are smooth and no rows depend on one another.
+
+Elsewhere errors are multiplied.
+"""
+MOST_SMOOTH = 3
+"""Steps in a row that were accepted nearly whole."""
+NEARLY_WHOLE = 0.5
+SOFTER = 0.01
+SMALLEST_STIFFNESS = 1e-8
+BENT = 0.05
+"""Share of the variables that an objective has to bend at least."""
+#: What a factorisation has to do next: begin, look at what it has found, find out how large shifts are ordinarily, ...
+TRY, LOOK, GROW, DAMP, DAMP_OR_GROW = 0.0, 1.0, 2.0, 3.0, 4.0
+#: ... and how it may end: done, or somebody else has to factorise, measure curvature, provide a call, or give up.
+DONE, REFACTOR, MEASURE_CURVATURE, CALL_MISSING, NO_SHIFT = 0, 1, 2, 3, 4
+UNKNOWN = -1.0
+
+
+@native(shared=True)
+def begin(calls: i64s, s: f64s) -> None:
+    """Prepare the factorisation at an iterate; :func:`go_on` does it."""
+    invoke(calls, DIAGONALS)
+    s[WHOLE] = 1.0
+    s[SHIFT] = s[STIFFNESS]
+    s[SOFT] = ITS_DUAL_SHIFT * sqrt(sqrt(max(s[MU], 1e-12)))
+    # Rows that have been dependent all the time are so by their structure.
+    s[DEFICIENT] = 1.0 if s[DEFICIENCIES] >= ALWAYS else 0.0
+    s[DUAL_SHIFT] = s[SOFT] if s[DEFICIENT] != 0.0 else 0.0
+    s[EXCESS_BEFORE] = 0.0
+    s[TASK] = TRY
+    if s[UNTRIED] > 0.0 and s[SHIFT] == 0.0:  # without a shift: it has failed again and again
+        s[UNTRIED] -= 1.0
+        s[SHIFT] = max(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT])
+        if s[EXACT] == 0.0:
+            s[TASK] = DAMP
+
+
+@native
+def larger_shift(growth: f64, s: f64s) -> f64:
+    """The next shift to try; more than LARGEST_SHIFT where there is none.  ``s[ORDINARY]`` has to be known."""
+    if s[SHIFT] == 0.0:
+        if s[LAST_SHIFT] == 0.0:
+            return FIRST_SHIFT * s[ORDINARY]
+        return max(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT])
+    return s[SHIFT] * (GROWTH_AT_FIRST if s[LAST_SHIFT] == 0.0 else growth)
+
+
+@native(shared=True)
+def damp(calls: i64s, n: i64, count: i64, diagonal: i64s, bend: f64s, s: f64s) -> i64:
+    """Use a share of the rows' part of the Hessian only; 0 when that is so already, or of no use."""
+    if s[WHOLE] == 0.0 or s[BENDS] == 0.0:
+        return 0
+    if s[BENDS] == UNKNOWN or s[BENDS_ALIKE] == 0.0:
+        invoke(calls, BEND)
+    if s[BENDS] == UNKNOWN:
+        bent = 0
+        downwards = 0
+        for k in range(count):
+            bent += bend[diagonal[k]] > 0.0
+            downwards += bend[diagonal[k]] < 0.0
+        s[BENDS] = 1.0 if downwards == 0 and bent >= BENT * n and bent > 0 else 0.0
+        if s[BENDS] == 0.0:
+            return 0
+    invoke(calls, DAMPED)
+    s[WHOLE] = 0.0
+    return 1
+
+
+@native(shared=True)
+def factorize(
+    calls: i64s,
+    n: i64,
+    m: i64,
+    count: i64,
+    diagonal: i64s,
+    bend: f64s,
+    inertia: i64s,
+    accuracy: f64s,
+    s: f64s,
+) -> i64:
+    """Factorise, shifting until the inertia is right.
+
+    Returns:
+        What somebody else has to do before this goes on: REFACTOR the matrix and leave its ``inertia`` (3,), and so
+        on; ``s[ENDED_BY]`` keeps it.
+    """
+    ended = _factorize(calls, n, m, count, diagonal, bend, inertia, accuracy, s)
+    s[ENDED_BY] = float(ended)
+    return ended
+
+
+@native(shared=True)
+def _factorize(
+    calls: i64s,
+    n: i64,
+    m: i64,
+    count: i64,
+    diagonal: i64s,
+    bend: f64s,
+    inertia: i64s,
+    accuracy: f64s,
+    s: f64s,
+) -> i64:
+    """See :func:`factorize`."""
+    while True:
+        if s[TASK] == TRY:
+            invoke(calls, SHIFTED)
+            s[TASK] = LOOK
+            s[ENDED] = 0.0
+            if calls[2 * ATTEMPT] == 0:
+                return REFACTOR
+            s[ENDED] = float(invoke(calls, ATTEMPT))
+            if s[ENDED] != 0.0:
+                return REFACTOR
+        if s[TASK] == DAMP:
+            if calls[2 * BEND] == 0 and s[BENDS] != 0.0:
+                return CALL_MISSING
+            s[TASK] = TRY
+            damp(calls, n, count, diagonal, bend, s)
+            continue
+        if s[TASK] == LOOK:
+            s[EXCESS] = float(inertia[1] - m)
+            singular = inertia[2] > 0 or s[EXCESS] < 0.0
+            if not singular and s[EXCESS] == 0.0:
+                break
+            s[GROWTH_NOW] = GROWTH_IN_VAIN if s[EXCESS] == s[EXCESS_BEFORE] and s[WHOLE] == 0.0 else GROWTH
+            s[EXCESS_BEFORE] = s[EXCESS]
+            s[TASK] = TRY
+            if singular and s[DUAL_SHIFT] == 0.0 and s[EQUATIONS] != 0.0:
+                s[DUAL_SHIFT] = s[SOFT]
+                s[DEFICIENT] = 1.0
+                if s[SHIFT] == 0.0:
+                    continue
+            if s[SHIFT] == 0.0:
+                s[FAILURES] += 1.0
+                s[UNTRIED] = min(s[FAILURES] - 1.0, MOST_UNTRIED)
+            s[TASK] = GROW if singular or s[EXACT] != 0.0 else DAMP_OR_GROW
+        if s[TASK] == DAMP_OR_GROW:
+            if calls[2 * BEND] == 0 and s[BENDS] != 0.0:
+                return CALL_MISSING
+            s[TASK] = GROW
+            if damp(calls, n, count, diagonal, bend, s) != 0:
+                if s[UNTRIED] > 0.0:
+                    s[UNTRIED] = max(s[UNTRIED], min(s[EXCESS], MOST_DAMPED))
+                if s[SHIFT] > 0.0:
+                    s[TASK] = TRY
+                    continue
+        if s[SHIFT] == 0.0 and s[LAST_SHIFT] == 0.0 and s[ORDINARY] == UNKNOWN:
+            return MEASURE_CURVATURE
+        s[SHIFT] = larger_shift(s[GROWTH_NOW], s)
+        s[TASK] = TRY
+        if s[SHIFT] > LARGEST_SHIFT:
+            return NO_SHIFT
+    if s[SMOOTH] >= MOST_SMOOTH and s[DEFICIENT] == 0.0:
+        accuracy[0] = COARSE
+    if s[SHIFT] == 0.0:
+        s[FAILURES] = 0.0
+    s[DEFICIENCIES] = s[DEFICIENCIES] + 1.0 if s[DEFICIENT] != 0.0 else 0.0
+    if s[SHIFT] > 0.0:
+        s[LAST_SHIFT] = s[SHIFT]
+    return DONE
+
+
+@native
+def relax(length: f64, s: f64s) -> None:
+    """Let the stiffness go as steps are accepted nearly whole, and at once where none is (``length`` 0).
+
+    A shift that did not even lead to a step is none to start from next time.
+    """
+    if length == 0.0:
+        s[STIFFNESS] = 0.0
+    elif s[SHIFT] > 0.0:
+        s[LAST_SHIFT] = s[SHIFT]
+    s[SMOOTH] = s[SMOOTH] + 1.0 if length >= NEARLY_WHOLE else 0.0
+    if length >= NEARLY_WHOLE:
+        s[STIFFNESS] *= SOFTER
+        if s[STIFFNESS] < SMALLEST_STIFFNESS:
+            s[STIFFNESS] = 0.0

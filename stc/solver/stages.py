@@ -1,0 +1,111 @@
+"""The stages of an iteration as prepared calls, and the iteration as a chain of them.
+
+Each stage is a compiled function that makes the calls of the workspace's table and leaves its numbers (see
+:mod:`stc.solver.places`).  It returns 0, or tells what it cannot do itself: :mod:`stc.solver.newton_system`,
+:mod:`stc.solver.globalization` and :mod:`stc.solver.interior` do that, and go on from there.  So an iteration where
+all is as usual is two calls, however small the problem.
+"""
+
+from __future__ import annotations
+
+from stc.codegen.calls import Bound, chain, chain_until
+from stc.codegen.native import f64s, i64, native
+from stc.solver import barrier_passes, places, search_passes, shift_passes
+from stc.solver.multipliers import lags
+from stc.solver.places import CHANGED, LENGTH_TAKEN, STEP, STEP_TAKEN, STUCK, THETA, TINY
+from stc.solver.progress_passes import block, note_iterate, note_objective, note_step
+from stc.solver.workspace import Workspace
+
+__all__ = ["BLOCKED", "FACTORIZATION", "LAGGING", "SEARCH", "STEP_FOUND", "Stages", "stages_of"]
+
+#: Where the calls of an iterate and of an iteration may end.
+LAGGING = 3
+FACTORIZATION, STEP_FOUND, SEARCH, BLOCKED = 3, 4, 5, 6
+
+
+@native
+def settle(s: f64s) -> i64:
+    """Note the step taken; 1 where steps are too short to go on."""
+    length = s[LENGTH_TAKEN]
+    shift_passes.relax(length, s)
+    barrier_passes.note_length(length, s)
+    s[STUCK] = 1.0 if s[TINY] != 0.0 or length == 0.0 else 0.0
+    s[STEP_TAKEN] = 0.0
+    if length == 0.0:
+        return 0
+    s[STEP_TAKEN] = s[STEP]
+    note_step(s[STEP], 1 if s[TINY] != 0.0 and s[CHANGED] == 0.0 else 0, s)
+    return block(length, s[THETA], s)
+
+
+def stages_of(work: Workspace) -> Stages:
+    """The stages that a workspace keeps."""
+    if work.stages is None:
+        work.stages = Stages(work)
+    return work.stages
+
+
+class Stages:
+    """Prepared calls over one workspace.
+
+    Attributes:
+        measure: the iterate's errors; ends at LAGGING or later where more is to be looked at.
+        note: what of that comes after LAGGING.
+        iterate: one iteration; ends at FACTORIZATION and so on where that stage needs help.
+        begin, factorize: prepare a factorisation, and go on with it.
+        find_step, search, backtrack: the step, and the search along it.
+        advance: what comes after the factorisation; ends at STEP_FOUND - FACTORIZATION and so on.
+        settle: note what was done.
+    """
+
+    def __init__(self, work: Workspace) -> None:
+        form, it, ev, s = work.form, work.it, work.evaluator, work.numbers
+        n, m, gaps, size = form.n, form.m, form.gaps, form.size
+        kkt, step, extra, correction = work.kkt, work.step, work.centring, work.correction
+        table = work.calls
+        fixed: dict[int, Bound] = {
+            places.MEASURE: work.measure_call,
+            places.DIAGONALS: work.diagonals_call,
+            places.SHIFTED: work.shifted_call,
+            places.COMBINE: work.combine_call,
+            places.CENTRE: work.centre_call,
+            places.LENGTHS: work.lengths_call,
+            places.TRY_STEP: work.trial_call,
+            places.TRY_POINT: chain([ev.values_call, work.inspect_call]),
+            places.MOVE: work.move_call,
+            places.RETURN: work.return_call,
+        }
+        for place, call in fixed.items():
+            table.put(place, call)
+        cells = table.cells
+        self.note: Bound = note_iterate.bind(size, m, gaps, it.w, it.y, it.z, *work.kept, s)
+        self.measure: Bound = chain_until(
+            [
+                (work.measure_call, False),
+                (note_objective.bind(s), False),
+                (lags.bind(s), True),
+                (self.note, True),
+            ]
+        )
+        update: Bound = barrier_passes.update.bind(cells, gaps, work.target, work.accepted.array, s)
+        self.begin: Bound = shift_passes.begin.bind(cells, s)
+        diagonal = form.hess_diagonal
+        self.factorize: Bound = shift_passes.factorize.bind(
+            cells, n, m, diagonal.size, diagonal, work.bend, work.inertia, kkt.accuracy, s
+        )
+        self.find_step: Bound = barrier_passes.find_step.bind(
+            cells, size, m, gaps, form.index, form.sign, it.gap, it.z, work.mu, work.tau, work.factor, work.centre,
+            kkt.report, step.dw, step.dy, step.dz, extra.dw, extra.dy, extra.dz, s,
+        )  # fmt: skip
+        searching = (
+            cells, n, m, gaps, form.index, form.sign, it.w, it.c, it.gap, work.trial_w, work.trial_c, ev.x, ev.f,
+            correction.dw, work.correction_c, work.alpha, work.mu, work.shifted, kkt.report, work.filter.array, s,
+        )  # fmt: skip
+        self.search: Bound = search_passes.search.bind(*searching)
+        self.backtrack: Bound = search_passes.backtrack.bind(*searching)
+        self.settle: Bound = settle.bind(s)
+        after = [(self.find_step, True), (self.search, True), (self.settle, True)]
+        self.advance: Bound = chain_until(after)
+        self.iterate: Bound = chain_until(
+            [(update, False), (self.begin, False), (self.factorize, True), *after]
+        )
