@@ -22,6 +22,7 @@ from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
+from stc.solver.products import between
 from stc.solver.projection import Projection, ProjectionPair
 from stc.solver.restricted import DUAL_SHIFT
 from stc.solver.scaled_problem import ScaledProblem
@@ -78,7 +79,7 @@ def newton_on_active_set(
         error is below the tolerance and the curvature on the active set is positive.
     """
     pair = _pair_of(form)
-    if not pair.start(np.clip(x, *form.true_x), y):
+    if not pair.start(between(x, *form.true_x), y):
         return None, False
     certified = False
     contraction = 0.0
@@ -117,7 +118,7 @@ def newton_on_active_set(
 def newton_point(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
     """One such step from ``(x, y)``: the point that it leads to, not evaluated; None where there is none."""
     pair = _pair_of(form)
-    return pair.next if pair.start(np.clip(x, *form.true_x), y) and pair.advance() else None
+    return pair.next if pair.start(between(x, *form.true_x), y) and pair.advance() else None
 
 
 def _pair_of(form: ScaledProblem) -> ProjectionPair:

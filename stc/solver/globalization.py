@@ -95,7 +95,7 @@ class LineSearch:
         self._stages = stages_of(work)
         s = work.s
         scale = max(1.0, work.it.theta)
-        s[SHIFT_COUNTS] = work.form.equality.any()
+        s[SHIFT_COUNTS] = work.form.any_equality
         s[SMALL_THETA] = ITS_SMALL_THETA * scale
         s[TINY] = s[SHORTENED] = s[WATCHING] = s[CORRECTIONS] = s[SHORTEST] = 0.0
         self.filter = work.filter

@@ -55,6 +55,7 @@ from stc.solver.shift_passes import (
     SMALLEST_SHIFT,
     UNKNOWN,
     larger_shift,
+    middle_magnitude,
 )
 from stc.solver.stages import stages_of
 from stc.solver.workspace import Step, Workspace
@@ -81,7 +82,7 @@ class NewtonSystem:
             SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, DEFICIENT, DEFICIENCIES, FAILURES, UNTRIED, SMOOTH, EXCESS, EXACT,
         ):  # fmt: skip
             s[place] = 0.0
-        s[EQUATIONS] = form.equality.any()
+        s[EQUATIONS] = form.any_equality
         s[BENDS] = 0.0 if form.linear else UNKNOWN
         s[BENDS_ALIKE] = form.quadratic_objective
         s[ORDINARY] = UNKNOWN
@@ -191,14 +192,9 @@ class NewtonSystem:
 
     def _ordinary_curvature(self) -> float:
         """What shifts are measured in: the Hessian's entries shrink with the steps of a finer motion."""
-        diagonal = np.abs(self.work.it.hess[self.form.hess_diagonal])
-        diagonal = diagonal[diagonal > 0.0]
-        if not diagonal.size:
-            return 1.0
-        middle = (
-            diagonal.size // 2
-        )  # np.median imports masked arrays first, which takes longer than a small solve
-        return float(np.clip(np.partition(diagonal, middle)[middle], *ITS_ORDINARY))
+        diagonal = self.work.it.hess[self.form.hess_diagonal]
+        found = middle_magnitude(diagonal.size, diagonal)
+        return min(max(found, ITS_ORDINARY[0]), ITS_ORDINARY[1]) if found > 0.0 else 1.0
 
     def solve(self, rhs_w: Floats, c: Floats) -> tuple[Floats, Floats]:
         """Steps ``(dw, dy)`` for a right-hand side ``rhs_w`` (n + m,) of the dual part and residual ``c`` (m,)."""

@@ -14,7 +14,12 @@ from stc.solver.nlp import Floats
 
 Indices = NDArray[np.int64]
 
-__all__ = ["inner", "norm", "symmetric_times", "times"]
+__all__ = ["between", "inner", "norm", "symmetric_times", "times"]
+
+
+def between(x: Floats, lower: Floats, upper: Floats) -> Floats:
+    """``x`` moved onto the bounds that it oversteps; ``np.clip`` takes longer than that for short vectors."""
+    return np.minimum(np.maximum(x, lower), upper)
 
 
 def inner(a: Floats, b: Floats) -> float:

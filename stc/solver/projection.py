@@ -114,8 +114,8 @@ class Projection:
 
     def is_on_active_set_of(self, other: Projection) -> bool:
         """Whether the same bounds and rows are active at another point."""
-        same_x = np.array_equal(self.active_x, other.active_x)
-        return same_x and np.array_equal(self.active_rows, other.active_rows)
+        same_x = bool((self.active_x == other.active_x).all())
+        return same_x and bool((self.active_rows == other.active_rows).all())
 
 
 class ProjectionPair:

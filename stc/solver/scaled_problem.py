@@ -19,7 +19,7 @@ from stc.solver.formulation import Formulation
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.passes import overstepped
-from stc.solver.products import Indices
+from stc.solver.products import Indices, between
 
 if TYPE_CHECKING:
     from stc.solver.kkt.contract import KKTSystem
@@ -136,6 +136,7 @@ class ScaledProblem(Formulation):
         nlp = self.nlp
         bounded = np.isfinite(nlp.row_lower) | np.isfinite(nlp.row_upper)
         self._scaling = Scaling(self.x_scale, self.row_scale, self.objective_scale, ~self._held_user, bounded)
+        self._multiplier_scale = self.row_scale / self.objective_scale
         self._gradient_scale = self._scaling.gradient()
         self._jac_scale = self._scaling.jacobian(self.jac_rows, self.jac_cols)
         self._hess_scale = self._scaling.hessian(self.hess_rows, self.hess_cols)
@@ -180,15 +181,15 @@ class ScaledProblem(Formulation):
 
     def as_stated(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Variables (n,) and row multipliers (m,) in the user's terms."""
-        return self.user_variables(x), self.user_multipliers(y)
+        return x * self.x_scale, y * self._multiplier_scale
 
     def user_point(self, x: Floats) -> Floats:
         """Variables as stated, rounding errors at the bounds removed, (n,)."""
-        return np.clip(x * self.x_scale, self.nlp.x_lower, self.nlp.x_upper)
+        return between(x * self.x_scale, self.nlp.x_lower, self.nlp.x_upper)
 
     def user_multipliers(self, y: Floats) -> Floats:
         """Multipliers of the rows as stated, (m,)."""
-        return y * self.row_scale / self.objective_scale
+        return y * self._multiplier_scale
 
     def scaled_multipliers(self, y: Floats) -> Floats:
         """Inverse of :meth:`user_multipliers`."""

@@ -6,7 +6,7 @@ See :mod:`stc.solver.newton_system` for the system, and :mod:`stc.solver.places`
 from __future__ import annotations
 
 from stc.codegen.calls import invoke
-from stc.codegen.native import f64, f64s, i64, i64s, native, sqrt
+from stc.codegen.native import f64, f64s, fabs, i64, i64s, native, sqrt
 from stc.solver.places import (
     ATTEMPT,
     BEND,
@@ -232,3 +232,43 @@ def relax(length: f64, s: f64s) -> None:
         s[STIFFNESS] *= SOFTER
         if s[STIFFNESS] < SMALLEST_STIFFNESS:
             s[STIFFNESS] = 0.0
+
+
+@native
+def middle_magnitude(count: i64, values: f64s) -> f64:
+    """The median of the magnitudes that are not zero, 0 where all are; of two, the larger one.  Reorders ``values``.
+
+    Found by parting them again and again (C. A. R. Hoare, Algorithm 65: find, Commun. ACM 4, 1961).
+    """
+    last = -1
+    for k in range(count):
+        value = fabs(values[k])
+        if value > 0.0:
+            last += 1
+            values[last] = value
+    if last < 0:
+        return 0.0
+    wanted = (last + 1) // 2
+    first = 0
+    while first < last:
+        pivot = values[(first + last) // 2]
+        low = first
+        high = last
+        while low <= high:
+            while values[low] < pivot:
+                low += 1
+            while values[high] > pivot:
+                high -= 1
+            if low <= high:
+                held = values[low]
+                values[low] = values[high]
+                values[high] = held
+                low += 1
+                high -= 1
+        if wanted <= high:
+            last = high
+        elif wanted >= low:
+            first = low
+        else:
+            return values[wanted]
+    return values[wanted]

@@ -16,7 +16,7 @@ from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.polish import MET, meet_equations
-from stc.solver.products import inner
+from stc.solver.products import between, inner
 from stc.solver.report import Callback, Result, Start
 from stc.solver.residuals import Assessment, assess
 from stc.solver.scaled_problem import ScaledProblem
@@ -96,7 +96,7 @@ class _Solve:
         nlp = self.nlp
         if np.any(nlp.x_lower > nlp.x_upper) or np.any(nlp.row_lower > nlp.row_upper):
             return self._result(Status.INFEASIBLE, self.start.x, message="Two bounds contradict each other.")
-        x0 = np.clip(np.asarray(self.start.x, dtype=float), nlp.x_lower, nlp.x_upper)
+        x0 = between(np.asarray(self.start.x, dtype=float), nlp.x_lower, nlp.x_upper)
         key = key_of(nlp, x0, self.options, self.new_kkt)
         form = kept_form(nlp, key)
         if form is None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.formulation import Formulation
-from stc.solver.iterate import Iterate, push_inside
+from stc.solver.iterate import Iterate
 from stc.solver.multipliers import least_squares_multipliers
 from stc.solver.nlp import Floats
+from stc.solver.passes import push_inside as move_inside
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import workspace_of
 
@@ -45,12 +46,18 @@ def warm_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
 def _inside(form: Formulation, x: Floats, push: float) -> Floats:
     """``w`` (n + m,) at ``x`` moved inside the bounds, less far where functions are undefined there."""
     n = form.n
-    x = np.where(form.held, form.held_value, x)
+    ev = workspace_of(form).evaluator
+    w = np.empty(form.size)
     while True:
-        w = push_inside(form, np.concatenate([x, form.target]), push)
-        f, r = form.values(w[:n])
-        if np.isfinite(f + r.sum()) or push < SMALLEST_PUSH:
+        w[:n], w[n:] = x, form.target
+        if form.any_held:
+            np.copyto(w[:n], form.held_value, where=form.held)
+        move_inside(form.size, push, form.lower, form.upper, w)
+        ev.x[:] = w[:n]
+        ev.values_call()
+        if ev.values_status[0] == 0.0 or push < SMALLEST_PUSH:
             break
         push *= 0.1
-    w[n:] = np.where(form.inequality, r, form.target)
-    return push_inside(form, w, push)
+    np.copyto(w[n:], ev.r, where=form.inequality)
+    move_inside(form.size, push, form.lower, form.upper, w)
+    return w

@@ -147,6 +147,14 @@ class SegmentedKKT(ByCopies):
 
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
+        call = self.attempt_call
+        if call is None:
+            return self._refactor()
+        ended = call()
+        return self.resume(ended) if ended else Inertia(*self.inertia.tolist())
+
+    def _refactor(self) -> Inertia:
+        """``refactor``, one step after the other."""
         self._factorized = False
         self._take_attempts()
         if self._collect():
@@ -175,7 +183,7 @@ class SegmentedKKT(ByCopies):
     def resume(self, ended: int) -> Inertia:
         """See ``AttachedKKT.resume``."""
         if ended < ELIMINATED:
-            return self.refactor()
+            return self._refactor()
         self._factorized = False
         self._take_attempts()
         return self._complete(ended)
