@@ -1,0 +1,119 @@
+"""The compiled stages of an iteration, and what is done where one of them needs help."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from symbolic_program import SymbolicProgram
+
+import stc
+from stc.solver import Options, Status, minimize
+from stc.solver.filter import GAMMA_PHI, GAMMA_THETA, ROOM, Filter
+from stc.solver.kkt import FrontalKKT, structured_kkt
+from stc.solver.kkt.segmented import SegmentedKKT
+from stc.solver.shift_passes import middle_magnitude
+
+numbers = st.floats(-1e6, 1e6)
+
+
+@pytest.mark.parametrize("name", ["cart_pole_swing_up", "luxo_jump", "segment_flip", "particle_jet"])
+def test_attempts_change_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Factorisations in one call, and those that are made one step after the other."""
+
+    def solve() -> stc.Solution:
+        return stc.load(name).solve()
+
+    with monkeypatch.context() as without:
+        for kind in (FrontalKKT, SegmentedKKT):
+            without.setattr(kind, "attempt_call", None)
+        expected = solve()
+    found = solve()
+    assert found.status == expected.status == "optimal"
+    assert found.objective == pytest.approx(expected.objective, rel=1e-9)
+    assert abs(found.iterations - expected.iterations) <= 1
+
+
+class Failing(SymbolicProgram):
+    """Raises in the middle of a solve."""
+
+    left = 12
+
+    def derivatives(self, x, y, factor):
+        self.left -= 1
+        if self.left == 0:
+            raise ZeroDivisionError("in the middle")
+        return super().derivatives(x, y, factor)
+
+
+def test_exceptions_of_functions_arrive() -> None:
+    def rosenbrock(x):
+        return 100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2
+
+    assert minimize(SymbolicProgram([-1.2, 1.0], rosenbrock, lower=-5.0)).success
+    with pytest.raises(ZeroDivisionError, match="in the middle"):
+        minimize(Failing([-1.2, 1.0], rosenbrock, lower=-5.0))
+
+
+def test_an_interruption_keeps_the_best_point() -> None:
+    class Interrupted(Failing):
+        def derivatives(self, x, y, factor):
+            try:
+                return super().derivatives(x, y, factor)
+            except ZeroDivisionError:
+                raise KeyboardInterrupt from None
+
+    nlp = Interrupted([-1.2, 1.0], lambda x: 100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2, lower=-5.0)
+    result = minimize(nlp, Options())
+    assert result.status is Status.INTERRUPTED
+    assert result.objective < 24.0
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 1e3), numbers), max_size=30), st.floats(0.0, 1e3), numbers)
+def test_a_filter_refuses_what_any_pair_dominates(
+    pairs: list[tuple[float, float]], theta: float, phi: float
+) -> None:
+    own = Filter(500.0)
+    for pair in pairs:
+        own.add(*pair)
+    dominated = any(theta > (1.0 - GAMMA_THETA) * t and phi > p - GAMMA_PHI * t for t, p in pairs)
+    assert own.accepts(theta, phi) == (theta <= 500.0 and not dominated)
+
+
+def test_the_oldest_pair_gives_way() -> None:
+    own = Filter(np.inf)
+    for k in range(ROOM + 3):
+        own.add(1.0 + k, -float(k))
+    assert own.accepts(1.5, 10.0)  # the first ones are forgotten
+    assert not own.accepts(6.0, 10.0)
+    assert not own.accepts(ROOM + 5.0, -10.0)
+
+
+@given(st.lists(numbers, max_size=40))
+def test_the_middle_magnitude(values: list[float]) -> None:
+    sizes = sorted(abs(v) for v in values if v)
+    expected = sizes[len(sizes) // 2] if sizes else 0.0
+    assert middle_magnitude(len(values), np.array(values)) == expected
+
+
+def test_solves_work_without_attempts_of_their_own() -> None:
+    """As with a linear algebra that is watched, and called from Python."""
+
+    class Plain:
+        attempt_call = None
+
+        def __init__(self, *arguments):
+            self._inner = structured_kkt(*arguments)
+
+        def __getattr__(self, name):
+            return getattr(self._inner, name)
+
+    def solve(new_kkt):
+        problem, transcription = stc.load("cart_pole_swing_up").transcription(n=30)
+        return minimize(transcription.bind(problem.constants), new_kkt=new_kkt)
+
+    own, plain = solve(structured_kkt), solve(Plain)
+    assert own.success
+    assert (plain.iterations, plain.factorizations) == (own.iterations, own.factorizations)
+    np.testing.assert_allclose(plain.x, own.x, rtol=1e-9, atol=1e-9)
