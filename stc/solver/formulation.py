@@ -61,6 +61,7 @@ class Formulation:
     """Sizes, bounds and sparsity, with the products that they imply.  Subclasses evaluate functions.
 
     Attributes:
+        jac_columns: the Jacobian's entries by columns: where each begins, (n + 1,); the entries, (nnz_J,); their rows.
         hess_diagonal: which of the Hessian's entries are on its diagonal.
         n, m: numbers of variables and rows; ``n + m`` entries in ``w``.
         lower, upper: bounds of ``w``, (n + m,); infinite for held variables, equalities and ignored rows.
@@ -72,6 +73,7 @@ class Formulation:
         index, sign, bound: the gaps, (gaps,) each.
         convex: variables that the objective alone bends, upwards, and where in the Hessian's entries it says so,
             (k,) each.
+        objective_unit: the objective that is 1 in the user's terms.
         linear: whether all rows are known to be linear.
         quadratic_objective: whether the objective is known to bend the same everywhere.
         extra_diagonal: constant added to the Hessian's diagonal, (n,), or None.
@@ -85,6 +87,7 @@ class Formulation:
     m: int
     kkt: KKTSystem
     convex: tuple[Indices, Indices] = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    objective_unit: float = 1.0
     linear: bool = False
     quadratic_objective: bool = False
     extra_diagonal: Floats | None = None
@@ -135,6 +138,9 @@ class Formulation:
         self.jac_cols = np.ascontiguousarray(jac_cols, dtype=np.int64)
         self.hess_rows = np.ascontiguousarray(hess_rows, dtype=np.int64)
         self.hess_cols = np.ascontiguousarray(hess_cols, dtype=np.int64)
+        order = np.argsort(self.jac_cols, kind="stable")
+        start = np.searchsorted(self.jac_cols[order], np.arange(self.n + 1))
+        self.jac_columns = tuple(a.astype(np.int32) for a in (start, order, self.jac_rows[order]))
         self.hess_diagonal: Indices = np.flatnonzero(self.hess_rows == self.hess_cols)
 
     # -- functions ---------------------------------------------------------------------------------------------

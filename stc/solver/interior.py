@@ -28,17 +28,23 @@ from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.places import (
     ATTEMPT,
     ATTENTION,
+    BEST_KNOWN,
+    BEST_NEW,
+    BEST_OBJECTIVE,
+    BEST_VIOLATION,
     DOUBT,
     ENDED_BY,
     ERROR,
     FARTHEST,
+    FEASIBILITY,
     LENGTH,
     LENGTH_TAKEN,
-    MU,
+    MADE,
+    MOST,
     PATIENCE,
     PRIMAL,
     PRODUCTS,
-    SHIFT,
+    ROW,
     SHORTEST,
     STEP_TAKEN,
     STUCK,
@@ -50,9 +56,9 @@ from stc.solver.progress_passes import LARGEST_ERROR
 from stc.solver.restoration import Acceptance, back_from, elastic_start
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.search_passes import NOT_FINITE
-from stc.solver.stages import BLOCKED, FACTORIZATION, LAGGING, SEARCH, stages_of
+from stc.solver.stages import BLOCKED, FACTORIZATION, LAGS, LOOK, SEARCH, stages_of
 from stc.solver.unboundedness import is_unbounded
-from stc.solver.workspace import Step, workspace_of
+from stc.solver.workspace import LONGEST_RUN, SMALL, Step, workspace_of
 
 __all__ = ["feasible_first", "optimise"]
 
@@ -138,6 +144,7 @@ class _Loop:
         self.escapes = 0
         self.adaptive = tactics.adaptive
         self.error = np.inf
+        self.longest = LONGEST_RUN if form.size + form.m <= SMALL else 1
         self.phase = "barrier" if isinstance(form, ScaledProblem) else "restoration"
         self.s[LENGTH_TAKEN] = self.s[STEP_TAKEN] = 0.0
         self.s[DOUBT] = DOUBTFUL
@@ -152,6 +159,7 @@ class _Loop:
         self.nearest = Nearest(work)
         self.stall = Stall(work)
         s[STUCK], s[SHORTEST] = 0.0, SHORTEST_FRACTION
+        s[FEASIBILITY] = self.options.feasibility_tolerance
         s[ATTENTION] = self._attention()
 
     def _attention(self) -> float:
@@ -162,7 +170,8 @@ class _Loop:
     def run(self) -> Outcome:
         work, stages, monitor = self.work, self.stages, self.monitor
         while True:
-            if self._measure() or self.stop is not None or monitor.iterations >= self.last:
+            ended = self._repeat()
+            if ended == LOOK:
                 end = self._end()
                 if end is not None:
                     return end
@@ -176,8 +185,10 @@ class _Loop:
                         continue
                     return self._give_up()
                 self.s[ATTENTION] = self._attention()
-            ended = stages.iterate()
-            work.note_moved()
+                ended = stages.iterate()
+                work.note_moved()
+            elif ended == 0:
+                continue
             try:
                 work.calls.check()
                 if ended == 0 or self._complete(ended):
@@ -192,34 +203,51 @@ class _Loop:
 
     # -- the state -------------------------------------------------------------------------------------------------
 
-    def _measure(self) -> bool:
-        """Errors of the iterate; tell whoever keeps account of them. Whether there is more to look at."""
-        s = self.s
-        ended = self.stages.measure()
-        if ended == LAGGING:
+    def _repeat(self) -> int:
+        """Iterate as long as all is as usual, and keep account; what :func:`stc.solver.stages.repeat` returns."""
+        work, stages, monitor, s = self.work, self.stages, self.monitor, self.s
+        if monitor.watched or self.stop is not None:
+            most = 0
+        else:
+            most = max(0, min(self.longest, min(self.last, self.options.max_iterations) - monitor.iterations))
+        s[MOST], s[BEST_NEW] = most, 0.0
+        s[BEST_KNOWN] = monitor.best is not None
+        if monitor.best is not None:
+            s[BEST_VIOLATION], s[BEST_OBJECTIVE] = monitor.best[:2]
+        ended = stages.repeat()
+        work.note_moved()
+        self._take_records(ended != 0 and ended != LAGS)
+        work.calls.check()
+        if ended == LAGS:
             self.lagging.renew()
-            self.stages.note()
+            stages.note()
+            s[MADE] = s[BEST_NEW] = 0.0
+            stages.record()
+            self._take_records(True)
+            ended = LOOK
         self.error = s[ERROR]
-        f, violation = self.work.user_measures()
-        self.monitor.record(
-            self._as_stated,
-            f,
-            violation,
-            self.error,
-            s[STEP_TAKEN],
-            s[LENGTH_TAKEN],
-            s[MU],
-            s[SHIFT],
-            self.phase,
+        return ended
+
+    def _take_records(self, last_is_open: bool) -> None:
+        work, s = self.work, self.s
+        count = int(s[MADE])
+        if count == 0:
+            return
+        best = None
+        if s[BEST_NEW]:
+            best = (s[BEST_VIOLATION], s[BEST_OBJECTIVE], *self._stated(*work.best))
+        rows = work.rows[: count * ROW].reshape(count, ROW).tolist()
+        self.monitor.take(rows, self.phase, last_is_open, best, self._as_stated)
+
+    def _stated(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Variables and row multipliers in the user's terms; no multipliers while rows may be violated."""
+        form = self.form
+        return (
+            form.as_stated(x, y) if isinstance(form, ScaledProblem) else (form.user_variables(x), np.zeros(0))
         )
-        return bool(ended)
 
     def _as_stated(self) -> tuple[Floats, Floats]:
-        """Variables and row multipliers in the user's terms; no multipliers while rows may be violated."""
-        form, it = self.form, self.it
-        if isinstance(form, ScaledProblem):
-            return form.as_stated(it.w[: form.n], it.y)
-        return form.user_variables(it.w[: form.n]), np.zeros(0)
+        return self._stated(self.it.w[: self.form.n], self.it.y)
 
     def _end(self) -> Outcome | None:
         """The outcome when the iterate ends the loop at once."""

@@ -77,6 +77,39 @@ class Monitor:
                 raise Stopped(Status.INTERRUPTED)
         self.check()
 
+    @property
+    def watched(self) -> bool:
+        """Whether somebody wants to see every iterate."""
+        return self._callback is not None
+
+    def take(
+        self,
+        rows: list[list[float]],
+        phase: str,
+        last_is_open: bool,
+        best: tuple[float, float, Floats, Floats] | None,
+        as_stated: Callable[[], tuple[Floats, Floats]],
+    ) -> None:
+        """Take over the records of several iterates (see :mod:`stc.solver.places`), of one where they are ``watched``.
+
+        Args:
+            last_is_open: no step has been taken from the last one yet.
+            best: the best point, if it is among them.
+            as_stated: gives variables and row multipliers of the last iterate, in the user's terms.
+
+        Raises:
+            Stopped: at a limit, or when the callback returns True.
+        """
+        number = self.iterations
+        for number, row in enumerate(rows, number):  # noqa: B020
+            self.history.append(IterationRecord(number, *row, phase))
+        self.iterations = number if last_is_open else number + 1
+        if best is not None:
+            self.best = best
+        if self._callback is not None and self._callback(replace(self.history[-1], x=as_stated()[0])):
+            raise Stopped(Status.INTERRUPTED)
+        self.check()
+
     def check(self) -> None:
         """Compare with the limits.
 

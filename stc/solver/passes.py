@@ -3,7 +3,8 @@
 Those that find the step from one point to the next are in :mod:`stc.solver.step_passes`.
 
 Vectors are those of :class:`stc.solver.workspace.Workspace`, ``s`` is its array of numbers (:mod:`stc.solver.places`).
-``index``, ``sign``, ``kind``, ``free`` and ``moving`` describe the form of the problem (:mod:`stc.solver.formulation`):
+``index``, ``sign``, ``kind``, ``free`` and ``moving`` describe the form of the problem (:mod:`stc.solver.formulation`),
+``start``, ``order`` and ``rows`` the columns of J (:func:`column_times`):
 rows are equalities, inequalities or ignored (:data:`EQUALITY`, :data:`INEQUALITY`, :data:`IGNORED`).
 """
 
@@ -27,6 +28,7 @@ from stc.solver.places import (
     PRIMAL,
     PRIMAL_SQUARED,
     PRODUCTS,
+    STATED,
     STEP,
     THETA,
     TRIAL_GAP,
@@ -80,10 +82,14 @@ def multiplier_scale(total: f64, count: i64) -> f64:
 
 @native(fast=True)
 def measure(
-    size: i64, m: i64, gaps: i64, index: i64s, sign: f64s, mu: f64s,
+    size: i64, m: i64, gaps: i64, unit: f64, index: i64s, sign: f64s, mu: f64s,
     w: f64s, y: f64s, z: f64s, gap: f64s, c: f64s, dual: f64s, residual: f64s, s: f64s,
 ) -> None:  # fmt: skip
-    """Errors of the optimality conditions; ``residual`` becomes the gradient of the whole Lagrangian."""
+    """Errors of the optimality conditions; ``residual`` becomes the gradient of the whole Lagrangian.
+
+    ``unit`` is the scaled objective that is 1 in the user's terms.
+    """
+    s[STATED] = s[OBJECTIVE] / unit
     z_sum = 0.0
     products = 0.0
     largest = 0.0
@@ -186,10 +192,19 @@ def inspect(
     s[TRIAL_LOGARITHMS] = log_sum(gaps, gap)
 
 
+@native(inline=True)
+def column_times(begin: i64, end: i64, order: i32s, rows: i32s, jac: f64s, y: f64s) -> f64:
+    """A column of J times ``y``: its entries are ``jac[order[k]]``, in row ``rows[k]``, for k from ``begin`` on."""
+    total = 0.0
+    for k in range(begin, end):
+        total += jac[order[k]] * y[rows[k]]
+    return total
+
+
 @native(fast=True)
 def blend(
-    n: i64, m: i64, gaps: i64, entries: i64, index: i64s, sign: f64s, shifts: f64s, moving: f64s, rows: i64s,
-    cols: i64s, jac: f64s, alpha: f64s, shifted: f64s, mu: f64s, residual: f64s, dw: f64s, dy: f64s, dz: f64s, y: f64s,
+    n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, shifts: f64s, moving: f64s, start: i32s, order: i32s,
+    rows: i32s, jac: f64s, alpha: f64s, shifted: f64s, mu: f64s, residual: f64s, dw: f64s, dy: f64s, dz: f64s, y: f64s,
     z: f64s, trial_gap: f64s, left: f64s, turn: f64s, trial_y: f64s, trial_z: f64s, evaluated_y: f64s, s: f64s,
 ) -> None:  # fmt: skip
     """Multipliers of the trial point.
@@ -203,11 +218,9 @@ def blend(
     fraction = primal
     if primal != dual or shifted[0] != 0.0:
         for i in range(n):
-            turn[i] = 0.0
+            turn[i] = column_times(start[i], start[i + 1], order, rows, jac, dy)
         for r in range(m):
             turn[n + r] = -dy[r]
-        for e in range(entries):
-            turn[cols[e]] += jac[e] * dy[rows[e]]
         for i in range(n + m):
             left[i] = 0.0
         for k in range(gaps):
@@ -235,16 +248,15 @@ def blend(
 
 @native(fast=True)
 def lagrangian(
-    n: i64, m: i64, entries: i64, curved: i64, moving: f64s, rows: i64s, cols: i64s, y: f64s, gradient: f64s, jac: f64s,
-    hess: f64s, dual: f64s,
+    n: i64, m: i64, entries: i64, curved: i64, moving: f64s, start: i32s, order: i32s, rows: i32s, y: f64s,
+    gradient: f64s, jac: f64s, hess: f64s, dual: f64s,
 ) -> f64:  # fmt: skip
     """``dual = (grad f + J^T y, -y)``; 0, or nan where a derivative is not finite."""
     check = 0.0
-    for i in range(n):
-        dual[i] = gradient[i]
     for e in range(entries):
         check += jac[e] * 0.0
-        dual[cols[e]] += jac[e] * y[rows[e]]
+    for i in range(n):
+        dual[i] = gradient[i] + column_times(start[i], start[i + 1], order, rows, jac, y)
     for r in range(m):
         dual[n + r] = -y[r]
     for i in range(n + m):
@@ -257,12 +269,15 @@ def lagrangian(
 
 @native(fast=True)
 def move(
-    n: i64, m: i64, gaps: i64, entries: i64, curved: i64, moving: f64s, rows: i64s, cols: i64s, gradient: f64s,
-    jac: f64s, hess: f64s, trial_w: f64s, trial_y: f64s, trial_z: f64s, trial_f: f64s, trial_r: f64s, trial_gap: f64s,
-    trial_c: f64s, trial_dual: f64s, w: f64s, y: f64s, z: f64s, r: f64s, gap: f64s, c: f64s, dual: f64s, s: f64s,
+    n: i64, m: i64, gaps: i64, entries: i64, curved: i64, moving: f64s, start: i32s, order: i32s, rows: i32s,
+    gradient: f64s, jac: f64s, hess: f64s, trial_w: f64s, trial_y: f64s, trial_z: f64s, trial_f: f64s, trial_r: f64s,
+    trial_gap: f64s, trial_c: f64s, trial_dual: f64s, w: f64s, y: f64s, z: f64s, r: f64s, gap: f64s, c: f64s,
+    dual: f64s, s: f64s,
 ) -> None:  # fmt: skip
     """Make the trial point the iterate, unless a derivative is not finite there."""
-    check = lagrangian(n, m, entries, curved, moving, rows, cols, trial_y, gradient, jac, hess, trial_dual)
+    check = lagrangian(
+        n, m, entries, curved, moving, start, order, rows, trial_y, gradient, jac, hess, trial_dual
+    )
     if check != 0.0:
         s[MOVED] = 0.0
         return
@@ -287,11 +302,11 @@ def move(
 
 @native(fast=True)
 def adopt(
-    n: i64, m: i64, entries: i64, curved: i64, moving: f64s, rows: i64s, cols: i64s, y: f64s, gradient: f64s, jac: f64s,
-    hess: f64s, dual: f64s, f: f64s, s: f64s,
+    n: i64, m: i64, entries: i64, curved: i64, moving: f64s, start: i32s, order: i32s, rows: i32s, y: f64s,
+    gradient: f64s, jac: f64s, hess: f64s, dual: f64s, f: f64s, s: f64s,
 ) -> None:  # fmt: skip
     """Complete an iterate that has been evaluated and inspected."""
-    lagrangian(n, m, entries, curved, moving, rows, cols, y, gradient, jac, hess, dual)
+    lagrangian(n, m, entries, curved, moving, start, order, rows, y, gradient, jac, hess, dual)
     s[OBJECTIVE] = f[0]
     s[THETA] = s[TRIAL_THETA]
     s[LOGARITHMS] = s[TRIAL_LOGARITHMS]

@@ -46,6 +46,8 @@ TINY: Final = 34  # 1 when the step was below rounding error
 STUCK: Final = 35  # 1 when it was, or was refused
 ENDED_BY: Final = 37  # why the last factorisation or search could not go on
 ATTENTION: Final = 36  # the error at which more is to be looked at
+MOST: Final = 38  # iterations at most in a row
+MADE: Final = 39  # and how many iterates were recorded
 
 # Of those who watch it (stc.solver.progress, stc.solver.multipliers).
 OBJECTIVE_BEFORE: Final = 40
@@ -110,7 +112,18 @@ SMALL_THETA: Final = 104
 CORRECTIONS: Final = 105
 SHIFT_COUNTS: Final = 106
 
-NUMBERS: Final = 112
+# Of the records, in the user's terms (stc.solver.progress_passes).
+STATED: Final = 112  # the objective
+FEASIBILITY: Final = 113  # the violation that counts as none
+BEST_OBJECTIVE: Final = 114
+BEST_VIOLATION: Final = 115
+BEST_KNOWN: Final = 116
+BEST_NEW: Final = 117  # 1 when the best point has changed since it was last asked for
+
+NUMBERS: Final = 120
+
+#: Places in a record: of the user's terms, and of the step that led there.
+ROW_OBJECTIVE, ROW_VIOLATION, ROW_ERROR, ROW_STEP, ROW_LENGTH, ROW_MU, ROW_SHIFT, ROW = 0, 1, 2, 3, 4, 5, 6, 7
 
 # Prepared calls.
 MEASURE: Final = 0
@@ -130,4 +143,6 @@ TRY_POINT: Final = 13
 MOVE: Final = 14
 RETURN: Final = 15  # derivatives of the iterate again, as if none had been evaluated since
 CORRECTION: Final = 16
-CALLS: Final = 17
+MEASURED: Final = 17  # of a whole iteration, its two parts
+ITERATION: Final = 18
+CALLS: Final = 19

@@ -6,20 +6,40 @@ from stc.codegen.native import f64, f64s, i64, native
 from stc.solver.outcome import ACCEPTABLE
 from stc.solver.places import (
     ATTENTION,
+    BEST_KNOWN,
+    BEST_NEW,
+    BEST_OBJECTIVE,
+    BEST_VIOLATION,
     DUAL_BEFORE,
     DUAL_ERROR,
     DUAL_NOW,
     ERROR,
     FARTHEST,
+    FEASIBILITY,
+    LENGTH_TAKEN,
+    MADE,
+    MU,
     NEAREST_ERROR,
     OBJECTIVE,
     OBJECTIVE_BEFORE,
     OBJECTIVE_NOW,
     PATIENCE,
+    ROW,
+    ROW_ERROR,
+    ROW_LENGTH,
+    ROW_MU,
+    ROW_OBJECTIVE,
+    ROW_SHIFT,
+    ROW_STEP,
+    ROW_VIOLATION,
+    SHIFT,
     SHORT_STEPS,
     SMALL_STEPS,
+    STATED,
+    STEP_TAKEN,
     THETA_BEFORE,
     TINY_STEPS,
+    VIOLATION,
     WAITING,
 )
 from stc.solver.unboundedness import FAR, LOW
@@ -90,3 +110,30 @@ def block(length: f64, theta: f64, s: f64s) -> i64:
         s[THETA_BEFORE] = theta
     s[SHORT_STEPS] += 1.0
     return 1 if s[SHORT_STEPS] > MOST_SHORT_STEPS and theta > NEARLY_FEASIBLE else 0
+
+
+@native
+def record(n: i64, m: i64, w: f64s, y: f64s, best_x: f64s, best_y: f64s, rows: f64s, s: f64s) -> None:
+    """Record the iterate, and keep its variables (n,) and row multipliers (m,) where it is the best so far."""
+    row = rows[ROW * int(s[MADE]) :]
+    row[ROW_OBJECTIVE] = s[STATED]
+    row[ROW_VIOLATION] = s[VIOLATION]
+    row[ROW_ERROR] = s[ERROR]
+    row[ROW_STEP] = s[STEP_TAKEN]
+    row[ROW_LENGTH] = s[LENGTH_TAKEN]
+    row[ROW_MU] = s[MU]
+    row[ROW_SHIFT] = s[SHIFT]
+    s[MADE] += 1.0
+    better = s[VIOLATION] < s[BEST_VIOLATION]
+    if max(s[VIOLATION], s[BEST_VIOLATION]) <= s[FEASIBILITY]:
+        better = s[STATED] < s[BEST_OBJECTIVE]
+    if s[BEST_KNOWN] != 0.0 and not better:
+        return
+    s[BEST_KNOWN] = 1.0
+    s[BEST_NEW] = 1.0
+    s[BEST_VIOLATION] = s[VIOLATION]
+    s[BEST_OBJECTIVE] = s[STATED]
+    for i in range(n):
+        best_x[i] = w[i]
+    for r in range(m):
+        best_y[r] = y[r]

@@ -134,6 +134,7 @@ class ScaledProblem(Formulation):
 
     def _combine_scales(self) -> None:
         nlp = self.nlp
+        self.objective_unit = self.objective_scale
         bounded = np.isfinite(nlp.row_lower) | np.isfinite(nlp.row_upper)
         self._scaling = Scaling(self.x_scale, self.row_scale, self.objective_scale, ~self._held_user, bounded)
         self._multiplier_scale = self.row_scale / self.objective_scale

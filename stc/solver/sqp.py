@@ -336,7 +336,9 @@ class _Solve:
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         if outcome.end is End.UNBOUNDED:
             return self._result(Status.UNBOUNDED, point.x, point.y)
-        if outcome.end is End.STATIONARY_VIOLATION:
+        best = self.monitor.best
+        met = best is not None and best[0] <= self.options.feasibility_tolerance
+        if outcome.end is End.STATIONARY_VIOLATION and not met:
             assert isinstance(outcome.form, ScaledProblem)
             return self._result(Status.INFEASIBLE, point.x, outcome.y * outcome.form.row_scale)
         return self._best(Status.FAILED)

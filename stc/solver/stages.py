@@ -8,18 +8,31 @@ all is as usual is two calls, however small the problem.
 
 from __future__ import annotations
 
-from stc.codegen.calls import Bound, chain, chain_until
-from stc.codegen.native import f64s, i64, native
+from stc.codegen.calls import Bound, chain, chain_until, invoke
+from stc.codegen.native import f64s, i64, i64s, native
 from stc.solver import barrier_passes, places, search_passes, shift_passes
 from stc.solver.multipliers import lags
-from stc.solver.places import CHANGED, LENGTH_TAKEN, STEP, STEP_TAKEN, STUCK, THETA, TINY
-from stc.solver.progress_passes import block, note_iterate, note_objective, note_step
+from stc.solver.places import (
+    CHANGED,
+    ITERATION,
+    LENGTH_TAKEN,
+    MADE,
+    MEASURED,
+    MOST,
+    STEP,
+    STEP_TAKEN,
+    STUCK,
+    THETA,
+    TINY,
+)
+from stc.solver.progress_passes import block, note_iterate, note_objective, note_step, record
 from stc.solver.workspace import Workspace
 
-__all__ = ["BLOCKED", "FACTORIZATION", "LAGGING", "SEARCH", "STEP_FOUND", "Stages", "stages_of"]
+__all__ = ["BLOCKED", "FACTORIZATION", "LAGS", "LOOK", "SEARCH", "Stages", "stages_of"]
 
 #: Where the calls of an iterate and of an iteration may end.
 LAGGING = 3
+LOOK, LAGS = 1, 2
 FACTORIZATION, STEP_FOUND, SEARCH, BLOCKED = 3, 4, 5, 6
 
 
@@ -36,6 +49,29 @@ def settle(s: f64s) -> i64:
     s[STEP_TAKEN] = s[STEP]
     note_step(s[STEP], 1 if s[TINY] != 0.0 and s[CHANGED] == 0.0 else 0, s)
     return block(length, s[THETA], s)
+
+
+@native(shared=True)
+def repeat(
+    calls: i64s, n: i64, m: i64, w: f64s, y: f64s, best_x: f64s, best_y: f64s, rows: f64s, s: f64s
+) -> i64:
+    """Measure, record and iterate, ``s[MOST]`` times at most, the first of them without the iteration where that is 0.
+
+    Returns:
+        0, or LAGS or LOOK where more is to be thought of before the next iteration, or where that needs help:
+        FACTORIZATION and so on.
+    """
+    s[MADE] = 0.0
+    while True:
+        look = invoke(calls, MEASURED)
+        if look == LAGGING:
+            return LAGS
+        record(n, m, w, y, best_x, best_y, rows, s)
+        if look != 0 or s[MADE] > s[MOST]:
+            return LOOK
+        ended = invoke(calls, ITERATION)
+        if ended != 0 or s[MADE] == s[MOST]:
+            return ended
 
 
 def stages_of(work: Workspace) -> Stages:
@@ -56,6 +92,8 @@ class Stages:
         find_step, search, backtrack: the step, and the search along it.
         advance: what comes after the factorisation; ends at STEP_FOUND - FACTORIZATION and so on.
         settle: note what was done.
+        record: add the iterate to the records.
+        repeat: all of that again and again, see :func:`repeat`.
     """
 
     def __init__(self, work: Workspace) -> None:
@@ -109,3 +147,8 @@ class Stages:
         self.iterate: Bound = chain_until(
             [(update, False), (self.begin, False), (self.factorize, True), *after]
         )
+        table.put(MEASURED, self.measure)
+        table.put(ITERATION, self.iterate)
+        recorded = n, m, it.w, it.y, *work.best, work.rows, s
+        self.record: Bound = record.bind(*recorded)
+        self.repeat: Bound = repeat.bind(cells, *recorded)

@@ -26,6 +26,7 @@ from stc.solver.places import (
     MOVED,
     OBJECTIVE,
     PRIMAL,
+    STATED,
     THETA,
     TRIAL_GAP,
     TRIAL_LOGARITHMS,
@@ -47,6 +48,8 @@ CENTRING = np.array([1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.
 SMALLEST_TAU = 0.99
 #: Chains are kept for so many of the last solves that differ, of so many unknowns at most: each keeps its factors.
 SOLVES = 4
+#: Iterations at most that are made in a row.
+LONGEST_RUN = 16
 #: Places of the calls that hold a solve, and what they are called here.
 SOLVING = {
     places.PREDICT: "predictor",
@@ -83,6 +86,14 @@ def workspace_of(form: Formulation) -> Workspace:
     return form.workspace
 
 
+def _state(of: weakref.ref[Workspace]) -> None:
+    """Note the objective and the violation in the user's terms, of a form that tells them in Python."""
+    work = of()
+    assert work is not None
+    form, it, s = work.form, work.it, work.s
+    s[STATED], s[VIOLATION] = form.user_measures(it.w[: form.n], s[OBJECTIVE], it.r)
+
+
 class Workspace:
     """One iterate, the point tried next, the steps between them, and what is done with them.
 
@@ -95,6 +106,8 @@ class Workspace:
         accepted: of iterates while the barrier parameter is chosen anew at each.
         stages: see :func:`stc.solver.stages.stages_of`.
         kept: w, y and z of the iterate with the smallest error.
+        best: variables and row multipliers of the best iterate in the user's terms.
+        rows: records of the last iterates, see :mod:`stc.solver.places`.
         step: the step in use.
         mu, tau, alpha, shifted: arguments of passes, (1,) each.
         centre: target of the gaps' multipliers, (gaps,).
@@ -121,6 +134,8 @@ class Workspace:
         self.calls = CallTable(places.CALLS)
         self.filter, self.accepted = Filter(np.inf), Filter(np.inf)
         self.kept = zeros(size), zeros(m), zeros(gaps)
+        self.best = zeros(n), zeros(m)
+        self.rows = zeros(LONGEST_RUN * places.ROW)
         self.inertia = self.kkt.inertia
         self.mu, self.tau, self.alpha, self.shifted = (zeros(1) for _ in range(4))
         self.centre, self._no_centre, self.residual = zeros(gaps), zeros(gaps), zeros(size)
@@ -134,6 +149,7 @@ class Workspace:
         self._nowhere = np.zeros(1)
         self._no_residual, self.factor, self.target = np.zeros(m), np.zeros(1), np.zeros(1)
         self._solve: Bound | None = None
+        self._inequalities = int(form.inequality.sum())
         self.stages: Stages | None = None
         self._parts: dict[str, Bound] = {}
         self._chains: dict[str, Bound] = {}
@@ -151,7 +167,7 @@ class Workspace:
             form.kind,
             form.moving_factor,
         )
-        rows, cols, s = form.jac_rows, form.jac_cols, self.numbers
+        columns, s = form.jac_columns, self.numbers
         extra = np.zeros(n) if form.extra_diagonal is None else form.extra_diagonal
         step = self.step
         affine, centring = self.affine, self.centring
@@ -175,29 +191,20 @@ class Workspace:
             *scratch,
             s,
         )
-        self.measure_call: Bound = passes.measure.bind(
-            size,
-            m,
-            gaps,
-            index,
-            sign,
-            self.target,
-            it.w,
-            it.y,
-            it.z,
-            it.gap,
-            it.c,
-            it.dual,
-            self.residual,
-            s,
-        )
-        if form.stated_limits is not None:
-            row_places, row_limits, row_units, x_places, x_limits, x_units = form.stated_limits
+        stated = form.stated_limits
+        measure: Bound = passes.measure.bind(
+            size, m, gaps, form.objective_unit, index, sign, self.target, it.w, it.y, it.z, it.gap, it.c, it.dual,
+            self.residual, s,
+        )  # fmt: skip
+        if stated is None:
+            watch: Bound = Bound.of_python(_state, (weakref.ref(self),))
+        else:
+            row_places, row_limits, row_units, x_places, x_limits, x_units = stated
             watch = passes.overstepped.bind(
                 row_places.size, row_places, row_limits, row_units, it.r, x_places.size, x_places, x_limits, x_units,
                 it.w, self.numbers[VIOLATION : VIOLATION + 1],
             )  # fmt: skip
-            self.measure_call = chain([self.measure_call, watch])
+        self.measure_call = chain([measure, watch])
         self.diagonals_call = chain(
             [
                 step_passes.diagonals.bind(
@@ -241,8 +248,7 @@ class Workspace:
                     entries,
                     curved,
                     moving,
-                    rows,
-                    cols,
+                    *columns,
                     it.y,
                     it.gradient,
                     it.jac,
@@ -263,13 +269,13 @@ class Workspace:
         self.move_call = chain(
             [
                 passes.blend.bind(
-                    n, m, gaps, entries, index, sign, self.shifts, moving, rows, cols, it.jac, self.alpha, self.shifted,
+                    n, m, gaps, index, sign, self.shifts, moving, *columns, it.jac, self.alpha, self.shifted,
                     self.mu, self.residual, step.dw, step.dy, step.dz, it.y, it.z, self.trial_gap, self._pull,
                     self._turn, self._trial_y, self._trial_z, ev.y, s,
                 ),
                 ev.derivatives_call,
                 passes.move.bind(
-                    n, m, gaps, entries, curved, moving, rows, cols, it.gradient, it.jac, it.hess, self.trial_w,
+                    n, m, gaps, entries, curved, moving, *columns, it.gradient, it.jac, it.hess, self.trial_w,
                     self._trial_y, self._trial_z, ev.f, ev.r, self.trial_gap, self.trial_c, self._trial_dual, it.w,
                     it.y, it.z, it.r, it.gap, it.c, it.dual, s,
                 ),
@@ -347,13 +353,6 @@ class Workspace:
         s = self.s
         return Errors(s[DUAL_ERROR], s[PRIMAL], s[GAP_ERROR])
 
-    def user_measures(self) -> tuple[float, float]:
-        """Objective and violation of the iterate, just measured, in the user's terms."""
-        form, it = self.form, self.it
-        if form.stated_limits is None:
-            return form.user_measures(it.w[: form.n], it.f, it.r)
-        return form.user_objective(it.f), self.s[VIOLATION]
-
     def phi(self, mu: float) -> float:
         """The barrier function at the iterate."""
         s = self.s
@@ -408,9 +407,9 @@ class Workspace:
         return self._once(
             name + " ends",
             lambda: step_passes.recover.bind(
-                form.n, form.m, form.gaps, residuals, form.jac_rows.size, form.index, form.sign, form.free_factor,
-                form.kind, form.jac_rows, form.jac_cols, it.jac, c, it.z, self.ratio, centre, solution,
-                step.dw, step.dy, step.dz,
+                form.n, form.m, form.gaps, residuals, self._inequalities, form.jac_rows.size, form.index, form.sign,
+                form.free_factor, form.kind, form.jac_rows, form.jac_cols, it.jac, c, it.z, self.ratio, centre,
+                solution, step.dw, step.dy, step.dz,
             ),
         )  # fmt: skip
 

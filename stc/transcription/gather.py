@@ -203,13 +203,26 @@ def _fold(count: i64, source: i32s, into: i32s, buffer: f64s) -> None:
 
 @native(fast=True, inline=True)
 def _sum(count: i64, source: i32s, buffer: f64s) -> f64:
-    """In parts: the rounding error of a long sum grows with the length of the parts only."""
+    """In parts: the rounding error of a long sum grows with the length of the parts only.
+
+    Four numbers of a part are added at a time, for none has to wait for the one before.
+    """
     result = 0.0
     for first in range(0, count, 128):
-        part = 0.0
-        for k in range(first, min(first + 128, count)):
-            part += buffer[source[k]]
-        result += part
+        end = min(first + 128, count)
+        fours = first + 4 * ((end - first) // 4)
+        a = 0.0
+        b = 0.0
+        c = 0.0
+        d = 0.0
+        for k in range(first, fours, 4):
+            a += buffer[source[k]]
+            b += buffer[source[k + 1]]
+            c += buffer[source[k + 2]]
+            d += buffer[source[k + 3]]
+        for k in range(fours, end):
+            a += buffer[source[k]]
+        result += (a + b) + (c + d)
     return result
 
 

@@ -33,8 +33,10 @@ RECENT = 0.3
 UNLIKELY = 0.2
 #: A number of matrices that is never reached.
 FAR = 2**62
-#: A cheaper plan that has failed is tried again after twice so many matrices, then twice as many each time.
+#: A cheaper plan that has failed is tried again after twice so many matrices, then twice as many each time, up to this
+#: power of two.
 RESTING = 2
+LONGEST_REST = 8
 #: After so many matrices in a row that no plan suited, plans are not tried for one matrix, then for twice as many each
 #: time, up to this power of two.
 PATIENCE = 3
@@ -76,7 +78,7 @@ class Prepared:
         """Note that it did not, for the matrix of that number."""
         self.won -= RECENT * self.won
         self.failed += 1
-        self.rest_until = number + RESTING * 2 ** min(self.failed, LONGEST_PAUSE)
+        self.rest_until = number + RESTING * 2 ** min(self.failed, LONGEST_REST)
 
 
 class Plans:
@@ -125,17 +127,15 @@ class Plans:
         first = self.now
         if self.tried >= self._choose_at or first.curved != curved:
             first = self._first(curved, make)
-            self._choose_at = self.tried + 1
-            if first.served > 0 and (self._settled or not curved):
-                # Nothing changes before another plan is to be tried again.
-                self._choose_at = min((plan.rest_until for plan in self._cheaper(first)), default=FAR)
+            self._stay_with(first)
         self.now = first
         yield first
-        self._choose_at = 0
         others = (plan for plan in self._plans if plan is not first and plan.won > UNLIKELY)
         for plan in sorted(others, key=lambda plan: -plan.won):
             self.now = plan
+            self._stay_with(plan)
             yield plan
+        self._choose_at = 0
         self._missed += self._unknowns
         if self._missed < PLANNING:
             return
@@ -145,6 +145,12 @@ class Plans:
             del self._plans[min(range(PLANS), key=lambda k: self._plans[k].won)]
         self.now = self._another(make)
         yield self.now
+
+    def _stay_with(self, plan: Prepared) -> None:
+        """Do not choose anew before another plan is to be tried again, or more is known of this one."""
+        self._choose_at = self.tried + 1
+        if plan.served > 0 and (self._settled or not plan.curved):
+            self._choose_at = min((other.rest_until for other in self._cheaper(plan)), default=FAR)
 
     @property
     def certain(self) -> int:
