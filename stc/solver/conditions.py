@@ -160,16 +160,28 @@ def restrict(
     ``dx`` and ``dy`` become the part of the step that the active set fixes: variables go to their bounds, multipliers
     of rows that are not active to zero. ``out[0]`` is the largest entry of the Hessian that is left.
     """
+    held = 0.0
     for i in range(n):
         dx[i] = x_target[i] - x[i] if active_x[i] != 0.0 else 0.0
         rhs[i] = -lagrangian[i]
+        held += active_x[i]
     moved = 0.0
     for i in range(n):
         moved = max(moved, fabs(dx[i]))
+    met = 0.0
     for k in range(m):
         dy[k] = 0.0 if active_rows[k] != 0.0 else -y[k]
         rhs[n + k] = row_target[k] - r[k] if active_rows[k] != 0.0 else 0.0
+        met += active_rows[k]
     largest = 0.0
+    if held == 0.0 and met == float(m):  # nothing to leave out
+        for e in range(curved):
+            out_hess[e] = hess[e]
+            largest = max(largest, fabs(hess[e]))
+        for e in range(entries):
+            out_jac[e] = jac[e]
+        out[0] = largest
+        return
     for e in range(curved):
         i, j = hess_rows[e], hess_cols[e]
         value = hess[e]

@@ -26,7 +26,7 @@ from stc.solver.kkt.planning import Plan, plan_elimination
 from stc.solver.kkt.singularity import confirm_zeros
 from stc.solver.kkt.staging import assign_stages
 from stc.solver.kkt.substitution import REPORT, solve
-from stc.solver.kkt.values import count_nonzero, equilibrate, load
+from stc.solver.kkt.values import choose_plan, count_nonzero, equilibrate, load
 from stc.solver.kkt.window import LANES
 from stc.solver.nlp import Ints
 
@@ -276,7 +276,7 @@ class FrontalKKT(ByCopies):
         ``prepare_steps`` comes before them and ``complete`` afterwards.
         """
         return [
-            (self._load, False), (self._appeared, True), (self._equilibrate, False), (self._eliminate, True),
+            (self._load, False), (self._choose_plan, False), (self._equilibrate, False), (self._eliminate, True),
             (self._confirm_zeros, False),
         ]  # fmt: skip
 
@@ -287,9 +287,8 @@ class FrontalKKT(ByCopies):
 
     def follow(self) -> None:
         """Let the next elimination follow the plan."""
-        self._threshold, self._planned = self.pivot_threshold, True
+        self._threshold = self.pivot_threshold
         self._eliminate.floats[self._threshold_at] = self._threshold
-        self._eliminate.integers[self._planned_at] = 1
 
     def complete(self, ended: int) -> Inertia:
         """End a factorisation: all steps were made when ``ended`` is 0, else that one, from 1 on, was the last."""
@@ -339,7 +338,7 @@ class FrontalKKT(ByCopies):
             return False
         self._threshold = min(max(10.0 * self._threshold, PIVOT_THRESHOLD), HIGHEST_THRESHOLD)
         self.factorizations += 1
-        self._eliminate_all(self._planned)
+        self._eliminate_all(bool(self._eliminate.integers[self._planned_at]))
         return True
 
     def _follow_plan(self) -> bool:
@@ -425,7 +424,7 @@ class FrontalKKT(ByCopies):
         )  # fmt: skip
         parts = plan.kind, plan.group, plan.start, plan.count, plan.surplus_start, plan.surplus_count
         self._plan_arrays = tuple(part[a.order] for part in parts)
-        absent = np.flatnonzero(plan.no_diagonal[a.order]).astype(np.int32)
+        self._absent = absent = np.flatnonzero(plan.no_diagonal[a.order]).astype(np.int32)
         self._appeared = count_nonzero.bind(absent.size, absent, self._values)
         self._allocate_window()
         self._allocate_factors()
@@ -433,7 +432,6 @@ class FrontalKKT(ByCopies):
 
     def _eliminate_all(self, planned: bool) -> None:
         """Factorise the equilibrated values, making room until there is enough."""
-        self._planned = planned
         shortage = -1
         while shortage:
             self._eliminate.floats[self._threshold_at] = self._threshold
@@ -494,6 +492,10 @@ class FrontalKKT(ByCopies):
             self._inverse, self._counts,
         )  # fmt: skip
         self._threshold_at, self._planned_at = (self._eliminate.position(k) for k in ("threshold", "planned"))
+        self._choose_plan = choose_plan.bind(
+            self._absent.size, self._absent, self._values, self._planned_at,
+            np.frombuffer(self._eliminate.integers, dtype=np.int64),
+        )  # fmt: skip
         self._confirm_zeros = confirm_zeros.bind(
             size, self.n, REPLACEMENT, a.order, a.pointers, a.columns, self._values, self._pivots, self._starts,
             self._indices, self._factors, self._inverse, self._zeros, *self._vectors[:2], self._counts,

@@ -6,9 +6,9 @@
 
 from __future__ import annotations
 
-from stc.codegen.native import f64, f64s, fabs, i32s, i64, native, sqrt
+from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
 
-__all__ = ["count_nonzero", "equilibrate", "find_scale", "load", "residual", "spread_of"]
+__all__ = ["choose_plan", "count_nonzero", "equilibrate", "find_scale", "load", "residual", "spread_of"]
 
 #: A scale is good when the largest entries of all rows are within this factor of 1.
 GOOD = 2.0
@@ -64,6 +64,12 @@ def count_nonzero(count: i64, places: i32s, values: f64s) -> i64:
     for k in range(count):
         found += values[places[k]] != 0.0
     return found
+
+
+@native
+def choose_plan(count: i64, places: i32s, values: f64s, at: i64, cells: i64s) -> None:
+    """Make ``cells[at]`` tell whether all of some values are zero, as a plan takes them to be."""
+    cells[at] = 1 if count_nonzero(count, places, values) == 0 else 0
 
 
 @native(fast=True)

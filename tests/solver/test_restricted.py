@@ -1,0 +1,41 @@
+"""Newton's system on an active set against the one that dense matrices give."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scaled_program import dense, scaled
+
+from stc.solver.projection import Projection
+
+
+@pytest.mark.parametrize("active", ["none", "some", "all rows"])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_system_on_an_active_set(active: str, seed: int) -> None:
+    form = scaled()
+    rng = np.random.default_rng(seed)
+    point = Projection(form)
+    point.x[:], point.y[:] = rng.uniform(0.5, 1.5, form.n), rng.standard_normal(form.m)
+    assert point.evaluate()
+    share_x, share_rows = {"none": (0.0, 0.0), "some": (0.4, 0.5), "all rows": (0.0, 1.0)}[active]
+    point.active_x[:] = rng.random(form.n) < share_x
+    point.active_rows[:] = rng.random(form.m) < share_rows
+    point.x_target[:], point.row_target[:] = rng.standard_normal(form.n), rng.standard_normal(form.m)
+    point._restrict()
+
+    n, m = form.n, form.m
+    free, met = point.active_x == 0.0, point.active_rows != 0.0
+    hess = dense(form.hess_rows, form.hess_cols, point.hess, (n, n))
+    hess = hess + np.tril(hess, -1).T
+    jac = dense(form.jac_rows, form.jac_cols, point.jac, (m, n))
+    dx = np.where(free, 0.0, point.x_target - point.x)
+    dy = np.where(met, 0.0, -point.y)
+    kkt = form.attached_kkt
+    kept = dense(form.hess_rows, form.hess_cols, kkt.hess, (n, n))
+    np.testing.assert_allclose(kept + np.tril(kept, -1).T, hess * np.outer(free, free), atol=1e-14)
+    kept = dense(form.jac_rows, form.jac_cols, kkt.jac, (m, n))
+    np.testing.assert_allclose(kept, jac * np.outer(met, free), atol=1e-14)
+    right = np.where(free, -point.lagrangian - hess @ dx - jac.T @ dy, 0.0)
+    rows = np.where(met, point.row_target - point.r - jac @ dx, 0.0)
+    np.testing.assert_allclose(kkt.rhs, np.concatenate([right, rows]), rtol=1e-12, atol=1e-12)
+    assert point._largest[0] == pytest.approx(np.abs(hess * np.outer(free, free)).max(initial=0.0))
