@@ -415,6 +415,7 @@ def _return(
         doubt = 1.0 if form.linear else NEARLY_MET
         if violation > doubt * options.feasibility_tolerance:
             end = End.STATIONARY_VIOLATION
-    y = outcome.y / elastic.price if end else least_squares_multipliers(form, restored)
+    it.become(restored)
+    y = outcome.y / elastic.price if end else least_squares_multipliers(workspace_of(form))
     it.become(evaluate(form, w, y, z))
     return end

@@ -101,8 +101,12 @@ class Monitor:
             Stopped: at a limit, or when the callback returns True.
         """
         number = self.iterations
-        for number, row in enumerate(rows, number):  # noqa: B020
-            self.history.append(IterationRecord(number, *row, phase))
+        for place, row in enumerate(rows):
+            objective, violation, optimality, step, length, mu, shift = row
+            number = self.iterations + place
+            self.history.append(
+                IterationRecord(number, objective, violation, optimality, step, length, mu, shift, phase)
+            )
         self.iterations = number if last_is_open else number + 1
         if best is not None:
             self.best = best

@@ -27,7 +27,8 @@ def cold_iterate(form: ScaledProblem, x: Floats) -> Iterate:
     w = _inside(form, x, PUSH)
     z = np.ones(form.gaps)
     work = workspace_of(form)
-    y = least_squares_multipliers(form, work.evaluate(w, np.zeros(form.m), z))
+    work.evaluate(w, np.zeros(form.m), z)
+    y = least_squares_multipliers(work)
     return work.evaluate(w, y, z)
 
 

@@ -29,6 +29,8 @@ SHARE = 0.1
 SLIGHT = 1e-3
 #: How much of the rows' part of the Hessian is used where the whole of it makes the matrix indefinite.
 ROWS_SHARE = 0.4
+#: What equality rows are softened by against dependent ones, relative to the square of the largest gradient entry.
+SOFT = 1e-8
 
 
 @native(fast=True)
@@ -246,3 +248,31 @@ def choose_centring(
             best = sigma
             least = error
     s[SIGMA] = best
+
+
+@native(fast=True)
+def least_squares(
+    n: i64, m: i64, gaps: i64, entries: i64, curved: i64, index: i64s, sign: f64s, free: f64s, kind: i32s, z: f64s,
+    gradient: f64s, jac: f64s, pull: f64s, out_hess: f64s, out_jac: f64s, primal: f64s, dual: f64s, rhs: f64s,
+) -> None:  # fmt: skip
+    """The system whose solution makes the Lagrangian's gradient smallest.
+
+    Equality rows are softened by :data:`SOFT` times the square of the largest entry of J, at most.
+    """
+    for e in range(curved):
+        out_hess[e] = 0.0
+    largest = 0.0
+    for e in range(entries):
+        out_jac[e] = jac[e]
+        largest = max(largest, fabs(jac[e]))
+    soft = SOFT * min(1.0, largest * largest)
+    for i in range(n + m):
+        pull[i] = 0.0
+    for k in range(gaps):
+        pull[index[k]] += sign[k] * z[k]
+    for i in range(n):
+        primal[i] = 1.0
+        rhs[i] = (pull[i] - gradient[i]) * free[i]
+    for r in range(m):
+        dual[r] = soft if kind[r] == EQUALITY else 1.0
+        rhs[n + r] = pull[n + r] if kind[r] == INEQUALITY else 0.0

@@ -282,6 +282,10 @@ class Workspace:
             ]
         )  # fmt: skip
 
+        self.least_squares_call: Bound = step_passes.least_squares.bind(
+            n, m, gaps, entries, curved, index, sign, free, kind, it.z, it.gradient, it.jac, self._pull, kkt.hess,
+            kkt.jac, kkt.primal, kkt.dual, kkt.rhs,
+        )  # fmt: skip
         self.return_call = chain(
             [passes.copy.bind(n, it.w, ev.x), passes.copy.bind(m, it.y, ev.y), ev.derivatives_call]
         )

@@ -494,7 +494,7 @@ class FrontalKKT(ByCopies):
         self._threshold_at, self._planned_at = (self._eliminate.position(k) for k in ("threshold", "planned"))
         self._choose_plan = choose_plan.bind(
             self._absent.size, self._absent, self._values, self._planned_at,
-            np.frombuffer(self._eliminate.integers, dtype=np.int64),
+            np.frombuffer(memoryview(self._eliminate.integers), dtype=np.int64),
         )  # fmt: skip
         self._confirm_zeros = confirm_zeros.bind(
             size, self.n, REPLACEMENT, a.order, a.pointers, a.columns, self._values, self._pivots, self._starts,
