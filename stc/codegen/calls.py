@@ -107,17 +107,18 @@ class CallTable:
     Calls of Python functions may be among them: what they raise is kept, and raised by :meth:`check`.
 
     Attributes:
-        cells: what such a function takes for the table.
+        cells: what such a function takes for the table: two for each call, 0 where there is none, then one that is 1
+            when a Python function has raised something, after which the others do nothing.
     """
 
     def __init__(self, size: int) -> None:
-        self.cells = np.zeros(2 * size, dtype=np.int64)
+        self.cells = np.zeros(2 * size + 1, dtype=np.int64)
         self._parts: list[Bound | None] = [None] * size
         self._entries: list[Any] = [None] * size
         self._raised: BaseException | None = None
 
     def put(self, place: int, call: Bound | None) -> None:
-        """Set one call; ``has`` tells a compiled function whether there is one."""
+        """Set one call, or none."""
         if self._parts[place] is call:
             return
         self._parts[place] = call
@@ -136,8 +137,13 @@ class CallTable:
     def check(self) -> None:
         """Raise what a Python function has raised since the last time."""
         if self._raised is not None:
-            raised, self._raised = self._raised, None
+            raised = self._raised
+            self.forget()
             raise raised
+
+    def forget(self) -> None:
+        """Do not raise it."""
+        self._raised, self.cells[-1] = None, 0
 
     def _guarded(self, call: Bound, _: Any) -> int:
         if self._raised is not None:  # nothing counts any more
@@ -145,7 +151,7 @@ class CallTable:
         try:
             return int(call() or 0)
         except BaseException as raised:  # it cannot pass through machine code
-            self._raised = raised
+            self._raised, self.cells[-1] = raised, 1
             return 0
 
 

@@ -135,6 +135,7 @@ class _Loop:
         self.work.load(it)
         self.it, self.s = self.work.it, self.work.s
         self.stages = stages_of(self.work)
+        self.work.calls.forget()
         self.tactics, self.stop = tactics, stop
         self.system = NewtonSystem(self.work)
         self.finish = Finish(form, options.tolerance, monitor)
@@ -206,7 +207,7 @@ class _Loop:
     def _repeat(self) -> int:
         """Iterate as long as all is as usual, and keep account; what :func:`stc.solver.stages.repeat` returns."""
         work, stages, monitor, s = self.work, self.stages, self.monitor, self.s
-        if monitor.watched or self.stop is not None:
+        if monitor.watched or monitor.is_late or self.stop is not None:
             most = 0
         else:
             most = max(0, min(self.longest, min(self.last, self.options.max_iterations) - monitor.iterations))
@@ -216,8 +217,10 @@ class _Loop:
             s[BEST_VIOLATION], s[BEST_OBJECTIVE] = monitor.best[:2]
         ended = stages.repeat()
         work.note_moved()
-        self._take_records(ended != 0 and ended != LAGS)
-        work.calls.check()
+        try:
+            self._take_records(ended != 0 and ended != LAGS)
+        finally:
+            work.calls.check()
         if ended == LAGS:
             self.lagging.renew()
             stages.note()

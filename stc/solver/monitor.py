@@ -82,6 +82,11 @@ class Monitor:
         """Whether somebody wants to see every iterate."""
         return self._callback is not None
 
+    @property
+    def is_late(self) -> bool:
+        """Whether the time is up."""
+        return time.perf_counter() > self._deadline
+
     def take(
         self,
         rows: list[list[float]],
@@ -112,7 +117,8 @@ class Monitor:
             self.best = best
         if self._callback is not None and self._callback(replace(self.history[-1], x=as_stated()[0])):
             raise Stopped(Status.INTERRUPTED)
-        self.check()
+        if last_is_open:  # else the last iterate of all is still to come
+            self.check()
 
     def check(self) -> None:
         """Compare with the limits.
@@ -122,7 +128,7 @@ class Monitor:
         """
         if self.iterations >= self.options.max_iterations:
             raise Stopped(Status.ITERATION_LIMIT)
-        if time.perf_counter() > self._deadline:
+        if self.is_late:
             raise Stopped(Status.TIME_LIMIT)
 
     def _is_better(self, objective: float, violation: float) -> bool:

@@ -146,3 +146,4 @@ CORRECTION: Final = 16
 MEASURED: Final = 17  # of a whole iteration, its two parts
 ITERATION: Final = 18
 CALLS: Final = 19
+RAISED: Final = 2 * CALLS  # in the cells of the table: 1 when a Python function has raised something

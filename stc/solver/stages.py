@@ -2,8 +2,8 @@
 
 Each stage is a compiled function that makes the calls of the workspace's table and leaves its numbers (see
 :mod:`stc.solver.places`).  It returns 0, or tells what it cannot do itself: :mod:`stc.solver.newton_system`,
-:mod:`stc.solver.globalization` and :mod:`stc.solver.interior` do that, and go on from there.  So an iteration where
-all is as usual is two calls, however small the problem.
+:mod:`stc.solver.globalization` and :mod:`stc.solver.interior` do that, and go on from there.  So iterations
+where all is as usual are one call together, however small the problem.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from stc.solver.places import (
     MADE,
     MEASURED,
     MOST,
+    RAISED,
     STEP,
     STEP_TAKEN,
     STUCK,
@@ -59,18 +60,18 @@ def repeat(
 
     Returns:
         0, or LAGS or LOOK where more is to be thought of before the next iteration, or where that needs help:
-        FACTORIZATION and so on.
+        FACTORIZATION and so on. Where something was raised all of that may be.
     """
     s[MADE] = 0.0
     while True:
         look = invoke(calls, MEASURED)
-        if look == LAGGING:
+        if look == LAGGING or calls[RAISED] != 0:
             return LAGS
         record(n, m, w, y, best_x, best_y, rows, s)
         if look != 0 or s[MADE] > s[MOST]:
             return LOOK
         ended = invoke(calls, ITERATION)
-        if ended != 0 or s[MADE] == s[MOST]:
+        if ended != 0 or calls[RAISED] != 0 or s[MADE] == s[MOST]:
             return ended
 
 

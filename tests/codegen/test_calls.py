@@ -73,8 +73,13 @@ def test_what_python_raises_is_raised_afterwards(raised):
     table.put(0, Bound.of_python(fail, ()))
     assert until_large(table.cells, 10, s) == 0
     assert len(made) == 1  # later ones are not made
+    assert table.cells[-1] == 1
     with pytest.raises(type(raised)):
         table.check()
+    assert table.cells[-1] == 0
+    table.check()
+    until_large(table.cells, 10, s)
+    table.forget()
     table.check()
 
 

@@ -67,7 +67,31 @@ def test_an_interruption_keeps_the_best_point() -> None:
     nlp = Interrupted([-1.2, 1.0], lambda x: 100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2, lower=-5.0)
     result = minimize(nlp, Options())
     assert result.status is Status.INTERRUPTED
-    assert result.objective < 24.0
+    assert result.objective == min(record.objective for record in result.history) < 24.0
+
+
+@pytest.mark.parametrize("most", [1, 4, 7])
+def test_all_iterates_are_recorded_up_to_a_limit(most: int) -> None:
+    """Those that were made in a row, and those that somebody has watched."""
+
+    def solve(callback) -> list:
+        problem, transcription = stc.load("cart_pole_swing_up").transcription(n=30)
+        return minimize(transcription.bind(problem.constants), Options(max_iterations=most), callback)
+
+    seen: list[float] = []
+    alone, watched = solve(None), solve(lambda record: seen.append(record.objective))
+    assert alone.status is watched.status is Status.ITERATION_LIMIT
+    assert [record.iteration for record in alone.history] == list(range(most + 1))
+    assert alone.history == watched.history
+    assert seen == [record.objective for record in watched.history]
+    np.testing.assert_array_equal(alone.x, watched.x)
+
+
+def test_no_time_is_a_limit_too() -> None:
+    problem, transcription = stc.load("cart_pole_swing_up").transcription(n=30)
+    result = minimize(transcription.bind(problem.constants), Options(time_limit=0.0))
+    assert result.status is Status.TIME_LIMIT
+    assert len(result.history) == 1
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 1e3), numbers), max_size=30), st.floats(0.0, 1e3), numbers)
