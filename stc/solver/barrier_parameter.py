@@ -28,7 +28,7 @@ __all__ = ["BarrierParameter"]
 
 
 class BarrierParameter:
-    """The parameter, the fraction to the boundary, and the mode; :func:`update` and :func:`find_step` change them."""
+    """The parameter, the fraction to the boundary, and the mode; :mod:`stc.solver.barrier_passes` changes them."""
 
     def __init__(self, work: Workspace, mu: float, smallest: float, adaptive: bool = True) -> None:
         self._s = s = work.s

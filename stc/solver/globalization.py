@@ -77,7 +77,7 @@ class _Watch:
 
 
 class LineSearch:
-    """Backtracks along a step until the filter accepts (:func:`search`).
+    """Backtracks along a step until the filter accepts (:func:`stc.solver.search_passes.search`).
 
     Where it had to backtrack many times in a row, a few whole steps are taken on trial: they often lead to where the
     rows can be met, through points that the filter does not accept (R. M. Chamberlain, M. J. D. Powell, C. Lemarechal
