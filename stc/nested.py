@@ -201,7 +201,11 @@ class Nested:
             before = self._before()
             return self.start(before).x if before.status == "optimal" else None
 
-        return self._counted(self.fine(self.options, Start(own.x, another=another), self._teller))
+        return self._counted(
+            self.fine(
+                self.options, Start(own.x, own.row_multipliers, own.bound_multipliers, another), self._teller
+            )
+        )
 
     def _before(self) -> Solution:
         """The motion on fewer frames, counted."""

@@ -43,8 +43,3 @@ class BarrierParameter:
     def mu(self) -> float:
         """The barrier parameter in use."""
         return self._s[MU]
-
-    @property
-    def tau(self) -> float:
-        """Fraction of the way to the boundary that a step may go."""
-        return self._s[TAU]

@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound
 from stc.solver.evaluator import Evaluator
@@ -61,8 +62,6 @@ class Formulation:
     """Sizes, bounds and sparsity, with the products that they imply.  Subclasses evaluate functions.
 
     Attributes:
-        jac_columns: the Jacobian's entries by columns: where each begins, (n + 1,); the entries, (nnz_J,); their rows.
-        hess_diagonal: which of the Hessian's entries are on its diagonal.
         n, m: numbers of variables and rows; ``n + m`` entries in ``w``.
         lower, upper: bounds of ``w``, (n + m,); infinite for held variables, equalities and ignored rows.
         held: variables that the bounds fix, (n,).
@@ -133,15 +132,23 @@ class Formulation:
         """Functions and derivatives at fixed places."""
         return _form_evaluator(self)
 
+    @cached_property
+    def jac_columns(self) -> tuple[NDArray[np.int32], ...]:
+        """The Jacobian's entries by columns: where each begins, (n + 1,); the entries, (nnz_J,); their rows."""
+        order = np.argsort(self.jac_cols, kind="stable")
+        start = np.searchsorted(self.jac_cols[order], np.arange(self.n + 1))
+        return tuple(a.astype(np.int32) for a in (start, order, self.jac_rows[order]))
+
+    @cached_property
+    def hess_diagonal(self) -> Indices:
+        """Which of the Hessian's entries are on its diagonal."""
+        return np.flatnonzero(self.hess_rows == self.hess_cols)
+
     def _set_pattern(self, jac_rows: Ints, jac_cols: Ints, hess_rows: Ints, hess_cols: Ints) -> None:
         self.jac_rows = np.ascontiguousarray(jac_rows, dtype=np.int64)
         self.jac_cols = np.ascontiguousarray(jac_cols, dtype=np.int64)
         self.hess_rows = np.ascontiguousarray(hess_rows, dtype=np.int64)
         self.hess_cols = np.ascontiguousarray(hess_cols, dtype=np.int64)
-        order = np.argsort(self.jac_cols, kind="stable")
-        start = np.searchsorted(self.jac_cols[order], np.arange(self.n + 1))
-        self.jac_columns = tuple(a.astype(np.int32) for a in (start, order, self.jac_rows[order]))
-        self.hess_diagonal: Indices = np.flatnonzero(self.hess_rows == self.hess_cols)
 
     # -- functions ---------------------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from stc.solver.filter import Filter
 from stc.solver.iterate import evaluate
 from stc.solver.nlp import Floats
 from stc.solver.places import (
-    CORRECTIONS,
+    EQUATIONS,
     FROM_PHI,
     FROM_SLOPE,
     FROM_THETA,
@@ -21,7 +21,6 @@ from stc.solver.places import (
     LIMIT,
     MU,
     SHIFT,
-    SHIFT_COUNTS,
     SHORTENED,
     SHORTEST,
     SMALL_THETA,
@@ -95,9 +94,8 @@ class LineSearch:
         self._stages = stages_of(work)
         s = work.s
         scale = max(1.0, work.it.theta)
-        s[SHIFT_COUNTS] = work.form.any_equality
         s[SMALL_THETA] = ITS_SMALL_THETA * scale
-        s[TINY] = s[SHORTENED] = s[WATCHING] = s[CORRECTIONS] = s[SHORTEST] = 0.0
+        s[TINY] = s[SHORTENED] = s[WATCHING] = s[SHORTEST] = 0.0
         self.filter = work.filter
         self.filter.restart(largest_theta * scale)
         self.went_back = False
@@ -151,7 +149,7 @@ class LineSearch:
 
     def _take(self, kind: int, alpha: float) -> bool:
         work, s = self.work, self.work.s
-        shifted = s[SHIFT] != 0.0 and s[SHIFT_COUNTS] != 0.0
+        shifted = s[SHIFT] != 0.0 and s[EQUATIONS] != 0.0
         if not work.move(alpha, s[MU], shifted):
             return False
         if kind == OUTSIDE:

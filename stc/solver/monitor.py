@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
+from stc.solver.progress_passes import is_better
 from stc.solver.report import Callback, IterationRecord
 from stc.solver.status import Status
 
@@ -134,8 +135,6 @@ class Monitor:
     def _is_better(self, objective: float, violation: float) -> bool:
         if self.best is None:
             return True
+        best_violation, best_objective = self.best[:2]
         tolerance = self.options.feasibility_tolerance
-        old_violation, old_objective = self.best[0], self.best[1]
-        if max(violation, old_violation) <= tolerance:
-            return objective < old_objective
-        return violation < old_violation
+        return is_better(objective, violation, best_objective, best_violation, tolerance) != 0

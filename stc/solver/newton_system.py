@@ -93,11 +93,6 @@ class NewtonSystem:
         """The delta_w in use."""
         return self.work.s[SHIFT]
 
-    @property
-    def dual_shift(self) -> float:
-        """The delta_c in use."""
-        return self.work.s[DUAL_SHIFT]
-
     def factorize(self, mu: float, *, exact: bool = False) -> None:
         """Factorise at the iterate, shifting until the inertia is right.
 

@@ -44,8 +44,8 @@ LENGTH_TAKEN: Final = 32  # fraction of the last step that was taken, 0 where no
 STEP_TAKEN: Final = 33  # largest relative change of a variable then
 TINY: Final = 34  # 1 when the step was below rounding error
 STUCK: Final = 35  # 1 when it was, or was refused
-ENDED_BY: Final = 37  # why the last factorisation or search could not go on
 ATTENTION: Final = 36  # the error at which more is to be looked at
+ENDED_BY: Final = 37  # why the last factorisation or search could not go on
 MOST: Final = 38  # iterations at most in a row
 MADE: Final = 39  # and how many iterates were recorded
 
@@ -96,8 +96,8 @@ EXACT: Final = 87
 ORDINARY: Final = 88
 GROWTH_NOW: Final = 89
 EQUATIONS: Final = 90  # 1 when there are equality rows
-ENDED: Final = 92  # how the last attempt to factorise did
 BENDS_ALIKE: Final = 91  # 1 when the objective bends the same everywhere
+ENDED: Final = 92  # how the last attempt to factorise did
 
 # Of the search along a step (stc.solver.globalization).
 FROM_THETA: Final = 96  # what the points tried are compared with
@@ -109,8 +109,6 @@ SHORTEST: Final = 101
 SHORTENED: Final = 102
 WATCHING: Final = 103
 SMALL_THETA: Final = 104
-CORRECTIONS: Final = 105
-SHIFT_COUNTS: Final = 106
 
 # Of the records, in the user's terms (stc.solver.progress_passes).
 STATED: Final = 112  # the objective
@@ -129,7 +127,7 @@ ROW_OBJECTIVE, ROW_VIOLATION, ROW_ERROR, ROW_STEP, ROW_LENGTH, ROW_MU, ROW_SHIFT
 MEASURE: Final = 0
 DIAGONALS: Final = 1
 SHIFTED: Final = 2
-ATTEMPT: Final = 3  # a factorisation where all goes to plan, and where it does not, 1
+ATTEMPT: Final = 3  # a factorisation where all goes to plan: 0, else where it ended
 BEND: Final = 4
 DAMPED: Final = 5
 PREDICT: Final = 6

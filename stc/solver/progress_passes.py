@@ -113,6 +113,16 @@ def block(length: f64, theta: f64, s: f64s) -> i64:
 
 
 @native
+def is_better(
+    objective: f64, violation: f64, best_objective: f64, best_violation: f64, tolerance: f64
+) -> i64:
+    """Whether a point is better than the best so far: violations up to ``tolerance`` count as none."""
+    if max(violation, best_violation) <= tolerance:
+        return 1 if objective < best_objective else 0
+    return 1 if violation < best_violation else 0
+
+
+@native
 def record(n: i64, m: i64, w: f64s, y: f64s, best_x: f64s, best_y: f64s, rows: f64s, s: f64s) -> None:
     """Record the iterate, and keep its variables (n,) and row multipliers (m,) where it is the best so far."""
     row = rows[ROW * int(s[MADE]) :]
@@ -124,10 +134,8 @@ def record(n: i64, m: i64, w: f64s, y: f64s, best_x: f64s, best_y: f64s, rows: f
     row[ROW_MU] = s[MU]
     row[ROW_SHIFT] = s[SHIFT]
     s[MADE] += 1.0
-    better = s[VIOLATION] < s[BEST_VIOLATION]
-    if max(s[VIOLATION], s[BEST_VIOLATION]) <= s[FEASIBILITY]:
-        better = s[STATED] < s[BEST_OBJECTIVE]
-    if s[BEST_KNOWN] != 0.0 and not better:
+    better = is_better(s[STATED], s[VIOLATION], s[BEST_OBJECTIVE], s[BEST_VIOLATION], s[FEASIBILITY])
+    if s[BEST_KNOWN] != 0.0 and better == 0:
         return
     s[BEST_KNOWN] = 1.0
     s[BEST_NEW] = 1.0

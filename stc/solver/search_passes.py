@@ -12,9 +12,9 @@ from stc.solver.places import (
     CENTRE,
     CHANGED,
     CORRECTION,
-    CORRECTIONS,
     DOUBT,
     ENDED_BY,
+    EQUATIONS,
     FINITE,
     FROM_PHI,
     FROM_SLOPE,
@@ -32,7 +32,6 @@ from stc.solver.places import (
     RELATIVE,
     RETURN,
     SHIFT,
-    SHIFT_COUNTS,
     SHORTENED,
     SHORTEST,
     SLOPE,
@@ -133,7 +132,7 @@ def take(
     """Make the point tried the iterate; 0 where a derivative is undefined there."""
     alphas[0] = alpha
     mu[0] = s[MU]
-    shifted[0] = 1.0 if s[SHIFT] != 0.0 and s[SHIFT_COUNTS] != 0.0 else 0.0
+    shifted[0] = 1.0 if s[SHIFT] != 0.0 and s[EQUATIONS] != 0.0 else 0.0
     invoke(calls, MOVE)
     if s[MOVED] == 0.0:
         invoke(calls, RETURN)
@@ -177,7 +176,6 @@ def correct(
         now = s[TRIAL_THETA]
         kind = judge(alpha, now, barrier_of(gaps, f[0], s[TRIAL_LOGARITHMS], s), filter, s)
         if kind != REFUSED:
-            s[CORRECTIONS] += 1.0
             return kind
         if now > CORRECTION_PROGRESS * last:
             return REFUSED
@@ -242,37 +240,24 @@ def search(
     Returns:
         As :func:`backtrack`, or NOT_FINITE, or ON_TRIAL where steps are to be taken on trial; ``s[ENDED_BY]`` keeps it.
     """
-    ended = _search(
-        calls, n, m, gaps, index, sign, w, c, gap, trial_w, trial_c, x, f, dw, residual, alphas, mu, shifted, report,
-        filter, s,
-    )  # fmt: skip
-    s[ENDED_BY] = float(ended)
-    return ended
-
-
-@native(shared=True)
-def _search(
-    calls: i64s, n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, w: f64s, c: f64s, gap: f64s, trial_w: f64s,
-    trial_c: f64s, x: f64s, f: f64s, dw: f64s, residual: f64s, alphas: f64s, mu: f64s, shifted: f64s, report: f64s,
-    filter: f64s, s: f64s,
-) -> i64:  # fmt: skip
-    """See :func:`search`."""
     s[LENGTH_TAKEN] = 0.0
     if s[CHANGED] != 0.0:
         filter[0] = 0.0
         s[WATCHING] = 0.0
-    if s[FINITE] != 0.0:
-        return NOT_FINITE
-    theta = s[THETA]
-    s[FROM_THETA] = theta
-    s[FROM_PHI] = barrier_of(gaps, s[OBJECTIVE], s[LOGARITHMS], s)
-    s[FROM_SLOPE] = s[SLOPE] - s[MU] * s[LOG_SLOPE]
-    s[LIMIT] = s[PRIMAL_STEP]
-    s[HALVED] = 0.0
-    s[TINY] = 1.0 if s[RELATIVE] < 10.0 * EPSILON and theta < 1e-4 else 0.0
-    if s[WATCHING] != 0.0 or s[SHORTENED] >= MOST_SHORTENED:
-        return ON_TRIAL
-    return backtrack(
-        calls, n, m, gaps, index, sign, w, c, gap, trial_w, trial_c, x, f, dw, residual, alphas, mu, shifted, report,
-        filter, s,
-    )  # fmt: skip
+    ended = NOT_FINITE
+    if s[FINITE] == 0.0:
+        theta = s[THETA]
+        s[FROM_THETA] = theta
+        s[FROM_PHI] = barrier_of(gaps, s[OBJECTIVE], s[LOGARITHMS], s)
+        s[FROM_SLOPE] = s[SLOPE] - s[MU] * s[LOG_SLOPE]
+        s[LIMIT] = s[PRIMAL_STEP]
+        s[HALVED] = 0.0
+        s[TINY] = 1.0 if s[RELATIVE] < 10.0 * EPSILON and theta < 1e-4 else 0.0
+        ended = ON_TRIAL
+        if s[WATCHING] == 0.0 and s[SHORTENED] < MOST_SHORTENED:
+            ended = backtrack(
+                calls, n, m, gaps, index, sign, w, c, gap, trial_w, trial_c, x, f, dw, residual, alphas, mu, shifted,
+                report, filter, s,
+            )  # fmt: skip
+    s[ENDED_BY] = float(ended)
+    return ended

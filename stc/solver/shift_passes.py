@@ -74,7 +74,7 @@ UNKNOWN = -1.0
 
 @native(shared=True)
 def begin(calls: i64s, s: f64s) -> None:
-    """Prepare the factorisation at an iterate; :func:`go_on` does it."""
+    """Prepare the factorisation at an iterate; :func:`factorize` does it."""
     invoke(calls, DIAGONALS)
     s[WHOLE] = 1.0
     s[SHIFT] = s[STIFFNESS]
@@ -140,37 +140,23 @@ def factorize(
         What somebody else has to do before this goes on: REFACTOR the matrix and leave its ``inertia`` (3,), and so
         on; ``s[ENDED_BY]`` keeps it.
     """
-    ended = _factorize(calls, n, m, count, diagonal, bend, inertia, accuracy, s)
-    s[ENDED_BY] = float(ended)
-    return ended
-
-
-@native(shared=True)
-def _factorize(
-    calls: i64s,
-    n: i64,
-    m: i64,
-    count: i64,
-    diagonal: i64s,
-    bend: f64s,
-    inertia: i64s,
-    accuracy: f64s,
-    s: f64s,
-) -> i64:
-    """See :func:`factorize`."""
+    ended = DONE
     while True:
         if s[TASK] == TRY:
             invoke(calls, SHIFTED)
             s[TASK] = LOOK
             s[ENDED] = 0.0
             if calls[2 * ATTEMPT] == 0:
-                return REFACTOR
+                ended = REFACTOR
+                break
             s[ENDED] = float(invoke(calls, ATTEMPT))
             if s[ENDED] != 0.0:
-                return REFACTOR
+                ended = REFACTOR
+                break
         if s[TASK] == DAMP:
             if calls[2 * BEND] == 0 and s[BENDS] != 0.0:
-                return CALL_MISSING
+                ended = CALL_MISSING
+                break
             s[TASK] = TRY
             damp(calls, n, count, diagonal, bend, s)
             continue
@@ -193,7 +179,8 @@ def _factorize(
             s[TASK] = GROW if singular or s[EXACT] != 0.0 else DAMP_OR_GROW
         if s[TASK] == DAMP_OR_GROW:
             if calls[2 * BEND] == 0 and s[BENDS] != 0.0:
-                return CALL_MISSING
+                ended = CALL_MISSING
+                break
             s[TASK] = GROW
             if damp(calls, n, count, diagonal, bend, s) != 0:
                 if s[UNTRIED] > 0.0:
@@ -202,11 +189,16 @@ def _factorize(
                     s[TASK] = TRY
                     continue
         if s[SHIFT] == 0.0 and s[LAST_SHIFT] == 0.0 and s[ORDINARY] == UNKNOWN:
-            return MEASURE_CURVATURE
+            ended = MEASURE_CURVATURE
+            break
         s[SHIFT] = larger_shift(s[GROWTH_NOW], s)
         s[TASK] = TRY
         if s[SHIFT] > LARGEST_SHIFT:
-            return NO_SHIFT
+            ended = NO_SHIFT
+            break
+    s[ENDED_BY] = float(ended)
+    if ended != DONE:
+        return ended
     if s[SMOOTH] >= MOST_SMOOTH and s[DEFICIENT] == 0.0:
         accuracy[0] = COARSE
     if s[SHIFT] == 0.0:

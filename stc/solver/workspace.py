@@ -72,12 +72,6 @@ class Step:
         """Copy another step."""
         self.dw[:], self.dy[:], self.dz[:] = other.dw, other.dy, other.dz
 
-    def add(self, other: Step) -> None:
-        """Add another step."""
-        self.dw += other.dw
-        self.dy += other.dy
-        self.dz += other.dz
-
 
 def workspace_of(form: Formulation) -> Workspace:
     """The workspace that a form keeps: for one iteration at a time."""
@@ -357,11 +351,6 @@ class Workspace:
         s = self.s
         return Errors(s[DUAL_ERROR], s[PRIMAL], s[GAP_ERROR])
 
-    def phi(self, mu: float) -> float:
-        """The barrier function at the iterate."""
-        s = self.s
-        return s[OBJECTIVE] - mu * s[LOGARITHMS] if self.form.gaps else s[OBJECTIVE]
-
     # -- steps -----------------------------------------------------------------------------------------------------
 
     def solve_call(self, name: str, step: Step, c: Floats, *, residuals: bool) -> Bound:
@@ -428,11 +417,6 @@ class Workspace:
         if self.kkt.check_solution():
             self._end(name, step, c, residuals, self.centre, self.kkt.solution)()
 
-    def aim_at(self, mu: float) -> None:
-        """Make ``centre`` that of the barrier problem with parameter ``mu``."""
-        self.mu[0] = mu
-        self.centre_call()
-
     def predict(self) -> None:
         """Find the affine and the centring step, and the centring parameter that suits them."""
         self._predictor()()
@@ -457,15 +441,6 @@ class Workspace:
                 ]
             )
         return known
-
-    def solve_centring(self, step: Step) -> None:
-        """Fill ``step`` with the part of a step that is linear in ``centre``."""
-        self.solve("centring", step, self._no_residual, residuals=False)
-
-    def combine(self, centring: float, tau: float) -> None:
-        """Make the step from the affine one and ``centring`` times the centring one; see :meth:`limit_step`."""
-        self.factor[0], self.tau[0] = centring, tau
-        self.combine_call()
 
     def limit_step(self, tau: float) -> None:
         """See how far the step may go towards the bounds: ``tau`` of the way."""
@@ -500,15 +475,6 @@ class Workspace:
         """Evaluate the functions at a fraction of the step; False where one is undefined or a gap is closed."""
         self.alpha[0] = alpha
         self.trial_call()
-        return self._is_inside()
-
-    def try_point(self, w: Floats) -> bool:
-        """The same at a point of its own, (n + m,)."""
-        self.trial_w[:] = w
-        ev = self.evaluator
-        ev.x[:] = w[: self.form.n]
-        ev.values_call()
-        self.inspect_call()
         return self._is_inside()
 
     def _is_inside(self) -> bool:
