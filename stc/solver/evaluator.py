@@ -15,7 +15,15 @@ from stc.codegen.calls import Bound
 from stc.records import dataclass
 from stc.solver.nlp import NLP, Floats, Ints, Mask
 
-__all__ = ["Evaluable", "Evaluator", "Scaling", "evaluator_of", "python_evaluator"]
+__all__ = [
+    "Evaluable",
+    "Evaluator",
+    "Part",
+    "PartlyEvaluable",
+    "Scaling",
+    "evaluator_of",
+    "python_evaluator",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +66,41 @@ class Scaling:
 
     def _columns(self) -> Floats:
         return self.variable * self.live
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Some of a program's variables and rows, which make a program of their own.
+
+    Attributes:
+        x: what the other variables are, (n,).
+        cols, rows: which ones they are, (k,) each.
+        jac, hess: which entries of the Jacobian and of the Hessian have their row and their column among them, (k,) each.
+        jac_rows, jac_cols, hess_rows, hess_cols: where these are in the program that the part makes, (k,) each.
+    """
+
+    x: Floats
+    cols: Ints
+    rows: Ints
+    jac: Ints
+    hess: Ints
+    jac_rows: Ints
+    jac_cols: Ints
+    hess_rows: Ints
+    hess_cols: Ints
+
+    @classmethod
+    def of(cls, nlp: NLP, x: Floats, variables: Mask, rows: Mask) -> Part:
+        """These variables (n,) and rows (m,) of a program, the other variables as in ``x`` (n,)."""
+        new_col = (np.cumsum(variables) - 1).astype(np.int32)
+        new_row = (np.cumsum(rows) - 1).astype(np.int32)
+        jac = np.flatnonzero(rows[nlp.jac_rows] & variables[nlp.jac_cols])
+        hess = np.flatnonzero(variables[nlp.hess_rows] & variables[nlp.hess_cols])
+        return cls(
+            x, np.flatnonzero(variables), np.flatnonzero(rows), jac, hess,
+            new_row[nlp.jac_rows[jac]], new_col[nlp.jac_cols[jac]],
+            new_col[nlp.hess_rows[hess]], new_col[nlp.hess_cols[hess]],
+        )  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -123,6 +166,14 @@ class Evaluable(Protocol):
 
     def evaluator(self, scaling: Scaling) -> Evaluator:
         """Arrays and calls for one scaling."""
+
+
+@runtime_checkable
+class PartlyEvaluable(Protocol):
+    """A problem that brings evaluators of its parts, too."""
+
+    def part_evaluator(self, scaling: Scaling, part: Part) -> Evaluator:
+        """Arrays and calls for one scaling of the program that the part makes."""
 
 
 def evaluator_of(nlp: NLP, scaling: Scaling) -> Evaluator:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from typing import Any, TypeVar, cast
 
 from stc.solver.kkt.contract import KKTSystem
 from stc.solver.kkt.reuse import StructuredKKT
@@ -12,6 +13,8 @@ from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["Keeper", "give_back", "kept_form", "key_of"]
 
+
+T = TypeVar("T")
 
 #: Variables and rows of the largest program that something is kept of.
 LARGEST = 5_000_000
@@ -25,6 +28,13 @@ class Keeper:
 
     def __init__(self) -> None:
         self._kept: tuple[object, ScaledProblem] | None = None
+        self._determined: tuple[object, Any] | None = None
+
+    def determined(self, key: object, find: Callable[[], T]) -> T:
+        """What ``find`` tells of the program, asked once for each key in turn."""
+        if self._determined is None or self._determined[0] != key:
+            self._determined = key, find()
+        return cast("T", self._determined[1])
 
     def take(self, key: object) -> ScaledProblem | None:
         """What was left under this key; whatever was left is gone then."""

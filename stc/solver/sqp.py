@@ -16,6 +16,7 @@ from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.polish import MET, meet_equations
+from stc.solver.presolve import presolved
 from stc.solver.products import between, inner
 from stc.solver.report import Callback, Result, Start
 from stc.solver.residuals import Assessment, assess
@@ -62,6 +63,12 @@ def minimize(
     """
     options = options or Options()
     with np.errstate(all="ignore"):
+        less = presolved(nlp)
+        if less is not None:
+            own = less.start(start or Start(np.asarray(nlp.x0, dtype=float)))
+            result = less.restored(_Solve(less, options, less.callback(callback), own, new_kkt).run(), options)
+            if result is not None:
+                return result
         return _Solve(nlp, options, callback, start, new_kkt).run()
 
 

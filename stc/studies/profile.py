@@ -17,6 +17,7 @@ import numpy as np
 
 from stc.codegen.calls import Bound
 from stc.records import dataclass, field
+from stc.solver import evaluator as evaluation
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 
 if TYPE_CHECKING:
@@ -107,7 +108,12 @@ class _TimedProgram(_Timed):
         self._watches = values, derivatives
 
     def evaluator(self, scaling: Scaling) -> Evaluator:
-        found = evaluator_of(self._inner, scaling)
+        return self._over(evaluator_of(self._inner, scaling))
+
+    def part_evaluator(self, scaling: Scaling, part: evaluation.Part) -> Evaluator:
+        return self._over(self._inner.part_evaluator(scaling, part))
+
+    def _over(self, found: Evaluator) -> Evaluator:
         values, derivatives = self._watches
         return replace(
             found,

@@ -18,7 +18,7 @@ from stc.codegen.calls import chain
 from stc.codegen.kernel import KernelSet
 from stc.problem import ConstantRef, Problem
 from stc.records import dataclass
-from stc.solver.evaluator import Evaluator, Scaling
+from stc.solver.evaluator import Evaluator, Part, Scaling
 from stc.solver.keeping import Keeper
 from stc.symbolic.expr import Expr, evaluate, symbols
 from stc.transcription.assemble import Program
@@ -239,6 +239,10 @@ class BoundProgram:
     def evaluator(self, scaling: Scaling) -> Evaluator:
         """Arrays of its own for one scaling, and the calls that fill them."""
         return evaluator(self, scaling)
+
+    def part_evaluator(self, scaling: Scaling, part: Part) -> Evaluator:
+        """The same for the program that some of the variables and rows make."""
+        return evaluator(self, scaling, part)
 
     def _stated(self) -> Evaluator:
         if self._as_stated is None:

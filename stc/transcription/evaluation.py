@@ -6,6 +6,7 @@ Where that is much work, each step is cut into pieces that two threads share; re
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +15,9 @@ from numpy.typing import NDArray
 from stc.codegen import threads
 from stc.codegen.calls import Bound, chain
 from stc.codegen.kernel import KernelSet
-from stc.solver.evaluator import Evaluator, Scaling
-from stc.transcription.assemble import Program
+from stc.records import dataclass
+from stc.solver.evaluator import Evaluator, Part, Scaling
+from stc.transcription.assemble import Program, Sparsity
 from stc.transcription.gather import add_up, begin, collect, place, scatter, total
 
 if TYPE_CHECKING:
@@ -105,6 +107,36 @@ class _Steps:
     def place(self, values: FloatArray, scale: FloatArray, into: FloatArray) -> list[Bound]:
         return [place(values[at], scale[at], into[at]) for at in self.cut(len(values))]
 
+    def place_variables(
+        self, values: FloatArray, scale: FloatArray, part: Part | None, into: FloatArray
+    ) -> list[Bound]:
+        """Those of a part among the others, which stay what they are."""
+        if part is None:
+            return self.place(values, scale, into)
+        others = np.ones(len(into), bool)
+        others[part.cols] = False
+        return [
+            *self._spread(part.x[others], np.ones(np.count_nonzero(others)), np.flatnonzero(others), into),
+            *self._spread(values, scale, part.cols, into),
+        ]
+
+    def place_multipliers(
+        self, values: FloatArray, scale: FloatArray, part: Part | None, into: FloatArray
+    ) -> list[Bound]:
+        """Those of a part's rows; no entry of a part depends on other rows' multipliers."""
+        if part is None:
+            return self.place(values, scale, into)
+        return self._spread(values, scale, part.rows, into)
+
+    def _spread(
+        self, values: FloatArray, scale: FloatArray, at: NDArray[np.integer], into: FloatArray
+    ) -> list[Bound]:
+        own, places = np.arange(len(at), dtype=np.int32), np.ascontiguousarray(at, np.int32)
+        return [
+            scatter(values, own[piece], places[piece], scale[piece], into, self.cell())
+            for piece in self.cut(len(at))
+        ]
+
     def collect(
         self, buffer: FloatArray, first: NDArray[np.int32], scale: FloatArray, out: FloatArray
     ) -> list[Bound]:
@@ -122,13 +154,48 @@ class _Steps:
         return chain(calls)
 
 
-def evaluator(nlp: BoundProgram, scaling: Scaling) -> Evaluator:
-    """Arrays of its own for one scaling, and the calls that fill them."""
-    program = nlp.program
-    result = Evaluator.allocate(program.size, program.row_count, len(program.jacobian), len(program.hessian))
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """What of a program's numbers is to leave its kernels.
+
+    Attributes:
+        program: its objective, rows and matrices, as the kernels fill them.
+        row_source, gradient, jacobian, hessian: those that are wanted, as in :class:`Program`, at their own places.
+        part: which those are; None for all.
+    """
+
+    program: Program
+    row_source: NDArray[np.int32]
+    gradient: Sparsity
+    jacobian: Sparsity
+    hessian: Sparsity
+    part: Part | None
+
+    @classmethod
+    def of(cls, program: Program, part: Part | None) -> _Wanted:
+        gradient, jacobian, hessian = program.gradient, program.jacobian, program.hessian
+        if part is None:
+            return cls(program, program.row_source, gradient, jacobian, hessian, None)
+        place = np.full(program.size, -1, np.int32)
+        place[part.cols] = np.arange(len(part.cols))
+        at = np.flatnonzero(place[gradient.cols] >= 0)
+        return cls(
+            program,
+            program.row_source[part.rows],
+            replace(gradient, rows=gradient.rows[at], cols=place[gradient.cols[at]], first=gradient.first[at]),
+            replace(jacobian, rows=part.jac_rows, cols=part.jac_cols, first=jacobian.first[part.jac]),
+            replace(hessian, rows=part.hess_rows, cols=part.hess_cols, first=hessian.first[part.hess]),
+            part,
+        )
+
+
+def evaluator(nlp: BoundProgram, scaling: Scaling, part: Part | None = None) -> Evaluator:
+    """Arrays of its own for one scaling, and the calls that fill them; of a part of the program, if one is given."""
+    its = _Wanted.of(nlp.program, part)
+    result = Evaluator.allocate(len(scaling.variable), len(scaling.row), len(its.jacobian), len(its.hessian))
     objective = np.array([scaling.objective])
-    result.values_call = _values_call(nlp, scaling, objective, result)
-    result.derivatives_call = _derivatives_call(nlp, scaling, objective, result)
+    result.values_call = _values_call(nlp, its, scaling, objective, result)
+    result.derivatives_call = _derivatives_call(nlp, its, scaling, objective, result)
     return result
 
 
@@ -140,25 +207,29 @@ def _shared(nlp: BoundProgram, values: bool) -> bool:
     )
 
 
-def _values_call(nlp: BoundProgram, scaling: Scaling, objective: FloatArray, result: Evaluator) -> Bound:
+def _values_call(
+    nlp: BoundProgram, its: _Wanted, scaling: Scaling, objective: FloatArray, result: Evaluator
+) -> Bound:
     program, buffer, shared = nlp.program, nlp.values_buffer, _shared(nlp, values=True)
     steps = _Steps(result.values_status, nlp.counts[:1], shared, nlp.paces[0])
     kernels = kernel_calls(program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, True, cut=shared)
     steps.phases = [
-        steps.place(result.x, scaling.variable, nlp.workspace[: nlp.n]),
+        steps.place_variables(result.x, scaling.variable, its.part, nlp.workspace[: nlp.n]),
         [call for call, _, _ in kernels],
         [
             total(buffer, program.objective_source, objective, result.f, steps.cell()),
-            *steps.collect(buffer, program.row_source, scaling.row, result.r),
+            *steps.collect(buffer, its.row_source, scaling.row, result.r),
         ],
     ]
     return steps.call()
 
 
-def _derivatives_call(nlp: BoundProgram, scaling: Scaling, objective: FloatArray, result: Evaluator) -> Bound:
+def _derivatives_call(
+    nlp: BoundProgram, its: _Wanted, scaling: Scaling, objective: FloatArray, result: Evaluator
+) -> Bound:
     program, buffer = nlp.program, nlp.derivatives_buffer
     n, m = nlp.n, nlp.m
-    gradient, jacobian, hessian = program.gradient, program.jacobian, program.hessian
+    gradient, jacobian, hessian = its.gradient, its.jacobian, its.hessian
     of_gradient = scaling.gradient()[gradient.cols]
     matrices = (
         (jacobian, scaling.jacobian(jacobian.rows, jacobian.cols), result.jac),
@@ -198,8 +269,8 @@ def _derivatives_call(nlp: BoundProgram, scaling: Scaling, objective: FloatArray
 
     steps.phases = [
         [
-            *steps.place(result.x, scaling.variable, nlp.workspace[:n]),
-            *steps.place(result.y, scaling.row, nlp.workspace[n : n + m]),
+            *steps.place_variables(result.x, scaling.variable, its.part, nlp.workspace[:n]),
+            *steps.place_multipliers(result.y, scaling.row, its.part, nlp.workspace[n : n + m]),
             place(result.weight, objective, nlp.uniform[-1:]),
         ],
         [

@@ -1,0 +1,301 @@
+"""What bounds and linear equations determine is found before the solve, which then goes without it.
+
+A foot that stands still has coordinates, velocities and accelerations at every frame, and as many equations that join
+them: with the first frame and all accelerations given, each equation in turn has one unknown left and says what it is.
+Such variables, those that bounds fix, and the rows that have none but these keep a solver busy for nothing
+(E. D. Andersen and K. D. Andersen, Presolving in linear programming, Math. Program. 71, 1995: singleton rows).
+The multipliers of the equations that were used follow from the solution in the opposite order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
+from stc.records import dataclass, field
+from stc.solver.evaluator import Evaluator, Part, PartlyEvaluable, Scaling, python_evaluator
+from stc.solver.keeping import Keeper
+from stc.solver.nlp import NLP, Floats, Ints
+from stc.solver.options import Options
+from stc.solver.report import Callback, IterationRecord, Result, Start
+from stc.solver.residuals import assess
+from stc.solver.scaled_problem import relative_violation
+from stc.solver.status import Status
+
+__all__ = ["Determined", "Reduced", "determined_by", "presolved"]
+
+SMALL_PIVOT: Final = 1e-6
+"""An equation with a smaller coefficient, relative to its largest, does not tell its last unknown accurately."""
+MET = 1e-9
+"""What determined variables may miss bounds and equations by, relative to ``max(1, |bound|)``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Determined:
+    """What is known of a program before it is solved.
+
+    Attributes:
+        part: what is left, with the values of what is known.
+        rows, cols, entries: the equations in the order in which they were used, the variable that each has determined
+            and the coefficient's place among the Jacobian's entries, (k,) int32 each.
+        columns: the Jacobian's entries by columns, ``(starts (n + 1,), entries (nnz_J,))``, int32.
+        keeper: for the program that is left.
+    """
+
+    part: Part
+    rows: Ints
+    cols: Ints
+    entries: Ints
+    columns: tuple[Ints, Ints]
+    keeper: Keeper = field(default_factory=Keeper)
+
+
+class Reduced:
+    """A program without what is known of it: :class:`stc.solver.nlp.NLP`."""
+
+    def __init__(self, nlp: NLP, known: Determined) -> None:
+        self.whole, self.known = nlp, known
+        part = known.part
+        cols, rows = part.cols, part.rows
+        self.keeper = known.keeper
+        self.n, self.m = cols.size, rows.size
+        self.x0 = np.asarray(nlp.x0, float)[cols]
+        self.x_lower, self.x_upper = nlp.x_lower[cols], nlp.x_upper[cols]
+        self.row_lower, self.row_upper = nlp.row_lower[rows], nlp.row_upper[rows]
+        self.jac_rows, self.jac_cols = part.jac_rows, part.jac_cols
+        self.hess_rows, self.hess_cols = part.hess_rows, part.hess_cols
+        self.var_stage, self.row_stage = nlp.var_stage[cols], nlp.row_stage[rows]
+        self.row_linear, self.objective_degree = nlp.row_linear[rows], nlp.objective_degree
+        self.fixed_curvature = nlp.fixed_curvature[cols]
+        self._x, self._y = part.x.copy(), np.zeros(nlp.m)
+
+    def all_variables(self, x: Floats) -> Floats:
+        """The whole program's variables, (n,), in an array that the next call overwrites."""
+        self._x[self.known.part.cols] = x
+        return self._x
+
+    def all_multipliers(self, y: Floats) -> Floats:
+        """Those of the whole program's rows, 0 for rows that are left out, in an array that the next call overwrites."""
+        self._y[self.known.part.rows] = y
+        return self._y
+
+    def values(self, x: Floats) -> tuple[float, Floats]:
+        """See :class:`NLP`."""
+        f, r = self.whole.values(self.all_variables(x))
+        return f, r[self.known.part.rows]
+
+    def derivatives(
+        self, x: Floats, multipliers: Floats, objective_factor: float
+    ) -> tuple[Floats, Floats, Floats]:
+        """See :class:`NLP`."""
+        part = self.known.part
+        gradient, jac, hess = self.whole.derivatives(
+            self.all_variables(x), self.all_multipliers(multipliers), objective_factor
+        )
+        return gradient[part.cols], jac[part.jac], hess[part.hess]
+
+    def evaluator(self, scaling: Scaling) -> Evaluator:
+        """See :class:`stc.solver.evaluator.Evaluable`."""
+        if isinstance(self.whole, PartlyEvaluable):
+            return self.whole.part_evaluator(scaling, self.known.part)
+        return python_evaluator(self, scaling)
+
+    def start(self, start: Start) -> Start:
+        """A start of the whole program, as it concerns this one."""
+        part, another = self.known.part, start.another
+        y, z = start.row_multipliers, start.bound_multipliers
+
+        def other() -> Floats | None:
+            x = another() if another is not None else None
+            return None if x is None else x[part.cols]
+
+        return Start(
+            np.asarray(start.x, float)[part.cols],
+            None if y is None else y[part.rows],
+            None if z is None else z[part.cols],
+            None if another is None else other,
+        )
+
+    def callback(self, callback: Callback | None) -> Callback | None:
+        """One for this program that tells ``callback`` of the whole one."""
+        if callback is None:
+            return None
+        its = callback
+
+        def told(record: IterationRecord) -> bool | None:
+            x = None if record.x is None else self.all_variables(record.x)
+            return its(replace(record, x=x))
+
+        return told
+
+    def restored(self, result: Result, options: Options) -> Result | None:
+        """A result of this program as one of the whole, judged as such; None where an optimum does not stand that."""
+        weight = 0.0 if result.status is Status.INFEASIBLE else 1.0
+        x, y = self._whole_point(result, weight)
+        judged = assess(self.whole, x, y)
+        holds = judged.violation <= options.feasibility_tolerance
+        if result.status is Status.OPTIMAL and not (holds and judged.optimality <= options.unscaled_tolerance):
+            return None
+        return replace(
+            result,
+            x=x,
+            row_multipliers=y,
+            bound_multipliers=judged.bound_multipliers,
+            objective=judged.objective,
+            violation=judged.violation,
+            optimality=judged.optimality,
+        )
+
+    def _whole_point(self, result: Result, weight: float) -> tuple[Floats, Floats]:
+        """Variables (n,) and row multipliers (m,) of the whole program, for a result of this one.
+
+        Args:
+            weight: of the objective in what the multipliers balance: 0 where they show that nothing is feasible.
+        """
+        known, whole = self.known, self.whole
+        x, y = self.all_variables(result.x).copy(), self.all_multipliers(result.row_multipliers).copy()
+        gradient, jac, _ = whole.derivatives(x, y, 0.0)
+        _balance(
+            known.rows.size, weight, known.rows, known.cols, known.entries, *known.columns,
+            np.ascontiguousarray(whole.jac_rows, np.int32), np.ascontiguousarray(jac),
+            np.ascontiguousarray(gradient), y,
+        )  # fmt: skip
+        return x, y
+
+
+def presolved(nlp: NLP) -> Reduced | None:
+    """The program that is left when what is determined is left out; None where nothing is, or not without conflict."""
+    keeper: Keeper | None = getattr(nlp, "keeper", None)
+    if keeper is None:
+        known = determined_by(nlp)
+    else:
+        known = keeper.determined((nlp.x_lower.tobytes(), nlp.x_upper.tobytes()), lambda: determined_by(nlp))
+    return None if known is None else Reduced(nlp, known)
+
+
+def determined_by(nlp: NLP) -> Determined | None:
+    """What the bounds and the linear equations of ``nlp`` determine.
+
+    None where equations determine no variable or, within rounding errors, cannot hold together with bounds and other
+    rows: the solver says more about that. So it does about functions that have no value.
+    """
+    n, m = nlp.n, nlp.m
+    fixed = nlp.x_lower == nlp.x_upper
+    usable = nlp.row_linear & (nlp.row_lower == nlp.row_upper)
+    rows, cols = (np.ascontiguousarray(index, np.int32) for index in (nlp.jac_rows, nlp.jac_cols))
+    unknown = np.flatnonzero(~fixed[cols])
+    left = np.bincount(rows[unknown], minlength=m)
+    first = np.flatnonzero(usable & (left == 1))
+    if not first.size:
+        return None
+    x = np.where(fixed, nlp.x_lower, nlp.x0)
+    f, r = nlp.values(x)
+    r = r.copy()
+    jac = np.array(nlp.derivatives(x, np.zeros(m), 0.0)[1], float)
+    if not np.isfinite(f + r.sum() + jac.sum()):
+        return None
+    last = np.bincount(rows[unknown], weights=unknown, minlength=m).astype(np.int64)
+    largest = np.zeros(m)
+    np.maximum.at(largest, rows, np.abs(jac))
+    columns = _by_columns(cols, n)
+    queue = np.concatenate([first, np.zeros(m, np.int64)]).astype(np.int32)
+    order, entries = np.zeros(m, np.int32), np.zeros(m, np.int32)
+    found, count = fixed.astype(np.int32), np.zeros(1, np.int64)
+    _find(
+        first.size, queue, usable.astype(np.int32), left.astype(np.int32), last, largest, *columns, rows, cols, jac,
+        found, order, entries, count,
+    )  # fmt: skip
+    order, entries = order[: count[0]].copy(), entries[: count[0]].copy()
+    for _ in range(2):  # the second time for what rounding has left of the guess
+        missing = np.where(usable, nlp.row_lower - r, 0.0)
+        _substitute(order.size, order, cols[entries], entries, *columns, rows, jac, missing, x)
+        f, r = nlp.values(x)
+    gone = found != 0
+    settled = np.bincount(rows[~gone[cols]], minlength=m) == 0
+    misses = max(
+        relative_violation(x, nlp.x_lower, nlp.x_upper)[gone].max(initial=0.0),
+        relative_violation(r, nlp.row_lower, nlp.row_upper)[settled].max(initial=0.0),
+    )
+    if not order.size or not misses <= MET:
+        return None
+    part = Part.of(nlp, x, ~gone, ~settled)
+    return Determined(part, order, cols[entries], entries, columns)
+
+
+def _by_columns(cols: Ints, n: int) -> tuple[Ints, Ints]:
+    """Where each column's entries begin, (n + 1,), and which ones they are, (nnz,)."""
+    order = np.argsort(cols, kind="stable")
+    return np.searchsorted(cols[order], np.arange(n + 1)).astype(np.int32), order.astype(np.int32)
+
+
+@native
+def _find(
+    waiting: i64, queue: i32s, usable: i32s, left: i32s, last: i64s, largest: f64s, starts: i32s, members: i32s,
+    rows: i32s, cols: i32s, jac: f64s, found: i32s, order: i32s, entries: i32s, count: i64s,
+) -> None:  # fmt: skip
+    """Which equation determines which variable, in an order in which they can.
+
+    Args:
+        waiting, queue: so many equations with one unknown, first in ``queue`` (2 m,).
+        usable: 1 for linear equations, (m,).
+        left: how many unknowns each row has, (m,).
+        last: the sum of their entries' places: with one left, its place, (m,).
+        largest: magnitude of each row's largest entry, (m,).
+        starts, members: see :class:`Determined`.
+        found: 1 for variables that are known, (n,).
+        order, entries, count: the result, (m,), (m,) and (1,).
+    """
+    end = waiting
+    place = 0
+    done = 0
+    while place < end:
+        row = queue[place]
+        place += 1
+        if left[row] == 1:
+            e = last[row]
+            col = cols[e]
+            if fabs(jac[e]) > SMALL_PIVOT * largest[row]:
+                found[col] = 1
+                order[done] = row
+                entries[done] = e
+                done += 1
+                for k in range(starts[col], starts[col + 1]):
+                    other = rows[members[k]]
+                    left[other] -= 1
+                    last[other] -= members[k]
+                    if left[other] == 1 and usable[other] == 1:
+                        queue[end] = other
+                        end += 1
+    count[0] = done
+
+
+@native
+def _substitute(
+    count: i64, order: i32s, cols: i32s, entries: i32s, starts: i32s, members: i32s, rows: i32s, jac: f64s,
+    missing: f64s, x: f64s,
+) -> None:  # fmt: skip
+    """Change ``x`` (n,) so that equations, used in this order, lose what is ``missing`` (m,)."""
+    for k in range(count):
+        step = missing[order[k]] / jac[entries[k]]
+        x[cols[k]] += step
+        for place in range(starts[cols[k]], starts[cols[k] + 1]):
+            e = members[place]
+            missing[rows[e]] -= jac[e] * step
+
+
+@native
+def _balance(
+    count: i64, weight: f64, order: i32s, cols: i32s, entries: i32s, starts: i32s, members: i32s, rows: i32s,
+    jac: f64s, gradient: f64s, y: f64s,
+) -> None:  # fmt: skip
+    """Multipliers ``y`` (m,) of equations, used in this order, that make the Lagrangian stationary in their variables."""
+    for back in range(count):
+        k = count - 1 - back
+        total = weight * gradient[cols[k]]
+        for place in range(starts[cols[k]], starts[cols[k] + 1]):
+            e = members[place]
+            total += jac[e] * y[rows[e]]
+        y[order[k]] = -total / jac[entries[k]]
