@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound
 from stc.records import dataclass
@@ -24,6 +25,8 @@ __all__ = [
     "evaluator_of",
     "python_evaluator",
 ]
+
+Places = NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,32 +78,36 @@ class Part:
     Attributes:
         x: what the other variables are, (n,).
         cols, rows: which ones they are, (k,) each.
-        jac, hess: which entries of the Jacobian and of the Hessian have their row and their column among them, (k,) each.
+        jac, hess: which entries of the Jacobian and of the Hessian have row and column among them, (k,) each.
         jac_rows, jac_cols, hess_rows, hess_cols: where these are in the program that the part makes, (k,) each.
     """
 
     x: Floats
-    cols: Ints
-    rows: Ints
-    jac: Ints
-    hess: Ints
-    jac_rows: Ints
-    jac_cols: Ints
-    hess_rows: Ints
-    hess_cols: Ints
+    cols: Places
+    rows: Places
+    jac: Places
+    hess: Places
+    jac_rows: Places
+    jac_cols: Places
+    hess_rows: Places
+    hess_cols: Places
 
     @classmethod
     def of(cls, nlp: NLP, x: Floats, variables: Mask, rows: Mask) -> Part:
         """These variables (n,) and rows (m,) of a program, the other variables as in ``x`` (n,)."""
         new_col = (np.cumsum(variables) - 1).astype(np.int32)
         new_row = (np.cumsum(rows) - 1).astype(np.int32)
-        jac = np.flatnonzero(rows[nlp.jac_rows] & variables[nlp.jac_cols])
-        hess = np.flatnonzero(variables[nlp.hess_rows] & variables[nlp.hess_cols])
+        jac = _which(rows[nlp.jac_rows] & variables[nlp.jac_cols])
+        hess = _which(variables[nlp.hess_rows] & variables[nlp.hess_cols])
         return cls(
-            x, np.flatnonzero(variables), np.flatnonzero(rows), jac, hess,
+            x, _which(variables), _which(rows), jac, hess,
             new_row[nlp.jac_rows[jac]], new_col[nlp.jac_cols[jac]],
             new_col[nlp.hess_rows[hess]], new_col[nlp.hess_cols[hess]],
         )  # fmt: skip
+
+
+def _which(wanted: Mask) -> Places:
+    return np.flatnonzero(wanted).astype(np.int32)
 
 
 @dataclass(slots=True)

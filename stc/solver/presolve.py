@@ -16,9 +16,9 @@ import numpy as np
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.records import dataclass, field
-from stc.solver.evaluator import Evaluator, Part, PartlyEvaluable, Scaling, python_evaluator
+from stc.solver.evaluator import Evaluator, Part, PartlyEvaluable, Places, Scaling, python_evaluator
 from stc.solver.keeping import Keeper
-from stc.solver.nlp import NLP, Floats, Ints
+from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.report import Callback, IterationRecord, Result, Start
 from stc.solver.residuals import assess
@@ -46,10 +46,10 @@ class Determined:
     """
 
     part: Part
-    rows: Ints
-    cols: Ints
-    entries: Ints
-    columns: tuple[Ints, Ints]
+    rows: Places
+    cols: Places
+    entries: Places
+    columns: tuple[Places, Places]
     keeper: Keeper = field(default_factory=Keeper)
 
 
@@ -78,7 +78,7 @@ class Reduced:
         return self._x
 
     def all_multipliers(self, y: Floats) -> Floats:
-        """Those of the whole program's rows, 0 for rows that are left out, in an array that the next call overwrites."""
+        """Those of the whole program's rows, 0 where left out, (m,), in an array that the next call overwrites."""
         self._y[self.known.part.rows] = y
         return self._y
 
@@ -137,7 +137,9 @@ class Reduced:
         x, y = self._whole_point(result, weight)
         judged = assess(self.whole, x, y)
         holds = judged.violation <= options.feasibility_tolerance
-        if result.status is Status.OPTIMAL and not (holds and judged.optimality <= options.unscaled_tolerance):
+        if result.status is Status.OPTIMAL and not (
+            holds and judged.optimality <= options.unscaled_tolerance
+        ):
             return None
         return replace(
             result,
@@ -225,7 +227,7 @@ def determined_by(nlp: NLP) -> Determined | None:
     return Determined(part, order, cols[entries], entries, columns)
 
 
-def _by_columns(cols: Ints, n: int) -> tuple[Ints, Ints]:
+def _by_columns(cols: Places, n: int) -> tuple[Places, Places]:
     """Where each column's entries begin, (n + 1,), and which ones they are, (nnz,)."""
     order = np.argsort(cols, kind="stable")
     return np.searchsorted(cols[order], np.arange(n + 1)).astype(np.int32), order.astype(np.int32)
@@ -291,7 +293,7 @@ def _balance(
     count: i64, weight: f64, order: i32s, cols: i32s, entries: i32s, starts: i32s, members: i32s, rows: i32s,
     jac: f64s, gradient: f64s, y: f64s,
 ) -> None:  # fmt: skip
-    """Multipliers ``y`` (m,) of equations, used in this order, that make the Lagrangian stationary in their variables."""
+    """Multipliers ``y`` (m,) of equations, used in this order, that leave their variables no slope."""
     for back in range(count):
         k = count - 1 - back
         total = weight * gradient[cols[k]]

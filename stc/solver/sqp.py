@@ -66,7 +66,9 @@ def minimize(
         less = presolved(nlp)
         if less is not None:
             own = less.start(start or Start(np.asarray(nlp.x0, dtype=float)))
-            result = less.restored(_Solve(less, options, less.callback(callback), own, new_kkt).run(), options)
+            result = less.restored(
+                _Solve(less, options, less.callback(callback), own, new_kkt).run(), options
+            )
             if result is not None:
                 return result
         return _Solve(nlp, options, callback, start, new_kkt).run()

@@ -16,7 +16,7 @@ from stc.codegen import threads
 from stc.codegen.calls import Bound, chain
 from stc.codegen.kernel import KernelSet
 from stc.records import dataclass
-from stc.solver.evaluator import Evaluator, Part, Scaling
+from stc.solver.evaluator import Evaluator, Part, Places, Scaling
 from stc.transcription.assemble import Program, Sparsity
 from stc.transcription.gather import add_up, begin, collect, place, scatter, total
 
@@ -113,10 +113,9 @@ class _Steps:
         """Those of a part among the others, which stay what they are."""
         if part is None:
             return self.place(values, scale, into)
-        others = np.ones(len(into), bool)
-        others[part.cols] = False
+        others = np.setdiff1d(np.arange(len(into), dtype=np.int32), part.cols)
         return [
-            *self._spread(part.x[others], np.ones(np.count_nonzero(others)), np.flatnonzero(others), into),
+            *self._spread(part.x[others], np.ones(len(others)), others, into),
             *self._spread(values, scale, part.cols, into),
         ]
 
@@ -128,12 +127,10 @@ class _Steps:
             return self.place(values, scale, into)
         return self._spread(values, scale, part.rows, into)
 
-    def _spread(
-        self, values: FloatArray, scale: FloatArray, at: NDArray[np.integer], into: FloatArray
-    ) -> list[Bound]:
-        own, places = np.arange(len(at), dtype=np.int32), np.ascontiguousarray(at, np.int32)
+    def _spread(self, values: FloatArray, scale: FloatArray, at: Places, into: FloatArray) -> list[Bound]:
+        own = np.arange(len(at), dtype=np.int32)
         return [
-            scatter(values, own[piece], places[piece], scale[piece], into, self.cell())
+            scatter(values, own[piece], at[piece], scale[piece], into, self.cell())
             for piece in self.cut(len(at))
         ]
 
@@ -182,7 +179,9 @@ class _Wanted:
         return cls(
             program,
             program.row_source[part.rows],
-            replace(gradient, rows=gradient.rows[at], cols=place[gradient.cols[at]], first=gradient.first[at]),
+            replace(
+                gradient, rows=gradient.rows[at], cols=place[gradient.cols[at]], first=gradient.first[at]
+            ),
             replace(jacobian, rows=part.jac_rows, cols=part.jac_cols, first=jacobian.first[part.jac]),
             replace(hessian, rows=part.hess_rows, cols=part.hess_cols, first=hessian.first[part.hess]),
             part,
