@@ -17,7 +17,7 @@ MADE, ALLOWED, TALLY = 0, 1, 2
 
 
 #: A matrix costs more than its plan by its further entries, by this share of all for stages that strayed, ...
-STRAYING = 0.1
+STRAYING = 0.5
 #: ... and by so many entries for a rejected pivot.
 REJECTION = 25
 #: In the account of a system: what matrices have cost beyond the plan, what they may, entries and stages of the plan.

@@ -104,22 +104,33 @@ class FrontalKKT(ByCopies):
 
     @classmethod
     def of_couplings(
-        cls, couplings: Couplings, stage: NDArray[np.int64], arrays: Arrays, *, part: bool = False
+        cls,
+        couplings: Couplings,
+        stage: NDArray[np.int64],
+        arrays: Arrays,
+        *,
+        part_filled: NDArray[np.int64] | None = None,
     ) -> FrontalKKT:
         """For a pattern that is known already, whose rows may also couple with each other.
 
         Args:
             stage: elimination group of each unknown, (N,).
             arrays: those it works with.
-            part: whether the matrix is part of another one, and scaled.
+            part_filled: given where the matrix is what the elimination of others has left, scaled: the unknowns whose
+                diagonal entries that fills, whatever the pattern says.
         """
         system = cls.__new__(cls)
-        system._prepare(couplings, stage, arrays, part)
+        system._prepare(couplings, stage, arrays, part_filled)
         return system
 
     def _prepare(
-        self, couplings: Couplings, stage: NDArray[np.int64], arrays: Arrays, part: bool = False
+        self,
+        couplings: Couplings,
+        stage: NDArray[np.int64],
+        arrays: Arrays,
+        filled: NDArray[np.int64] | None = None,
     ) -> None:
+        part = filled is not None
         self._scaling = (SWEEPS_OF_PART, STALE_OF_PART) if part else (SWEEPS, STALE)
         self.n, self.m = n, m = couplings.n, couplings.m
         self.inertia = np.zeros(3, dtype=np.int64)
@@ -138,6 +149,8 @@ class FrontalKKT(ByCopies):
         size = n + m
         self._structural_diagonal = np.zeros(size, dtype=bool)
         self._structural_diagonal[self._couplings.hess_variable] = True
+        if filled is not None:
+            self._structural_diagonal[filled] = True
         self._diagonal_seen = np.zeros(size, dtype=bool)
         self.given = arrays.given
         self.hess, self.jac, self.primal, self.dual = arrays.hess, arrays.jac, arrays.primal, arrays.dual
@@ -178,7 +191,9 @@ class FrontalKKT(ByCopies):
         self.pivot_threshold = PIVOT_THRESHOLD
         self._plans_made = min(self._plans_made, SETTLED)
         if self._plan is not None:
+            wasted = self.account[attempts.WASTED]  # many short solves are to be worth another plan as well
             self._open_account()
+            self.account[attempts.WASTED] = wasted
         self._scale[:] = 1.0
         self._factorized = False
 

@@ -273,7 +273,7 @@ class _Walk:
         first, second = np.empty(CANDIDATES, dtype=np.int32), np.empty(CANDIDATES, dtype=np.int32)
         before = sizes.reshape(-1).copy()
         order_stage(
-            window, top, count, waiting, MARGIN, COMPARED, sizes.reshape(-1), degree, most, row_p, row_q,
+            window, top, count, waiting, 0.1 * MARGIN, COMPARED, sizes.reshape(-1), degree, most, row_p, row_q,
             first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
         )  # fmt: skip
         fixed = np.zeros_like(order)

@@ -89,8 +89,12 @@ class SegmentedKKT(ByCopies):
         rest = layout.rest
         self._matrix = aligned_zeros(layout.matrix)
         self._rest_matrix = np.zeros(rest.unknowns.size + rest.entry.size)
+        beside = np.concatenate([places.reshape(-1) for places in (*sewn.before, *sewn.after)])
         self._rest = FrontalKKT.of_couplings(
-            rest.couplings, sewn.stage[rest.unknowns], Arrays.of(rest.couplings), part=True
+            rest.couplings,
+            sewn.stage[rest.unknowns],
+            Arrays.of(rest.couplings),
+            part_filled=np.searchsorted(rest.unknowns, beside),
         )
         self._whole: FrontalKKT | None = None
         self._eliminated = int(size - rest.unknowns.size)
