@@ -239,6 +239,8 @@ class Nested:
         self._factorizations += done.factorizations
 
     def _counted(self, result: Result) -> Result:
+        if not (self._iterations or self._factorizations):
+            return result
         return replace(
             result,
             iterations=result.iterations + self._iterations,

@@ -152,10 +152,12 @@ def project_entries(
 @native(fast=True)
 def restrict(
     n: i64, m: i64, entries: i64, curved: i64, rows: i64s, cols: i64s, hess_rows: i64s, hess_cols: i64s, jac: f64s,
-    hess: f64s, active_x: f64s, active_rows: f64s, x: f64s, y: f64s, r: f64s, lagrangian: f64s, x_target: f64s,
-    row_target: f64s, dx: f64s, dy: f64s, out_hess: f64s, out_jac: f64s, rhs: f64s, out: f64s,
+    hess: f64s, fixed: f64s, active_x: f64s, active_rows: f64s, x: f64s, y: f64s, r: f64s, lagrangian: f64s,
+    x_target: f64s, row_target: f64s, dx: f64s, dy: f64s, out_hess: f64s, out_jac: f64s, rhs: f64s, out: f64s,
 ) -> None:  # fmt: skip
     """Matrix and right-hand side of the Newton step on an active set.
+
+    ``fixed`` variables are active always, and all their derivatives are 0.
 
     ``dx`` and ``dy`` become the part of the step that the active set fixes: variables go to their bounds, multipliers
     of rows that are not active to zero. ``out[0]`` is the largest entry of the Hessian that is left.
@@ -164,7 +166,7 @@ def restrict(
     for i in range(n):
         dx[i] = x_target[i] - x[i] if active_x[i] != 0.0 else 0.0
         rhs[i] = -lagrangian[i]
-        held += active_x[i]
+        held += active_x[i] - fixed[i]
     moved = 0.0
     for i in range(n):
         moved = max(moved, fabs(dx[i]))
@@ -174,7 +176,7 @@ def restrict(
         rhs[n + k] = row_target[k] - r[k] if active_rows[k] != 0.0 else 0.0
         met += active_rows[k]
     largest = 0.0
-    if held == 0.0 and met == float(m):  # nothing to leave out
+    if held == 0.0 and moved == 0.0 and met == float(m):  # nothing to leave out
         for e in range(curved):
             out_hess[e] = hess[e]
             largest = max(largest, fabs(hess[e]))

@@ -22,6 +22,7 @@ __all__ = [
     "Part",
     "PartlyEvaluable",
     "Scaling",
+    "Stated",
     "evaluator_of",
     "python_evaluator",
 ]
@@ -181,6 +182,14 @@ class PartlyEvaluable(Protocol):
 
     def part_evaluator(self, scaling: Scaling, part: Part) -> Evaluator:
         """Arrays and calls for one scaling of the program that the part makes."""
+
+
+@runtime_checkable
+class Stated(Protocol):
+    """A problem that evaluates itself as stated, unscaled, by an evaluator that others may use for a moment."""
+
+    def as_stated(self) -> Evaluator:
+        """The evaluator; its numbers are those of the last evaluation, by whomsoever."""
 
 
 def evaluator_of(nlp: NLP, scaling: Scaling) -> Evaluator:

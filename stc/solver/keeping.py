@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
+from stc.records import dataclass
 from stc.solver.kkt.contract import KKTSystem
 from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.nlp import NLP, Floats
@@ -15,9 +16,39 @@ __all__ = ["Keeper", "give_back", "kept_form", "key_of"]
 
 
 T = TypeVar("T")
+P = TypeVar("P", bound=NLP)
 
 #: Variables and rows of the largest program that something is kept of.
 LARGEST = 5_000_000
+
+
+def same(a: Floats, b: Floats) -> bool:
+    """Whether two arrays of one length have the same entries; nobody changes them."""
+    return a is b or bool((a == b).all())
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """What a form depends on: where it is scaled, the bounds of the variables, and the settings.
+
+    Attributes:
+        x0, lower, upper: (n,) each.
+        scaling: see :class:`Options`.
+        new_kkt: builds the linear algebra.
+    """
+
+    x0: Floats
+    lower: Floats
+    upper: Floats
+    scaling: bool
+    new_kkt: Callable[..., KKTSystem]
+
+    def is_like(self, other: Key) -> bool:
+        """Whether a form for the other one serves."""
+        if self.scaling != other.scaling or self.new_kkt is not other.new_kkt:
+            return False
+        pairs = (self.lower, other.lower), (self.upper, other.upper), (self.x0, other.x0)
+        return all(same(a, b) for a, b in pairs)
 
 
 class Keeper:
@@ -27,35 +58,35 @@ class Keeper:
     """
 
     def __init__(self) -> None:
-        self._kept: tuple[object, ScaledProblem] | None = None
-        self._determined: tuple[object, Any] | None = None
+        self._kept: tuple[Key, ScaledProblem] | None = None
+        self._found: dict[object, tuple[tuple[Floats, Floats], Any]] = {}
 
-    def determined(self, key: object, find: Callable[[], T]) -> T:
-        """What ``find`` tells of the program, asked once for each key in turn."""
-        if self._determined is None or self._determined[0] != key:
-            self._determined = key, find()
-        return cast("T", self._determined[1])
+    def once(self, find: Callable[[P], T], nlp: P) -> T:
+        """What ``find`` tells of the program, asked once as long as its bounds are the same."""
+        known = self._found.get(find)
+        if known is None or not (same(known[0][0], nlp.x_lower) and same(known[0][1], nlp.x_upper)):
+            known = self._found[find] = (nlp.x_lower, nlp.x_upper), find(nlp)
+        return cast("T", known[1])
 
-    def take(self, key: object) -> ScaledProblem | None:
+    def take(self, key: Key) -> ScaledProblem | None:
         """What was left under this key; whatever was left is gone then."""
         kept, self._kept = self._kept, None
-        return kept[1] if kept is not None and kept[0] == key else None
+        return kept[1] if kept is not None and kept[0].is_like(key) else None
 
-    def give(self, key: object, form: ScaledProblem) -> None:
+    def give(self, key: Key, form: ScaledProblem) -> None:
         """Leave a form, of which nobody makes use any more."""
         form.release()
         self._kept = key, form
 
 
-def key_of(nlp: NLP, x0: Floats, options: Options, new_kkt: Callable[..., KKTSystem]) -> Hashable:
+def key_of(nlp: NLP, x0: Floats, options: Options, new_kkt: Callable[..., KKTSystem]) -> Key | None:
     """What a form of ``nlp`` that is scaled at ``x0`` (n,) depends on; None for programs that are not kept."""
     if getattr(nlp, "keeper", None) is None or nlp.n + nlp.m > LARGEST:
         return None
-    bounds = nlp.x_lower.tobytes(), nlp.x_upper.tobytes()
-    return x0.tobytes(), *bounds, options.scaling, new_kkt
+    return Key(x0, nlp.x_lower, nlp.x_upper, options.scaling, new_kkt)
 
 
-def kept_form(nlp: NLP, key: Hashable) -> ScaledProblem | None:
+def kept_form(nlp: NLP, key: Key | None) -> ScaledProblem | None:
     """The form that an earlier solve has left, whose functions have values at its start; None where there is none."""
     keeper: Keeper | None = getattr(nlp, "keeper", None)
     form = None if keeper is None or key is None else keeper.take(key)
@@ -66,7 +97,7 @@ def kept_form(nlp: NLP, key: Hashable) -> ScaledProblem | None:
     return form
 
 
-def give_back(form: ScaledProblem, nlp: NLP, key: Hashable) -> None:
+def give_back(form: ScaledProblem, nlp: NLP, key: Key | None) -> None:
     """Keep a form for the next solve of the same program."""
     keeper: Keeper | None = getattr(nlp, "keeper", None)
     if keeper is not None and key is not None and isinstance(form.kkt, StructuredKKT):

@@ -18,7 +18,7 @@ from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.records import dataclass, field
 from stc.solver.evaluator import Evaluator, Part, PartlyEvaluable, Places, Scaling, python_evaluator
 from stc.solver.keeping import Keeper
-from stc.solver.nlp import NLP, Floats
+from stc.solver.nlp import NLP, Floats, Ints, Mask
 from stc.solver.options import Options
 from stc.solver.report import Callback, IterationRecord, Result, Start
 from stc.solver.residuals import assess
@@ -33,7 +33,7 @@ MET = 1e-9
 """What determined variables may miss bounds and equations by, relative to ``max(1, |bound|)``."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Determined:
     """What is known of a program before it is solved.
 
@@ -42,7 +42,10 @@ class Determined:
         rows, cols, entries: the equations in the order in which they were used, the variable that each has determined
             and the coefficient's place among the Jacobian's entries, (k,) int32 each.
         columns: the Jacobian's entries by columns, ``(starts (n + 1,), entries (nnz_J,))``, int32.
+        x_lower, x_upper, row_lower, row_upper, var_stage, row_stage, row_linear, fixed_curvature: of what is left, see
+            :class:`NLP`.
         keeper: for the program that is left.
+        stated: its evaluator, see :class:`stc.solver.evaluator.Stated`.
     """
 
     part: Part
@@ -50,7 +53,16 @@ class Determined:
     cols: Places
     entries: Places
     columns: tuple[Places, Places]
+    x_lower: Floats
+    x_upper: Floats
+    row_lower: Floats
+    row_upper: Floats
+    var_stage: Ints
+    row_stage: Ints
+    row_linear: Mask
+    fixed_curvature: Mask
     keeper: Keeper = field(default_factory=Keeper)
+    stated: Evaluator | None = None
 
 
 class Reduced:
@@ -59,17 +71,16 @@ class Reduced:
     def __init__(self, nlp: NLP, known: Determined) -> None:
         self.whole, self.known = nlp, known
         part = known.part
-        cols, rows = part.cols, part.rows
         self.keeper = known.keeper
-        self.n, self.m = cols.size, rows.size
-        self.x0 = np.asarray(nlp.x0, float)[cols]
-        self.x_lower, self.x_upper = nlp.x_lower[cols], nlp.x_upper[cols]
-        self.row_lower, self.row_upper = nlp.row_lower[rows], nlp.row_upper[rows]
+        self.n, self.m = part.cols.size, part.rows.size
+        self.x0 = np.asarray(nlp.x0, float)[part.cols]
+        self.x_lower, self.x_upper = known.x_lower, known.x_upper
+        self.row_lower, self.row_upper = known.row_lower, known.row_upper
         self.jac_rows, self.jac_cols = part.jac_rows, part.jac_cols
         self.hess_rows, self.hess_cols = part.hess_rows, part.hess_cols
-        self.var_stage, self.row_stage = nlp.var_stage[cols], nlp.row_stage[rows]
-        self.row_linear, self.objective_degree = nlp.row_linear[rows], nlp.objective_degree
-        self.fixed_curvature = nlp.fixed_curvature[cols]
+        self.var_stage, self.row_stage = known.var_stage, known.row_stage
+        self.row_linear, self.objective_degree = known.row_linear, nlp.objective_degree
+        self.fixed_curvature = known.fixed_curvature
         self._x, self._y = part.x.copy(), np.zeros(nlp.m)
 
     def all_variables(self, x: Floats) -> Floats:
@@ -102,6 +113,12 @@ class Reduced:
         if isinstance(self.whole, PartlyEvaluable):
             return self.whole.part_evaluator(scaling, self.known.part)
         return python_evaluator(self, scaling)
+
+    def as_stated(self) -> Evaluator:
+        """See :class:`stc.solver.evaluator.Stated`."""
+        if self.known.stated is None:
+            self.known.stated = self.evaluator(Scaling.none(self.n, self.m))
+        return self.known.stated
 
     def start(self, start: Start) -> Start:
         """A start of the whole program, as it concerns this one."""
@@ -174,7 +191,7 @@ def presolved(nlp: NLP) -> Reduced | None:
     if keeper is None:
         known = determined_by(nlp)
     else:
-        known = keeper.determined((nlp.x_lower.tobytes(), nlp.x_upper.tobytes()), lambda: determined_by(nlp))
+        known = keeper.once(determined_by, nlp)
     return None if known is None else Reduced(nlp, known)
 
 
@@ -224,7 +241,12 @@ def determined_by(nlp: NLP) -> Determined | None:
     if not order.size or not misses <= MET:
         return None
     part = Part.of(nlp, x, ~gone, ~settled)
-    return Determined(part, order, cols[entries], entries, columns)
+    kept, rows_kept = part.cols, part.rows
+    return Determined(
+        part, order, cols[entries], entries, columns, nlp.x_lower[kept], nlp.x_upper[kept], nlp.row_lower[rows_kept],
+        nlp.row_upper[rows_kept], nlp.var_stage[kept], nlp.row_stage[rows_kept], nlp.row_linear[rows_kept],
+        nlp.fixed_curvature[kept],
+    )  # fmt: skip
 
 
 def _by_columns(cols: Places, n: int) -> tuple[Places, Places]:

@@ -69,8 +69,9 @@ class Projection:
         )
         self._restrict = conditions.restrict.bind(
             n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows, form.hess_cols,
-            self.jac, self.hess, self.active_x, self.active_rows, self.x, self.y, self.r, self.lagrangian,
-            self.x_target, self.row_target, self.dx, self.dy, kkt.hess, kkt.jac, kkt.rhs, self._largest,
+            self.jac, self.hess, form.held_factor, self.active_x, self.active_rows, self.x, self.y, self.r,
+            self.lagrangian, self.x_target, self.row_target, self.dx, self.dy, kkt.hess, kkt.jac, kkt.rhs,
+            self._largest,
         )  # fmt: skip
 
         self.remaining_call: Bound = conditions.remaining.bind(

@@ -200,8 +200,8 @@ class QuadraticProgram:
         largest = np.zeros(1)
         restrict(
             n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows, form.hess_cols,
-            point.jac, point.hess, self._fixed, self._held_rows, nothing, nothing, nothing, point.gradient, target_x,
-            target_rows, fixed_d, np.empty(m), kkt.hess, kkt.jac, kkt.rhs, largest,
+            point.jac, point.hess, form.held_factor, self._fixed, self._held_rows, nothing, nothing, nothing,
+            point.gradient, target_x, target_rows, fixed_d, np.empty(m), kkt.hess, kkt.jac, kkt.rhs, largest,
         )  # fmt: skip
         # The next set of this program starts with what was needed here.
         diagonals = RestrictedDiagonals(kkt, self._fixed, self._held_rows)

@@ -19,7 +19,7 @@ from stc.solver.formulation import Formulation
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.passes import overstepped
-from stc.solver.products import Indices, between
+from stc.solver.products import Indices
 
 if TYPE_CHECKING:
     from stc.solver.kkt.contract import KKTSystem
@@ -184,16 +184,8 @@ class ScaledProblem(Formulation):
         """Variables (n,) and row multipliers (m,) in the user's terms."""
         return x * self.x_scale, y * self._multiplier_scale
 
-    def user_point(self, x: Floats) -> Floats:
-        """Variables as stated, rounding errors at the bounds removed, (n,)."""
-        return between(x * self.x_scale, self.nlp.x_lower, self.nlp.x_upper)
-
-    def user_multipliers(self, y: Floats) -> Floats:
-        """Multipliers of the rows as stated, (m,)."""
-        return y * self._multiplier_scale
-
     def scaled_multipliers(self, y: Floats) -> Floats:
-        """Inverse of :meth:`user_multipliers`."""
+        """Row multipliers of the scaled problem, (m,), for those in the user's terms."""
         return y / self.row_scale * self.objective_scale
 
     def scaled_bound_multipliers(self, z: Floats) -> Floats:

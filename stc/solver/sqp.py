@@ -319,9 +319,9 @@ class _Solve:
     def _point_of(self, outcome: Outcome) -> _Point:
         form = outcome.form
         assert isinstance(form, ScaledProblem)
-        y = form.user_multipliers(outcome.y)
-        point, as_found = form.user_point(outcome.x), outcome.x * form.x_scale
-        if np.array_equal(point, as_found):
+        as_found, y = form.as_stated(outcome.x, outcome.y)
+        point = between(as_found, self.nlp.x_lower, self.nlp.x_upper)
+        if (point == as_found).all():
             return _Point(point, y)
         moved, unmoved = (assess(self.nlp, x, y).violation for x in (point, as_found))
         return _Point(point if moved <= max(unmoved, ROUNDING) else as_found, y)

@@ -6,7 +6,6 @@ constant that shapes nothing binds again in moments; nothing is differentiated o
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 
 import numpy as np
@@ -183,6 +182,11 @@ class BoundProgram:
         self._idle = np.ones(self.n, bool)
         for group in program.groups:
             self._idle[group.positions] = False
+        self._any_idle = bool(self._idle.any())
+        for limits in (bounds.lower, bounds.upper):
+            limits.flags.writeable = (
+                False  # programs with other starts share them, and are told apart by them
+            )
         self._start_at(x0)
         self.row_lower, self.row_upper = _row_bounds(program, numbers)
         self.jac_rows, self.jac_cols = program.jacobian.rows, program.jacobian.cols
@@ -216,13 +220,15 @@ class BoundProgram:
 
     def _start_at(self, x0: FloatArray) -> None:
         self.x0 = x0
-        # What nothing determines keeps its guess: the solver sees it as fixed.
-        self.x_lower = np.where(self._idle, x0, self.bounds.lower)
-        self.x_upper = np.where(self._idle, x0, self.bounds.upper)
+        self.x_lower, self.x_upper = self.bounds.lower, self.bounds.upper
+        if self._any_idle:  # what nothing determines keeps its guess: the solver sees it as fixed
+            self.x_lower = np.where(self._idle, x0, self.x_lower)
+            self.x_upper = np.where(self._idle, x0, self.x_upper)
 
     def started(self, x0: FloatArray) -> BoundProgram:
         """The same program with another start, (n,); the two are not to be evaluated at the same time."""
-        other = copy.copy(self)
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)
         other._start_at(x0)
         return other
 
@@ -244,14 +250,15 @@ class BoundProgram:
         """The same for the program that some of the variables and rows make."""
         return evaluator(self, scaling, part)
 
-    def _stated(self) -> Evaluator:
+    def as_stated(self) -> Evaluator:
+        """See :class:`stc.solver.evaluator.Stated`."""
         if self._as_stated is None:
             self._as_stated = self.evaluator(Scaling.none(self.n, self.m))
         return self._as_stated
 
     def values(self, x: FloatArray) -> tuple[float, FloatArray]:
         """Objective and rows at ``x``; the rows' array is reused by the next call."""
-        stated = self._as_stated or self._stated()
+        stated = self._as_stated or self.as_stated()
         stated.x[:] = x
         stated.values_call()
         return float(stated.f[0]), stated.r
@@ -260,7 +267,7 @@ class BoundProgram:
         self, x: FloatArray, multipliers: FloatArray, objective_factor: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Objective gradient, Jacobian values and Hessian values of the Lagrangian; arrays are reused."""
-        stated = self._as_stated or self._stated()
+        stated = self._as_stated or self.as_stated()
         stated.x[:] = x
         stated.y[:] = multipliers
         stated.weight[0] = objective_factor

@@ -79,7 +79,7 @@ def test_any_guess_of_the_active_set_leads_to_the_solution(seed):
     assert found is not None
     # The optimality conditions of a convex problem, written out in the problem's own units.
     x = (point.x + found.d) * form.x_scale
-    y, z = form.user_multipliers(found.y), found.z / form.x_scale / form.objective_scale
+    y, z = form.as_stated(x, found.y)[1], found.z / form.x_scale / form.objective_scale
     r = nlp.A @ x
     slack = 1e-6
     assert np.all(x >= nlp.x_lower - slack) and np.all(x <= nlp.x_upper + slack)
