@@ -38,7 +38,6 @@ from stc.solver.places import (
     FAILURES,
     LAST_SHIFT,
     MU,
-    ORDINARY,
     SHIFT,
     SMOOTH,
     STIFFNESS,
@@ -49,20 +48,16 @@ from stc.solver.shift_passes import (
     DONE,
     GROWTH,
     LARGEST_SHIFT,
-    MEASURE_CURVATURE,
     NO_SHIFT,
     REFACTOR,
     SMALLEST_SHIFT,
     UNKNOWN,
     larger_shift,
-    middle_magnitude,
 )
 from stc.solver.stages import stages_of
 from stc.solver.workspace import Step, Workspace
 
 __all__ = ["NewtonSystem", "SingularSystem"]
-
-ITS_ORDINARY = (1e-6, 1e2)
 
 
 class SingularSystem(ArithmeticError):
@@ -85,7 +80,6 @@ class NewtonSystem:
         s[EQUATIONS] = form.any_equality
         s[BENDS] = 0.0 if form.linear else UNKNOWN
         s[BENDS_ALIKE] = form.quadratic_objective
-        s[ORDINARY] = UNKNOWN
         work.calls.put(ATTEMPT, None)
 
     @property
@@ -125,13 +119,10 @@ class NewtonSystem:
                 raise SingularSystem
             if ended == REFACTOR:
                 self._refactor(int(work.s[ENDED]))
-            elif ended == MEASURE_CURVATURE:
-                work.s[ORDINARY] = self._ordinary_curvature()
             else:
                 work.provide_bend()
             ended = self._stages.factorize()
             work.calls.check()
-        work.s[ORDINARY] = UNKNOWN
 
     def _refactor(self, ended: int = 0) -> Inertia:
         """Factorise the matrix, after an attempt that ended so where there was one."""
@@ -184,12 +175,6 @@ class NewtonSystem:
                 s[SHIFT] *= 2.0
                 break
         self._is_right()
-
-    def _ordinary_curvature(self) -> float:
-        """What shifts are measured in: the Hessian's entries shrink with the steps of a finer motion."""
-        diagonal = self.work.it.hess[self.form.hess_diagonal]
-        found = middle_magnitude(diagonal.size, diagonal)
-        return min(max(found, ITS_ORDINARY[0]), ITS_ORDINARY[1]) if found > 0.0 else 1.0
 
     def solve(self, rhs_w: Floats, c: Floats) -> tuple[Floats, Floats]:
         """Steps ``(dw, dy)`` for a right-hand side ``rhs_w`` (n + m,) of the dual part and residual ``c`` (m,)."""

@@ -67,9 +67,63 @@ BENT = 0.05
 """Share of the variables that an objective has to bend at least."""
 #: What a factorisation has to do next: begin, look at what it has found, find out how large shifts are ordinarily, ...
 TRY, LOOK, GROW, DAMP, DAMP_OR_GROW = 0.0, 1.0, 2.0, 3.0, 4.0
-#: ... and how it may end: done, or somebody else has to factorise, measure curvature, provide a call, or give up.
-DONE, REFACTOR, MEASURE_CURVATURE, CALL_MISSING, NO_SHIFT = 0, 1, 2, 3, 4
+#: ... and how it may end: done, or somebody else has to factorise, provide a call, or give up.
+DONE, REFACTOR, CALL_MISSING, NO_SHIFT = 0, 1, 2, 3
 UNKNOWN = -1.0
+LOWEST_ORDINARY, HIGHEST_ORDINARY = 1e-6, 1e2
+
+
+@native
+def middle_magnitude(count: i64, values: f64s) -> f64:
+    """The median of the magnitudes that are not zero, 0 where all are; of two, the larger one.  Reorders ``values``.
+
+    Found by parting them again and again (C. A. R. Hoare, Algorithm 65: find, Commun. ACM 4, 1961).
+    """
+    last = -1
+    for k in range(count):
+        value = fabs(values[k])
+        if value > 0.0:
+            last += 1
+            values[last] = value
+    if last < 0:
+        return 0.0
+    wanted = (last + 1) // 2
+    first = 0
+    while first < last:
+        pivot = values[(first + last) // 2]
+        low = first
+        high = last
+        while low <= high:
+            while values[low] < pivot:
+                low += 1
+            while values[high] > pivot:
+                high -= 1
+            if low <= high:
+                held = values[low]
+                values[low] = values[high]
+                values[high] = held
+                low += 1
+                high -= 1
+        if wanted <= high:
+            last = high
+        elif wanted >= low:
+            first = low
+        else:
+            return values[wanted]
+    return values[wanted]
+
+
+@native
+def ordinary_curvature(count: i64, diagonal: i64s, hess: f64s, scratch: f64s) -> f64:
+    """What shifts are measured in: the Hessian's entries shrink with the steps of a finer motion.
+
+    Args:
+        diagonal: which of ``hess`` are on its diagonal, (count,); ``scratch`` is work space, (count,).
+    """
+    for k in range(count):
+        scratch[k] = hess[diagonal[k]]
+    found = middle_magnitude(count, scratch)
+    return min(max(found, LOWEST_ORDINARY), HIGHEST_ORDINARY) if found > 0.0 else 1.0
 
 
 @native(shared=True)
@@ -93,7 +147,7 @@ def begin(calls: i64s, s: f64s) -> None:
 
 @native
 def larger_shift(growth: f64, s: f64s) -> f64:
-    """The next shift to try; more than LARGEST_SHIFT where there is none.  ``s[ORDINARY]`` has to be known."""
+    """The next shift to try; more than LARGEST_SHIFT where there is none. The very first one needs ``s[ORDINARY]``."""
     if s[SHIFT] == 0.0:
         if s[LAST_SHIFT] == 0.0:
             return FIRST_SHIFT * s[ORDINARY]
@@ -130,6 +184,8 @@ def factorize(
     count: i64,
     diagonal: i64s,
     bend: f64s,
+    hess: f64s,
+    scratch: f64s,
     inertia: i64s,
     accuracy: f64s,
     s: f64s,
@@ -188,9 +244,8 @@ def factorize(
                 if s[SHIFT] > 0.0:
                     s[TASK] = TRY
                     continue
-        if s[SHIFT] == 0.0 and s[LAST_SHIFT] == 0.0 and s[ORDINARY] == UNKNOWN:
-            ended = MEASURE_CURVATURE
-            break
+        if s[SHIFT] == 0.0 and s[LAST_SHIFT] == 0.0:
+            s[ORDINARY] = ordinary_curvature(count, diagonal, hess, scratch)
         s[SHIFT] = larger_shift(s[GROWTH_NOW], s)
         s[TASK] = TRY
         if s[SHIFT] > LARGEST_SHIFT:
@@ -224,43 +279,3 @@ def relax(length: f64, s: f64s) -> None:
         s[STIFFNESS] *= SOFTER
         if s[STIFFNESS] < SMALLEST_STIFFNESS:
             s[STIFFNESS] = 0.0
-
-
-@native
-def middle_magnitude(count: i64, values: f64s) -> f64:
-    """The median of the magnitudes that are not zero, 0 where all are; of two, the larger one.  Reorders ``values``.
-
-    Found by parting them again and again (C. A. R. Hoare, Algorithm 65: find, Commun. ACM 4, 1961).
-    """
-    last = -1
-    for k in range(count):
-        value = fabs(values[k])
-        if value > 0.0:
-            last += 1
-            values[last] = value
-    if last < 0:
-        return 0.0
-    wanted = (last + 1) // 2
-    first = 0
-    while first < last:
-        pivot = values[(first + last) // 2]
-        low = first
-        high = last
-        while low <= high:
-            while values[low] < pivot:
-                low += 1
-            while values[high] > pivot:
-                high -= 1
-            if low <= high:
-                held = values[low]
-                values[low] = values[high]
-                values[high] = held
-                low += 1
-                high -= 1
-        if wanted <= high:
-            last = high
-        elif wanted >= low:
-            first = low
-        else:
-            return values[wanted]
-    return values[wanted]

@@ -8,6 +8,8 @@ where all is as usual are one call together, however small the problem.
 
 from __future__ import annotations
 
+import numpy as np
+
 from stc.codegen.calls import Bound, chain, chain_until, invoke
 from stc.codegen.native import f64s, i64, i64s, native
 from stc.solver import barrier_passes, places, search_passes, shift_passes
@@ -130,8 +132,9 @@ class Stages:
         self.begin: Bound = shift_passes.begin.bind(cells, s)
         diagonal = form.hess_diagonal
         self.factorize: Bound = shift_passes.factorize.bind(
-            cells, n, m, diagonal.size, diagonal, work.bend, work.inertia, kkt.accuracy, s
-        )
+            cells, n, m, diagonal.size, diagonal, work.bend, it.hess, np.zeros(diagonal.size), work.inertia,
+            kkt.accuracy, s,
+        )  # fmt: skip
         self.find_step: Bound = barrier_passes.find_step.bind(
             cells, size, m, gaps, form.index, form.sign, it.gap, it.z, work.mu, work.tau, work.factor, work.centre,
             kkt.report, step.dw, step.dy, step.dz, extra.dw, extra.dy, extra.dz, s,
