@@ -19,6 +19,7 @@ class Options:
         max_iterations: limit on the iterations of all phases together.
         time_limit: limit in seconds of wall-clock time.
         scaling: scale objective, rows and badly scaled variables automatically.
+        presolve: leave out what bounds and linear equations determine.
         warm_start: start from the primal-dual start and its active set.
         trusting: no effort is spared to keep to the active set of a warm start; otherwise, as from another number of
             frames, only its variables are started from where the active set does not lead to a solution at once.
@@ -34,6 +35,7 @@ class Options:
     max_iterations: int = 3000
     time_limit: float = float("inf")
     scaling: bool = True
+    presolve: bool = True
     warm_start: bool = False
     trusting: bool = True
     initial_barrier: float = 0.1

@@ -63,7 +63,7 @@ def minimize(
     """
     options = options or Options()
     with np.errstate(all="ignore"):
-        less = presolved(nlp)
+        less = presolved(nlp) if options.presolve else None
         if less is not None:
             own = less.start(start or Start(np.asarray(nlp.x0, dtype=float)))
             result = less.restored(

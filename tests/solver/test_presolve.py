@@ -14,7 +14,7 @@ from symbolic_program import INF, SymbolicProgram
 from stc.errors import Source
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
-from stc.solver import IterationRecord, Options, Start, Status, minimize, sqp
+from stc.solver import IterationRecord, Options, Start, Status, minimize
 from stc.solver.evaluator import Scaling, python_evaluator
 from stc.solver.presolve import SMALL_PIVOT, presolved
 from stc.solver.residuals import assess
@@ -40,10 +40,9 @@ def standing(changed: Callable[[str], str] = str) -> Any:
     return transcription.bind()
 
 
-def whole(program: Any, start: Start | None = None, **options: Any) -> Any:
+def whole(program: Any) -> Any:
     """The same without any of that."""
-    with np.errstate(all="ignore"):
-        return sqp._Solve(program, Options(**options), None, start, None).run()
+    return minimize(program, Options(presolve=False))
 
 
 def lagrangian_gradient(program: Any, x: np.ndarray, y: np.ndarray, weight: float = 1.0) -> np.ndarray:
