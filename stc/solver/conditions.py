@@ -160,7 +160,8 @@ def restrict(
     ``fixed`` variables are active always, and all their derivatives are 0.
 
     ``dx`` and ``dy`` become the part of the step that the active set fixes: variables go to their bounds, multipliers
-    of rows that are not active to zero. ``out[0]`` is the largest entry of the Hessian that is left.
+    of rows that are not active to zero. ``out[0]`` is the largest entry of the Hessian that is left, ``out[1]`` is 1
+    where some are left out, else 0.
     """
     held = 0.0
     for i in range(n):
@@ -176,7 +177,8 @@ def restrict(
         rhs[n + k] = row_target[k] - r[k] if active_rows[k] != 0.0 else 0.0
         met += active_rows[k]
     largest = 0.0
-    if held == 0.0 and moved == 0.0 and met == float(m):  # nothing to leave out
+    out[1] = 0.0 if held == 0.0 and met == float(m) else 1.0
+    if moved == 0.0 and out[1] == 0.0:  # nothing to leave out
         for e in range(curved):
             out_hess[e] = hess[e]
             largest = max(largest, fabs(hess[e]))

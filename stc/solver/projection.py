@@ -49,7 +49,7 @@ class Projection:
         self.active_rows, self.row_target = np.zeros(m), np.zeros(m)
         self.error = math.inf
         self._evaluator = ev
-        self._of_x, self._of_rows, self._largest = np.zeros(3), np.zeros(3), np.zeros(1)
+        self._of_x, self._of_rows, self._largest = np.zeros(3), np.zeros(3), np.zeros(2)
         self.dx, self.dy = np.zeros(n), np.zeros(m)
         kkt = form.attached_kkt
         self._diagonals = RestrictedDiagonals(kkt, self.active_x, self.active_rows)
@@ -111,7 +111,8 @@ class Projection:
     def factorize(self) -> bool:
         """Factorise for the Newton step on the active set; whether the curvature on it is positive."""
         self._restrict()
-        return factorize_restricted(self._diagonals, float(self._largest[0]))[1]
+        largest, irregular = self._largest.tolist()
+        return factorize_restricted(self._diagonals, largest, irregular=irregular != 0.0)[1]
 
     def is_on_active_set_of(self, other: Projection) -> bool:
         """Whether the same bounds and rows are active at another point."""

@@ -197,7 +197,7 @@ class QuadraticProgram:
         target_x = self._target(active.x, form.held, self.room_x)
         target_rows = self._target(active.rows, form.equality, self.room_rows)
         nothing = self._nothing
-        largest = np.zeros(1)
+        largest = np.zeros(2)
         restrict(
             n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows, form.hess_cols,
             point.jac, point.hess, form.held_factor, self._fixed, self._held_rows, nothing, nothing, nothing,
@@ -205,7 +205,9 @@ class QuadraticProgram:
         )  # fmt: skip
         # The next set of this program starts with what was needed here.
         diagonals = RestrictedDiagonals(kkt, self._fixed, self._held_rows)
-        self.regularity, positive = factorize_restricted(diagonals, float(largest[0]), self.regularity)
+        self.regularity, positive = factorize_restricted(
+            diagonals, float(largest[0]), self.regularity, irregular=bool(largest[1])
+        )
         return positive
 
     def _solved(self) -> tuple[Floats, Floats]:

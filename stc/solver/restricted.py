@@ -37,13 +37,14 @@ class RestrictedDiagonals:
 
 
 def factorize_restricted(
-    diagonals: RestrictedDiagonals, largest: float, regularity: int = 0
+    diagonals: RestrictedDiagonals, largest: float, regularity: int = 0, *, irregular: bool = True
 ) -> tuple[int, bool]:
     """Factorise the H and J in the arrays of a KKT system, regularised as much as it takes.
 
     Args:
         diagonals: of the system on an active set.
         largest: entry of the Hessian.
+        irregular: whether the active set leaves anything out.
         regularity: what to begin with: 0 no shift; 1 one against dependent rows; 2 one of the Hessian, too.
 
     Returns:
@@ -51,13 +52,17 @@ def factorize_restricted(
     """
     flat = PRIMAL_SHIFT * max(1.0, largest)
     shifts = ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT))
-    m = diagonals.kkt.dual.size
+    kkt = diagonals.kkt
+    m = kkt.dual.size
     while True:
         diagonals.write(*shifts[regularity])
+        kkt.irregular = irregular
         try:
-            inertia = diagonals.kkt.refactor()
+            inertia = kkt.refactor()
         except NotFinite:
             return regularity, False
+        finally:
+            kkt.irregular = False
         if inertia.zero == 0 and inertia.negative == m:
             return regularity, True
         if regularity == len(shifts) - 1:

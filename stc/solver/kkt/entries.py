@@ -62,6 +62,8 @@ def checked_values(*arrays: tuple[Floats, int, str]) -> list[Floats]:
 class ByCopies:
     """The calls of a ``KKTSystem`` for a system with arrays of its own: ``factorize`` and ``solve`` copy."""
 
+    irregular = False
+
     def factorize(
         self: AttachedKKT,
         hess_values: Floats,

@@ -41,6 +41,10 @@ LONGEST_REST = 8
 #: time, up to this power of two.
 PATIENCE = 3
 LONGEST_PAUSE = 4
+#: Irregular matrices are tried as long as this share of the last ones was worth it, and once in so many later; the
+#: share is 1/2 at first, and the last one counts for half.
+WORTHWHILE = 0.2
+SELDOM = 16
 
 
 @dataclass
@@ -99,6 +103,11 @@ class Plans:
         self._failures = self._pause = 0
         self._choose_at = 0  # the matrix from which on the plan to begin with is to be chosen anew
         self._settled = False
+        self._is_irregular = False
+        self._irregular, self._irregular_won = (
+            0,
+            0.5,
+        )  # such matrices, and the share of those that plans suited
 
     def __iter__(self) -> Iterator[Prepared]:
         return iter(self._plans)
@@ -109,11 +118,16 @@ class Plans:
         if self._plans:
             self.now = self._plans[0]
 
-    def paused(self) -> bool:
-        """Whether none is to be tried for the next matrix."""
+    def paused(self, irregular: bool) -> bool:
+        """Whether none is to be tried for the next matrix; ``irregular`` where it lacks entries at some stages."""
         if self._pause > 0:
             self._pause -= 1
             return True
+        self._is_irregular = irregular
+        if irregular:
+            self._irregular += 1
+            if self._irregular_won < WORTHWHILE and self._irregular % SELDOM:
+                return True
         self.tried += 1
         return False
 
@@ -136,6 +150,8 @@ class Plans:
             self._stay_with(plan)
             yield plan
         self._choose_at = 0
+        if self._is_irregular:
+            return  # the next matrices will not be alike
         self._missed += self._unknowns
         if self._missed < PLANNING:
             return
@@ -158,7 +174,8 @@ class Plans:
         return 0 if self._pause else max(0, self._choose_at - 1 - self.tried)
 
     def went_well(self, matrices: int) -> None:
-        """Note that so many were factorised by the plan in use."""
+        """Note that so many were factorised by the plan in use, none of them irregular."""
+        self._is_irregular = False
         self.tried += matrices
         self.now.suited(matrices)
         self.succeeded()
@@ -166,10 +183,15 @@ class Plans:
     def succeeded(self) -> None:
         """The factors of the plan in use are good."""
         self._failures = 0
+        if self._is_irregular:
+            self._irregular_won = 0.5 * (self._irregular_won + 1.0)
 
     def failed(self) -> None:
         """None of the candidates would do."""
         self.now = max(self._plans, key=lambda plan: plan.won)
+        if self._is_irregular:
+            self._irregular_won *= 0.5
+            return
         self._failures += 1
         if self._failures >= PATIENCE:
             self._pause = 2 ** min(self._failures - PATIENCE, LONGEST_PAUSE)

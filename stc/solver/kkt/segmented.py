@@ -173,6 +173,8 @@ class SegmentedKKT(ByCopies):
     def attempt_call(self) -> Bound | None:
         """See ``AttachedKKT.attempt_call``."""
         now = self._plans.now
+        if self.irregular:
+            return None
         if not (self._factorized and self._by_segments and self._rest.follows_plan):
             return None
         if now.attempt is None or now.bindings != self._rest.bindings:
@@ -255,7 +257,7 @@ class SegmentedKKT(ByCopies):
     def _refactor_segments(self, ended: int | None) -> Inertia | None:
         """Inertia, or None when a pivot is not good enough; ``ended`` tells of an attempt with the plan in use."""
         plans = self._plans
-        if plans.paused():
+        if plans.paused(self.irregular):
             return None
         rest = None
         for plan in plans.candidates(bool(self._curvatures[0]), self._new_plan):
