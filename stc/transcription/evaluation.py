@@ -113,7 +113,9 @@ class _Steps:
         """Those of a part among the others, which stay what they are."""
         if part is None:
             return self.place(values, scale, into)
-        others = np.setdiff1d(np.arange(len(into), dtype=np.int32), part.cols)
+        absent = np.ones(len(into), bool)
+        absent[part.cols] = False
+        others = np.flatnonzero(absent).astype(np.int32)
         return [
             *self._spread(part.x[others], np.ones(len(others)), others, into),
             *self._spread(values, scale, part.cols, into),
