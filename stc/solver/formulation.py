@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound
 from stc.solver.evaluator import Evaluator
+from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.kkt.attached import attached
 from stc.solver.nlp import Floats, Ints, Mask
 from stc.solver.passes import EQUALITY, IGNORED, INEQUALITY
@@ -135,9 +136,8 @@ class Formulation:
     @cached_property
     def jac_columns(self) -> tuple[NDArray[np.int32], ...]:
         """The Jacobian's entries by columns: where each begins, (n + 1,); the entries, (nnz_J,); their rows."""
-        order = np.argsort(self.jac_cols, kind="stable")
-        start = np.searchsorted(self.jac_cols[order], np.arange(self.n + 1))
-        return tuple(a.astype(np.int32) for a in (start, order, self.jac_rows[order]))
+        order, start = sort_by_key(self.jac_cols.astype(np.int32), self.n)
+        return start, order, self.jac_rows[order].astype(np.int32)
 
     @cached_property
     def hess_diagonal(self) -> Indices:

@@ -18,7 +18,8 @@ from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.records import dataclass, field
 from stc.solver.evaluator import Evaluator, Part, PartlyEvaluable, Places, Scaling, python_evaluator
 from stc.solver.keeping import Keeper
-from stc.solver.nlp import NLP, Floats, Ints, Mask
+from stc.solver.kkt.arrangement import sort_by_key
+from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.report import Callback, IterationRecord, Result, Start
 from stc.solver.residuals import assess
@@ -42,8 +43,6 @@ class Determined:
         rows, cols, entries: the equations in the order in which they were used, the variable that each has determined
             and the coefficient's place among the Jacobian's entries, (k,) int32 each.
         columns: the Jacobian's entries by columns, ``(starts (n + 1,), entries (nnz_J,))``, int32.
-        x_lower, x_upper, row_lower, row_upper, var_stage, row_stage, row_linear, fixed_curvature: of what is left, see
-            :class:`NLP`.
         keeper: for the program that is left.
         stated: its evaluator, see :class:`stc.solver.evaluator.Stated`.
     """
@@ -53,14 +52,6 @@ class Determined:
     cols: Places
     entries: Places
     columns: tuple[Places, Places]
-    x_lower: Floats
-    x_upper: Floats
-    row_lower: Floats
-    row_upper: Floats
-    var_stage: Ints
-    row_stage: Ints
-    row_linear: Mask
-    fixed_curvature: Mask
     keeper: Keeper = field(default_factory=Keeper)
     stated: Evaluator | None = None
 
@@ -72,15 +63,16 @@ class Reduced:
         self.whole, self.known = nlp, known
         part = known.part
         self.keeper = known.keeper
-        self.n, self.m = part.cols.size, part.rows.size
-        self.x0 = np.asarray(nlp.x0, float)[part.cols]
-        self.x_lower, self.x_upper = known.x_lower, known.x_upper
-        self.row_lower, self.row_upper = known.row_lower, known.row_upper
+        cols, rows = part.cols, part.rows
+        self.n, self.m = cols.size, rows.size
+        self.x0 = np.asarray(nlp.x0, float)[cols]
+        self.x_lower, self.x_upper = nlp.x_lower[cols], nlp.x_upper[cols]
+        self.row_lower, self.row_upper = nlp.row_lower[rows], nlp.row_upper[rows]
         self.jac_rows, self.jac_cols = part.jac_rows, part.jac_cols
         self.hess_rows, self.hess_cols = part.hess_rows, part.hess_cols
-        self.var_stage, self.row_stage = known.var_stage, known.row_stage
-        self.row_linear, self.objective_degree = known.row_linear, nlp.objective_degree
-        self.fixed_curvature = known.fixed_curvature
+        self.var_stage, self.row_stage = nlp.var_stage[cols], nlp.row_stage[rows]
+        self.row_linear, self.objective_degree = nlp.row_linear[rows], nlp.objective_degree
+        self.fixed_curvature = nlp.fixed_curvature[cols]
         self._x, self._y = part.x.copy(), np.zeros(nlp.m)
 
     def all_variables(self, x: Floats) -> Floats:
@@ -153,10 +145,7 @@ class Reduced:
         weight = 0.0 if result.status is Status.INFEASIBLE else 1.0
         x, y = self._whole_point(result, weight)
         judged = assess(self.whole, x, y)
-        holds = judged.violation <= options.feasibility_tolerance
-        if result.status is Status.OPTIMAL and not (
-            holds and judged.optimality <= options.unscaled_tolerance
-        ):
+        if result.status is Status.OPTIMAL and not judged.holds(options):
             return None
         return replace(
             result,
@@ -219,7 +208,8 @@ def determined_by(nlp: NLP) -> Determined | None:
     last = np.bincount(rows[unknown], weights=unknown, minlength=m).astype(np.int64)
     largest = np.zeros(m)
     np.maximum.at(largest, rows, np.abs(jac))
-    columns = _by_columns(cols, n)
+    members, starts = sort_by_key(cols, n)
+    columns = starts, members
     queue = np.concatenate([first, np.zeros(m, np.int64)]).astype(np.int32)
     order, entries = np.zeros(m, np.int32), np.zeros(m, np.int32)
     found, count = fixed.astype(np.int32), np.zeros(1, np.int64)
@@ -240,19 +230,7 @@ def determined_by(nlp: NLP) -> Determined | None:
     )
     if not order.size or not misses <= MET:
         return None
-    part = Part.of(nlp, x, ~gone, ~settled)
-    kept, rows_kept = part.cols, part.rows
-    return Determined(
-        part, order, cols[entries], entries, columns, nlp.x_lower[kept], nlp.x_upper[kept], nlp.row_lower[rows_kept],
-        nlp.row_upper[rows_kept], nlp.var_stage[kept], nlp.row_stage[rows_kept], nlp.row_linear[rows_kept],
-        nlp.fixed_curvature[kept],
-    )  # fmt: skip
-
-
-def _by_columns(cols: Places, n: int) -> tuple[Places, Places]:
-    """Where each column's entries begin, (n + 1,), and which ones they are, (nnz,)."""
-    order = np.argsort(cols, kind="stable")
-    return np.searchsorted(cols[order], np.arange(n + 1)).astype(np.int32), order.astype(np.int32)
+    return Determined(Part.of(nlp, x, ~gone, ~settled), order, cols[entries], entries, columns)
 
 
 @native

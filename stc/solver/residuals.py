@@ -10,6 +10,7 @@ from stc.solver.conditions import STATED, stated_conditions
 from stc.solver.evaluator import Scaling, Stated, evaluator_of
 from stc.solver.keeping import Keeper
 from stc.solver.nlp import NLP, Floats
+from stc.solver.options import Options
 from stc.solver.passes import multiplier_scale
 
 __all__ = ["Assessment", "Judge", "assess"]
@@ -31,6 +32,11 @@ class Assessment:
     violation: float
     optimality: float
     bound_multipliers: Floats
+
+    def holds(self, options: Options) -> bool:
+        """Whether the point is feasible and stationary within the tolerances."""
+        feasible = self.violation <= options.feasibility_tolerance
+        return bool(feasible and self.optimality <= options.unscaled_tolerance)
 
 
 class Judge:

@@ -292,10 +292,8 @@ class _Solve:
 
     def _confirms(self, point: _Point, y: Floats) -> bool:
         """Whether the problem as stated confirms a point, with multipliers ``y`` that can be believed."""
-        judged = self._assess(point)
-        feasible = judged.violation <= self.options.feasibility_tolerance
-        stationary = judged.optimality <= self.options.unscaled_tolerance
-        return bool(feasible and stationary and np.abs(y).max(initial=0.0) <= LARGEST_MULTIPLIER)
+        believable = bool(np.abs(y).max(initial=0.0) <= LARGEST_MULTIPLIER)
+        return believable and self._assess(point).holds(self.options)
 
     def _assess(self, point: _Point) -> Assessment:
         """The conditions at a point of the problem as stated, of the last one without evaluating them again."""

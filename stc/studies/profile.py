@@ -17,8 +17,8 @@ import numpy as np
 
 from stc.codegen.calls import Bound
 from stc.records import dataclass, field
-from stc.solver import evaluator as evaluation
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
+from stc.solver.evaluator import Part as ProgramPart
 
 if TYPE_CHECKING:
     from stc.solution import Solution
@@ -110,7 +110,7 @@ class _TimedProgram(_Timed):
     def evaluator(self, scaling: Scaling) -> Evaluator:
         return self._over(evaluator_of(self._inner, scaling))
 
-    def part_evaluator(self, scaling: Scaling, part: evaluation.Part) -> Evaluator:
+    def part_evaluator(self, scaling: Scaling, part: ProgramPart) -> Evaluator:
         return self._over(self._inner.part_evaluator(scaling, part))
 
     def _over(self, found: Evaluator) -> Evaluator:

@@ -183,10 +183,8 @@ class BoundProgram:
         for group in program.groups:
             self._idle[group.positions] = False
         self._any_idle = bool(self._idle.any())
-        for limits in (bounds.lower, bounds.upper):
-            limits.flags.writeable = (
-                False  # programs with other starts share them, and are told apart by them
-            )
+        # Programs with other starts share them, and are told apart by them.
+        bounds.lower.flags.writeable = bounds.upper.flags.writeable = False
         self._start_at(x0)
         self.row_lower, self.row_upper = _row_bounds(program, numbers)
         self.jac_rows, self.jac_cols = program.jacobian.rows, program.jacobian.cols

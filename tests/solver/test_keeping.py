@@ -19,6 +19,7 @@ def test_the_same_solve_again_finds_the_same() -> None:
     # The order of elimination that the first one ended with rounds otherwise.
     np.testing.assert_allclose(first.x, again.x, rtol=0.0, atol=1e-12)
     assert (first.iterations, first.factorizations) == (again.iterations, again.factorizations)
+    assert np.array_equal(minimize(bound).x, again.x)
 
 
 def test_other_starts_and_options_do_not_get_what_was_left() -> None:

@@ -104,10 +104,8 @@ class Plans:
         self._choose_at = 0  # the matrix from which on the plan to begin with is to be chosen anew
         self._settled = False
         self._is_irregular = False
-        self._irregular, self._irregular_won = (
-            0,
-            0.5,
-        )  # such matrices, and the share of those that plans suited
+        self._irregular = 0  # such matrices
+        self._irregular_won = 0.5  # the share of those that plans suited
 
     def __iter__(self) -> Iterator[Prepared]:
         return iter(self._plans)
