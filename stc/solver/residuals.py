@@ -49,25 +49,26 @@ class Judge:
         ev = nlp.as_stated() if isinstance(nlp, Stated) else evaluator_of(nlp, Scaling.none(nlp.n, nlp.m))
         self._evaluator = ev
         self._z, self._out = np.zeros(nlp.n), np.zeros(STATED)
-        self._call = chain(
-            [
-                ev.values_call,
-                ev.derivatives_call,
-                stated_conditions.bind(
-                    nlp.n, nlp.m, len(nlp.jac_rows), 0, ev.x, ev.y, self._z, ev.r, ev.gradient,
-                    np.ascontiguousarray(nlp.jac_rows, np.int32), np.ascontiguousarray(nlp.jac_cols, np.int32), ev.jac,
-                    _own(nlp.x_lower), _own(nlp.x_upper), _own(nlp.row_lower), _own(nlp.row_upper), np.zeros(nlp.n),
-                    self._out,
-                ),
-            ]
+        self._conditions = stated_conditions.bind(
+            nlp.n, nlp.m, len(nlp.jac_rows), 0, ev.x, ev.y, self._z, ev.r, ev.gradient,
+            np.ascontiguousarray(nlp.jac_rows, np.int32), np.ascontiguousarray(nlp.jac_cols, np.int32), ev.jac,
+            _own(nlp.x_lower), _own(nlp.x_upper), _own(nlp.row_lower), _own(nlp.row_upper), np.zeros(nlp.n), self._out,
         )  # fmt: skip
+        self._given = self._conditions.position("given")
+        self._call = chain([ev.values_call, ev.derivatives_call, self._conditions])
 
-    def __call__(self, x: Floats, y: Floats) -> Assessment:
+    def __call__(self, x: Floats, y: Floats, z: Floats | None = None) -> Assessment:
         """See :func:`assess`."""
         ev = self._evaluator
         ev.x[:], ev.y[:], ev.weight[0] = x, y, 1.0
+        self._z[:] = 0.0 if z is None else z
+        self._conditions.integers[self._given] = z is not None
         self._call()
-        return _assessment(ev.x.size, ev.y.size, float(ev.f[0]), self._out, self._z.copy())
+        stationarity, complementarity, violation, steepest, term, largest, total = self._out.tolist()
+        size = max(1.0, steepest, term, largest, multiplier_scale(total, ev.x.size + ev.y.size))
+        violation = violation if violation == violation else np.inf
+        error = max(stationarity, complementarity) / size
+        return Assessment(float(ev.f[0]), violation, error, self._z.copy())
 
 
 def assess(nlp: NLP, x: Floats, y: Floats, z: Floats | None = None) -> Assessment:
@@ -76,27 +77,9 @@ def assess(nlp: NLP, x: Floats, y: Floats, z: Floats | None = None) -> Assessmen
     Without ``z`` (n,) the multipliers of the bounds are those that leave the smallest error: the negative
     gradient of the Lagrangian where it pushes against a bound nearby.
     """
-    n, m = nlp.n, nlp.m
     keeper: Keeper | None = getattr(nlp, "keeper", None)
-    if z is None and keeper is not None:
-        return keeper.once(Judge, nlp)(x, y)
-    f, r = nlp.values(x)
-    gradient, jac, _ = nlp.derivatives(x, y, 1.0)
-    chosen = np.zeros(n) if z is None else _own(z)
-    out = np.zeros(STATED)
-    stated_conditions(
-        n, m, len(jac), int(z is not None), _own(x), _own(y), chosen, _own(r), _own(gradient),
-        np.ascontiguousarray(nlp.jac_rows, np.int32), np.ascontiguousarray(nlp.jac_cols, np.int32), _own(jac),
-        _own(nlp.x_lower), _own(nlp.x_upper), _own(nlp.row_lower), _own(nlp.row_upper), np.zeros(n), out,
-    )  # fmt: skip
-    return _assessment(n, m, float(f), out, chosen)
-
-
-def _assessment(n: int, m: int, f: float, out: Floats, z: Floats) -> Assessment:
-    stationarity, complementarity, violation, steepest, term, largest, total = out.tolist()
-    size = max(1.0, steepest, term, largest, multiplier_scale(total, m + n))
-    violation = violation if violation == violation else np.inf
-    return Assessment(f, violation, max(stationarity, complementarity) / size, z)
+    judge = Judge(nlp) if keeper is None else keeper.once(Judge, nlp)
+    return judge(x, y, z)
 
 
 def _own(values: Floats) -> Floats:
