@@ -93,7 +93,6 @@ EXCESS_BEFORE: Final = 84
 BENDS: Final = 85
 TASK: Final = 86
 EXACT: Final = 87
-ORDINARY: Final = 88
 GROWTH_NOW: Final = 89
 EQUATIONS: Final = 90  # 1 when there are equality rows
 BENDS_ALIKE: Final = 91  # 1 when the objective bends the same everywhere

@@ -27,7 +27,6 @@ from stc.solver.places import (
     GROWTH_NOW,
     LAST_SHIFT,
     MU,
-    ORDINARY,
     SHIFT,
     SHIFTED,
     SMOOTH,
@@ -65,7 +64,7 @@ SOFTER = 0.01
 SMALLEST_STIFFNESS = 1e-8
 BENT = 0.05
 """Share of the variables that an objective has to bend at least."""
-#: What a factorisation has to do next: begin, look at what it has found, find out how large shifts are ordinarily, ...
+#: What a factorisation has to do next: try the shifts, look at what that has found, shift more, damp, or either, ...
 TRY, LOOK, GROW, DAMP, DAMP_OR_GROW = 0.0, 1.0, 2.0, 3.0, 4.0
 #: ... and how it may end: done, or somebody else has to factorise, provide a call, or give up.
 DONE, REFACTOR, CALL_MISSING, NO_SHIFT = 0, 1, 2, 3
@@ -147,10 +146,8 @@ def begin(calls: i64s, s: f64s) -> None:
 
 @native
 def larger_shift(growth: f64, s: f64s) -> f64:
-    """The next shift to try; more than LARGEST_SHIFT where there is none. The very first one needs ``s[ORDINARY]``."""
+    """The next shift to try, after another one or the last iterate's; more than LARGEST_SHIFT where there is none."""
     if s[SHIFT] == 0.0:
-        if s[LAST_SHIFT] == 0.0:
-            return FIRST_SHIFT * s[ORDINARY]
         return max(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT])
     return s[SHIFT] * (GROWTH_AT_FIRST if s[LAST_SHIFT] == 0.0 else growth)
 
@@ -245,8 +242,9 @@ def factorize(
                     s[TASK] = TRY
                     continue
         if s[SHIFT] == 0.0 and s[LAST_SHIFT] == 0.0:
-            s[ORDINARY] = ordinary_curvature(count, diagonal, hess, scratch)
-        s[SHIFT] = larger_shift(s[GROWTH_NOW], s)
+            s[SHIFT] = FIRST_SHIFT * ordinary_curvature(count, diagonal, hess, scratch)
+        else:
+            s[SHIFT] = larger_shift(s[GROWTH_NOW], s)
         s[TASK] = TRY
         if s[SHIFT] > LARGEST_SHIFT:
             ended = NO_SHIFT

@@ -31,6 +31,8 @@ SETTLED = 6
 LONG = 100
 #: Pivots of about equal cost that are compared.
 CANDIDATES = 500
+#: The threshold that pivots are planned for: those that fail theirs are taken later.
+PLANNED = 0.1 * MARGIN
 
 
 @dataclass(frozen=True)
@@ -273,7 +275,7 @@ class _Walk:
         first, second = np.empty(CANDIDATES, dtype=np.int32), np.empty(CANDIDATES, dtype=np.int32)
         before = sizes.reshape(-1).copy()
         order_stage(
-            window, top, count, waiting, 0.1 * MARGIN, COMPARED, sizes.reshape(-1), degree, most, row_p, row_q,
+            window, top, count, waiting, PLANNED, COMPARED, sizes.reshape(-1), degree, most, row_p, row_q,
             first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
         )  # fmt: skip
         fixed = np.zeros_like(order)
