@@ -34,7 +34,7 @@ __all__ = [
 SECOND = 0
 UNPLANNED = -1
 
-#: What thresholds that pivots are planned for are given in: all are above those that pivots will have to pass.
+#: The thresholds that pivots are planned for are multiples of this.
 MARGIN = 0.01
 #: Leaves have no more entries than this in their columns, and diagonals of at least this share of the largest: they
 #: leave no choice later.
