@@ -140,6 +140,11 @@ class Formulation:
         return start, order, self.jac_rows[order].astype(np.int32)
 
     @cached_property
+    def jac_of_inequalities(self) -> Indices:
+        """Which of the Jacobian's entries are in rows with a slack."""
+        return np.flatnonzero(self.inequality[self.jac_rows])
+
+    @cached_property
     def hess_diagonal(self) -> Indices:
         """Which of the Hessian's entries are on its diagonal."""
         return np.flatnonzero(self.hess_rows == self.hess_cols)

@@ -20,6 +20,7 @@ from stc.solver.places import (
     ENDED,
     ENDED_BY,
     EQUATIONS,
+    ERROR,
     EXACT,
     EXCESS,
     EXCESS_BEFORE,
@@ -53,10 +54,13 @@ MOST_UNTRIED = 3
 MOST_DAMPED = 8
 """The same where there is the rows' part to be damped; no more than it had negative eigenvalues too many."""
 COARSE = 1e-10
-"""Relative residual that is enough for a step while steps are smooth and no rows depend on one another.
+"""Relative residual that is enough for a step far from a solution, and while steps are smooth and no rows depend on one
+another.
 
 Elsewhere errors are multiplied.
 """
+FAR = 1e-4
+"""Error of the iterate from which on it is far."""
 MOST_SMOOTH = 3
 """Steps in a row that were accepted nearly whole."""
 NEARLY_WHOLE = 0.5
@@ -252,7 +256,7 @@ def factorize(
     s[ENDED_BY] = float(ended)
     if ended != DONE:
         return ended
-    if s[SMOOTH] >= MOST_SMOOTH and s[DEFICIENT] == 0.0:
+    if s[ERROR] > FAR or (s[SMOOTH] >= MOST_SMOOTH and s[DEFICIENT] == 0.0):
         accuracy[0] = COARSE
     if s[SHIFT] == 0.0:
         s[FAILURES] = 0.0

@@ -124,13 +124,13 @@ def right_hand_side(
 
 @native(fast=True)
 def recover(
-    n: i64, m: i64, gaps: i64, with_residuals: i64, inequalities: i64, entries: i64, index: i64s, sign: f64s,
-    free: f64s, kind: i32s, rows: i64s, cols: i64s, jac: f64s, c: f64s, z: f64s, ratio: f64s, centre: f64s,
-    solution: f64s, dw: f64s, dy: f64s, dz: f64s,
+    n: i64, m: i64, gaps: i64, with_residuals: i64, entries: i64, entry: i64s, index: i64s, sign: f64s, free: f64s,
+    kind: i32s, rows: i64s, cols: i64s, jac: f64s, c: f64s, z: f64s, ratio: f64s, centre: f64s, solution: f64s,
+    dw: f64s, dy: f64s, dz: f64s,
 ) -> None:  # fmt: skip
     """Steps of variables, slacks and gap multipliers from the solution of the reduced system.
 
-    ``inequalities`` is the number of rows that have a slack.
+    ``entry`` (entries,) are those of ``jac`` in rows that have a slack.
     """
     for i in range(n):
         dw[i] = solution[i] * free[i]
@@ -138,8 +138,9 @@ def recover(
     for r in range(m):
         slacks[r] = 0.0
         dy[r] = solution[n + r]
-    if inequalities > 0:
-        for e in range(entries):
+    if entries > 0:
+        for k in range(entries):
+            e = entry[k]
             slacks[rows[e]] += jac[e] * dw[cols[e]]
         for r in range(m):
             value = slacks[r]

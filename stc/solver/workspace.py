@@ -143,7 +143,6 @@ class Workspace:
         self._nowhere = np.zeros(1)
         self._no_residual, self.factor, self.target = np.zeros(m), np.zeros(1), np.zeros(1)
         self._solve: Bound | None = None
-        self._inequalities = int(form.inequality.sum())
         self.stages: Stages | None = None
         self._parts: dict[str, Bound] = {}
         self._chains: dict[str, Bound] = {}
@@ -397,12 +396,13 @@ class Workspace:
         self, name: str, step: Step, c: Floats, residuals: bool, centre: Floats, solution: Floats
     ) -> Bound:
         form, it = self.form, self.it
+        slacked = form.jac_of_inequalities
         return self._once(
             name + " ends",
             lambda: step_passes.recover.bind(
-                form.n, form.m, form.gaps, residuals, self._inequalities, form.jac_rows.size, form.index, form.sign,
-                form.free_factor, form.kind, form.jac_rows, form.jac_cols, it.jac, c, it.z, self.ratio, centre,
-                solution, step.dw, step.dy, step.dz,
+                form.n, form.m, form.gaps, residuals, slacked.size, slacked, form.index, form.sign, form.free_factor,
+                form.kind, form.jac_rows, form.jac_cols, it.jac, c, it.z, self.ratio, centre, solution, step.dw,
+                step.dy, step.dz,
             ),
         )  # fmt: skip
 
