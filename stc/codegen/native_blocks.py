@@ -56,11 +56,11 @@ class BlockBuilder:
         self.emit(f"{name} = {instruction}")
         return Value(type_, name)
 
-    def branch(self, target: str) -> None:
-        """End the block with a jump."""
+    def branch(self, target: str, hint: str = "") -> None:
+        """End the block with a jump, with metadata for it."""
         if not self.terminated:
             self.targets.add(target)
-        self.emit(f"br label %{target}")
+        self.emit(f"br label %{target}{hint}")
         self.terminated = True
 
     def branch_if(self, condition: Value, yes: str, no: str) -> None:

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Callable
+from itertools import count
 from typing import Any
 
 from stc.codegen.native_blocks import Value
 from stc.codegen.native_expressions import DECLARATIONS, Callee, ExpressionEmitter
 from stc.codegen.native_types import Signature, Type, type_of_annotation
+
+
+#: Vectors of sums and extrema that a loop keeps side by side: each waits for its last operation.
+_CHAINS = 4
+#: Stands for the hint to do so, which every loop has to have a number of its own for.
+_REDUCTION = "!reduction"
 
 
 class FunctionEmitter(ExpressionEmitter):
@@ -258,10 +266,29 @@ class FunctionEmitter(ExpressionEmitter):
         last = self.compute(Type.I64, f"load i64, ptr {counter}")
         following = self.compute(Type.I64, f"add nsw i64 {last.text}, {step.text}")
         self.emit(f"store i64 {following.text}, ptr {counter}")
-        self.branch(test)
+        self.branch(test, f", !llvm.loop {_REDUCTION}" if self.flags and self._reduces(node) else "")
         self.begin(other)
         self.block(node.orelse)
         self.begin(end)
+
+    def _reduces(self, node: ast.For) -> bool:
+        """Whether a loop adds up a number, or finds the largest or smallest, and has no loops inside."""
+        if any(isinstance(inner, ast.For | ast.While) for part in node.body for inner in ast.walk(part)):
+            return False
+        return any(self._is_reduction(statement) for statement in node.body)
+
+    def _is_reduction(self, node: ast.stmt) -> bool:
+        if isinstance(node, ast.AugAssign):
+            target = node.target
+            reduces = isinstance(node.op, ast.Add | ast.Sub)
+        elif isinstance(node, ast.Assign) and isinstance(node.value, ast.Call):
+            target = node.targets[0]
+            names = {argument.id for argument in node.value.args if isinstance(argument, ast.Name)}
+            extremum = self.lookup(node.value.func) in (min, max)
+            reduces = extremum and isinstance(target, ast.Name) and target.id in names
+        else:
+            return False
+        return reduces and isinstance(target, ast.Name) and self.locals[target.id][0] is Type.F64
 
     def _range(self, node: ast.For) -> tuple[Value, Value, Value]:
         call = node.iter
@@ -287,4 +314,9 @@ class FunctionEmitter(ExpressionEmitter):
 
 def module_text(functions: list[str]) -> str:
     """One LLVM module from functions."""
-    return DECLARATIONS + "\n" + "\n".join(functions)
+    code = "\n".join(functions)
+    numbers = count(1)
+    code = re.sub(_REDUCTION, lambda _: f"!{next(numbers)}", code)
+    hints = [f"!{k} = distinct !{{!{k}, !0}}" for k in range(1, next(numbers))]
+    chains = f'!0 = !{{!"llvm.loop.interleave.count", i32 {_CHAINS}}}'
+    return "\n".join([DECLARATIONS, code, chains, *hints]) + "\n"

@@ -234,17 +234,16 @@ def choose_centring(
             fall_z = max(fall_z, fall_z1[k] + sigma * fall_z2[k])
         a = min(1.0, tau / fall)
         b = min(1.0, tau / fall_z)
-        error = 0.0
+        error = (1.0 - b) ** 2 * s[DUAL_SQUARED] / moving + (1.0 - a) ** 2 * s[PRIMAL_SQUARED] / rows
+        if trial > 0 and error >= least:
+            continue
+        squares = 0.0
         for k in range(gaps):
             product = (gap[k] + a * (gap_1[k] + sigma * gap_2[k])) * (
                 z[k] + b * (affine_z[k] + sigma * centring_z[k])
             )
-            error += product * product
-        error = (
-            error / gaps
-            + (1.0 - b) ** 2 * s[DUAL_SQUARED] / moving
-            + (1.0 - a) ** 2 * s[PRIMAL_SQUARED] / rows
-        )
+            squares += product * product
+        error += squares / gaps
         if trial == 0 or error < least:
             best = sigma
             least = error
