@@ -80,7 +80,7 @@ class NewtonSystem:
         s[EQUATIONS] = form.any_equality
         s[BENDS] = 0.0 if form.linear else UNKNOWN
         s[BENDS_ALIKE] = form.quadratic_objective
-        work.calls.put(ATTEMPT, None)
+        work.provide_first_attempt()
 
     @property
     def shift(self) -> float:

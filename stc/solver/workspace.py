@@ -455,6 +455,12 @@ class Workspace:
         self.calls.put(places.ATTEMPT, self.kkt.attempt_call)
         self.calls.put(places.PREDICT, self._chains["predictor"])
 
+    def provide_first_attempt(self) -> None:
+        """The same, where there is a last factorisation that the next one may be like."""
+        self.calls.put(places.ATTEMPT, None)
+        if self.kkt.attempt_call is not None:
+            self.provide_attempt()
+
     def provide_solves(self) -> None:
         """Make all the calls that solve."""
         self._predictor()

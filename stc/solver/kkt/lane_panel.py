@@ -14,16 +14,18 @@ from __future__ import annotations
 from stc.codegen.native import f64, f64s, i32s, i64, native
 from stc.codegen.native_vector import abs8, load8, max8, negative8, splat8, store8
 
-__all__ = ["COUNTED", "LARGEST", "NEGATIVE", "PANEL", "STATE", "WORST", "panel_vectors", "take_panel"]
+__all__ = ["COUNTED", "LARGEST", "NEGATIVE", "PANEL", "STATE", "TRUSTED", "WORST", "panel_vectors", "take_panel"]
 
 #: Unknowns of a panel at most.
 PANEL = 4
 #: Places in ``state``: what tests a pivot, the largest so far in each lane, should be below 1; pivots that are
-#: negative; the largest test of all groups; negative pivots of all together.
+#: negative; the largest test of all groups; negative pivots of all together; the largest test up to which factors are
+#: trusted.
 WORST = 0
 NEGATIVE = 8
 LARGEST = 16
 COUNTED = 17
+TRUSTED = 18
 STATE = 24
 #: Makes any number nothing, but not infinity.
 NO_SHARE = 1e-200

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from stc.codegen.calls import Bound
-from stc.codegen.native import BoundFunction
 from stc.records import dataclass
 from stc.solver.nlp import Floats
 
@@ -51,26 +50,22 @@ SELDOM = 16
 class Prepared:
     """Calls for one plan, and what they work with; how it has done."""
 
+    slot: int  # where its calls are in the system's table
     tables: tuple[Any, ...]
     factors: Floats
     state: Floats
     space: tuple[Floats, Floats]
-    eliminate: Bound
     equilibrate: Bound
     operations: int
     curved: bool  # whether H was not zero when it was made
-    trusted: float  # share of what is acceptable up to which its factors are not tried
     won: float = 0.0  # share of the last matrices that it suited
     served: int = 0  # matrices that it suited
     failed: int = 0  # times in a row that it did not
     rest_until: int = 0  # the matrix from which on it may be tried again
-    steps: Bound | None = None  # elimination, and those of the rest
-    solve: Bound | None = None
-    solve_both: Bound | None = None
-    probe: Bound | None = None
-    attempt: Bound | None = None  # the same as ``steps`` for the next matrix, and all that goes with it
-    attempted: BoundFunction | None = None  # the last part of it
-    bindings: int = -1  # of the rest, that these are made for
+    suited_from: int = 0  # the first matrix since the last restart that it suited, counted from 1, or 0
+    suits_from: int = 0  # the same of the last time that it suited any
+    is_accurate: Bound | None = None
+    bindings: int = -1  # of the rest, that its calls are made for
 
     def suited(self, matrices: int = 1) -> None:
         """Note that it did, for so many in a row."""
@@ -81,8 +76,13 @@ class Prepared:
     def refused(self, number: int) -> None:
         """Note that it did not, for the matrix of that number."""
         self.won -= RECENT * self.won
+        self.rest_until = number + self.rest_next
         self.failed += 1
-        self.rest_until = number + RESTING * 2 ** min(self.failed, LONGEST_REST)
+
+    @property
+    def rest_next(self) -> int:
+        """So many matrices it is to rest for when it is refused once more."""
+        return RESTING * 2 ** min(self.failed + 1, LONGEST_REST)
 
 
 class Plans:
@@ -103,6 +103,7 @@ class Plans:
         self._failures = self._pause = 0
         self._choose_at = 0  # the matrix from which on the plan to begin with is to be chosen anew
         self._settled = False
+        self._begun_at = 0  # the number of matrices before the last restart
         self._is_irregular = False
         self._irregular = 0  # such matrices
         self._irregular_won = 0.5  # the share of those that plans suited
@@ -111,8 +112,15 @@ class Plans:
         return iter(self._plans)
 
     def restart(self) -> None:
-        """Take up the plans in the same order as at first."""
+        """Take up the plans in the same order as at first, each where it has first suited since the last time."""
         self._failures = self._pause = self._choose_at = 0
+        self._begun_at = self.tried
+        for plan in self._plans:
+            plan.suits_from = plan.suited_from or plan.suits_from
+            plan.suited_from = 0
+            if plan.suits_from:
+                plan.failed = 0
+                plan.rest_until = self.tried + plan.suits_from
         if self._plans:
             self.now = self._plans[0]
 
@@ -139,13 +147,12 @@ class Plans:
         first = self.now
         if self.tried >= self._choose_at or first.curved != curved:
             first = self._first(curved, make)
-            self._stay_with(first)
+            self._take_up(first, self.tried)
         self.now = first
         yield first
         others = (plan for plan in self._plans if plan is not first and plan.won > UNLIKELY)
         for plan in sorted(others, key=lambda plan: -plan.won):
-            self.now = plan
-            self._stay_with(plan)
+            self._take_up(plan, self.tried)
             yield plan
         self._choose_at = 0
         if self._is_irregular:
@@ -160,23 +167,64 @@ class Plans:
         self.now = self._another(make)
         yield self.now
 
-    def _stay_with(self, plan: Prepared) -> None:
-        """Do not choose anew before another plan is to be tried again, or more is known of this one."""
-        self._choose_at = self.tried + 1
+    def _take_up(self, plan: Prepared, number: int) -> None:
+        """Use a plan from a matrix on, until another one is to be tried again, or more is known of this one."""
+        self.now = plan
+        self._choose_at = number + 1
         if plan.served > 0 and (self._settled or not plan.curved):
             self._choose_at = min((other.rest_until for other in self._cheaper(plan)), default=FAR)
+
+    def foresee(self) -> None:
+        """Take up the plan that matrices with curvature have begun with before, after one without, where there is one."""
+        alike = [plan for plan in self._plans if plan.curved]
+        if alike and not self.now.curved:
+            self._take_up(self._earliest(alike), self.tried + 1)
 
     @property
     def certain(self) -> int:
         """So many of the next matrices, if they are alike, are tried with the plan in use first."""
         return 0 if self._pause else max(0, self._choose_at - 1 - self.tried)
 
+    @property
+    def due(self) -> tuple[Prepared, int, int] | None:
+        """What is to be tried after those, where that is an old plan; how long to stay with it, or else with this one."""
+        if self._pause or self.now.served == 0 or (self.now.curved and not self._settled):
+            return None
+        cheaper = self._cheaper(self.now)
+        other = next((plan for plan in cheaper if plan.rest_until <= self._choose_at), None)
+        if other is None or other.served == 0:
+            return None
+        suited = min((plan.rest_until for plan in self._cheaper(other)), default=FAR)
+        refused = min(
+            self._choose_at + other.rest_next, *(plan.rest_until for plan in cheaper if plan is not other), FAR
+        )
+        return other, max(0, suited - self._choose_at - 1), max(0, refused - self._choose_at - 1)
+
     def went_well(self, matrices: int) -> None:
         """Note that so many were factorised by the plan in use, none of them irregular."""
         self._is_irregular = False
-        self.tried += matrices
-        self.now.suited(matrices)
-        self.succeeded()
+        if matrices:
+            self._note_first(self.now, self.tried + 1)
+            self.tried += matrices
+            self.now.suited(matrices)
+            self.succeeded()
+
+    def tried_other(self, other: Prepared, suited: bool) -> None:
+        """Note what came of a plan that was due, for the next matrix."""
+        if suited:
+            self._take_up(other, self.tried + 1)
+        else:
+            other.refused(self.tried + 1)
+            self._take_up(self.now, self.tried + 1)
+
+    def suited(self, plan: Prepared) -> None:
+        """Note that a plan did, for the last matrix."""
+        self._note_first(plan, self.tried)
+        plan.suited()
+
+    def _note_first(self, plan: Prepared, number: int) -> None:
+        if not plan.suited_from:
+            plan.suited_from = number - self._begun_at
 
     def succeeded(self) -> None:
         """The factors of the plan in use are good."""
@@ -203,7 +251,7 @@ class Plans:
         if not alike and len(self._plans) < PLANS:
             return self._another(make)
         if alike and now.curved != curved:
-            return [plan for plan in alike if plan.won > UNLIKELY or plan is alike[0]][-1]
+            return self._earliest(alike)
         if now.served == SETTLED and curved and not self._settled:
             # By now the entries have the sizes that they will keep.
             self._settled = True
@@ -212,6 +260,11 @@ class Plans:
                 self._plans.append(other)
                 return other
         return now
+
+    def _earliest(self, alike: list[Prepared]) -> Prepared:
+        """That of some plans that may be tried first, the latest of several."""
+        likely = [plan for plan in alike if plan.won > UNLIKELY or plan is alike[0]]
+        return min(reversed(likely), key=lambda plan: plan.rest_until)
 
     def _cheaper(self, now: Prepared) -> list[Prepared]:
         """Other plans for such matrices that take fewer operations, those with the fewest first."""

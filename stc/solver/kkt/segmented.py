@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros, scattered
-from stc.codegen.calls import Bound, chain_until
+from stc.codegen.calls import Bound, CallTable, chain_until
 from stc.solver.kkt import attempts, lanes
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, SWEEPS, FrontalKKT
-from stc.solver.kkt.lane_panel import COUNTED, LARGEST, PANEL, STATE
+from stc.solver.kkt.lane_panel import COUNTED, LARGEST, PANEL, STATE, TRUSTED
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import code_of, lay_out
 from stc.solver.kkt.lane_values import sizes_of
-from stc.solver.kkt.plan_choice import Plans, Prepared
+from stc.solver.kkt.plan_choice import PLANS, Plans, Prepared
 from stc.solver.kkt.seams import sew
 from stc.solver.kkt.segmented_passes import diagonal_of, eliminate_all, equilibrate_all, solve_all
 from stc.solver.kkt.segments import LANES, Segmentation
@@ -32,16 +32,8 @@ __all__ = ["SegmentedKKT"]
 #: No product that is subtracted may exceed this, nor any entry of an inverted pivot, in the equilibrated matrix.
 GROWTH = 1e16
 INVERSE = 1e15
-#: Where they are larger than this share of it, the factors are tried on a right-hand side: the residual, before
-#: refinement, should be no larger than INACCURATE, and the solution no longer than SINGULAR times as much.
+#: Where they are larger than this share of it, the factors are tried on a right-hand side.
 SUSPECT = 1e-6
-INACCURATE = 1e-6
-SINGULAR = 3e9
-#: Where both are below this share of that, factors are not tried again until they are so many times as suspect, but
-#: above this share in any case.
-EASILY = 0.01
-MORE = 3.0
-TRUSTED = 1e-4
 #: The place of the segments' elimination among the steps of an attempt, counted from 1.
 ELIMINATED = 3
 #: Room for factors, as a multiple of what the first plan needs.
@@ -100,13 +92,23 @@ class SegmentedKKT(ByCopies):
         self._eliminated = int(size - rest.unknowns.size)
         self._added = sewn.added // 2
         self._probe_rhs = np.copysign(1.0, scattered(size))
-        self._probe_result, self._probe_report = np.zeros(size), np.zeros(REPORT)
+        self._probe_result = np.zeros(size)
         self._by_segments = False
         self._factorized = False
         self._factors = aligned_zeros(0)
         self._bind_entries()
+        self._calls = CallTable(attempts.CALLS * (PLANS + 1))
+        self._eliminate = attempts.eliminate.bind(self._calls.cells, self._tally)
+        self._solve, self._solve_both = (
+            attempts.solve.bind(self._calls.cells, which, self._tally)
+            for which in (attempts.SOLVE, attempts.SOLVE_BOTH)
+        )
+        self._steps: Bound | None = None  # elimination, and those of the rest
+        self._attempt: Bound | None = None  # the same for the next matrix, and all that goes with it
+        self._bindings = -1  # of the rest, that these two are made for
+        self._offered: Prepared | None = None
         nothing = [np.zeros(kind.size * (kind.size + 1) // 2, dtype=bool) for kind in self._kinds]
-        first = self._prepare([Program([], used, 0, 0) for used in nothing])  # for equilibration
+        first = self._prepare([Program([], used, 0, 0) for used in nothing], 0)  # for equilibration
         self._plans = Plans(couplings.size, first)
 
     @property
@@ -116,13 +118,14 @@ class SegmentedKKT(ByCopies):
 
     def restart(self) -> None:
         """Forget all matrices, as if new, but not the plans: they are taken up in the same order."""
-        self._counted = self._tally[attempts.MADE] = 0
+        self._take_attempts()
+        self._counted = 0
         self.nnz_factor = 0
         self.last_residual = 0.0
         self._scaled = False
         self._plans.restart()
         for plan in self._plans:
-            plan.trusted = SUSPECT
+            plan.state[TRUSTED] = SUSPECT
         self._factorized = False
         self._rest.restart()
         if self._whole is not None:
@@ -140,14 +143,14 @@ class SegmentedKKT(ByCopies):
         """Additions and multiplications of the last factorisation, updates only."""
         if not self._by_segments:
             return self._whole.operations if self._whole is not None else 0
-        return self._plans.now.operations + self._rest.operations
+        return self._plan_in_use().operations + self._rest.operations
 
     @property
     def factor_bytes(self) -> int:
         """Memory that the last factorisation fills."""
         if not self._by_segments:
             return self._whole.factor_bytes if self._whole is not None else 0
-        return self._plans.now.factors.nbytes + self._rest.factor_bytes
+        return self._plan_in_use().factors.nbytes + self._rest.factor_bytes
 
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
@@ -169,22 +172,33 @@ class SegmentedKKT(ByCopies):
             self._scaled = True
         return self._complete(None)
 
+    def _plan_in_use(self) -> Prepared:
+        """The plan of the factors."""
+        self._take_attempts()
+        slot = int(self._tally[attempts.NOW])
+        return next((plan for plan in self._plans if plan.slot == slot), self._plans.now)
+
     @property
     def attempt_call(self) -> Bound | None:
         """See ``AttachedKKT.attempt_call``."""
-        now = self._plans.now
-        if self.irregular:
-            return None
-        if not (self._factorized and self._by_segments and self._rest.follows_plan):
-            return None
-        if now.attempt is None or now.bindings != self._rest.bindings:
-            return None
         self._take_attempts()
-        self._tally[attempts.ALLOWED] = self._plans.certain
-        self._rest.follow()
-        assert now.attempted is not None
-        now.attempted.set("trusted", now.trusted)
-        return now.attempt
+        rest, plans, tally = self._rest, self._plans, self._tally
+        if self.irregular or not (self._factorized and self._by_segments and rest.follows_plan):
+            return None
+        if self._bindings != rest.bindings:
+            return None
+        plans.foresee()
+        if plans.now.bindings != rest.bindings:
+            return None
+        tally[attempts.NEXT], tally[attempts.ALLOWED] = plans.now.slot, plans.certain
+        tally[attempts.OTHER] = -1
+        due = plans.due
+        if due is not None and due[0].bindings == rest.bindings:
+            self._offered, tally[attempts.IF_SUITED], tally[attempts.IF_REFUSED] = due
+            tally[attempts.OTHER] = self._offered.slot
+        rest.follow()
+        self._begin.set("curved", plans.now.curved)
+        return self._attempt
 
     def resume(self, ended: int) -> Inertia:
         """See ``AttachedKKT.resume``."""
@@ -195,10 +209,19 @@ class SegmentedKKT(ByCopies):
         return self._complete(ended)
 
     def _take_attempts(self) -> None:
-        """Note the attempts that have succeeded."""
-        made = int(self._tally[attempts.MADE])
+        """Note what has come of the attempts."""
+        tally = self._tally
+        outcome = int(tally[attempts.OUTCOME])
+        if outcome:
+            assert self._offered is not None
+            tally[attempts.OUTCOME] = 0
+            self._note_made(int(tally[attempts.MADE_BEFORE]))
+            self._plans.tried_other(self._offered, outcome == attempts.SUITED)
+        self._note_made(int(tally[attempts.MADE]))
+        tally[attempts.MADE] = 0
+
+    def _note_made(self, made: int) -> None:
         if made:
-            self._tally[attempts.MADE] = 0
             self._counted += made
             self._plans.went_well(made)
 
@@ -219,8 +242,7 @@ class SegmentedKKT(ByCopies):
         if not self._factorized:
             raise ValueError("factorize before solving")
         if self._by_segments:
-            assert self._plans.now.solve is not None
-            return self._plans.now.solve
+            return self._solve
         assert self._whole is not None
         return self._whole.solve_call
 
@@ -230,8 +252,7 @@ class SegmentedKKT(ByCopies):
         if not self._factorized:
             raise ValueError("factorize before solving")
         if self._by_segments:
-            assert self._plans.now.solve_both is not None
-            return self._plans.now.solve_both
+            return self._solve_both
         assert self._whole is not None
         return self._whole.solve_both_call
 
@@ -264,7 +285,7 @@ class SegmentedKKT(ByCopies):
             rest = self._through(plan, ended)
             ended = None
             if rest is not None:
-                plan.suited()
+                plans.suited(plan)
                 break
             plan.refused(plans.tried)
         if rest is None:
@@ -275,7 +296,10 @@ class SegmentedKKT(ByCopies):
         now = plans.now
         if now.bindings != self._rest.bindings:
             self._bind_solve(now)
-        if now.state[LARGEST] > now.trusted and not self._passes_probe(now):
+        if self._bindings != self._rest.bindings:
+            self._bind_steps()
+        assert now.is_accurate is not None
+        if now.state[LARGEST] > now.state[TRUSTED] and not now.is_accurate():
             return None
         plans.succeeded()
         self.nnz_factor = now.factors.size + self._rest.nnz_factor
@@ -287,28 +311,18 @@ class SegmentedKKT(ByCopies):
     def _through(self, plan: Prepared, ended: int | None) -> Inertia | None:
         """Factorise by a plan: the inertia of the rest, or None where a pivot of the segments is refused."""
         rest = self._rest
-        if ended is not None:
-            if ended > ELIMINATED:
-                made = ended == ELIMINATED + len(rest.steps()) + 1
-                return rest.complete(0 if made else ended - ELIMINATED)
-        elif plan.steps is not None and plan.bindings == rest.bindings and rest.follows_plan:
+        if ended is None:
+            self._tally[attempts.NEXT], self._tally[attempts.OTHER] = plan.slot, -1
+            if self._steps is None or self._bindings != rest.bindings or not rest.follows_plan:
+                return None if self._eliminate() else rest.refactor()
             rest.prepare_steps()
-            ended = plan.steps()
-            if ended != 1:
-                return rest.complete(ended and ended - 1)
-        elif not plan.eliminate():
-            return rest.refactor()
-        # The scale may have served its time.
-        return rest.refactor() if plan.equilibrate() and not plan.eliminate() else None
-
-    def _passes_probe(self, plan: Prepared) -> bool:
-        """Solve once: a matrix that is nearly singular has long solutions, inaccurate factors a large residual."""
-        assert plan.probe is not None
-        plan.probe()
-        residual, _, gain = self._probe_report
-        if residual < EASILY * INACCURATE and gain < EASILY * SINGULAR:
-            plan.trusted = min(TRUSTED, MORE * float(plan.state[LARGEST]))
-        return bool(residual < INACCURATE and gain < SINGULAR)
+            ended = self._steps()
+            if ended:
+                ended += ELIMINATED - 1
+        if ended == ELIMINATED:
+            return None
+        made = ended in (0, ELIMINATED + len(rest.steps()) + 1)
+        return rest.complete(0 if made else ended - ELIMINATED)
 
     def _refactor_whole(self) -> Inertia:
         if self._whole is None:
@@ -318,7 +332,8 @@ class SegmentedKKT(ByCopies):
         return inertia
 
     def _new_plan(self, thorough: bool) -> Prepared:
-        return self._prepare(self._programs(thorough))
+        slot = min(set(range(PLANS + 1)) - {plan.slot for plan in self._plans})
+        return self._prepare(self._programs(thorough), slot)
 
     def _programs(self, thorough: bool) -> list[Program]:
         """Plan the pivots of each kind for values like those of the matrix at hand, without p.
@@ -351,8 +366,8 @@ class SegmentedKKT(ByCopies):
             self._source[entry].copy(),
         )
 
-    def _prepare(self, programs: list[Program]) -> Prepared:
-        """Prepare the calls that depend on the plan."""
+    def _prepare(self, programs: list[Program], slot: int) -> Prepared:
+        """Prepare the calls that depend on the plan; ``slot`` is its place in the table."""
         layout, groups, given = self._layout, self._found.groups, self._arrays.given
         rest = layout.rest
         code = code_of(layout.table, groups, self._kinds, programs)
@@ -389,17 +404,11 @@ class SegmentedKKT(ByCopies):
         operations = sum(
             group.segments * len(group.stages) * programs[group.kind].operations for group in groups
         )
-        return Prepared(
-            tables,
-            factors,
-            state,
-            (work, part),
-            eliminate,
-            equilibrate,
-            operations,
-            bool(self._curvatures[0]),
-            SUSPECT,
-        )
+        state[TRUSTED] = SUSPECT
+        self._calls.put(attempts.CALLS * slot + attempts.ELIMINATE, eliminate)
+        self._calls.put(attempts.CALLS * slot + attempts.EQUILIBRATE, equilibrate)
+        curved = bool(self._curvatures[0])
+        return Prepared(slot, tables, factors, state, (work, part), equilibrate, operations, curved)
 
     def _bind_solve(self, plan: Prepared) -> None:
         """Prepare the calls that depend on the rest's factors, too."""
@@ -412,29 +421,30 @@ class SegmentedKKT(ByCopies):
             *rest_factors,
         )  # fmt: skip
         one, other = self._vectors[:5], self._vectors[5:]
-        arrays = self._arrays
+        arrays, cells = self._arrays, self._calls.cells
         second = arrays.second_rhs, *other, arrays.second_solution
         both = arrays.rhs, *one, arrays.solution, *second, self.report, np.zeros(REPORT)
-        plan.solve, plan.solve_both = (
-            solve_all.bind(how_many, REFINEMENTS, *common, *both) for how_many in (0, 1)
-        )
-        plan.probe = solve_all.bind(
-            0,
-            0,
-            *common,
-            self._probe_rhs,
-            *one,
-            self._probe_result,
-            *second,
-            self._probe_report,
-            np.zeros(REPORT),
-        )
-        steps = [(plan.eliminate, True), *self._rest.steps()]
-        plan.steps = chain_until(steps)
-        begin = attempts.begin.bind(plan.curved, self._curvatures, self._rest.account, self._tally)
-        plan.attempted = attempts.end_of_segments.bind(
-            self._rest.counts, self._rest.account, plan.trusted, self._eliminated, self._added, plan.state, FINE,
-            self.inertia, self.accuracy, self._tally,
+        report = np.zeros(REPORT)
+        probe = self._probe_rhs, *one, self._probe_result, *second, report, np.zeros(REPORT)
+        end = attempts.end_of_plan.bind(
+            cells, plan.slot, self._rest.counts, self._rest.account, self._eliminated, self._added, plan.state, report,
+            FINE, self.inertia, self.accuracy, self._tally,
         )  # fmt: skip
-        plan.attempt = chain_until([(self._collect, True), (begin, True), *steps, (plan.attempted, True)])
+        plan.is_accurate = attempts.is_accurate.bind(cells, plan.slot, report, plan.state)
+        for place, call in (
+            (attempts.PROBE, solve_all.bind(0, 0, *common, *probe)),
+            (attempts.END, end),
+            (attempts.SOLVE, solve_all.bind(0, REFINEMENTS, *common, *both)),
+            (attempts.SOLVE_BOTH, solve_all.bind(1, REFINEMENTS, *common, *both)),
+        ):
+            self._calls.put(attempts.CALLS * plan.slot + place, call)
         plan.bindings = self._rest.bindings
+
+    def _bind_steps(self) -> None:
+        """Prepare the calls of a whole factorisation."""
+        steps = [(self._eliminate, True), *self._rest.steps()]
+        self._steps = chain_until(steps)
+        self._begin = attempts.begin.bind(0, self._curvatures, self._rest.account, self._tally)
+        end = attempts.end_of_segments.bind(self._calls.cells, self._tally)
+        self._attempt = chain_until([(self._collect, True), (self._begin, True), *steps, (end, True)])
+        self._bindings = self._rest.bindings
