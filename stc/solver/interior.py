@@ -262,9 +262,11 @@ class _Loop:
         if not self.error < LARGEST_ERROR or self.s[FARTHEST] > TOO_FAR:
             feasible = self.s[PRIMAL] <= ACCEPTABLE
             return self._outcome(End.UNBOUNDED) if feasible and self.drift.falling else self._give_up()
-        done = None if self.drift.falling else self.finish.attempt(it, self.error)
-        if done is not None:
-            return Outcome(End.CONVERGED, form, done.x.copy(), done.y.copy(), done.error, it)
+        if not self.drift.falling and self.error <= self.finish.threshold:
+            done = self.finish.attempt(it, self.error)
+            if done is not None:
+                return Outcome(End.CONVERGED, form, done.x.copy(), done.y.copy(), done.error, it)
+            self.work.provide_attempt()
         return None
 
     def _converged(self) -> bool:

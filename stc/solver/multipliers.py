@@ -69,6 +69,7 @@ class LaggingMultipliers:
         work.s[LAGGING] = 0.0
         form, it, total = work.form, work.it, work.s[ERROR]
         y = least_squares_multipliers(work, LARGEST_LATER)
+        work.provide_attempt()
         other = evaluate(form, it.w, y, it.z)
         if errors_of(form, other, 0.0).total < HALF * total:
             work.load(other)

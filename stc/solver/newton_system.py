@@ -80,7 +80,7 @@ class NewtonSystem:
         s[EQUATIONS] = form.any_equality
         s[BENDS] = 0.0 if form.linear else UNKNOWN
         s[BENDS_ALIKE] = form.quadratic_objective
-        work.provide_first_attempt()
+        work.provide_attempt()
 
     @property
     def shift(self) -> float:
@@ -133,6 +133,7 @@ class NewtonSystem:
         except NotFinite as error:  # a derivative or the ratio of a multiplier to its gap has overflowed
             raise SingularSystem from error
         work.provide_attempt()
+        work.provide_prediction()
         work.inertia[:] = inertia
         return inertia
 

@@ -450,16 +450,15 @@ class Workspace:
     # -- calls that compiled functions make -------------------------------------------------------------------------
 
     def provide_attempt(self) -> None:
-        """Renew the calls that hold for the last factorisation."""
-        self._predictor()
-        self.calls.put(places.ATTEMPT, self.kkt.attempt_call)
-        self.calls.put(places.PREDICT, self._chains["predictor"])
+        """Renew the calls that hold for matrices like the last one that was factorised, if any was."""
+        attempt = self.kkt.attempt_call
+        self.calls.put(places.ATTEMPT, attempt)
+        if attempt is not None:
+            self.provide_prediction()
 
-    def provide_first_attempt(self) -> None:
-        """The same, where there is a last factorisation that the next one may be like."""
-        self.calls.put(places.ATTEMPT, None)
-        if self.kkt.attempt_call is not None:
-            self.provide_attempt()
+    def provide_prediction(self) -> None:
+        """Renew the call that solves for the affine and the centring step with the last factorisation."""
+        self.calls.put(places.PREDICT, self._predictor())
 
     def provide_solves(self) -> None:
         """Make all the calls that solve."""

@@ -42,7 +42,8 @@ __all__ = [
     "solve",
 ]
 
-#: In the tally of a system: attempts that succeeded since it was last looked at, and how many more there may be; ...
+#: In the tally of a system: attempts that succeeded since it was last looked at, and how many more there may be, -1 where
+#: another plan is due; ...
 MADE, ALLOWED = 0, 1
 #: ... for segments: the plan of the factors, and that for the next matrix; another one to try when no more are allowed,
 #: or -1; how many are allowed when that suits, and when not; what came of it (0 so far), and how many attempts had
@@ -104,10 +105,9 @@ def begin(curved: i64, curvatures: i64s, account: f64s, tally: i64s) -> i64:
     """1 where another plan may suit segments better: H has become zero or is so no longer, or it is time to choose."""
     if has_served(account) != 0 or (curvatures[0] != 0) != (curved != 0):
         return 1
-    if tally[ALLOWED] > 0:
-        tally[ALLOWED] -= 1
-    elif tally[OTHER] < 0:
+    if tally[ALLOWED] <= 0 and tally[OTHER] < 0:
         return 1
+    tally[ALLOWED] -= 1
     return 0
 
 
@@ -124,7 +124,7 @@ def eliminate_by(calls: i64s, plan: i64) -> i64:
 @native(shared=True)
 def eliminate(calls: i64s, tally: i64s) -> i64:
     """The same by the plan for the next matrix, or by another one that is due and suits."""
-    if tally[OTHER] >= 0 and tally[ALLOWED] <= 0:
+    if tally[OTHER] >= 0 and tally[ALLOWED] < 0:
         other = tally[OTHER]
         tally[OTHER] = -1
         tally[MADE_BEFORE] = tally[MADE]

@@ -36,6 +36,8 @@ INVERSE = 1e15
 SUSPECT = 1e-6
 #: The place of the segments' elimination among the steps of an attempt, counted from 1.
 ELIMINATED = 3
+#: The place in the table of what factorises the whole matrix; one plan may be made before it is kept.
+WHOLE = PLANS + 1
 #: Room for factors, as a multiple of what the first plan needs.
 ROOM = 1.25
 
@@ -93,11 +95,10 @@ class SegmentedKKT(ByCopies):
         self._added = sewn.added // 2
         self._probe_rhs = np.copysign(1.0, scattered(size))
         self._probe_result = np.zeros(size)
-        self._by_segments = False
         self._factorized = False
         self._factors = aligned_zeros(0)
         self._bind_entries()
-        self._calls = CallTable(attempts.CALLS * (PLANS + 1))
+        self._calls = CallTable(attempts.CALLS * (WHOLE + 1))
         self._eliminate = attempts.eliminate.bind(self._calls.cells, self._tally)
         self._solve, self._solve_both = (
             attempts.solve.bind(self._calls.cells, which, self._tally)
@@ -183,9 +184,7 @@ class SegmentedKKT(ByCopies):
         """See ``AttachedKKT.attempt_call``."""
         self._take_attempts()
         rest, plans, tally = self._rest, self._plans, self._tally
-        if self.irregular or not (self._factorized and self._by_segments and rest.follows_plan):
-            return None
-        if self._bindings != rest.bindings:
+        if self.irregular or not (self._factorized and rest.follows_plan and self._bindings == rest.bindings):
             return None
         plans.foresee()
         if plans.now.bindings != rest.bindings:
@@ -230,31 +229,29 @@ class SegmentedKKT(ByCopies):
         self._counted += 1
         self.accuracy[0] = FINE
         inertia = self._refactor_segments(ended)
-        self._by_segments = inertia is not None
         if inertia is None:
             inertia = self._refactor_whole()
         self._factorized = True
         return inertia
 
     @property
+    def _by_segments(self) -> bool:
+        """Whether the factors at hand are those of segments."""
+        return int(self._tally[attempts.NOW]) != WHOLE
+
+    @property
     def solve_call(self) -> Bound:
         """See ``AttachedKKT.solve_call``."""
         if not self._factorized:
             raise ValueError("factorize before solving")
-        if self._by_segments:
-            return self._solve
-        assert self._whole is not None
-        return self._whole.solve_call
+        return self._solve
 
     @property
     def solve_both_call(self) -> Bound:
         """See ``AttachedKKT.solve_both_call``."""
         if not self._factorized:
             raise ValueError("factorize before solving")
-        if self._by_segments:
-            return self._solve_both
-        assert self._whole is not None
-        return self._whole.solve_both_call
+        return self._solve_both
 
     def check_solution(self) -> bool:
         """See ``AttachedKKT.check_solution``."""
@@ -263,8 +260,7 @@ class SegmentedKKT(ByCopies):
             if self.report[0] > DOUBTFUL:
                 self._counted += 1
                 self._refactor_whole()
-                self._by_segments = False
-                self.solve_call()
+                self._solve()
                 repeated = True
             self.last_residual = float(self.report[0])
         if not self._by_segments:
@@ -329,6 +325,10 @@ class SegmentedKKT(ByCopies):
             self._whole = FrontalKKT.of_couplings(self._couplings, self._stage, self._arrays)
         inertia = self._whole.refactor()
         self.nnz_factor = self._whole.nnz_factor
+        calls = self._whole.solve_call, self._whole.solve_both_call
+        for place, call in zip((attempts.SOLVE, attempts.SOLVE_BOTH), calls, strict=True):
+            self._calls.put(attempts.CALLS * WHOLE + place, call)
+        self._tally[attempts.NOW] = WHOLE
         return inertia
 
     def _new_plan(self, thorough: bool) -> Prepared:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from unittest import mock
 
 import numpy as np
@@ -12,7 +13,8 @@ from solver.kkt.backends import printed_by
 from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, Pattern, generic
 from solver.kkt.test_contract import check
 
-from stc.solver.kkt import DenseKKT, FrontalKKT, segmented, segments
+from stc.codegen.calls import Bound, CallTable
+from stc.solver.kkt import DenseKKT, FrontalKKT, attempts, segmented, segments
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.kkt.lane_program import kind_of, plan_panels
@@ -328,16 +330,114 @@ def test_factors_that_are_tried_once_are_trusted(monkeypatch):
     kkt = system_of(pattern)
     values = generic(rng, pattern)
     tried = []
-    passes = SegmentedKKT._passes_probe
-    monkeypatch.setattr(
-        SegmentedKKT, "_passes_probe", lambda self, plan: tried.append(1) or passes(self, plan)
-    )
-    for _ in range(3):
+    check(kkt, pattern, values, rng)
+    place = attempts.CALLS * kkt._plan_in_use().slot + attempts.PROBE
+    probe = kkt._calls._parts[place]
+    kkt._calls.put(place, Bound.of_python(lambda: tried.append(1) or probe(), ()))
+    for _ in range(2):
         check(kkt, pattern, values, rng)
-    assert len(tried) == 1
+    assert not tried
     kkt.restart()
     check(kkt, pattern, values, rng)
-    assert len(tried) == 2
+    assert len(tried) == 1
+
+
+def solve_along(kkt, pattern, sequence):
+    """From a restart on: how each matrix of a sequence was factorised (0: in one call), and by the plan in which slot."""
+    kkt.restart()
+    found = []
+    for values in sequence:
+        for mine, its in zip((kkt.hess, kkt.jac, kkt.primal, kkt.dual), values.arguments(), strict=True):
+            mine[:] = its
+        call = kkt.attempt_call
+        ended = call() if call is not None else -1
+        if ended:
+            inertia = kkt.resume(ended) if ended > 0 else kkt.refactor()
+        else:
+            inertia = Inertia(*kkt.inertia.tolist())
+        assert inertia == Inertia(pattern.n, pattern.m, 0)
+        found.append((ended, kkt._plan_in_use().slot))
+    return found
+
+
+def test_matrices_of_a_solve_that_is_repeated_are_factorised_by_one_call_each():
+    rng = np.random.default_rng(21)
+    pattern = motion(rng, 40)
+    kkt = system_of(pattern)
+    convex = generic(rng, pattern)
+    convex.hess[:] = np.where(pattern.hess_rows == pattern.hess_cols, 4.0, 0.1)
+    flat = replace(convex, hess=np.zeros_like(convex.hess), primal=np.ones(pattern.n))
+    bent = (pattern.hess_rows == pattern.hess_cols) & (pattern.hess_rows % 5 == 0)
+    early = replace(convex, hess=np.where(bent, 4.0, 0.0), primal=np.zeros(pattern.n))
+    sequence = [flat, *[early] * 4, *[convex] * 12]
+    first = solve_along(kkt, pattern, sequence)
+    assert {slot for _, slot in first} == {0, 1}
+    assert any(ended for ended, _ in first[1:])
+    found = solve_along(kkt, pattern, sequence)
+    assert [ended for ended, _ in found[1:]] == [0] * (len(sequence) - 1)
+    assert {slot for _, slot in found} == {0, 1}
+    assert kkt.factorizations == len(sequence)
+    assert solve_along(kkt, pattern, sequence) == found
+
+
+class Scripted:
+    """Calls of two plans as the compiled choice between them sees them."""
+
+    def __init__(self, **results):
+        self.made = []
+        self.results = {name: list(values) for name, values in results.items()}
+        self.table = CallTable(2 * attempts.CALLS)
+        self.tally = np.zeros(attempts.TALLY, dtype=np.int64)
+        self.tally[attempts.OTHER] = -1
+        for plan in (0, 1):
+            for place, name in ((attempts.ELIMINATE, "eliminate"), (attempts.EQUILIBRATE, "equilibrate")):
+                call = Bound.of_python(self.make, (f"{name}{plan}",))
+                self.table.put(attempts.CALLS * plan + place, call)
+        self.begin = attempts.begin.bind(1, np.ones(1, dtype=np.int64), np.array([0.0, 1.0, 0.0, 0.0]), self.tally)
+        self.eliminate = attempts.eliminate.bind(self.table.cells, self.tally)
+
+    def make(self, name):
+        self.made.append(name)
+        return self.results[name].pop(0) if self.results.get(name) else 0
+
+    def factorize(self):
+        """Which calls were made for a matrix; None where no more are allowed."""
+        self.made = []
+        if self.begin():
+            return None
+        ended = self.eliminate()
+        self.tally[attempts.MADE] += not ended
+        return self.made, ended
+
+
+def test_a_scale_that_does_not_serve_is_found_anew():
+    calls = Scripted(eliminate0=[2, 0, 2, 1, 1], equilibrate0=[1, 1, 0])
+    calls.tally[attempts.ALLOWED] = 9
+    again = ["eliminate0", "equilibrate0", "eliminate0"]
+    assert calls.factorize() == (again, 0)
+    assert calls.factorize() == (again, 1)
+    assert calls.factorize() == (["eliminate0", "equilibrate0"], 1)
+
+
+@pytest.mark.parametrize("suits", [True, False])
+def test_a_plan_that_is_due_is_tried_and_kept_where_it_suits(suits):
+    calls = Scripted(eliminate1=[0 if suits else 1])
+    tally = calls.tally
+    tally[[attempts.ALLOWED, attempts.OTHER, attempts.IF_SUITED, attempts.IF_REFUSED]] = 2, 1, 3, 1
+    for _ in range(2):
+        assert calls.factorize() == (["eliminate0"], 0)
+    if suits:
+        assert calls.factorize() == (["eliminate1"], 0)
+    else:
+        assert calls.factorize() == (["eliminate1", "equilibrate1", "eliminate0"], 0)
+    more = 3 if suits else 1
+    for _ in range(more):
+        assert calls.factorize() == ([f"eliminate{int(suits)}"], 0)
+    assert calls.factorize() is None
+    assert tally[attempts.OUTCOME] == (attempts.SUITED if suits else attempts.REFUSED)
+    assert tally[attempts.MADE_BEFORE] == 2
+    assert tally[attempts.MADE] == 1 + more
+    assert tally[attempts.NOW] == tally[attempts.NEXT] == int(suits)
 
 
 def test_storage_grows_with_the_frames_only():
