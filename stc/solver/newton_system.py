@@ -39,7 +39,6 @@ from stc.solver.places import (
     LAST_SHIFT,
     MU,
     SHIFT,
-    SMOOTH,
     STIFFNESS,
     UNTRIED,
 )  # fmt: skip
@@ -74,7 +73,7 @@ class NewtonSystem:
         self._before = (0.0, 0.0)
         s = work.s
         for place in (
-            SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, DEFICIENT, DEFICIENCIES, FAILURES, UNTRIED, SMOOTH, EXCESS, EXACT,
+            SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, DEFICIENT, DEFICIENCIES, FAILURES, UNTRIED, EXCESS, EXACT,
         ):  # fmt: skip
             s[place] = 0.0
         s[EQUATIONS] = form.any_equality

@@ -86,7 +86,6 @@ DEFICIENT: Final = 77
 DEFICIENCIES: Final = 78
 FAILURES: Final = 79
 UNTRIED: Final = 80
-SMOOTH: Final = 81
 WHOLE: Final = 82
 EXCESS: Final = 83
 EXCESS_BEFORE: Final = 84

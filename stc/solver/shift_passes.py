@@ -30,7 +30,6 @@ from stc.solver.places import (
     MU,
     SHIFT,
     SHIFTED,
-    SMOOTH,
     SOFT,
     STIFFNESS,
     TASK,
@@ -54,16 +53,14 @@ MOST_UNTRIED = 3
 MOST_DAMPED = 8
 """The same where there is the rows' part to be damped; no more than it had negative eigenvalues too many."""
 COARSE = 1e-10
-"""Relative residual that is enough for a step far from a solution, and while steps are smooth and no rows depend on one
-another.
+"""Relative residual that is enough for a step far from a solution.
 
-Elsewhere errors are multiplied.
+Near one, what a solve leaves is an error of the multipliers that takes further iterations to be rid of.
 """
 FAR = 1e-4
 """Error of the iterate from which on it is far."""
-MOST_SMOOTH = 3
-"""Steps in a row that were accepted nearly whole."""
 NEARLY_WHOLE = 0.5
+"""Share of a step, from which on it is counted as accepted."""
 SOFTER = 0.01
 SMALLEST_STIFFNESS = 1e-8
 BENT = 0.05
@@ -256,7 +253,7 @@ def factorize(
     s[ENDED_BY] = float(ended)
     if ended != DONE:
         return ended
-    if s[ERROR] > FAR or (s[SMOOTH] >= MOST_SMOOTH and s[DEFICIENT] == 0.0):
+    if s[ERROR] > FAR:
         accuracy[0] = COARSE
     if s[SHIFT] == 0.0:
         s[FAILURES] = 0.0
@@ -276,7 +273,6 @@ def relax(length: f64, s: f64s) -> None:
         s[STIFFNESS] = 0.0
     elif s[SHIFT] > 0.0:
         s[LAST_SHIFT] = s[SHIFT]
-    s[SMOOTH] = s[SMOOTH] + 1.0 if length >= NEARLY_WHOLE else 0.0
     if length >= NEARLY_WHOLE:
         s[STIFFNESS] *= SOFTER
         if s[STIFFNESS] < SMALLEST_STIFFNESS:
