@@ -12,7 +12,6 @@ from stc.codegen.native_blocks import Value
 from stc.codegen.native_expressions import DECLARATIONS, Callee, ExpressionEmitter
 from stc.codegen.native_types import Signature, Type, type_of_annotation
 
-
 #: Vectors of sums and extrema that a loop keeps side by side: each waits for its last operation.
 _CHAINS = 4
 #: Stands for the hint to do so, which every loop has to have a number of its own for.

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Formulation", "summed"]
 
+#: From so many gaps on, as motions have them, each of them matters little.
+MANY_GAPS = 64
+
 
 def _form_evaluator(form: Formulation) -> Evaluator:
     """The evaluator of a form that evaluates in Python."""
@@ -109,6 +112,7 @@ class Formulation:
         self.sign = np.concatenate([np.ones(below.size), -np.ones(above.size)])
         self.bound = np.concatenate([self.lower[below], self.upper[above]])
         self.gaps = self.index.size
+        self.many_gaps = self.gaps >= MANY_GAPS
         self.inequality: Mask = ~(self.equality | self.ignored)
         self.free: Mask = ~self.held
         self.any_held = bool(self.held.any())

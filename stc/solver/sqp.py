@@ -138,9 +138,10 @@ class _Solve:
             outcome = self._settle(self._warm(form, x0 / form.x_scale, y, z))
         else:
             outcome = self._settle(self._cold(form, x0))
-        for again in (self._feasible_first, self._held_barrier, self._nearby, self._elsewhere)[
-            : options.retries
-        ]:
+        ways = [self._feasible_first, self._held_barrier, self._nearby, self._elsewhere][: options.retries]
+        if form.many_gaps and ways:
+            ways.insert(0, self._otherwise)
+        for again in ways:
             if outcome.end in (End.CONVERGED, End.UNBOUNDED):
                 break
             if outcome.end is End.STATIONARY_VIOLATION and form.linear:
@@ -220,27 +221,32 @@ class _Solve:
             return None
         return Outcome(End.CONVERGED, form, point.x.copy(), point.y.copy(), point.error)
 
+    def _otherwise(self, form: ScaledProblem, x0: Floats) -> Outcome:
+        """Start at the same point with other multipliers."""
+        return self._barrier(form, x0, Tactics(), equal_products=False)
+
     def _feasible_first(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Find a feasible point before looking at the objective."""
-        return feasible_first(
-            form, cold_iterate(form, x0 / form.x_scale), self.options, self.monitor, Tactics()
-        )
+        it = cold_iterate(form, x0 / form.x_scale, equal_products=False)
+        return feasible_first(form, it, self.options, self.monitor, Tactics())
 
     def _held_barrier(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Solve each barrier problem before the parameter goes down, and go where the violation may grow."""
-        return self._barrier(form, x0, Tactics(adaptive=False, largest_theta=1e4))
+        return self._barrier(form, x0, Tactics(adaptive=False, largest_theta=1e4), equal_products=False)
 
     def _nearby(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start a little off, with patience."""
         moved = self._perturbed(form, x0, NEARBY)
-        return self._barrier(form, moved, Tactics(budget=self.options.max_iterations))
+        return self._barrier(form, moved, Tactics(budget=self.options.max_iterations), equal_products=False)
 
     def _elsewhere(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start far off."""
-        return self._barrier(form, self._perturbed(form, x0, ELSEWHERE), Tactics())
+        return self._barrier(form, self._perturbed(form, x0, ELSEWHERE), Tactics(), equal_products=False)
 
-    def _barrier(self, form: ScaledProblem, x0: Floats, tactics: Tactics) -> Outcome:
-        it = cold_iterate(form, x0 / form.x_scale)
+    def _barrier(
+        self, form: ScaledProblem, x0: Floats, tactics: Tactics, *, equal_products: bool = True
+    ) -> Outcome:
+        it = cold_iterate(form, x0 / form.x_scale, equal_products=equal_products)
         return optimise(form, it, self.options.initial_barrier, self.options, self.monitor, tactics=tactics)
 
     def _perturbed(self, form: ScaledProblem, x0: Floats, by: float) -> Floats:

@@ -15,21 +15,26 @@ from stc.solver.workspace import workspace_of
 __all__ = ["WARM_BARRIER", "cold_iterate", "warm_iterate"]
 
 PUSH = 1e-2
+PRODUCT = 1.0
 WARM_PUSH = 1e-3
 WARM_BARRIER = 1e-5
 SMALLEST_PUSH = 1e-12
 
 
-def cold_iterate(form: ScaledProblem, x: Floats) -> Iterate:
-    """A strictly interior point near ``x`` (n,), scaled, with all gap multipliers 1 and least-squares row
-    multipliers; it is the iterate of the form's workspace.
+def cold_iterate(form: ScaledProblem, x: Floats, *, equal_products: bool = True) -> Iterate:
+    """A strictly interior point near ``x`` (n,), scaled, with least-squares row multipliers; it is the iterate of the
+    form's workspace.
+
+    Many gaps have multipliers that make all products :data:`PRODUCT`, as they are equal at the solutions of barrier
+    problems; otherwise they are 1, which cares less for what is near a bound.
     """
     w = _inside(form, x, PUSH)
-    z = np.ones(form.gaps)
     work = workspace_of(form)
-    work.evaluate(w, np.zeros(form.m), z)
+    it = work.evaluate(w, np.zeros(form.m), np.ones(form.gaps))
+    if equal_products and form.many_gaps:
+        np.divide(PRODUCT, it.gap, out=it.z)
     y = least_squares_multipliers(work)
-    return work.evaluate(w, y, z)
+    return work.evaluate(w, y, it.z)
 
 
 def warm_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:

@@ -29,6 +29,8 @@ SHARE = 0.1
 SLIGHT = 1e-3
 #: How much of the rows' part of the Hessian is used where the whole of it makes the matrix indefinite.
 ROWS_SHARE = 0.4
+#: The least centring parameter where steps are short.
+CENTRED = 1.0
 #: What equality rows are softened by against dependent ones, relative to the square of the largest gradient entry.
 SOFT = 1e-8
 
@@ -202,14 +204,14 @@ def combine(count: i64, factor: f64s, one: f64s, other: f64s, out: f64s) -> None
 
 @native(fast=True)
 def choose_centring(
-    gaps: i64, count: i64, moving: f64, rows: f64, smallest_tau: f64, index: i64s, sign: f64s, grid: f64s, gap: f64s,
-    z: f64s, affine: f64s, affine_z: f64s, centring: f64s, centring_z: f64s, gap_1: f64s, gap_2: f64s, fall_1: f64s,
-    fall_2: f64s, fall_z1: f64s, fall_z2: f64s, s: f64s,
+    gaps: i64, count: i64, moving: f64, rows: f64, smallest_tau: f64, short: f64, index: i64s, sign: f64s, grid: f64s,
+    gap: f64s, z: f64s, affine: f64s, affine_z: f64s, centring: f64s, centring_z: f64s, gap_1: f64s, gap_2: f64s,
+    fall_1: f64s, fall_2: f64s, fall_z1: f64s, fall_z2: f64s, s: f64s,
 ) -> None:  # fmt: skip
     """The centring parameter of those in ``grid`` (count,) whose step is predicted to leave the smallest squared error.
 
     A step for sigma is ``affine + sigma * centring``; ``moving`` and ``rows`` are the numbers of dual and primal
-    conditions.
+    conditions.  Where even the best step is less than ``short``, bounds are in its way: products are not made smaller.
     """
     average = s[PRODUCTS] / gaps
     for k in range(gaps):
@@ -224,6 +226,7 @@ def choose_centring(
         fall_z2[k] = centring_z[k] * inverse_z
     best = 1.0
     least = 0.0
+    reach = 1.0
     for trial in range(count):
         sigma = grid[trial]
         tau = max(smallest_tau, 1.0 - sigma * average)
@@ -247,7 +250,8 @@ def choose_centring(
         if trial == 0 or error < least:
             best = sigma
             least = error
-    s[SIGMA] = best
+            reach = a
+    s[SIGMA] = best if reach >= short else max(best, CENTRED)
 
 
 @native(fast=True)

@@ -43,9 +43,11 @@ if TYPE_CHECKING:
 __all__ = ["Step", "Workspace", "workspace_of"]
 
 SMALLEST_SIGMA = 1e-16
-#: The centring parameters to choose from, and the smallest fraction of the way to the bounds that goes with them.
+#: The centring parameters to choose from, and the smallest fraction of the way to the bounds that goes with them; the
+#: fraction of a step below which bounds are in its way, where there are many.
 CENTRING = np.array([1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0])
 SMALLEST_TAU = 0.99
+SHORT = 0.1
 #: Chains are kept for so many of the last solves that differ, of so many unknowns at most: each keeps its factors.
 SOLVES = 4
 #: Iterations at most that are made in a row.
@@ -172,6 +174,7 @@ class Workspace:
             max(1, int(form.moving.sum())),
             max(1, m),
             SMALLEST_TAU,
+            SHORT if form.many_gaps else 0.0,
             index,
             sign,
             CENTRING,

@@ -32,18 +32,17 @@ __all__ = [
     "SUITED",
     "TALLY",
     "begin",
-    "begin_segments",
     "eliminate",
     "end",
-    "end_of_segments",
     "end_of_plan",
+    "end_of_segments",
     "has_served",
     "note_waste",
     "solve",
 ]
 
-#: In the tally of a system: attempts that succeeded since it was last looked at, and how many more there may be, -1 where
-#: another plan is due; ...
+#: In the tally of a system: attempts that succeeded since it was last looked at, and how many more there may be, -1
+#: where another plan is due; ...
 MADE, ALLOWED = 0, 1
 #: ... for segments: the plan of the factors, and that for the next matrix; another one to try when no more are allowed,
 #: or -1; how many are allowed when that suits, and when not; what came of it (0 so far), and how many attempts had

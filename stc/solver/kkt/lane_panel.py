@@ -14,7 +14,17 @@ from __future__ import annotations
 from stc.codegen.native import f64, f64s, i32s, i64, native
 from stc.codegen.native_vector import abs8, load8, max8, negative8, splat8, store8
 
-__all__ = ["COUNTED", "LARGEST", "NEGATIVE", "PANEL", "STATE", "TRUSTED", "WORST", "panel_vectors", "take_panel"]
+__all__ = [
+    "COUNTED",
+    "LARGEST",
+    "NEGATIVE",
+    "PANEL",
+    "STATE",
+    "TRUSTED",
+    "WORST",
+    "panel_vectors",
+    "take_panel",
+]
 
 #: Unknowns of a panel at most.
 PANEL = 4

@@ -175,7 +175,7 @@ class Plans:
             self._choose_at = min((other.rest_until for other in self._cheaper(plan)), default=FAR)
 
     def foresee(self) -> None:
-        """Take up the plan that matrices with curvature have begun with before, after one without, where there is one."""
+        """Take up the plan that matrices with curvature have begun with before, where there is one."""
         alike = [plan for plan in self._plans if plan.curved]
         if alike and not self.now.curved:
             self._take_up(self._earliest(alike), self.tried + 1)
@@ -187,7 +187,7 @@ class Plans:
 
     @property
     def due(self) -> tuple[Prepared, int, int] | None:
-        """What is to be tried after those, where that is an old plan; how long to stay with it, or else with this one."""
+        """The old plan to try after those, if one is; how long to stay with that, or else with the one in use."""
         if self._pause or self.now.served == 0 or (self.now.curved and not self._settled):
             return None
         cheaper = self._cheaper(self.now)
@@ -196,7 +196,9 @@ class Plans:
             return None
         suited = min((plan.rest_until for plan in self._cheaper(other)), default=FAR)
         refused = min(
-            self._choose_at + other.rest_next, *(plan.rest_until for plan in cheaper if plan is not other), FAR
+            self._choose_at + other.rest_next,
+            *(plan.rest_until for plan in cheaper if plan is not other),
+            FAR,
         )
         return other, max(0, suited - self._choose_at - 1), max(0, refused - self._choose_at - 1)
 

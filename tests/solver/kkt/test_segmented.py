@@ -343,7 +343,7 @@ def test_factors_that_are_tried_once_are_trusted(monkeypatch):
 
 
 def solve_along(kkt, pattern, sequence):
-    """From a restart on: how each matrix of a sequence was factorised (0: in one call), and by the plan in which slot."""
+    """How each matrix of a sequence was factorised from a restart on (0: in one call), and by the plan in which slot."""
     kkt.restart()
     found = []
     for values in sequence:
@@ -393,7 +393,9 @@ class Scripted:
             for place, name in ((attempts.ELIMINATE, "eliminate"), (attempts.EQUILIBRATE, "equilibrate")):
                 call = Bound.of_python(self.make, (f"{name}{plan}",))
                 self.table.put(attempts.CALLS * plan + place, call)
-        self.begin = attempts.begin.bind(1, np.ones(1, dtype=np.int64), np.array([0.0, 1.0, 0.0, 0.0]), self.tally)
+        self.begin = attempts.begin.bind(
+            1, np.ones(1, dtype=np.int64), np.array([0.0, 1.0, 0.0, 0.0]), self.tally
+        )
         self.eliminate = attempts.eliminate.bind(self.table.cells, self.tally)
 
     def make(self, name):
