@@ -277,6 +277,7 @@ class FunctionEmitter(ExpressionEmitter):
         return any(self._is_reduction(statement) for statement in node.body)
 
     def _is_reduction(self, node: ast.stmt) -> bool:
+        target: ast.expr
         if isinstance(node, ast.AugAssign):
             target = node.target
             reduces = isinstance(node.op, ast.Add | ast.Sub)

@@ -343,7 +343,7 @@ def test_factors_that_are_tried_once_are_trusted(monkeypatch):
 
 
 def solve_along(kkt, pattern, sequence):
-    """How each matrix of a sequence was factorised from a restart on (0: in one call), and by the plan in which slot."""
+    """How each matrix of several was factorised from a restart on (0: in one call), and by the plan in which slot."""
     kkt.restart()
     found = []
     for values in sequence:
