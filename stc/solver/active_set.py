@@ -99,11 +99,10 @@ def newton_on_active_set(
         contraction = new.error / max(error, 1e-300)
         certified = True
         monitor.count()
-        f_user, violation = form.user_measures(new.x, new.f, new.r)
         monitor.record(
             partial(form.as_stated, new.x, new.y),
-            f_user,
-            violation,
+            form.user_objective(new.f),
+            new.violation,
             new.error,
             float(pair.largest[0]),
             1.0,

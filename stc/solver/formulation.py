@@ -117,6 +117,7 @@ class Formulation:
         self.free: Mask = ~self.held
         self.any_held = bool(self.held.any())
         self.any_equality = bool(self.equality.any())
+        self.any_inequality = bool(self.inequality.any())
         self.any_ignored = bool(self.ignored.any())
         self.moving = np.concatenate([self.free, self.inequality])  # entries of w that the iteration changes
         self.all_moving = bool(self.moving.all())

@@ -74,6 +74,8 @@ class Projection:
             self._largest,
         )  # fmt: skip
 
+        self._violation = np.zeros(1)
+        self._find_violation = form.violation_call(self.x, self.r, self._violation)
         self.remaining_call: Bound = conditions.remaining.bind(
             n,
             m,
@@ -91,6 +93,12 @@ class Projection:
     def f(self) -> float:
         """See the class."""
         return float(self._evaluator.f[0])
+
+    @property
+    def violation(self) -> float:
+        """The largest violation of a row or a bound in the user's terms."""
+        self._find_violation()
+        return float(self._violation[0])
 
     def evaluate(self) -> bool:
         """Renew everything for what is in ``x`` and ``y``; False where a function is undefined."""
@@ -116,8 +124,9 @@ class Projection:
 
     def is_on_active_set_of(self, other: Projection) -> bool:
         """Whether the same bounds and rows are active at another point."""
-        same_x = bool((self.active_x == other.active_x).all())
-        return same_x and bool((self.active_rows == other.active_rows).all())
+        # The masks are 0 or 1: the same where their bytes are.
+        same_x = self.active_x.tobytes() == other.active_x.tobytes()
+        return same_x and self.active_rows.tobytes() == other.active_rows.tobytes()
 
 
 class ProjectionPair:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.arrays import scattered
+from stc.codegen.calls import Bound
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import NLP, Floats
@@ -164,12 +165,16 @@ class ScaledProblem(Formulation):
     def violation(self, x: Floats, r: Floats) -> float:
         """Largest violation in the user's units of rows ``r`` (m,) and of the bounds of ``x`` (n,), scaled both."""
         out = np.empty(1)
+        self.violation_call(x, r, out)()
+        return float(out[0])
+
+    def violation_call(self, x: Floats, r: Floats, out: Floats) -> Bound:
+        """The call that finds it and leaves it in ``out`` (1,)."""
         assert self.stated_limits is not None
         row_places, row_limits, row_units, x_places, x_limits, x_units = self.stated_limits
-        overstepped(
+        return overstepped.bind(
             row_places.size, row_places, row_limits, row_units, r, x_places.size, x_places, x_limits, x_units, x, out
         )  # fmt: skip
-        return float(out[0])
 
     def user_variables(self, x: Floats) -> Floats:
         return x * self.x_scale

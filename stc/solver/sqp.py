@@ -223,30 +223,28 @@ class _Solve:
 
     def _otherwise(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start at the same point with other multipliers."""
-        return self._barrier(form, x0, Tactics(), equal_products=False)
+        return self._barrier(form, x0, Tactics(), by_gaps=False)
 
     def _feasible_first(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Find a feasible point before looking at the objective."""
-        it = cold_iterate(form, x0 / form.x_scale, equal_products=False)
+        it = cold_iterate(form, x0 / form.x_scale, by_gaps=False)
         return feasible_first(form, it, self.options, self.monitor, Tactics())
 
     def _held_barrier(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Solve each barrier problem before the parameter goes down, and go where the violation may grow."""
-        return self._barrier(form, x0, Tactics(adaptive=False, largest_theta=1e4), equal_products=False)
+        return self._barrier(form, x0, Tactics(adaptive=False, largest_theta=1e4), by_gaps=False)
 
     def _nearby(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start a little off, with patience."""
         moved = self._perturbed(form, x0, NEARBY)
-        return self._barrier(form, moved, Tactics(budget=self.options.max_iterations), equal_products=False)
+        return self._barrier(form, moved, Tactics(budget=self.options.max_iterations), by_gaps=False)
 
     def _elsewhere(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start far off."""
-        return self._barrier(form, self._perturbed(form, x0, ELSEWHERE), Tactics(), equal_products=False)
+        return self._barrier(form, self._perturbed(form, x0, ELSEWHERE), Tactics(), by_gaps=False)
 
-    def _barrier(
-        self, form: ScaledProblem, x0: Floats, tactics: Tactics, *, equal_products: bool = True
-    ) -> Outcome:
-        it = cold_iterate(form, x0 / form.x_scale, equal_products=equal_products)
+    def _barrier(self, form: ScaledProblem, x0: Floats, tactics: Tactics, *, by_gaps: bool = True) -> Outcome:
+        it = cold_iterate(form, x0 / form.x_scale, by_gaps=by_gaps)
         return optimise(form, it, self.options.initial_barrier, self.options, self.monitor, tactics=tactics)
 
     def _perturbed(self, form: ScaledProblem, x0: Floats, by: float) -> Floats:

@@ -15,24 +15,23 @@ from stc.solver.workspace import workspace_of
 __all__ = ["WARM_BARRIER", "cold_iterate", "warm_iterate"]
 
 PUSH = 1e-2
-PRODUCT = 1.0
 WARM_PUSH = 1e-3
 WARM_BARRIER = 1e-5
 SMALLEST_PUSH = 1e-12
 
 
-def cold_iterate(form: ScaledProblem, x: Floats, *, equal_products: bool = True) -> Iterate:
+def cold_iterate(form: ScaledProblem, x: Floats, *, by_gaps: bool = True) -> Iterate:
     """A strictly interior point near ``x`` (n,), scaled, with least-squares row multipliers; it is the iterate of the
     form's workspace.
 
-    Many gaps have multipliers that make all products :data:`PRODUCT`, as they are equal at the solutions of barrier
-    problems; otherwise they are 1, which cares less for what is near a bound.
+    Many gaps have multipliers that are smaller the wider they are: one over the square root, half way between equal
+    products, as solutions of barrier problems have them, and the equal multipliers that few gaps have.
     """
     w = _inside(form, x, PUSH)
     work = workspace_of(form)
     it = work.evaluate(w, np.zeros(form.m), np.ones(form.gaps))
-    if equal_products and form.many_gaps:
-        np.divide(PRODUCT, it.gap, out=it.z)
+    if by_gaps and form.many_gaps:
+        np.divide(1.0, np.sqrt(it.gap), out=it.z)
     y = least_squares_multipliers(work)
     return work.evaluate(w, y, it.z)
 
@@ -58,12 +57,14 @@ def _inside(form: Formulation, x: Floats, push: float) -> Floats:
         w[:n], w[n:] = x, form.target
         if form.any_held:
             np.copyto(w[:n], form.held_value, where=form.held)
-        move_inside(form.size, push, form.lower, form.upper, w)
+        move = move_inside.bind(form.size, push, form.lower, form.upper, w)
+        move()
         ev.x[:] = w[:n]
         ev.values_call()
         if ev.values_status[0] == 0.0 or push < SMALLEST_PUSH:
             break
         push *= 0.1
-    np.copyto(w[n:], ev.r, where=form.inequality)
-    move_inside(form.size, push, form.lower, form.upper, w)
+    if form.any_inequality:
+        np.copyto(w[n:], ev.r, where=form.inequality)
+        move()
     return w

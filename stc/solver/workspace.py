@@ -47,7 +47,7 @@ SMALLEST_SIGMA = 1e-16
 #: fraction of a step below which bounds are in its way, where there are many.
 CENTRING = np.array([1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0])
 SMALLEST_TAU = 0.99
-SHORT = 0.1
+SHORT = 0.2
 #: Chains are kept for so many of the last solves that differ, of so many unknowns at most: each keeps its factors.
 SOLVES = 4
 #: Iterations at most that are made in a row.

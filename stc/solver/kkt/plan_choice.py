@@ -176,8 +176,10 @@ class Plans:
 
     def foresee(self) -> None:
         """Take up the plan that matrices with curvature have begun with before, where there is one."""
+        if self.now.curved:
+            return
         alike = [plan for plan in self._plans if plan.curved]
-        if alike and not self.now.curved:
+        if alike:
             self._take_up(self._earliest(alike), self.tried + 1)
 
     @property

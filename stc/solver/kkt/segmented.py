@@ -182,10 +182,10 @@ class SegmentedKKT(ByCopies):
     @property
     def attempt_call(self) -> Bound | None:
         """See ``AttachedKKT.attempt_call``."""
-        self._take_attempts()
         rest, plans, tally = self._rest, self._plans, self._tally
         if self.irregular or not (self._factorized and rest.follows_plan and self._bindings == rest.bindings):
             return None
+        self._take_attempts()
         plans.foresee()
         if plans.now.bindings != rest.bindings:
             return None
