@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,6 +42,7 @@ class Kind:
         following: places of F in the next stage, (F,); each of them, in a segment's first stage, couples with one of L;
             border: numbers of B among the border, (B,).
         rows, columns: places of the entries of a stage in the triangle, in the order of the codes.
+        order: in which they are loaded, (entries,): first the ``added`` ones, which are carried over as well.
     """
 
     own: int
@@ -48,6 +51,8 @@ class Kind:
     border: Int64s
     rows: Int64s
     columns: Int64s
+    order: Int64s
+    added: int
 
     @property
     def near(self) -> int:
@@ -68,6 +73,14 @@ class Kind:
     def carried(self) -> Int64s:
         """Where F, L and B of a step are at the next one."""
         return np.concatenate([self.following, np.arange(self.near, self.size)])
+
+    @property
+    def moved(self) -> tuple[Int64s, Int64s]:
+        """Places of the triangle in which a step leaves something for the next one, and where it is there."""
+        a, b = np.tril_indices(self.size - self.own)
+        moving = b < self.following.size
+        carried = self.carried
+        return triangle(self.own + a, self.own + b)[moving], triangle(carried[a], carried[b])[moving]
 
 
 @dataclass(frozen=True)
@@ -106,7 +119,9 @@ def kind_of(found: Segmentation, number: int, variables: int) -> Kind:
     columns = np.where(types == INSIDE, j, i)
     rows[across] = own + np.searchsorted(following, j[across])
     rows[bordering] = near + following.size + np.searchsorted(border, j[bordering])
-    return Kind(own, variables, following, border, rows, columns)
+    kind = Kind(own, variables, following, border, rows, columns, np.arange(rows.size), rows.size)
+    added = np.isin(triangle(rows, columns), kind.moved[1])
+    return replace(kind, order=np.argsort(~added, kind="stable"), added=int(added.sum()))
 
 
 def plan_panels(kind: Kind, entries: Floats, diagonal: Floats, *, thorough: bool) -> Program:

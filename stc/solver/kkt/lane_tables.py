@@ -118,7 +118,8 @@ def lay_out(found: Segmentation, kinds: list[Kind], sewn: Sewn, source: Int32s, 
         row[lanes.ENDS] = row[lanes.LASTS] + LANES * kind.following.size
         own_sources = sources[group.kind]
         row[lanes.ENTRIES] = kind.rows.size
-        row[lanes.ENTRY_INDEX] = index.put(own_sources[at].transpose(0, 2, 1))
+        row[lanes.ADDED] = kind.added
+        row[lanes.ENTRY_INDEX] = index.put(own_sources[at][..., kind.order].transpose(0, 2, 1))
         row[lanes.FIRST] = kind.following.size
         row[lanes.FIRST_INDEX] = index.put(np.full((kind.following.size, LANES), one))
         row[lanes.MATRIX] = matrix
@@ -192,33 +193,36 @@ def code_of(table: Int64s, groups: list[Group], kinds: list[Kind], programs: lis
         inner = np.arange(own)
         a, b = np.tril_indices(kind.size - own)
         results = triangle(own + a, own + b)
-        moving = b < kind.following.size
-        carried = kind.carried
-        moved = triangle(carried[a[moving]], carried[b[moving]])
+        left, moved = kind.moved
+        rows, columns = kind.rows[kind.order], kind.columns[kind.order]
+        places = triangle(rows, columns)
         used = program.used.copy()
-        for more in (results, moved, triangle(kind.rows, kind.columns), triangle(inner, inner)):
+        for more in (results, moved, places, triangle(inner, inner)):
             used[more] = True
         used[triangle(kind.first_rows, kind.following)] = True
-        used_places = np.flatnonzero(used)
-        columns = np.tril_indices(kind.size)[1]  # in the order of the triangle
-        first = columns[used_places] < near
+        # What is stored before anything is added needs not be cleared.
+        stored = np.zeros(used.size, dtype=bool)
+        stored[places[kind.added :]] = True
+        carried = np.zeros(used.size, dtype=bool)
+        carried[moved] = True
+        first = np.tril_indices(kind.size)[1] < near  # in the order of the triangle
+        cleared = np.flatnonzero(used & first & ~stored & ~carried)
+        empty = np.flatnonzero(used & (~first | carried))
         # Sorted by the unknown of U: entries inside U by the row, others by the column.
-        often = np.where(kind.rows < own, kind.rows, kind.columns)
-        entries = np.stack(
-            [triangle(kind.rows, kind.columns), often, kind.rows + kind.columns - often], axis=1
-        )
+        often = np.where(rows < own, rows, columns)
+        entries = np.stack([places, often, rows + columns - often], axis=1)
         across = np.stack(
             [triangle(kind.first_rows, kind.following), kind.first_rows, kind.following], axis=1
         )
         field = {
             lanes.ENTRY_CODE: code.put(entries),
             lanes.FIRST_CODE: code.put(across),
-            lanes.CLEARED: int(first.sum()),
-            lanes.CLEARED_CODE: code.put(used_places[first]),
-            lanes.EMPTY: int((~first).sum()),
-            lanes.EMPTY_CODE: code.put(used_places[~first]),
+            lanes.CLEARED: cleared.size,
+            lanes.CLEARED_CODE: code.put(cleared),
+            lanes.EMPTY: empty.size,
+            lanes.EMPTY_CODE: code.put(empty),
             lanes.MOVED: moved.size,
-            lanes.MOVED_CODE: code.put(np.stack([results[moving], moved], axis=1)),
+            lanes.MOVED_CODE: code.put(np.stack([left, moved], axis=1)),
             lanes.RESULTS: results.size,
             lanes.RESULT_CODE: code.put(results),
             lanes.FOLLOWING: code.put(kind.following),

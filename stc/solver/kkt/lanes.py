@@ -29,7 +29,8 @@ STEPS, OWN, NEXT, LEFT, BORDER = range(5)
 #: ... where the unknowns of U begin in vectors, step by step, eight for each place; where in vectors those of the last
 #: step's F are, as listed in ``index``, and, right behind them there, of L and B; ...
 UNKNOWNS, LASTS, ENDS = 5, 6, 7
-#: ... entries of a stage: how many, where the sources of each step are listed in ``index``, and where the places of
+#: ... entries of a stage: how many (of which the first ADDED are added to what is carried over, the others stored
+#: there), where the sources of each step are listed in ``index``, and where the places of
 #: one step, three numbers each (entry, and its row and column in any order, the first the same for many entries in a
 #: row), in ``code``; the same for those of L with the first stage; ...
 ENTRIES, ENTRY_INDEX, ENTRY_CODE = 8, 9, 10
@@ -42,8 +43,8 @@ RESULTS, RESULT_CODE, RESULT_INDEX = 22, 23, 24
 #: ... where factors begin and how many vectors a step has; segments, the other lanes being copies of the first; where
 #: the places of F in the next step's U, and the places of the panels in ``code``, are listed in ``code``; where the
 #: scaled entries begin: those of L with the first stage, then the diagonal and the entries of each step.
-FACTORS, FACTOR_STEP, SEGMENTS, FOLLOWING, PANEL_STARTS, MATRIX = 25, 26, 27, 28, 29, 30
-FIELDS = 31
+FACTORS, FACTOR_STEP, SEGMENTS, FOLLOWING, PANEL_STARTS, MATRIX, ADDED = 25, 26, 27, 28, 29, 30, 31
+FIELDS = 32
 #: Magnitudes below this are zeros.
 NOTHING = 1e-300
 
@@ -93,10 +94,10 @@ def note_outside(group: i64s, index: i32s, part: f64s, most: f64s) -> None:
 
 
 @native(fast=True, inline=True)
-def _add_entries(
-    count: i64, sources: i32s, places: i32s, given: f64s, scales: f64s, matrix: f64s, most: f64s, work: f64s
+def _load_entries(
+    added: i64, count: i64, sources: i32s, places: i32s, given: f64s, scales: f64s, matrix: f64s, most: f64s, work: f64s
 ) -> None:  # fmt: skip
-    """Add scaled entries to the triangle, keep them, and note their magnitudes in both of their rows."""
+    """Add or store scaled entries in the triangle, keep them, and note their magnitudes in both of their rows."""
     i = 0
     scale_i = load8(scales, 0)
     most_i = load8(most, 0)
@@ -110,7 +111,10 @@ def _add_entries(
         value = gather8(given, sources, 8 * k) * scale_i * load8(scales, j)
         store8(matrix, 8 * k, value)
         at = 8 * places[3 * k]
-        store8(work, at, load8(work, at) + value)
+        if added != 0:
+            store8(work, at, load8(work, at) + value)
+        else:
+            store8(work, at, value)
         size = abs8(value)
         most_i = max8(size, most_i)
         store8(most, j, max8(size, load8(most, j)))
@@ -148,7 +152,8 @@ def _load_step(
         collect_ends(group, index, scale, scales)
         for k in range(near + ends):
             store8(most, 8 * k, 0.0)
-        _add_entries(
+        _load_entries(
+            1,
             group[FIRST],
             index[group[FIRST_INDEX] :],
             code[group[FIRST_CODE] :],
@@ -168,8 +173,22 @@ def _load_step(
         at = 4 * k * (k + 3)
         store8(work, at, load8(work, at) + value)
         store8(most, 8 * k, max8(abs8(value), load8(most, 8 * k)))
+    added = group[ADDED]
     sources = index[group[ENTRY_INDEX] + 8 * step * count :]
-    _add_entries(count, sources, code[group[ENTRY_CODE] :], given, scales, kept[8 * own :], most, work)
+    places = code[group[ENTRY_CODE] :]
+    kept = kept[8 * own :]
+    _load_entries(1, added, sources, places, given, scales, kept, most, work)
+    _load_entries(
+        0,
+        count - added,
+        sources[8 * added :],
+        places[3 * added :],
+        given,
+        scales,
+        kept[8 * added :],
+        most,
+        work,
+    )
     high = load8(spread, 0)
     low = load8(spread, 8)
     for k in range(own):
