@@ -47,6 +47,8 @@ ACCURATE = 0.1
 """Share of the tolerance that a point is to reach where another step would."""
 EXACT = 1e-3
 """Share of the tolerance above which a correction with the factorisation at hand is worth its while."""
+CORRECTIONS = 3
+"""So many of them at most."""
 SAME = 1e-8
 
 
@@ -89,8 +91,13 @@ def newton_on_active_set(
             return pair.point, True
         if not pair.step():
             return None, False
-        if EXACT * tolerance < pair.next.error <= CONTRACTION * error:
-            pair.correct()
+        before = error
+        for _correction in range(CORRECTIONS):
+            if not EXACT * tolerance < pair.next.error <= CONTRACTION * before:
+                break
+            before = pair.next.error
+            if not pair.correct():
+                break
         new = pair.next
         if new.error > max(CONTRACTION * error, ACCURATE * tolerance):
             patience -= 1
