@@ -57,8 +57,7 @@ def _inside(form: Formulation, x: Floats, push: float) -> Floats:
         w[:n], w[n:] = x, form.target
         if form.any_held:
             np.copyto(w[:n], form.held_value, where=form.held)
-        move = move_inside.bind(form.size, push, form.lower, form.upper, w)
-        move()
+        move_inside(form.size, push, form.lower, form.upper, w)
         ev.x[:] = w[:n]
         ev.values_call()
         if ev.values_status[0] == 0.0 or push < SMALLEST_PUSH:
@@ -66,5 +65,5 @@ def _inside(form: Formulation, x: Floats, push: float) -> Floats:
         push *= 0.1
     if form.any_inequality:
         np.copyto(w[n:], ev.r, where=form.inequality)
-        move()
+        move_inside(form.size, push, form.lower, form.upper, w)
     return w
