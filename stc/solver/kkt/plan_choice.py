@@ -99,6 +99,7 @@ class Plans:
         self.tried = 0
         self._unknowns = unknowns
         self._plans: list[Prepared] = []
+        self._known_cheaper: dict[int, list[Prepared]] = {}
         self._next_at = self._missed = 0
         self._failures = self._pause = 0
         self._choose_at = 0  # the matrix from which on the plan to begin with is to be chosen anew
@@ -261,7 +262,7 @@ class Plans:
             self._settled = True
             other = make(True)
             if other.operations < FEWER * now.operations and len(self._plans) < PLANS:
-                self._plans.append(other)
+                self._keep(other)
                 return other
         return now
 
@@ -272,15 +273,19 @@ class Plans:
 
     def _cheaper(self, now: Prepared) -> list[Prepared]:
         """Other plans for such matrices that take fewer operations, those with the fewest first."""
-        cheaper = (
-            plan
-            for plan in self._plans
-            if plan.curved == now.curved and plan.operations < FEWER * now.operations
-        )
-        return sorted(cheaper, key=lambda plan: plan.operations)
+        known = self._known_cheaper.get(now.slot)
+        if known is None:
+            most = FEWER * now.operations
+            cheaper = (plan for plan in self._plans if plan.curved == now.curved and plan.operations < most)
+            known = self._known_cheaper[now.slot] = sorted(cheaper, key=lambda plan: plan.operations)
+        return known
+
+    def _keep(self, plan: Prepared) -> None:
+        self._plans.append(plan)
+        self._known_cheaper.clear()
 
     def _another(self, make: Callable[[bool], Prepared]) -> Prepared:
         self._missed = 0
         self._next_at = self.tried + MATRICES
-        self._plans.append(make(False))
+        self._keep(make(False))
         return self._plans[-1]
