@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 
 #: Seconds of repeated solving after the first one, and how often at most.
-BUDGET, REPEATS = 1.5, 7
+BUDGET, REPEATS = 1.5, 40
 
 
 def used() -> float:
