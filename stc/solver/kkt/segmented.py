@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros, scattered
 from stc.codegen.calls import Bound, CallTable, chain_until
-from stc.solver.kkt import attempts, lanes
+from stc.solver.kkt import lanes, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import Arrays, ByCopies
@@ -51,7 +51,7 @@ class SegmentedKKT(ByCopies):
     def __init__(self, couplings: Couplings, stage: NDArray[np.int64], found: Segmentation) -> None:
         self.n, self.m = couplings.n, couplings.m
         self.inertia = np.zeros(3, dtype=np.int64)
-        self._tally = np.zeros(attempts.TALLY, dtype=np.int64)
+        self._tally = np.zeros(plan_calls.TALLY, dtype=np.int64)
         self._counted = 0
         self.nnz_factor = 0
         self.last_residual = 0.0
@@ -98,11 +98,11 @@ class SegmentedKKT(ByCopies):
         self._factorized = False
         self._factors = aligned_zeros(0)
         self._bind_entries()
-        self._calls = CallTable(attempts.CALLS * (WHOLE + 1))
-        self._eliminate = attempts.eliminate.bind(self._calls.cells, self._tally)
+        self._calls = CallTable(plan_calls.CALLS * (WHOLE + 1))
+        self._eliminate = plan_calls.eliminate.bind(self._calls.cells, self._tally)
         self._solve, self._solve_both = (
-            attempts.solve.bind(self._calls.cells, which, self._tally)
-            for which in (attempts.SOLVE, attempts.SOLVE_BOTH)
+            plan_calls.solve.bind(self._calls.cells, which, self._tally)
+            for which in (plan_calls.SOLVE, plan_calls.SOLVE_BOTH)
         )
         self._steps: Bound | None = None  # elimination, and those of the rest
         self._attempt: Bound | None = None  # the same for the next matrix, and all that goes with it
@@ -115,7 +115,7 @@ class SegmentedKKT(ByCopies):
     @property
     def factorizations(self) -> int:
         """See ``KKTSystem.factorizations``."""
-        return self._counted + int(self._tally[attempts.MADE])
+        return self._counted + int(self._tally[plan_calls.MADE])
 
     def restart(self) -> None:
         """Forget all matrices, as if new, but not the plans: they are taken up in the same order."""
@@ -176,7 +176,7 @@ class SegmentedKKT(ByCopies):
     def _plan_in_use(self) -> Prepared:
         """The plan of the factors."""
         self._take_attempts()
-        slot = int(self._tally[attempts.NOW])
+        slot = int(self._tally[plan_calls.NOW])
         return next((plan for plan in self._plans if plan.slot == slot), self._plans.now)
 
     @property
@@ -189,12 +189,12 @@ class SegmentedKKT(ByCopies):
         plans.foresee()
         if plans.now.bindings != rest.bindings:
             return None
-        tally[attempts.NEXT], tally[attempts.ALLOWED] = plans.now.slot, plans.certain
-        tally[attempts.OTHER] = -1
+        tally[plan_calls.NEXT], tally[plan_calls.ALLOWED] = plans.now.slot, plans.certain
+        tally[plan_calls.OTHER] = -1
         due = plans.due
         if due is not None and due[0].bindings == rest.bindings:
-            self._offered, tally[attempts.IF_SUITED], tally[attempts.IF_REFUSED] = due
-            tally[attempts.OTHER] = self._offered.slot
+            self._offered, tally[plan_calls.IF_SUITED], tally[plan_calls.IF_REFUSED] = due
+            tally[plan_calls.OTHER] = self._offered.slot
         rest.follow()
         self._begin.set("curved", plans.now.curved)
         return self._attempt
@@ -210,14 +210,14 @@ class SegmentedKKT(ByCopies):
     def _take_attempts(self) -> None:
         """Note what has come of the attempts."""
         tally = self._tally
-        outcome = int(tally[attempts.OUTCOME])
+        outcome = int(tally[plan_calls.OUTCOME])
         if outcome:
             assert self._offered is not None
-            tally[attempts.OUTCOME] = 0
-            self._note_made(int(tally[attempts.MADE_BEFORE]))
-            self._plans.tried_other(self._offered, outcome == attempts.SUITED)
-        self._note_made(int(tally[attempts.MADE]))
-        tally[attempts.MADE] = 0
+            tally[plan_calls.OUTCOME] = 0
+            self._note_made(int(tally[plan_calls.MADE_BEFORE]))
+            self._plans.tried_other(self._offered, outcome == plan_calls.SUITED)
+        self._note_made(int(tally[plan_calls.MADE]))
+        tally[plan_calls.MADE] = 0
 
     def _note_made(self, made: int) -> None:
         if made:
@@ -237,7 +237,7 @@ class SegmentedKKT(ByCopies):
     @property
     def _by_segments(self) -> bool:
         """Whether the factors at hand are those of segments."""
-        return int(self._tally[attempts.NOW]) != WHOLE
+        return int(self._tally[plan_calls.NOW]) != WHOLE
 
     @property
     def solve_call(self) -> Bound:
@@ -308,7 +308,7 @@ class SegmentedKKT(ByCopies):
         """Factorise by a plan: the inertia of the rest, or None where a pivot of the segments is refused."""
         rest = self._rest
         if ended is None:
-            self._tally[attempts.NEXT], self._tally[attempts.OTHER] = plan.slot, -1
+            self._tally[plan_calls.NEXT], self._tally[plan_calls.OTHER] = plan.slot, -1
             if self._steps is None or self._bindings != rest.bindings or not rest.follows_plan:
                 return None if self._eliminate() else rest.refactor()
             rest.prepare_steps()
@@ -326,9 +326,9 @@ class SegmentedKKT(ByCopies):
         inertia = self._whole.refactor()
         self.nnz_factor = self._whole.nnz_factor
         calls = self._whole.solve_call, self._whole.solve_both_call
-        for place, call in zip((attempts.SOLVE, attempts.SOLVE_BOTH), calls, strict=True):
-            self._calls.put(attempts.CALLS * WHOLE + place, call)
-        self._tally[attempts.NOW] = WHOLE
+        for place, call in zip((plan_calls.SOLVE, plan_calls.SOLVE_BOTH), calls, strict=True):
+            self._calls.put(plan_calls.CALLS * WHOLE + place, call)
+        self._tally[plan_calls.NOW] = WHOLE
         return inertia
 
     def _new_plan(self, thorough: bool) -> Prepared:
@@ -405,8 +405,8 @@ class SegmentedKKT(ByCopies):
             group.segments * len(group.stages) * programs[group.kind].operations for group in groups
         )
         state[TRUSTED] = SUSPECT
-        self._calls.put(attempts.CALLS * slot + attempts.ELIMINATE, eliminate)
-        self._calls.put(attempts.CALLS * slot + attempts.EQUILIBRATE, equilibrate)
+        self._calls.put(plan_calls.CALLS * slot + plan_calls.ELIMINATE, eliminate)
+        self._calls.put(plan_calls.CALLS * slot + plan_calls.EQUILIBRATE, equilibrate)
         curved = bool(self._curvatures[0])
         return Prepared(slot, tables, factors, state, (work, part), equilibrate, operations, curved)
 
@@ -426,25 +426,25 @@ class SegmentedKKT(ByCopies):
         both = arrays.rhs, *one, arrays.solution, *second, self.report, np.zeros(REPORT)
         report = np.zeros(REPORT)
         probe = self._probe_rhs, *one, self._probe_result, *second, report, np.zeros(REPORT)
-        end = attempts.end_of_plan.bind(
+        end = plan_calls.end_of_plan.bind(
             cells, plan.slot, self._rest.counts, self._rest.account, self._eliminated, self._added, plan.state, report,
             FINE, self.inertia, self.accuracy, self._tally,
         )  # fmt: skip
-        plan.is_accurate = attempts.is_accurate.bind(cells, plan.slot, report, plan.state)
+        plan.is_accurate = plan_calls.is_accurate.bind(cells, plan.slot, report, plan.state)
         for place, call in (
-            (attempts.PROBE, solve_all.bind(0, 0, *common, *probe)),
-            (attempts.END, end),
-            (attempts.SOLVE, solve_all.bind(0, REFINEMENTS, *common, *both)),
-            (attempts.SOLVE_BOTH, solve_all.bind(1, REFINEMENTS, *common, *both)),
+            (plan_calls.PROBE, solve_all.bind(0, 0, *common, *probe)),
+            (plan_calls.END, end),
+            (plan_calls.SOLVE, solve_all.bind(0, REFINEMENTS, *common, *both)),
+            (plan_calls.SOLVE_BOTH, solve_all.bind(1, REFINEMENTS, *common, *both)),
         ):
-            self._calls.put(attempts.CALLS * plan.slot + place, call)
+            self._calls.put(plan_calls.CALLS * plan.slot + place, call)
         plan.bindings = self._rest.bindings
 
     def _bind_steps(self) -> None:
         """Prepare the calls of a whole factorisation."""
         steps = [(self._eliminate, True), *self._rest.steps()]
         self._steps = chain_until(steps)
-        self._begin = attempts.begin.bind(0, self._curvatures, self._rest.account, self._tally)
-        end = attempts.end_of_segments.bind(self._calls.cells, self._tally)
+        self._begin = plan_calls.begin.bind(0, self._curvatures, self._rest.account, self._tally)
+        end = plan_calls.end.bind(self._calls.cells, self._tally)
         self._attempt = chain_until([(self._collect, True), (self._begin, True), *steps, (end, True)])
         self._bindings = self._rest.bindings

@@ -14,7 +14,7 @@ from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, Pattern, generi
 from solver.kkt.test_contract import check
 
 from stc.codegen.calls import Bound, CallTable
-from stc.solver.kkt import DenseKKT, FrontalKKT, attempts, segmented, segments
+from stc.solver.kkt import DenseKKT, FrontalKKT, plan_calls, segmented, segments
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.kkt.lane_program import kind_of, plan_panels
@@ -331,7 +331,7 @@ def test_factors_that_are_tried_once_are_trusted(monkeypatch):
     values = generic(rng, pattern)
     tried = []
     check(kkt, pattern, values, rng)
-    place = attempts.CALLS * kkt._plan_in_use().slot + attempts.PROBE
+    place = plan_calls.CALLS * kkt._plan_in_use().slot + plan_calls.PROBE
     probe = kkt._calls._parts[place]
     kkt._calls.put(place, Bound.of_python(lambda: tried.append(1) or probe(), ()))
     for _ in range(2):
@@ -386,17 +386,17 @@ class Scripted:
     def __init__(self, **results):
         self.made = []
         self.results = {name: list(values) for name, values in results.items()}
-        self.table = CallTable(2 * attempts.CALLS)
-        self.tally = np.zeros(attempts.TALLY, dtype=np.int64)
-        self.tally[attempts.OTHER] = -1
+        self.table = CallTable(2 * plan_calls.CALLS)
+        self.tally = np.zeros(plan_calls.TALLY, dtype=np.int64)
+        self.tally[plan_calls.OTHER] = -1
         for plan in (0, 1):
-            for place, name in ((attempts.ELIMINATE, "eliminate"), (attempts.EQUILIBRATE, "equilibrate")):
+            for place, name in ((plan_calls.ELIMINATE, "eliminate"), (plan_calls.EQUILIBRATE, "equilibrate")):
                 call = Bound.of_python(self.make, (f"{name}{plan}",))
-                self.table.put(attempts.CALLS * plan + place, call)
-        self.begin = attempts.begin.bind(
+                self.table.put(plan_calls.CALLS * plan + place, call)
+        self.begin = plan_calls.begin.bind(
             1, np.ones(1, dtype=np.int64), np.array([0.0, 1.0, 0.0, 0.0]), self.tally
         )
-        self.eliminate = attempts.eliminate.bind(self.table.cells, self.tally)
+        self.eliminate = plan_calls.eliminate.bind(self.table.cells, self.tally)
 
     def make(self, name):
         self.made.append(name)
@@ -408,13 +408,13 @@ class Scripted:
         if self.begin():
             return None
         ended = self.eliminate()
-        self.tally[attempts.MADE] += not ended
+        self.tally[plan_calls.MADE] += not ended
         return self.made, ended
 
 
 def test_a_scale_that_does_not_serve_is_found_anew():
     calls = Scripted(eliminate0=[2, 0, 2, 1, 1], equilibrate0=[1, 1, 0])
-    calls.tally[attempts.ALLOWED] = 9
+    calls.tally[plan_calls.ALLOWED] = 9
     again = ["eliminate0", "equilibrate0", "eliminate0"]
     assert calls.factorize() == (again, 0)
     assert calls.factorize() == (again, 1)
@@ -425,7 +425,7 @@ def test_a_scale_that_does_not_serve_is_found_anew():
 def test_a_plan_that_is_due_is_tried_and_kept_where_it_suits(suits):
     calls = Scripted(eliminate1=[0 if suits else 1])
     tally = calls.tally
-    tally[[attempts.ALLOWED, attempts.OTHER, attempts.IF_SUITED, attempts.IF_REFUSED]] = 2, 1, 3, 1
+    tally[[plan_calls.ALLOWED, plan_calls.OTHER, plan_calls.IF_SUITED, plan_calls.IF_REFUSED]] = 2, 1, 3, 1
     for _ in range(2):
         assert calls.factorize() == (["eliminate0"], 0)
     if suits:
@@ -436,10 +436,10 @@ def test_a_plan_that_is_due_is_tried_and_kept_where_it_suits(suits):
     for _ in range(more):
         assert calls.factorize() == ([f"eliminate{int(suits)}"], 0)
     assert calls.factorize() is None
-    assert tally[attempts.OUTCOME] == (attempts.SUITED if suits else attempts.REFUSED)
-    assert tally[attempts.MADE_BEFORE] == 2
-    assert tally[attempts.MADE] == 1 + more
-    assert tally[attempts.NOW] == tally[attempts.NEXT] == int(suits)
+    assert tally[plan_calls.OUTCOME] == (plan_calls.SUITED if suits else plan_calls.REFUSED)
+    assert tally[plan_calls.MADE_BEFORE] == 2
+    assert tally[plan_calls.MADE] == 1 + more
+    assert tally[plan_calls.NOW] == tally[plan_calls.NEXT] == int(suits)
 
 
 def test_storage_grows_with_the_frames_only():
