@@ -115,7 +115,9 @@ class SegmentedKKT(ByCopies):
     @property
     def factorizations(self) -> int:
         """See ``KKTSystem.factorizations``."""
-        return self._counted + int(self._tally[plan_calls.MADE])
+        tally = self._tally
+        before = int(tally[plan_calls.MADE_BEFORE]) if tally[plan_calls.OUTCOME] else 0
+        return self._counted + before + int(tally[plan_calls.MADE])
 
     def restart(self) -> None:
         """Forget all matrices, as if new, but not the plans: they are taken up in the same order."""
