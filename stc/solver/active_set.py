@@ -91,13 +91,7 @@ def newton_on_active_set(
             return pair.point, True
         if not pair.step():
             return None, False
-        before = error
-        for _correction in range(CORRECTIONS):
-            if not EXACT * tolerance < pair.next.error <= CONTRACTION * before:
-                break
-            before = pair.next.error
-            if not pair.correct():
-                break
+        _correct(pair, tolerance)
         new = pair.next
         if new.error > max(CONTRACTION * error, ACCURATE * tolerance):
             patience -= 1
@@ -119,6 +113,21 @@ def newton_on_active_set(
         )
         pair.swap()
     return pair.point, certified and pair.point.error <= tolerance
+
+
+def _correct(pair: ProjectionPair, tolerance: float) -> None:
+    """Make a step that has contracted better with the same factorisation: once, and again where that saves another."""
+    before = pair.point.error
+    enough = ACCURATE * tolerance
+    for left in range(CORRECTIONS, 0, -1):
+        error = pair.next.error
+        if not EXACT * tolerance < error <= CONTRACTION * before:
+            return
+        if left < CORRECTIONS and not (error > enough and error * (error / before) ** left <= enough):
+            return
+        before = error
+        if not pair.correct():
+            return
 
 
 def newton_point(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
