@@ -140,15 +140,14 @@ def recover(
     for r in range(m):
         slacks[r] = 0.0
         dy[r] = solution[n + r]
-    if entries > 0:
-        for k in range(entries):
-            e = entry[k]
-            slacks[rows[e]] += jac[e] * dw[cols[e]]
-        for r in range(m):
-            value = slacks[r]
-            if with_residuals != 0:
-                value += c[r]
-            slacks[r] = value if kind[r] == INEQUALITY else 0.0
+    for k in range(entries):
+        e = entry[k]
+        slacks[rows[e]] += jac[e] * dw[cols[e]]
+    for r in range(m):
+        value = slacks[r]
+        if with_residuals != 0:
+            value += c[r]
+        slacks[r] = value if kind[r] == INEQUALITY else 0.0
     for k in range(gaps):
         value = centre[k] - ratio[k] * (sign[k] * dw[index[k]])
         dz[k] = value

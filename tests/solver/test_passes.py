@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scaled_program import dense, inside, scaled
 
-from stc.solver import passes, places
+from stc.solver import passes, places, step_passes
 from stc.solver.globalization import largest_step
 from stc.solver.iterate import errors_of, evaluate
 from stc.solver.newton_system import NewtonSystem
@@ -158,3 +158,17 @@ def test_logarithms_of_products_are_sums_of_logarithms(values: list[float]) -> N
 def test_a_logarithm_of_nothing_is_no_number() -> None:
     assert np.isnan(passes.log_sum(2, np.array([1.0, 0.0])))
     assert np.isnan(passes.log_sum(2, np.array([-1.0, -1.0])))
+
+
+def test_the_slack_of_a_row_without_entries_makes_up_for_its_residual() -> None:
+    """The row is a number: only its slack can meet it."""
+    none = np.zeros(0, dtype=np.int64)
+    dw, dy, dz = np.full(3, np.nan), np.full(2, np.nan), np.full(1, np.nan)
+    kind = np.array([passes.INEQUALITY, passes.EQUALITY], dtype=np.int32)
+    step_passes.recover(
+        1, 2, 1, 1, 0, none, np.array([1]), np.ones(1), np.ones(1), kind, none, none, np.zeros(0),
+        np.array([-0.25, 3.0]), np.ones(1), np.full(1, 2.0), np.full(1, 0.5), np.array([0.125, 7.0, 8.0]), dw, dy, dz,
+    )  # fmt: skip
+    assert dw.tolist() == [0.125, -0.25, 0.0]
+    assert dy.tolist() == [7.0, 8.0]
+    assert dz.tolist() == [0.5 - 2.0 * -0.25 - 1.0]
