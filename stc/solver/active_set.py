@@ -154,11 +154,14 @@ class Finish:
         self._form, self._tolerance, self._monitor = form, tolerance, monitor
         self.threshold = NEAR
 
+    def is_due(self, error: float) -> bool:
+        """Whether to try it at an iterate of that error."""
+        return isinstance(self._form, ScaledProblem) and error <= self.threshold
+
     def attempt(self, it: Iterate, error: float) -> Projection | None:
-        """The solution, or None."""
+        """The solution, or None; where it ``is_due``."""
         form = self._form
-        if not isinstance(form, ScaledProblem) or error > self.threshold:
-            return None
+        assert isinstance(form, ScaledProblem)
         point, solved = newton_on_active_set(
             form, it.w[: form.n], it.y, self._monitor, steps=FINISHING_STEPS, tolerance=self._tolerance
         )

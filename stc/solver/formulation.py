@@ -22,7 +22,7 @@ from stc.solver.evaluator import Evaluator
 from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.kkt.attached import attached
 from stc.solver.nlp import Floats, Ints, Mask
-from stc.solver.passes import EQUALITY, IGNORED, INEQUALITY
+from stc.solver.passes import EQUALITY, IGNORED, INEQUALITY, overstepped
 from stc.solver.products import Indices, symmetric_times, times
 
 if TYPE_CHECKING:
@@ -137,6 +137,14 @@ class Formulation:
     def evaluator(self) -> Evaluator:
         """Functions and derivatives at fixed places."""
         return _form_evaluator(self)
+
+    def violation_call(self, x: Floats, r: Floats, out: Floats) -> Bound:
+        """The call that leaves in ``out`` (1,) the largest violation in the user's terms, of a form with limits."""
+        assert self.stated_limits is not None
+        row_places, row_limits, row_units, x_places, x_limits, x_units = self.stated_limits
+        return overstepped.bind(
+            row_places.size, row_places, row_limits, row_units, r, x_places.size, x_places, x_limits, x_units, x, out
+        )  # fmt: skip
 
     @cached_property
     def jac_columns(self) -> tuple[NDArray[np.int32], ...]:

@@ -58,7 +58,7 @@ from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.search_passes import NOT_FINITE
 from stc.solver.stages import BLOCKED, FACTORIZATION, LAGS, LOOK, SEARCH, stages_of
 from stc.solver.unboundedness import is_unbounded
-from stc.solver.workspace import LONGEST_RUN, SMALL, Step, workspace_of
+from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
 
 __all__ = ["feasible_first", "optimise"]
 
@@ -66,6 +66,8 @@ ESCAPES = 5
 TOO_FAR = 1e20
 GAP = 1e-7
 """Largest sum of gap times multiplier, relative to the objective, which it bounds the error of."""
+SMALL = 20_000
+"""Unknowns up to which several iterations are made in a row."""
 MANY_GAPS = 100.0
 FEASIBLE = 0.01
 TOO_LITTLE = 0.99
@@ -262,7 +264,7 @@ class _Loop:
         if not self.error < LARGEST_ERROR or self.s[FARTHEST] > TOO_FAR:
             feasible = self.s[PRIMAL] <= ACCEPTABLE
             return self._outcome(End.UNBOUNDED) if feasible and self.drift.falling else self._give_up()
-        if not self.drift.falling and self.error <= self.finish.threshold:
+        if self.finish.is_due(self.error) and not self.drift.falling:
             done = self.finish.attempt(it, self.error)
             if done is not None:
                 return Outcome(End.CONVERGED, form, done.x.copy(), done.y.copy(), done.error, it)

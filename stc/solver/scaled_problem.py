@@ -14,12 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.arrays import scattered
-from stc.codegen.calls import Bound
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
-from stc.solver.passes import overstepped
 from stc.solver.products import Indices
 
 if TYPE_CHECKING:
@@ -167,14 +165,6 @@ class ScaledProblem(Formulation):
         out = np.empty(1)
         self.violation_call(x, r, out)()
         return float(out[0])
-
-    def violation_call(self, x: Floats, r: Floats, out: Floats) -> Bound:
-        """The call that finds it and leaves it in ``out`` (1,)."""
-        assert self.stated_limits is not None
-        row_places, row_limits, row_units, x_places, x_limits, x_units = self.stated_limits
-        return overstepped.bind(
-            row_places.size, row_places, row_limits, row_units, r, x_places.size, x_places, x_limits, x_units, x, out
-        )  # fmt: skip
 
     def user_variables(self, x: Floats) -> Floats:
         return x * self.x_scale

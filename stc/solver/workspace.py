@@ -48,8 +48,6 @@ SMALLEST_SIGMA = 1e-16
 CENTRING = np.array([1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0])
 SMALLEST_TAU = 0.99
 SHORT = 0.2
-#: Chains are kept for so many of the last solves that differ, of so many unknowns at most: each keeps its factors.
-SOLVES = 4
 #: Iterations at most that are made in a row.
 LONGEST_RUN = 16
 #: Places of the calls that hold a solve, and what they are called here.
@@ -59,7 +57,6 @@ SOLVING = {
     places.CENTRING_STEP: "centring",
     places.CORRECTION: "correction",
 }
-SMALL = 20_000
 
 
 class Step:
@@ -148,7 +145,6 @@ class Workspace:
         self.stages: Stages | None = None
         self._parts: dict[str, Bound] = {}
         self._chains: dict[str, Bound] = {}
-        self._chains_of: dict[int, tuple[Bound, dict[str, Bound]]] = {}
         self._bind()
 
     def _bind(self) -> None:
@@ -187,19 +183,14 @@ class Workspace:
             *scratch,
             s,
         )
-        stated = form.stated_limits
         measure: Bound = passes.measure.bind(
             size, m, gaps, form.objective_unit, index, sign, self.target, it.w, it.y, it.z, it.gap, it.c, it.dual,
             self.residual, s,
         )  # fmt: skip
-        if stated is None:
+        if form.stated_limits is None:
             watch: Bound = Bound.of_python(_state, (weakref.ref(self),))
         else:
-            row_places, row_limits, row_units, x_places, x_limits, x_units = stated
-            watch = passes.overstepped.bind(
-                row_places.size, row_places, row_limits, row_units, it.r, x_places.size, x_places, x_limits, x_units,
-                it.w, self.numbers[VIOLATION : VIOLATION + 1],
-            )  # fmt: skip
+            watch = form.violation_call(it.w, it.r, self.numbers[VIOLATION : VIOLATION + 1])
         self.measure_call = chain([measure, watch])
         self.diagonals_call = chain(
             [
@@ -372,18 +363,13 @@ class Workspace:
         return known
 
     def _renew(self) -> None:
-        """Take up the chains that hold the solve of the last factorisation: there are several that come again."""
+        """Give up the chains that hold another solve than that of the last factorisation."""
         solve = self.kkt.solve_call
         if solve is not self._solve:
             self._solve = solve
-            known = self._chains_of.pop(id(solve), None)
-            # Each keeps its solve alive, so that no other has its number.
-            self._chains = known[1] if known is not None else {}
-            self._chains_of[id(solve)] = solve, self._chains
-            if len(self._chains_of) > (SOLVES if self.kkt.rhs.size <= SMALL else 1):
-                del self._chains_of[next(iter(self._chains_of))]
-            for place, name in SOLVING.items():
-                self.calls.put(place, self._chains.get(name))
+            self._chains = {}
+            for place in SOLVING:
+                self.calls.put(place, None)
 
     def _begin(self, name: str, c: Floats, residuals: bool, centre: Floats, rhs: Floats) -> Bound:
         form = self.form

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,7 +40,6 @@ class Kind:
         following: places of F in the next stage, (F,); each of them, in a segment's first stage, couples with one of L;
             border: numbers of B among the border, (B,).
         rows, columns: places of the entries of a stage in the triangle, in the order of the codes.
-        order: in which they are loaded, (entries,): first the ``added`` ones, which are carried over as well.
     """
 
     own: int
@@ -51,8 +48,6 @@ class Kind:
     border: Int64s
     rows: Int64s
     columns: Int64s
-    order: Int64s
-    added: int
 
     @property
     def near(self) -> int:
@@ -81,6 +76,14 @@ class Kind:
         moving = b < self.following.size
         carried = self.carried
         return triangle(self.own + a, self.own + b)[moving], triangle(carried[a], carried[b])[moving]
+
+    @property
+    def order(self) -> tuple[Int64s, int]:
+        """In which entries are loaded, (entries,): first those that are added to something carried over, so many."""
+        is_carried = np.zeros(self.size * (self.size + 1) // 2, dtype=bool)
+        is_carried[self.moved[1]] = True
+        added = is_carried[triangle(self.rows, self.columns)]
+        return np.argsort(~added, kind="stable"), int(added.sum())
 
 
 @dataclass(frozen=True)
@@ -119,9 +122,7 @@ def kind_of(found: Segmentation, number: int, variables: int) -> Kind:
     columns = np.where(types == INSIDE, j, i)
     rows[across] = own + np.searchsorted(following, j[across])
     rows[bordering] = near + following.size + np.searchsorted(border, j[bordering])
-    kind = Kind(own, variables, following, border, rows, columns, np.arange(rows.size), rows.size)
-    added = np.isin(triangle(rows, columns), kind.moved[1])
-    return replace(kind, order=np.argsort(~added, kind="stable"), added=int(added.sum()))
+    return Kind(own, variables, following, border, rows, columns)
 
 
 def plan_panels(kind: Kind, entries: Floats, diagonal: Floats, *, thorough: bool) -> Program:

@@ -118,8 +118,8 @@ def lay_out(found: Segmentation, kinds: list[Kind], sewn: Sewn, source: Int32s, 
         row[lanes.ENDS] = row[lanes.LASTS] + LANES * kind.following.size
         own_sources = sources[group.kind]
         row[lanes.ENTRIES] = kind.rows.size
-        row[lanes.ADDED] = kind.added
-        row[lanes.ENTRY_INDEX] = index.put(own_sources[at][..., kind.order].transpose(0, 2, 1))
+        order, row[lanes.ADDED] = kind.order
+        row[lanes.ENTRY_INDEX] = index.put(own_sources[at][..., order].transpose(0, 2, 1))
         row[lanes.FIRST] = kind.following.size
         row[lanes.FIRST_INDEX] = index.put(np.full((kind.following.size, LANES), one))
         row[lanes.MATRIX] = matrix
@@ -194,7 +194,8 @@ def code_of(table: Int64s, groups: list[Group], kinds: list[Kind], programs: lis
         a, b = np.tril_indices(kind.size - own)
         results = triangle(own + a, own + b)
         left, moved = kind.moved
-        rows, columns = kind.rows[kind.order], kind.columns[kind.order]
+        order, added = kind.order
+        rows, columns = kind.rows[order], kind.columns[order]
         places = triangle(rows, columns)
         used = program.used.copy()
         for more in (results, moved, places, triangle(inner, inner)):
@@ -202,7 +203,7 @@ def code_of(table: Int64s, groups: list[Group], kinds: list[Kind], programs: lis
         used[triangle(kind.first_rows, kind.following)] = True
         # What is stored before anything is added needs not be cleared.
         stored = np.zeros(used.size, dtype=bool)
-        stored[places[kind.added :]] = True
+        stored[places[added:]] = True
         carried = np.zeros(used.size, dtype=bool)
         carried[moved] = True
         first = np.tril_indices(kind.size)[1] < near  # in the order of the triangle

@@ -87,15 +87,14 @@ def eliminate(calls: i64s, tally: i64s) -> i64:
         other = tally[OTHER]
         tally[OTHER] = -1
         tally[MADE_BEFORE] = tally[MADE]
+        tally[MADE] = 0
         if eliminate_by(calls, other) == 0:
             tally[OUTCOME] = SUITED
             tally[NOW] = other
             tally[NEXT] = other
-            tally[MADE] = 0
             tally[ALLOWED] = tally[IF_SUITED]
             return 0
         tally[OUTCOME] = REFUSED
-        tally[MADE] = 0
         tally[ALLOWED] = tally[IF_REFUSED]
     tally[NOW] = tally[NEXT]
     return eliminate_by(calls, tally[NOW])

@@ -149,7 +149,6 @@ class Plans:
         if self.tried >= self._choose_at or first.curved != curved:
             first = self._first(curved, make)
             self._take_up(first, self.tried)
-        self.now = first
         yield first
         others = (plan for plan in self._plans if plan is not first and plan.won > UNLIKELY)
         for plan in sorted(others, key=lambda plan: -plan.won):
@@ -198,21 +197,17 @@ class Plans:
         if other is None or other.served == 0:
             return None
         suited = min((plan.rest_until for plan in self._cheaper(other)), default=FAR)
-        refused = min(
-            self._choose_at + other.rest_next,
-            *(plan.rest_until for plan in cheaper if plan is not other),
-            FAR,
-        )
+        later = [plan.rest_until for plan in cheaper if plan is not other]
+        refused = min([self._choose_at + other.rest_next, *later])
         return other, max(0, suited - self._choose_at - 1), max(0, refused - self._choose_at - 1)
 
     def went_well(self, matrices: int) -> None:
         """Note that so many were factorised by the plan in use, none of them irregular."""
         self._is_irregular = False
-        if matrices:
-            self._note_first(self.now, self.tried + 1)
-            self.tried += matrices
-            self.now.suited(matrices)
-            self.succeeded()
+        self._note_first(self.now, self.tried + 1)
+        self.tried += matrices
+        self.now.suited(matrices)
+        self.succeeded()
 
     def tried_other(self, other: Prepared, suited: bool) -> None:
         """Note what came of a plan that was due, for the next matrix."""
