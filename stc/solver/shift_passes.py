@@ -27,6 +27,7 @@ from stc.solver.places import (
     FAILURES,
     GROWTH_NOW,
     LAST_SHIFT,
+    LIMIT,
     MU,
     SHIFT,
     SHIFTED,
@@ -42,8 +43,10 @@ SMALLEST_SHIFT = 1e-20
 LARGEST_SHIFT = 1e40
 GROWTH_AT_FIRST = 100.0
 GROWTH = 8.0
+GROWTH_OF_DAMPED = 12.0
+"""Where the rows' part is damped: there a larger shift costs little, and a factorisation much."""
 GROWTH_IN_VAIN = 64.0
-"""After a shift that has left as many eigenvalues negative as the one before."""
+"""The same after a shift that has left as many eigenvalues negative as the one before."""
 DECAY = 1.0 / 3.0
 ITS_DUAL_SHIFT = 1e-8
 ALWAYS = 3
@@ -63,6 +66,10 @@ NEARLY_WHOLE = 0.5
 """Share of a step, from which on it is counted as accepted."""
 SOFTER = 0.01
 SMALLEST_STIFFNESS = 1e-8
+SHORT = 0.2
+"""Share of what the bounds allow, below which a step was too long by far where damping helps."""
+AFTER_SHORT = 9.0
+"""How much more the last shift counts then; the next one is DECAY times that, at once and with the rows' part damped."""
 BENT = 0.05
 """Share of the variables that an objective has to bend at least."""
 #: What a factorisation has to do next: try the shifts, look at what that has found, shift more, damp, or either, ...
@@ -138,9 +145,9 @@ def begin(calls: i64s, s: f64s) -> None:
     s[DUAL_SHIFT] = s[SOFT] if s[DEFICIENT] != 0.0 else 0.0
     s[EXCESS_BEFORE] = 0.0
     s[TASK] = TRY
-    if s[UNTRIED] > 0.0 and s[SHIFT] == 0.0:  # without a shift: it has failed again and again
+    if s[UNTRIED] > 0.0:  # without a shift: it has failed again and again
         s[UNTRIED] -= 1.0
-        s[SHIFT] = max(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT])
+        s[SHIFT] = max(s[STIFFNESS], max(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT]))
         if s[EXACT] == 0.0:
             s[TASK] = DAMP
 
@@ -150,7 +157,7 @@ def larger_shift(growth: f64, s: f64s) -> f64:
     """The next shift to try, after another one or the last iterate's; more than LARGEST_SHIFT where there is none."""
     if s[SHIFT] == 0.0:
         return max(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT])
-    return s[SHIFT] * (GROWTH_AT_FIRST if s[LAST_SHIFT] == 0.0 else growth)
+    return max(s[SHIFT] * (GROWTH_AT_FIRST if s[LAST_SHIFT] == 0.0 else growth), DECAY * s[LAST_SHIFT])
 
 
 @native(shared=True)
@@ -219,7 +226,9 @@ def factorize(
             singular = inertia[2] > 0 or s[EXCESS] < 0.0
             if not singular and s[EXCESS] == 0.0:
                 break
-            s[GROWTH_NOW] = GROWTH_IN_VAIN if s[EXCESS] == s[EXCESS_BEFORE] and s[WHOLE] == 0.0 else GROWTH
+            s[GROWTH_NOW] = GROWTH
+            if s[WHOLE] == 0.0:
+                s[GROWTH_NOW] = GROWTH_IN_VAIN if s[EXCESS] == s[EXCESS_BEFORE] else GROWTH_OF_DAMPED
             s[EXCESS_BEFORE] = s[EXCESS]
             s[TASK] = TRY
             if singular and s[DUAL_SHIFT] == 0.0 and s[EQUATIONS] != 0.0:
@@ -237,7 +246,7 @@ def factorize(
                 break
             s[TASK] = GROW
             if damp(calls, n, count, diagonal, bend, s) != 0:
-                if s[UNTRIED] > 0.0:
+                if s[UNTRIED] > 0.0 or s[EXCESS] > MOST_DAMPED:
                     s[UNTRIED] = max(s[UNTRIED], min(s[EXCESS], MOST_DAMPED))
                 if s[SHIFT] > 0.0:
                     s[TASK] = TRY
@@ -267,12 +276,17 @@ def factorize(
 def relax(length: f64, s: f64s) -> None:
     """Let the stiffness go as steps are accepted nearly whole, and at once where none is (``length`` 0).
 
-    A shift that did not even lead to a step is none to start from next time.
+    A short step asks for a larger shift, as trust regions shrink (Levenberg 1944, Marquardt 1963), where shifts are
+    needed at all and make good steps.  A shift that did not even lead to a step is none to start from next time.
     """
     if length == 0.0:
         s[STIFFNESS] = 0.0
-    elif s[SHIFT] > 0.0:
-        s[LAST_SHIFT] = s[SHIFT]
+    else:
+        if s[SHIFT] > 0.0:
+            s[LAST_SHIFT] = s[SHIFT]
+        if length < SHORT * s[LIMIT] and s[LAST_SHIFT] > 0.0 and s[BENDS] == 1.0:
+            s[LAST_SHIFT] *= AFTER_SHORT
+            s[UNTRIED] = max(s[UNTRIED], 1.0)
     if length >= NEARLY_WHOLE:
         s[STIFFNESS] *= SOFTER
         if s[STIFFNESS] < SMALLEST_STIFFNESS:
