@@ -45,6 +45,8 @@ FAST = 1e-2
 """Contraction that makes one more step worth its while: it gains two digits or more."""
 ACCURATE = 0.1
 """Share of the tolerance that a point is to reach where another step would."""
+FARTHEST = 30.0
+"""A step that makes the error this many times larger has lost its way, whatever patience is left."""
 EXACT = 1e-3
 """Share of the tolerance above which a correction with the factorisation at hand is worth its while."""
 CORRECTIONS = 3
@@ -95,7 +97,7 @@ def newton_on_active_set(
         new = pair.next
         if new.error > max(CONTRACTION * error, ACCURATE * tolerance):
             patience -= 1
-            if patience < 0:
+            if patience < 0 or new.error > FARTHEST * error:
                 return None, False
         contraction = new.error / max(error, 1e-300)
         certified = True

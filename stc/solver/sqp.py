@@ -155,6 +155,8 @@ class _Solve:
             outcome = self._by_newton(form, x, y, NEIGHBOUR_STEPS, PATIENCE)
             if outcome is not None:
                 return outcome
+            if not form.gaps:  # no other active set to be found
+                return self._barrier(form, x * form.x_scale, Tactics())
         point = from_neighbour(form, x, y, z, self.options, self.monitor)
         it = warm_iterate(form, x, y)
         if point is not None:

@@ -22,9 +22,9 @@ PLANNING = 13_000
 #: Plans that are kept; after so many matrices one that failed may be replaced.
 PLANS = 4
 MATRICES = 40
-#: When a plan has served so many matrices another one is made, once, with more effort, and used if it takes this share
-#: of the operations at most.
-SETTLED = 6
+#: When a plan has served so many matrices another one is made with more effort, and used if it takes this share of the
+#: operations at most: once early, and once more where that was in vain.
+SETTLED = (6, 30)
 FEWER = 0.97
 #: How much the last matrix counts in the share of matrices that a plan suits, and the share that makes a trial worth
 #: its while.
@@ -103,7 +103,7 @@ class Plans:
         self._next_at = self._missed = 0
         self._failures = self._pause = 0
         self._choose_at = 0  # the matrix from which on the plan to begin with is to be chosen anew
-        self._settled = False
+        self._settle_at = SETTLED[0]  # matrices that a plan is to serve before another one is made, or FAR
         self._begun_at = 0  # the number of matrices before the last restart
         self._is_irregular = False
         self._irregular = 0  # such matrices
@@ -171,8 +171,10 @@ class Plans:
         """Use a plan from a matrix on, until another one is to be tried again, or more is known of this one."""
         self.now = plan
         self._choose_at = number + 1
-        if plan.served > 0 and (self._settled or not plan.curved):
-            self._choose_at = min((other.rest_until for other in self._cheaper(plan)), default=FAR)
+        if plan.served > 0:
+            last = number + max(1, self._settle_at - plan.served) if plan.curved else FAR
+            self._choose_at = min((other.rest_until for other in self._cheaper(plan)), default=last)
+            self._choose_at = min(self._choose_at, last)
 
     def foresee(self) -> None:
         """Take up the plan that matrices with curvature have begun with before, where there is one."""
@@ -190,7 +192,7 @@ class Plans:
     @property
     def due(self) -> tuple[Prepared, int, int] | None:
         """The old plan to try after those, if one is; how long to stay with that, or else with the one in use."""
-        if self._pause or self.now.served == 0 or (self.now.curved and not self._settled):
+        if self._pause or self.now.served == 0 or (self.now.curved and self._settle_at == SETTLED[0]):
             return None
         cheaper = self._cheaper(self.now)
         other = next((plan for plan in cheaper if plan.rest_until <= self._choose_at), None)
@@ -245,18 +247,20 @@ class Plans:
     def _first(self, curved: bool, make: Callable[[bool], Prepared]) -> Prepared:
         """The plan in use, or the latest, of those that were made where H was zero or of the others."""
         now = self.now
-        if now.served > 0 and now.curved == curved and (now.served != SETTLED or self._settled):
+        is_settled = not curved or now.served < self._settle_at
+        if now.served > 0 and now.curved == curved and is_settled:
             return next((plan for plan in self._cheaper(now) if plan.rest_until <= self.tried), now)
         alike = [plan for plan in self._plans if plan.curved == curved]
         if not alike and len(self._plans) < PLANS:
             return self._another(make)
         if alike and now.curved != curved:
             return self._earliest(alike)
-        if now.served == SETTLED and curved and not self._settled:
+        if not is_settled:
             # By now the entries have the sizes that they will keep.
-            self._settled = True
             other = make(True)
-            if other.operations < FEWER * now.operations and len(self._plans) < PLANS:
+            found = other.operations < FEWER * now.operations
+            self._settle_at = next((at for at in SETTLED if at > now.served and not found), FAR)
+            if found and len(self._plans) < PLANS:
                 self._keep(other)
                 return other
         return now
