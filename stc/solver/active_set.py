@@ -118,14 +118,18 @@ def newton_on_active_set(
 
 
 def _correct(pair: ProjectionPair, tolerance: float) -> None:
-    """Make a step that has contracted better with the same factorisation: once, and again where that saves another."""
+    """Make a step that has contracted better with the same factorisation: once, and again where that saves another.
+
+    One is saved also by a point that is exact: others are polished (see stc.solver.polish).
+    """
     before = pair.point.error
     enough = ACCURATE * tolerance
     for left in range(CORRECTIONS, 0, -1):
         error = pair.next.error
         if not EXACT * tolerance < error <= CONTRACTION * before:
             return
-        if left < CORRECTIONS and not (error > enough and error * (error / before) ** left <= enough):
+        target = enough if error > enough else EXACT * tolerance
+        if left < CORRECTIONS and error * (error / before) ** left > target:
             return
         before = error
         if not pair.correct():

@@ -43,7 +43,7 @@ SMALLEST_SHIFT = 1e-20
 LARGEST_SHIFT = 1e40
 GROWTH_AT_FIRST = 100.0
 GROWTH = 8.0
-GROWTH_OF_DAMPED = 12.0
+GROWTH_OF_DAMPED = 10.0
 """Where the rows' part is damped: there a larger shift costs little, and a factorisation much."""
 GROWTH_IN_VAIN = 64.0
 """The same after a shift that has left as many eigenvalues negative as the one before."""
@@ -68,7 +68,7 @@ SOFTER = 0.01
 SMALLEST_STIFFNESS = 1e-8
 SHORT = 0.2
 """Share of what the bounds allow, below which a step was too long by far where damping helps."""
-AFTER_SHORT = 9.0
+AFTER_SHORT = 7.0
 """How much more the last shift counts then; the next one is DECAY times that, at once and with the rows' part damped."""
 BENT = 0.05
 """Share of the variables that an objective has to bend at least."""
