@@ -41,6 +41,7 @@ NEAR = 1e-2
 RETREAT = 0.1
 FINISHING_STEPS = 8
 CONTRACTION = 0.1
+SLIGHT_CONTRACTION = 0.5
 FAST = 1e-2
 """Contraction that makes one more step worth its while: it gains two digits or more."""
 ACCURATE = 0.1
@@ -76,7 +77,7 @@ def newton_on_active_set(
     Args:
         steps: at most this many.
         tolerance: error to reach.
-        patience: how many steps may fail to contract before giving up.
+        patience: how many steps may fail to contract before giving up; with any, contracting a little is enough.
 
     Returns:
         The last point (None when nothing was gained; its arrays serve the next call) and whether it is a solution: the
@@ -85,6 +86,7 @@ def newton_on_active_set(
     pair = _pair_of(form)
     if not pair.start(between(x, *form.true_x), y):
         return None, False
+    enough = SLIGHT_CONTRACTION if patience > 0 else CONTRACTION
     certified = False
     contraction = 0.0
     for _ in range(steps):
@@ -95,7 +97,7 @@ def newton_on_active_set(
             return None, False
         _correct(pair, tolerance)
         new = pair.next
-        if new.error > max(CONTRACTION * error, ACCURATE * tolerance):
+        if new.error > max(enough * error, ACCURATE * tolerance):
             patience -= 1
             if patience < 0 or new.error > FARTHEST * error:
                 return None, False

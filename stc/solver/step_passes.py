@@ -58,12 +58,18 @@ def diagonals(
 @native(fast=True)
 def shifted(
     n: i64, m: i64, free: f64s, kind: i32s, primal: f64s, d: f64s, convex: i64, variable: i64s, entry: i64s, hess: f64s,
-    shifts: f64s, out_primal: f64s, out_dual: f64s, s: f64s,
+    shifts: f64s, out_primal: f64s, out_dual: f64s, w: f64s, s: f64s,
 ) -> None:  # fmt: skip
-    """The diagonals with shifts; the ``shifts`` (n,) of the Hessian are smaller where it bends upwards anyway."""
+    """The diagonals with shifts; the ``shifts`` (n,) of the Hessian are smaller where it bends upwards anyway.
+
+    They are larger for large variables ``w`` (n + m,): rates and accelerations of fast motions should change less.
+    """
     shift = s[SHIFT]
     for i in range(n):
-        shifts[i] = shift * free[i]
+        shifts[i] = 0.0
+    if shift > 0.0:
+        for i in range(n):
+            shifts[i] = shift * free[i] * sqrt(sqrt(1.0 + w[i] * w[i]))
     for k in range(convex):
         i = variable[k]
         curvature = primal[i] + hess[entry[k]]

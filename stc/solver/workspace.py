@@ -204,7 +204,7 @@ class Workspace:
         )  # fmt: skip
         self.shifted_call = step_passes.shifted.bind(
             n, m, free, kind, self.primal, self.d, form.convex[0].size, *form.convex, it.hess, self.shifts, kkt.primal,
-            kkt.dual, s,
+            kkt.dual, it.w, s,
         )  # fmt: skip
         self.centre_call = step_passes.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
         self.lengths_call = step_passes.lengths.bind(
