@@ -69,7 +69,7 @@ SMALLEST_STIFFNESS = 1e-8
 SHORT = 0.2
 """Share of what the bounds allow, below which a step was too long by far where damping helps."""
 AFTER_SHORT = 7.0
-"""How much more the last shift counts then; the next one is DECAY times that, at once and with the rows' part damped."""
+"""How much more the last shift counts then: DECAY times that is tried at once, with the rows' part damped."""
 BENT = 0.05
 """Share of the variables that an objective has to bend at least."""
 #: What a factorisation has to do next: try the shifts, look at what that has found, shift more, damp, or either, ...

@@ -21,6 +21,7 @@ from stc.solver.places import (
     SHIFT,
     SIGMA,
     SLOPE,
+    WHOLE,
 )
 
 #: What a shift may add to the curvature of a variable that only the objective bends, upwards: so much of what it has,
@@ -62,14 +63,15 @@ def shifted(
 ) -> None:  # fmt: skip
     """The diagonals with shifts; the ``shifts`` (n,) of the Hessian are smaller where it bends upwards anyway.
 
-    They are larger for large variables ``w`` (n + m,): rates and accelerations of fast motions should change less.
+    Where the rows' part is damped they are larger for large variables ``w`` (n + m,): rates and accelerations of fast
+    motions should change less.
     """
     shift = s[SHIFT]
     for i in range(n):
-        shifts[i] = 0.0
-    if shift > 0.0:
+        shifts[i] = shift * free[i]
+    if shift > 0.0 and s[WHOLE] == 0.0:
         for i in range(n):
-            shifts[i] = shift * free[i] * sqrt(sqrt(1.0 + w[i] * w[i]))
+            shifts[i] *= sqrt(sqrt(1.0 + w[i] * w[i]))
     for k in range(convex):
         i = variable[k]
         curvature = primal[i] + hess[entry[k]]

@@ -2,71 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from unittest import mock
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from solver.kkt.backends import printed_by
-from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, Pattern, generic
+from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, generic
+from solver.kkt.motions import holding, motion, parts, structure, system_of
 from solver.kkt.test_contract import check
 
-from stc.codegen.calls import Bound, CallTable
-from stc.solver.kkt import DenseKKT, FrontalKKT, plan_calls, segmented, segments
-from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt import DenseKKT, FrontalKKT, segmented
 from stc.solver.kkt.contract import Inertia, NotFinite
-from stc.solver.kkt.lane_program import kind_of, plan_panels
+from stc.solver.kkt.lane_program import kind_of
 from stc.solver.kkt.lane_values import sizes_of
 from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.kkt.segmented import SegmentedKKT
-from stc.solver.kkt.segments import Segmentation, find_segments
-
-
-def motion(rng: np.random.Generator, frames: int, *, parameters: int = 0, waypoint: bool = False) -> Pattern:
-    """Two positions, two velocities and a force per frame; trapezoidal defects, an equation and an inequality each."""
-    b = Builder(rng)
-    x = [b.variables(5, i) for i in range(frames)]
-    border = b.variables(parameters, frames - 1)
-    for i in range(frames):
-        b.curvature([x[i][0], x[i][2], x[i][4]], 1.0)
-        b.row(i, [x[i][1], x[i][3], x[i][4], *border])
-        b.row(i, x[i][:2])
-        if i + 1 < frames:
-            b.row(i, [x[i][0], x[i][2], x[i + 1][0], x[i + 1][2]])
-            b.row(i, [x[i][1], x[i][3], x[i + 1][1], x[i + 1][3]])
-            b.row(i, [x[i][2], x[i][4], x[i + 1][2], x[i + 1][4]])
-    b.row(0, x[0][:1])
-    if waypoint:
-        b.row(frames // 2, x[frames // 2][1:3])
-    return b.pattern()
-
-
-def structure(pattern: Pattern) -> tuple[Couplings, np.ndarray]:
-    couplings = Couplings.of(*pattern.arguments()[:6])
-    stage = np.concatenate([pattern.var_stage, pattern.row_stage]).astype(np.int64)
-    return couplings, stage
-
-
-def holding(pattern: Pattern, *frames: int) -> np.ndarray:
-    """Hold the first variable of these frames."""
-    held = np.zeros(pattern.n, dtype=bool)
-    for frame in frames:
-        held[np.flatnonzero(pattern.var_stage == frame)[0]] = True
-    return held
-
-
-def parts(pattern: Pattern) -> tuple[Couplings, np.ndarray, Segmentation | None]:
-    couplings, stage = structure(pattern)
-    with mock.patch.multiple(segments, WORTH=2.0, SHORTEST=2):  # however short the horizon is
-        return couplings, stage, find_segments(couplings, stage)
-
-
-def system_of(pattern: Pattern) -> SegmentedKKT:
-    couplings, stage, found = parts(pattern)
-    assert found is not None
-    return SegmentedKKT(couplings, stage, found)
+from stc.solver.kkt.segments import find_segments
 
 
 @pytest.mark.parametrize("waypoint", [False, True])
@@ -269,26 +220,6 @@ def test_frames_that_hold_a_variable_are_left_out():
     assert other is not one
 
 
-def test_a_settled_plan_takes_no_more_operations():
-    """After some matrices a plan is made with more effort; it serves the same ones, and others like them."""
-    rng = np.random.default_rng(22)
-    pattern = motion(rng, 60, parameters=1)
-    kkt = system_of(pattern)
-    operations = []
-    for _ in range(10):
-        check(kkt, pattern, generic(rng, pattern), rng)
-        assert kkt._by_segments
-        operations.append(kkt._plans.now.operations)
-    assert kkt._plans._settled
-    assert operations[-1] <= operations[0]
-    values = np.ones(kkt._kinds[0].rows.size)
-    plain, thorough = (
-        plan_panels(kkt._kinds[0], values, np.ones(kkt._kinds[0].own), thorough=effort)
-        for effort in (False, True)
-    )
-    assert thorough.operations <= plain.operations
-
-
 def test_runs_of_unequal_length_have_segments_of_their_own():
     """Eight segments in either, and next to nothing left: of equal length, they would leave a whole segment."""
     rng = np.random.default_rng(21)
@@ -323,125 +254,6 @@ def test_entries_that_vanish_somewhere_are_no_pivots():
     assert np.count_nonzero(sizes < 1e-3) == 1
 
 
-def test_factors_that_are_tried_once_are_trusted(monkeypatch):
-    monkeypatch.setattr(segmented, "SUSPECT", 0.0)
-    rng = np.random.default_rng(17)
-    pattern = motion(rng, 40)
-    kkt = system_of(pattern)
-    values = generic(rng, pattern)
-    tried = []
-    check(kkt, pattern, values, rng)
-    place = plan_calls.CALLS * kkt._plan_in_use().slot + plan_calls.PROBE
-    probe = kkt._calls._parts[place]
-    kkt._calls.put(place, Bound.of_python(lambda: tried.append(1) or probe(), ()))
-    for _ in range(2):
-        check(kkt, pattern, values, rng)
-    assert not tried
-    kkt.restart()
-    check(kkt, pattern, values, rng)
-    assert len(tried) == 1
-
-
-def solve_along(kkt, pattern, sequence):
-    """How each matrix of several was factorised from a restart on (0: in one call), and by the plan in which slot."""
-    kkt.restart()
-    found = []
-    for values in sequence:
-        for mine, its in zip((kkt.hess, kkt.jac, kkt.primal, kkt.dual), values.arguments(), strict=True):
-            mine[:] = its
-        call = kkt.attempt_call
-        ended = call() if call is not None else -1
-        if ended:
-            inertia = kkt.resume(ended) if ended > 0 else kkt.refactor()
-        else:
-            inertia = Inertia(*kkt.inertia.tolist())
-        assert inertia == Inertia(pattern.n, pattern.m, 0)
-        found.append((ended, kkt._plan_in_use().slot))
-    return found
-
-
-def test_matrices_of_a_solve_that_is_repeated_are_factorised_by_one_call_each():
-    rng = np.random.default_rng(21)
-    pattern = motion(rng, 40)
-    kkt = system_of(pattern)
-    convex = generic(rng, pattern)
-    convex.hess[:] = np.where(pattern.hess_rows == pattern.hess_cols, 4.0, 0.1)
-    flat = replace(convex, hess=np.zeros_like(convex.hess), primal=np.ones(pattern.n))
-    bent = (pattern.hess_rows == pattern.hess_cols) & (pattern.hess_rows % 5 == 0)
-    early = replace(convex, hess=np.where(bent, 4.0, 0.0), primal=np.zeros(pattern.n))
-    sequence = [flat, *[early] * 4, *[convex] * 12]
-    first = solve_along(kkt, pattern, sequence)
-    assert {slot for _, slot in first} == {0, 1}
-    assert any(ended for ended, _ in first[1:])
-    found = solve_along(kkt, pattern, sequence)
-    assert [ended for ended, _ in found[1:]] == [0] * (len(sequence) - 1)
-    assert {slot for _, slot in found} == {0, 1}
-    assert kkt.factorizations == len(sequence)
-    assert solve_along(kkt, pattern, sequence) == found
-
-
-class Scripted:
-    """Calls of two plans as the compiled choice between them sees them."""
-
-    def __init__(self, **results):
-        self.made = []
-        self.results = {name: list(values) for name, values in results.items()}
-        self.table = CallTable(2 * plan_calls.CALLS)
-        self.tally = np.zeros(plan_calls.TALLY, dtype=np.int64)
-        self.tally[plan_calls.OTHER] = -1
-        for plan in (0, 1):
-            for place, name in ((plan_calls.ELIMINATE, "eliminate"), (plan_calls.EQUILIBRATE, "equilibrate")):
-                call = Bound.of_python(self.make, (f"{name}{plan}",))
-                self.table.put(plan_calls.CALLS * plan + place, call)
-        self.begin = plan_calls.begin.bind(
-            1, np.ones(1, dtype=np.int64), np.array([0.0, 1.0, 0.0, 0.0]), self.tally
-        )
-        self.eliminate = plan_calls.eliminate.bind(self.table.cells, self.tally)
-
-    def make(self, name):
-        self.made.append(name)
-        return self.results[name].pop(0) if self.results.get(name) else 0
-
-    def factorize(self):
-        """Which calls were made for a matrix; None where no more are allowed."""
-        self.made = []
-        if self.begin():
-            return None
-        ended = self.eliminate()
-        self.tally[plan_calls.MADE] += not ended
-        return self.made, ended
-
-
-def test_a_scale_that_does_not_serve_is_found_anew():
-    calls = Scripted(eliminate0=[2, 0, 2, 1, 1], equilibrate0=[1, 1, 0])
-    calls.tally[plan_calls.ALLOWED] = 9
-    again = ["eliminate0", "equilibrate0", "eliminate0"]
-    assert calls.factorize() == (again, 0)
-    assert calls.factorize() == (again, 1)
-    assert calls.factorize() == (["eliminate0", "equilibrate0"], 1)
-
-
-@pytest.mark.parametrize("suits", [True, False])
-def test_a_plan_that_is_due_is_tried_and_kept_where_it_suits(suits):
-    calls = Scripted(eliminate1=[0 if suits else 1])
-    tally = calls.tally
-    tally[[plan_calls.ALLOWED, plan_calls.OTHER, plan_calls.IF_SUITED, plan_calls.IF_REFUSED]] = 2, 1, 3, 1
-    for _ in range(2):
-        assert calls.factorize() == (["eliminate0"], 0)
-    if suits:
-        assert calls.factorize() == (["eliminate1"], 0)
-    else:
-        assert calls.factorize() == (["eliminate1", "equilibrate1", "eliminate0"], 0)
-    more = 3 if suits else 1
-    for _ in range(more):
-        assert calls.factorize() == ([f"eliminate{int(suits)}"], 0)
-    assert calls.factorize() is None
-    assert tally[plan_calls.OUTCOME] == (plan_calls.SUITED if suits else plan_calls.REFUSED)
-    assert tally[plan_calls.MADE_BEFORE] == 2
-    assert tally[plan_calls.MADE] == 1 + more
-    assert tally[plan_calls.NOW] == tally[plan_calls.NEXT] == int(suits)
-
-
 def test_storage_grows_with_the_frames_only():
     rng = np.random.default_rng(7)
     sizes = []
@@ -471,35 +283,6 @@ def test_doubtful_solves_fall_back(monkeypatch):
     assert kkt.factorizations == 2
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8 * np.abs(other).max())
-
-
-def test_plans_that_fail_give_way(monkeypatch):
-    """With a growth that nothing keeps to, the whole matrix is pivoted as its values ask for, and then tried less."""
-    monkeypatch.setattr(segmented, "GROWTH", 1e-3)
-    rng = np.random.default_rng(9)
-    pattern = motion(rng, 30)
-    kkt, judge = system_of(pattern), DenseKKT(*pattern.arguments())
-    for _ in range(8):
-        values = generic(rng, pattern)
-        assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
-        kkt.solve(rng.normal(size=pattern.n), rng.normal(size=pattern.m))
-        assert kkt.last_residual < 1e-12
-
-
-def test_what_barriers_add_comes_and_goes():
-    """Plans are made without it."""
-    rng = np.random.default_rng(12)
-    pattern = motion(rng, 40)
-    kkt = system_of(pattern)
-    values = generic(rng, pattern)
-    for size in (1e3, 0.0, 1e-6, 1.0):
-        values.primal = size * rng.uniform(0.5, 2.0, pattern.n)
-        check(kkt, pattern, values, rng)
-    before = kkt._programs(thorough=True)
-    kkt.primal *= 7.0
-    for one, other in zip(before, kkt._programs(thorough=True), strict=True):
-        for panel, same in zip(one.panels, other.panels, strict=True):
-            np.testing.assert_array_equal(panel, same)
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e8])
