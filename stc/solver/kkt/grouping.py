@@ -25,7 +25,7 @@ def _cost(members: f64, rows: f64) -> f64:
     moved = 2.0 * members * (0.5 * members + rows)
     inside = 0.5 * members * members * (6.0 + 0.2 * length) + members * (60.0 + 0.8 * length)
     update = 0.5 * rows * rows * (1.2 + members / 9.0) + rows * (8.0 + members)
-    return 100.0 + moved + inside + update
+    return 400.0 + moved + inside + update
 
 
 @native(small=True)
