@@ -15,7 +15,7 @@ those of the solution.  There only a share of their part of H is used,
     H_f + share * sum y_i H_i,
 
 between Newton's method and that of Gauss and Newton (Nazareth 1980): it needs smaller shifts, and they make longer
-steps.
+steps. These count more for large unknowns there, and grow after short steps.
 """
 
 from __future__ import annotations
