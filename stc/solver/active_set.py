@@ -42,6 +42,7 @@ RETREAT = 0.1
 FINISHING_STEPS = 8
 CONTRACTION = 0.1
 SLIGHT_CONTRACTION = 0.5
+"""What is enough to go on, near and from a neighbour."""
 FAST = 1e-2
 """Contraction that makes one more step worth its while: it gains two digits or more."""
 ACCURATE = 0.1

@@ -54,7 +54,8 @@ ALWAYS = 3
 MOST_UNTRIED = 3
 """Iterations in a row at most in which a matrix without a shift is not tried, after it has failed again and again."""
 MOST_DAMPED = 8
-"""The same where there is the rows' part to be damped; no more than it had negative eigenvalues too many."""
+"""The same where there is the rows' part to be damped, and at once where it had more negative eigenvalues too many; no
+more iterations than these."""
 COARSE = 1e-10
 """Relative residual that is enough for a step far from a solution.
 

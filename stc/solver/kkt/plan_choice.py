@@ -173,8 +173,7 @@ class Plans:
         self._choose_at = number + 1
         if plan.served > 0:
             last = number + max(1, self._settle_at - plan.served) if plan.curved else FAR
-            self._choose_at = min((other.rest_until for other in self._cheaper(plan)), default=last)
-            self._choose_at = min(self._choose_at, last)
+            self._choose_at = min([last, *(other.rest_until for other in self._cheaper(plan))])
 
     def foresee(self) -> None:
         """Take up the plan that matrices with curvature have begun with before, where there is one."""
