@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import functools
 import re
+import socket
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -15,6 +17,9 @@ from stc.viewer.windows import DisplayError, is_loopback
 
 #: Where the viewer's own page says that it comes from, through a tunnel from another machine's port as well.
 _OWN = re.compile(r"https?://(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
+
+#: Seconds after which a page is announced although nothing listens yet.
+MOST_WAITED = 10.0
 
 
 def launch(
@@ -36,6 +41,7 @@ def launch(
         with _own_pages_only() if is_loopback(host) else contextlib.nullcontext():
             viewer = _viewer_on(host)(config, endpoint, plugins=of_window)
             if ready is not None:
+                viewer.await_listening()
                 ready(viewer.address)
             viewer_protocol.run_viewer_loop(viewer)
 
@@ -56,6 +62,14 @@ def _viewer_on(host: str) -> type[Any]:
                     f"MuJoCo's web viewer is bound to {bound} and not to {host}: it is not shown"
                 )
             super()._start_server()
+
+        def await_listening(self) -> None:
+            """Studio's server, in a thread of its own, begins to listen at a socket that is only bound here."""
+            end = time.monotonic() + MOST_WAITED
+            while not self._http_sock.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
+                if time.monotonic() > end:
+                    return
+                time.sleep(0.01)
 
         @property
         def address(self) -> str:
