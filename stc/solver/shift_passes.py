@@ -156,9 +156,8 @@ def begin(calls: i64s, s: f64s) -> None:
 @native
 def larger_shift(growth: f64, s: f64s) -> f64:
     """The next shift to try, after another one or the last iterate's; more than LARGEST_SHIFT where there is none."""
-    if s[SHIFT] == 0.0:
-        return max(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT])
-    return max(s[SHIFT] * (GROWTH_AT_FIRST if s[LAST_SHIFT] == 0.0 else growth), DECAY * s[LAST_SHIFT])
+    grown = s[SHIFT] * (GROWTH_AT_FIRST if s[LAST_SHIFT] == 0.0 else growth)
+    return max(grown, max(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT]))
 
 
 @native(shared=True)

@@ -64,7 +64,7 @@ def _viewer_on(host: str) -> type[Any]:
             super()._start_server()
 
         def await_listening(self) -> None:
-            """Studio's server, in a thread of its own, begins to listen at a socket that is only bound here."""
+            """Wait for Studio's server, in a thread of its own, to listen at the socket, which is only bound here."""
             end = time.monotonic() + MOST_WAITED
             while not self._http_sock.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
                 if time.monotonic() > end:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from symbolic_program import SymbolicProgram
 
-from stc.solver import Options, minimize, places
+from stc.solver import Options, Start, minimize, places
 from stc.solver.iterate import evaluate
 from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
@@ -16,10 +16,10 @@ from stc.solver.step_passes import ROWS_SHARE, SHARE, SLIGHT
 from stc.solver.workspace import Workspace
 
 
-def after(length: float, *, bends: float = 1.0, shift: float = 1e-3, limit: float = 1.0) -> np.ndarray:
-    """The numbers after a step of that length, made with that shift."""
+def after(length: float, *, bends: float = 1.0, limit: float = 1.0) -> np.ndarray:
+    """The numbers after a step of that length, made with a shift of 1e-3."""
     s = np.zeros(places.NUMBERS)
-    s[places.SHIFT], s[places.BENDS], s[places.LIMIT], s[places.LAST_SHIFT] = shift, bends, limit, 1e-3
+    s[places.SHIFT], s[places.BENDS], s[places.LIMIT], s[places.LAST_SHIFT] = 1e-3, bends, limit, 1e-3
     relax(length, s)
     return s
 
@@ -86,8 +86,6 @@ def test_a_start_without_inequalities_that_leads_nowhere_ends_on_the_barrier_pat
         lambda x: (x[0] - 1.0) ** 2 + x[1] ** 2,
         lambda x: [(x[0] * x[0] * x[0] + x[0] - x[1], 0.0, 0.0)],
     )
-    from stc.solver import Start
-
     result = minimize(
         nlp, Options(warm_start=True, trusting=False), start=Start(nlp.x0, np.array([1e4]), np.zeros(2))
     )
