@@ -10,6 +10,8 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
 RECIPE := pyproject.toml setup.py
+# A module's tests stay together: they share what it solves once.
+PYTEST := $(BIN)/python -m pytest -q -n auto --dist loadfile
 
 .PHONY: run test check nightly format bench tree clean
 
@@ -17,17 +19,17 @@ run: $(VENV)/.ready
 	$(BIN)/stc run $(SPEC) -o out/$(SPEC).npz
 
 test: $(VENV)/.ready-dev
-	$(BIN)/python -m pytest -q
+	$(PYTEST)
 
 nightly: $(VENV)/.ready-dev
-	$(BIN)/python -m pytest -q -m ""
+	$(PYTEST) -m ""
 
 check: $(VENV)/.ready-dev tree
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy -p stc
 	cd build/tree && $(abspath $(BIN))/lint-imports --config ../../pyproject.toml --no-logo
-	$(BIN)/python -m pytest -q -x -m "not nightly and not slow"
+	$(PYTEST) -x -m "not nightly and not slow"
 
 format: $(VENV)/.ready-dev
 	$(BIN)/ruff format .
