@@ -39,6 +39,7 @@ __all__ = [
 
 NEAR = 1e-2
 RETREAT = 0.1
+"""How much smaller the error is to be after a first attempt in vain; after the second the square of it, and so on."""
 FINISHING_STEPS = 8
 CONTRACTION = 0.1
 SLIGHT_CONTRACTION = 0.5
@@ -162,6 +163,7 @@ class Finish:
     def __init__(self, form: Formulation, tolerance: float, monitor: Monitor) -> None:
         self._form, self._tolerance, self._monitor = form, tolerance, monitor
         self.threshold = NEAR
+        self._failures = 0
 
     def is_due(self, error: float) -> bool:
         """Whether to try it at an iterate of that error."""
@@ -174,7 +176,8 @@ class Finish:
         point, solved = newton_on_active_set(
             form, it.w[: form.n], it.y, self._monitor, steps=FINISHING_STEPS, tolerance=self._tolerance
         )
-        self.threshold = RETREAT * min(self.threshold, error)
+        self._failures += not solved
+        self.threshold = RETREAT**self._failures * min(self.threshold, error)
         return point if solved else None
 
 
