@@ -30,7 +30,7 @@ SHORTEST = 3
 #: Unknowns that couple with distant stages at most.
 LARGEST_BORDER = 64
 #: Unknowns of a stage at most: larger ones leave the nearest memory, and do well one by one.
-LARGEST_STAGE = 100
+LARGEST_STAGE = 120
 #: A step of eight segments takes this many times as long as a stage of the rest, about, and more by one for so many
 #: unknowns of a stage: there are more rows, and wide ones do well in the rest, too.
 STEP_COST = 1.5
