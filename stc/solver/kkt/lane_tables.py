@@ -204,8 +204,9 @@ def code_of(table: Int64s, groups: list[Group], kinds: list[Kind], programs: lis
         # What is stored before anything is added needs not be cleared.
         stored = np.zeros(used.size, dtype=bool)
         stored[places[added:]] = True
+        # What moves leaves zeros behind.
         carried = np.zeros(used.size, dtype=bool)
-        carried[moved] = True
+        carried[left] = carried[moved] = True
         first = np.tril_indices(kind.size)[1] < near  # in the order of the triangle
         cleared = np.flatnonzero(used & first & ~stored & ~carried)
         empty = np.flatnonzero(used & (~first | carried))

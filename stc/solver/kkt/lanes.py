@@ -124,7 +124,7 @@ def _load_entries(
 @native(fast=True)
 def _load_step(
     step: i64, group: i64s, index: i32s, code: i32s, diagonal: f64s, given: f64s, scale: f64s, work: f64s,
-    scales: f64s, moving: f64s, matrix: f64s, most: f64s, spread: f64s,
+    scales: f64s, matrix: f64s, most: f64s, spread: f64s,
 ) -> None:  # fmt: skip
     """Carry over what the step before has left, and add the scaled entries of the matrix."""
     own = group[OWN]
@@ -132,10 +132,6 @@ def _load_step(
     ends = group[LEFT] + group[BORDER]
     here = group[UNKNOWNS] + 8 * step * own
     following = code[group[FOLLOWING] :]
-    moved = code[group[MOVED_CODE] :]
-    if step > 0:
-        for k in range(group[MOVED]):
-            store8(moving, 8 * k, load8(work, 8 * moved[2 * k]))
     cleared = code[group[CLEARED_CODE] :]
     for k in range(group[CLEARED]):
         store8(work, 8 * cleared[k], 0.0)
@@ -143,8 +139,11 @@ def _load_step(
     collect_following(step, group, index, code, scale, scales)
     kept = matrix[8 * group[MATRIX] :]
     if step > 0:
+        moved = code[group[MOVED_CODE] :]
         for k in range(group[MOVED]):
-            store8(work, 8 * moved[2 * k + 1], load8(moving, 8 * k))
+            left = 8 * moved[2 * k]
+            store8(work, 8 * moved[2 * k + 1], load8(work, left))
+            store8(work, left, 0.0)
     else:
         empty = code[group[EMPTY_CODE] :]
         for k in range(group[EMPTY]):
@@ -219,7 +218,6 @@ def eliminate(
     result: f64s,
     work: f64s,
     scales: f64s,
-    moving: f64s,
     columns: f64s,
     matrix: f64s,
     most: f64s,
@@ -239,7 +237,7 @@ def eliminate(
         scale: of the unknowns, a vector in the order of the segments, and so is ``outer_most``: largest entries so
             far of the rows outside of segments, which are updated.
         result: where the entries are added that are left, as ``index`` tells.
-        work, scales, moving, columns, most: work space.
+        work, scales, columns, most: work space.
         matrix: the scaled entries, for products with the matrix.
         spread: largest entry of the row that has the largest one, and the negative of the least, of the rows in
             segments: the maximum with what is there, eight of each.
@@ -256,9 +254,7 @@ def eliminate(
             state[k] = 0.0
         at = 8 * group[FACTORS]
         for step in range(group[STEPS]):
-            _load_step(
-                step, group, index, code, diagonal, given, scale, work, scales, moving, matrix, most, spread
-            )
+            _load_step(step, group, index, code, diagonal, given, scale, work, scales, matrix, most, spread)
             panel = code[group[PANEL_CODE] :]
             for _panel in range(group[PANELS]):
                 members = panel[0]

@@ -376,7 +376,6 @@ class SegmentedKKT(ByCopies):
         last = layout.table[-1]
         vectors = int(last[lanes.FACTORS] + last[lanes.STEPS] * last[lanes.FACTOR_STEP])
         widest = max(kind.size for kind in self._kinds)
-        moved = max(int(row[lanes.MOVED]) for row in layout.table)
         if self._factors.size < 8 * vectors:
             self._factors = aligned_zeros(int(ROOM * 8 * vectors))
         factors = self._factors[: 8 * vectors]
@@ -386,7 +385,7 @@ class SegmentedKKT(ByCopies):
         outside = layout.outer, rest.unknowns.size, rest.entry.size
         eliminate = eliminate_all.bind(
             *tables, 1.0 / GROWTH, 1.0 / INVERSE, given, self._diagonal, self._scale, self._rest.given,
-            aligned_zeros(4 * widest * (widest + 1)), work, aligned_zeros(8 * moved),
+            aligned_zeros(4 * widest * (widest + 1)), work,
             aligned_zeros(16 * PANEL * (widest + PANEL)), self._matrix, part, self._most, aligned_zeros(2 * LANES),
             factors, state, *outside, rest.target, *self._rest_entries, rest.couplings.n, rest.couplings.jac_count,
             self._rest_matrix,

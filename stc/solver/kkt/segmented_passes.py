@@ -146,7 +146,6 @@ def eliminate_all(
     result: f64s,
     work: f64s,
     scales: f64s,
-    moving: f64s,
     columns: f64s,
     matrix: f64s,
     row_most: f64s,
@@ -178,7 +177,7 @@ def eliminate_all(
     for k in range(16):
         spread[k] = -STALE
     negative = eliminate(
-        groups, table, index, code, growth, suspect, given, diagonal, scale, result, work, scales, moving, columns,
+        groups, table, index, code, growth, suspect, given, diagonal, scale, result, work, scales, columns,
         matrix, row_most, most, spread, factors, state,
     )  # fmt: skip
     state[COUNTED] = 1.0 * negative
