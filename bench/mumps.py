@@ -1,21 +1,24 @@
 """MUMPS the way IPOPT calls it: the library that CasADi brings along, with IPOPT's settings, through a few lines of C.
 
 IPOPT reports no times of its factorisations with MUMPS, and CasADi's own interface analyses the pattern again with
-every factorisation; here the pattern is analysed once and the factorisations are timed alone.
+every factorisation; here the pattern is analysed once and the factorisations are timed alone: those of one matrix, or,
+by an audit library of the dynamic linker, those of a whole process in which IPOPT solves.
 """
 
 from __future__ import annotations
 
 import ctypes
+import os
 import shutil
 import subprocess
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Mumps", "unavailable"]
+__all__ = ["Mumps", "Times", "times_inside", "unavailable"]
 
 Floats = NDArray[np.float64]
 
@@ -48,6 +51,75 @@ int negative(DMUMPS_STRUC_C *id) { return id->INFOG(12); }
 int solve(DMUMPS_STRUC_C *id, double *b) { id->rhs = b; id->job = 3; dmumps_c(id); return id->INFOG(1); }
 void stop(DMUMPS_STRUC_C *id) { id->job = -2; dmumps_c(id); free(id); }
 """
+
+#: Takes dmumps_c's place wherever it is called, and tells in the end how often that factorised, and how long it took.
+AUDIT = """
+#define _GNU_SOURCE
+#include <link.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+#include "dmumps_c.h"
+
+static void (*real)(DMUMPS_STRUC_C *);
+static double seconds, least = 1e9;
+static long calls;
+
+static double used(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return t.tv_sec + 1e-9 * t.tv_nsec;
+}
+static void watched(DMUMPS_STRUC_C *id) {
+    int job = id->job;
+    double time = used();
+    real(id);
+    time = used() - time;
+    if (job == 2) {
+        calls++;
+        seconds += time;
+        if (time < least) least = time;
+    }
+}
+unsigned la_version(unsigned version) { return LAV_CURRENT; }
+unsigned la_objopen(struct link_map *map, Lmid_t space, uintptr_t *cookie) { return LA_FLG_BINDTO | LA_FLG_BINDFROM; }
+uintptr_t la_symbind64(Elf64_Sym *symbol, unsigned number, uintptr_t *from, uintptr_t *to, unsigned *flags,
+                       const char *name) {
+    if (strcmp(name, "dmumps_c")) return symbol->st_value;
+    real = (void *)symbol->st_value;
+    return (uintptr_t)watched;
+}
+__attribute__((destructor)) static void tell(void) {
+    if (calls) fprintf(stderr, "\\nMUMPS %ld %.9f %.9f\\n", calls, seconds, least);
+}
+"""
+
+
+@dataclass(frozen=True)
+class Times:
+    """Of the factorisations of a solve: their number, the mean and the least of their seconds."""
+
+    calls: int
+    mean: float
+    least: float
+
+
+def times_inside(command: list[str]) -> Times:
+    """Of the processor time of MUMPS' factorisations, analyses excluded, in a process that this command starts.
+
+    Raises:
+        CalledProcessError: it failed.
+        LookupError: MUMPS was not called in it.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        audit = _compiled(AUDIT, Path(scratch) / "audit.so", [])
+        environment = {**os.environ, "LD_AUDIT": str(audit)}
+        done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
+    for line in done.stderr.splitlines():
+        if line.startswith("MUMPS "):
+            calls, seconds, least = line.split()[1:]
+            return Times(int(calls), float(seconds) / int(calls), float(least))
+    raise LookupError("MUMPS was not called")
 
 
 def unavailable() -> str:
@@ -117,21 +189,19 @@ def _library() -> ctypes.CDLL:
     folder = Path(casadi.__file__).parent
     mumps = sorted(folder.glob("libcoinmumps.so*"))[0]
     with tempfile.TemporaryDirectory() as scratch:
-        source, target = Path(scratch) / "call.c", Path(scratch) / "call.so"
-        source.write_text(SOURCE)
-        include = folder / "include/coin-or/mumps"
-        command = [
-            "gcc",
-            "-O2",
-            "-shared",
-            "-fPIC",
-            f"-I{include}",
-            "-o",
-            str(target),
-            str(source),
-            str(mumps),
-        ]
-        subprocess.run([*command, f"-Wl,-rpath,{folder}"], check=True, capture_output=True)
-        library = ctypes.CDLL(str(target))
+        linked = [str(mumps), f"-Wl,-rpath,{folder}"]
+        library = ctypes.CDLL(str(_compiled(SOURCE, Path(scratch) / "call.so", linked)))
     library.start.restype = ctypes.c_void_p
     return library
+
+
+def _compiled(source: str, target: Path, linked: list[str]) -> Path:
+    """A library of some lines of C that know of MUMPS."""
+    import casadi
+
+    include = Path(casadi.__file__).parent / "include/coin-or/mumps"
+    text = target.with_suffix(".c")
+    text.write_text(source)
+    command = ["gcc", "-O2", "-shared", "-fPIC", f"-I{include}", "-o", str(target), str(text), *linked]
+    subprocess.run(command, check=True, capture_output=True)
+    return target

@@ -73,6 +73,7 @@ def newton_on_active_set(
     steps: int,
     tolerance: float,
     patience: int = 0,
+    regularity: int = 0,
 ) -> tuple[Projection | None, bool]:
     """Iterate from ``(x, y)``.
 
@@ -80,12 +81,14 @@ def newton_on_active_set(
         steps: at most this many.
         tolerance: error to reach.
         patience: how many steps may fail to contract before giving up; with any, contracting a little is enough.
+        regularity: to begin with (see ``ProjectionPair``).
 
     Returns:
         The last point (None when nothing was gained; its arrays serve the next call) and whether it is a solution: the
         error is below the tolerance and the curvature on the active set is positive.
     """
     pair = _pair_of(form)
+    pair.regularity = regularity
     if not pair.start(between(x, *form.true_x), y):
         return None, False
     enough = SLIGHT_CONTRACTION if patience > 0 else CONTRACTION
@@ -143,6 +146,7 @@ def _correct(pair: ProjectionPair, tolerance: float) -> None:
 def newton_point(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
     """One such step from ``(x, y)``: the point that it leads to, not evaluated; None where there is none."""
     pair = _pair_of(form)
+    pair.regularity = 0
     return pair.next if pair.start(between(x, *form.true_x), y) and pair.advance() else None
 
 
@@ -163,7 +167,7 @@ class Finish:
     def __init__(self, form: Formulation, tolerance: float, monitor: Monitor) -> None:
         self._form, self._tolerance, self._monitor = form, tolerance, monitor
         self.threshold = NEAR
-        self._failures = 0
+        self._failures = self._regularity = 0
 
     def is_due(self, error: float) -> bool:
         """Whether to try it at an iterate of that error."""
@@ -174,8 +178,11 @@ class Finish:
         form = self._form
         assert isinstance(form, ScaledProblem)
         point, solved = newton_on_active_set(
-            form, it.w[: form.n], it.y, self._monitor, steps=FINISHING_STEPS, tolerance=self._tolerance
-        )
+            form, it.w[: form.n], it.y, self._monitor, steps=FINISHING_STEPS, tolerance=self._tolerance,
+            regularity=self._regularity,
+        )  # fmt: skip
+        # Rows that depend on one another do so at the next attempt, too.
+        self._regularity = _pair_of(form).regularity
         self._failures += not solved
         self.threshold = RETREAT**self._failures * min(self.threshold, error)
         return point if solved else None

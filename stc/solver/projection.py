@@ -14,7 +14,7 @@ from stc.codegen.calls import Bound, chain
 from stc.solver import conditions
 from stc.solver.nlp import Floats
 from stc.solver.passes import multiplier_scale
-from stc.solver.restricted import RestrictedDiagonals, factorize_restricted
+from stc.solver.restricted import AGAINST_DEPENDENT_ROWS, RestrictedDiagonals, factorize_restricted
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["Projection", "ProjectionPair"]
@@ -116,11 +116,11 @@ class Projection:
         check = self.error + dual + dual_rows + ev.derivatives_status[0]
         return bool(check - check == 0.0)
 
-    def factorize(self) -> bool:
-        """Factorise for the Newton step on the active set; whether the curvature on it is positive."""
+    def factorize(self, regularity: int = 0) -> tuple[int, bool]:
+        """Factorise for the Newton step on the active set; see ``factorize_restricted``."""
         self._restrict()
         largest, irregular = self._largest.tolist()
-        return factorize_restricted(self._diagonals, largest, irregular=irregular != 0.0)[1]
+        return factorize_restricted(self._diagonals, largest, regularity, irregular=irregular != 0.0)
 
     def is_on_active_set_of(self, other: Projection) -> bool:
         """Whether the same bounds and rows are active at another point."""
@@ -130,10 +130,16 @@ class Projection:
 
 
 class ProjectionPair:
-    """A point and the next one, which change places after each step."""
+    """A point and the next one, which change places after each step.
+
+    Attributes:
+        regularity: which of the shifts the last active set needed (see ``factorize_restricted``); the next one begins
+            with it, against dependent rows at most.
+    """
 
     def __init__(self, form: ScaledProblem) -> None:
         self.point, self.next = Projection(form), Projection(form)
+        self.regularity = 0
         self.largest = np.zeros(2)
         self._kkt = form.attached_kkt
         bind = partial(conditions.advance.bind, form.n, form.m)
@@ -158,7 +164,8 @@ class ProjectionPair:
 
         Afterwards ``largest[0]`` is the largest change of a variable.
         """
-        if not self.point.factorize():
+        self.regularity, positive = self.point.factorize(min(self.regularity, AGAINST_DEPENDENT_ROWS))
+        if not positive:
             return False
         self._kkt.solve_call()
         self._kkt.check_solution()

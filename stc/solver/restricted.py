@@ -6,11 +6,13 @@ from stc.solver.conditions import restricted_diagonals
 from stc.solver.kkt.contract import AttachedKKT, NotFinite
 from stc.solver.nlp import Floats
 
-__all__ = ["DUAL_SHIFT", "RestrictedDiagonals", "factorize_restricted"]
+__all__ = ["AGAINST_DEPENDENT_ROWS", "DUAL_SHIFT", "RestrictedDiagonals", "factorize_restricted"]
 
 DUAL_SHIFT = 1e-9
 PRIMAL_SHIFT = 1e-8
 """Relative to the largest entry of the Hessian, or to 1."""
+AGAINST_DEPENDENT_ROWS = 1
+"""The regularity with the one shift alone."""
 
 
 class RestrictedDiagonals:

@@ -1,0 +1,102 @@
+"""How long the factorisations of whole solves take: those here, and those of MUMPS inside IPOPT.
+
+    python -m bench.in_solve [--frames 1000] [--rounds 3]
+
+Each solve has a process of its own, in turn.  Here it is the second solve in it, since MUMPS' analyses are not counted
+either.  Unlike one matrix that is factorised again and again, these find the caches as evaluation and the rest of an
+iteration leave them, and those of an active set, or without a plan that suits them, count as well.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import argparse  # noqa: E402 (threads are counted when NumPy is imported)
+import json  # noqa: E402
+import statistics  # noqa: E402
+import subprocess  # noqa: E402
+import sys  # noqa: E402
+
+from bench.mumps import Times, times_inside, unavailable  # noqa: E402
+from bench.peers.problems import constants_of, spec_of  # noqa: E402
+from bench.peers.task import Case  # noqa: E402
+
+__all__ = ["in_solves"]
+
+
+def in_solves(cases: list[Case], rounds: int) -> list[str]:
+    """A table: means and least times, medians of the rounds."""
+    lines = [
+        "| problem | n | MUMPS in IPOPT: factorisations | mean, ms | least | here: factorisations | mean, ms | least "
+        "| times, means | times, least |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for case in cases:
+        both = [(_of_ipopt(case), _of_ours(case)) for _ in range(rounds)]
+        cells = []
+        for runs in zip(*both, strict=True):
+            means, least = (
+                statistics.median(getattr(run, name) for run in runs) for name in ("mean", "least")
+            )
+            cells += [f"{runs[0].calls}", f"{1e3 * means:.2f}", f"{1e3 * least:.2f}"]
+        for name in ("mean", "least"):
+            ratio = statistics.median(getattr(ipopt, name) / getattr(ours, name) for ipopt, ours in both)
+            cells.append(f"{ratio:.1f}")
+        lines.append(f"| {case.problem} | {case.n} | {' | '.join(cells)} |")
+    return lines
+
+
+def _command(case: Case, whose: str) -> list[str]:
+    text = json.dumps({"problem": case.problem, "n": case.n, "rods": case.rods})
+    return [sys.executable, "-m", "bench.in_solve", "--solve", whose, "--case", text]
+
+
+def _of_ipopt(case: Case) -> Times:
+    return times_inside(_command(case, "ipopt"))
+
+
+def _of_ours(case: Case) -> Times:
+    done = subprocess.run(_command(case, "ours"), check=True, capture_output=True, text=True)
+    return Times(*json.loads(done.stdout.splitlines()[-1]))
+
+
+def _solve(case: Case, whose: str) -> None:
+    """What the process of a solve does."""
+    if whose == "ipopt":
+        from bench.peers import casadi_ipopt
+
+        casadi_ipopt.build(case, "expanded").solve()
+        return
+    import stc
+    from stc.studies.profile import Profile
+
+    model = stc.load(spec_of(case.problem, case.rods))
+    for _ in range(2):
+        profile = Profile()
+        model.solve(minimizer=profile.minimize, fewer_first=False, **constants_of(case.problem, case.n))
+    watch = profile.factorize
+    print(json.dumps([watch.calls, watch.seconds / watch.calls, watch.shortest]))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--frames", type=int, default=1000)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--solve", choices=("ipopt", "ours"), help=argparse.SUPPRESS)
+    parser.add_argument("--case", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.solve:
+        _solve(Case(**json.loads(options.case)), options.solve)
+        return
+    if missing := unavailable():
+        print(f"Without MUMPS: {missing}.")
+        return
+    lamp = max(options.frames // 15, 1) * 15
+    print("\n".join(in_solves([Case("P3", options.frames, 5), Case("P5", lamp)], options.rounds)))
+
+
+if __name__ == "__main__":
+    main()
