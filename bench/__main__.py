@@ -8,7 +8,8 @@
 
 Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solution saved), ``evaluator`` and ``lamp``
 (compiled kernels), ``mechanics`` (from a Lagrangian to compiled derivatives), ``scaling`` (growth with the frames),
-``kkt`` (the linear systems alone, beside MUMPS), ``threads`` (two threads beside one).
+``kkt`` (the linear systems alone, beside MUMPS), ``in_solve`` (factorisations inside whole solves, beside MUMPS in
+IPOPT), ``threads`` (two threads beside one).
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from bench.peers import report, runner
 from bench.peers.contenders import Contender
 from bench.peers.task import Case
 
-SCRIPTS = ("evaluator", "lamp", "mechanics", "scaling", "kkt", "threads")
+SCRIPTS = ("evaluator", "lamp", "mechanics", "scaling", "kkt", "in_solve", "threads")
 PARTS = ("peers", "cold", *SCRIPTS)
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -138,6 +139,7 @@ def script(part: str, options: argparse.Namespace) -> None:
         "evaluator": ["--markdown", *(["--rounds", "5"] if options.quick else [])],
         "lamp": ["--rounds", "5"] if options.quick else [],
         "kkt": ["--quick"] if options.quick else [],
+        "in_solve": ["--frames", "200", "--rounds", "1"] if options.quick else [],
         "threads": [
             *(["--quick"] if options.quick else []),
             *(["--rounds", str(options.rounds)] if options.rounds else []),

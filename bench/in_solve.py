@@ -1,6 +1,6 @@
 """How long the factorisations of whole solves take: those here, and those of MUMPS inside IPOPT.
 
-    python -m bench.in_solve [--frames 1000] [--rounds 3]
+    python bench/in_solve.py [--frames 1000] [--rounds 3]
 
 Each solve has a process of its own, in turn.  Here it is the second solve in it, since MUMPS' analyses are not counted
 either.  Unlike one matrix that is factorised again and again, these find the caches as evaluation and the rest of an
@@ -19,12 +19,13 @@ import json  # noqa: E402
 import statistics  # noqa: E402
 import subprocess  # noqa: E402
 import sys  # noqa: E402
+from pathlib import Path  # noqa: E402
 
-from bench.mumps import Times, times_inside, unavailable  # noqa: E402
+from mumps import Times, times_inside, unavailable  # noqa: E402
+
+sys.path.append(str(Path(__file__).resolve().parent.parent))
 from bench.peers.problems import constants_of, spec_of  # noqa: E402
 from bench.peers.task import Case  # noqa: E402
-
-__all__ = ["in_solves"]
 
 
 def in_solves(cases: list[Case], rounds: int) -> list[str]:
@@ -51,7 +52,7 @@ def in_solves(cases: list[Case], rounds: int) -> list[str]:
 
 def _command(case: Case, whose: str) -> list[str]:
     text = json.dumps({"problem": case.problem, "n": case.n, "rods": case.rods})
-    return [sys.executable, "-m", "bench.in_solve", "--solve", whose, "--case", text]
+    return [sys.executable, __file__, "--solve", whose, "--case", text]
 
 
 def _of_ipopt(case: Case) -> Times:
