@@ -40,6 +40,11 @@ __all__ = [
 NEAR = 1e-2
 RETREAT = 0.1
 """How much smaller the error is to be after a first attempt in vain; after the second the square of it, and so on."""
+CLEAR = 10.0
+DOUBTFUL = 2
+PATIENT = 0.3
+"""Which bounds are active is clear where multipliers and gaps differ by such a factor. With more doubtful ones than so
+many, steps as if it were known lead astray: the next look is at this share of the error."""
 FINISHING_STEPS = 8
 CONTRACTION = 0.1
 SLIGHT_CONTRACTION = 0.5
@@ -158,7 +163,9 @@ def _pair_of(form: ScaledProblem) -> ProjectionPair:
 
 
 class Finish:
-    """Tries :func:`newton_on_active_set` once an iterate is near enough, ever more rarely when that fails.
+    """Tries :func:`newton_on_active_set` once an iterate is near enough and tells what is active.
+
+    Where that fails, it is tried ever more rarely.
 
     Attributes:
         threshold: the error at which it is tried next.
@@ -169,9 +176,15 @@ class Finish:
         self.threshold = NEAR
         self._failures = self._regularity = 0
 
-    def is_due(self, error: float) -> bool:
-        """Whether to try it at an iterate of that error."""
-        return isinstance(self._form, ScaledProblem) and error <= self.threshold
+    def is_due(self, it: Iterate, error: float) -> bool:
+        """Whether to try it at an iterate of that error: near enough, and clear about what is active."""
+        if not isinstance(self._form, ScaledProblem) or error > self.threshold:
+            return False
+        ratio = it.z / it.gap
+        if np.count_nonzero((ratio > 1.0 / CLEAR) & (ratio < CLEAR)) > DOUBTFUL:
+            self.threshold = PATIENT * error
+            return False
+        return True
 
     def attempt(self, it: Iterate, error: float) -> Projection | None:
         """The solution, or None; where it ``is_due``."""

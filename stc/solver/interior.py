@@ -264,7 +264,7 @@ class _Loop:
         if not self.error < LARGEST_ERROR or self.s[FARTHEST] > TOO_FAR:
             feasible = self.s[PRIMAL] <= ACCEPTABLE
             return self._outcome(End.UNBOUNDED) if feasible and self.drift.falling else self._give_up()
-        if self.finish.is_due(self.error) and not self.drift.falling:
+        if self.finish.is_due(it, self.error) and not self.drift.falling:
             done = self.finish.attempt(it, self.error)
             if done is not None:
                 return Outcome(End.CONVERGED, form, done.x.copy(), done.y.copy(), done.error, it)
