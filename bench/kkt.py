@@ -3,8 +3,9 @@
     python bench/kkt.py [--frames 1000] [--growth 1000,10000,100000] [--rounds 5] [--quick]
 
 The matrices come from solves of P3 (a chain of five rods), P5 and P6 (the lamp's jump) and P4 (20 rods): the last one
-of the right inertia of so many iterations. Everybody factorises the same values on one thread, in turn, ten times in a
-row, the sparsity analysed before (here: the elimination planned); times are minima of processor time.
+of the right inertia of so many iterations. Everybody factorises the same values, which are where it expects them, on
+one thread, in turn, ten times in a row, the sparsity analysed before (here: the elimination planned); times are minima
+of processor time.
 
 - MUMPS is the library and the settings that IPOPT uses (see mumps.py). It needs CasADi and gcc. It factorises the
   same matrix, and the one of the whole problem, as IPOPT has it: without what the presolve here leaves out.
@@ -135,7 +136,7 @@ def compare(name: str, system: System, whole: System, rounds: int, with_mumps: b
         (np.r_[values, values[off]], (np.r_[rows, columns[off]], np.r_[columns, rows[off]])),
         shape=(size, size),
     )
-    calls: list[Callable[[], object]] = [lambda: ours.factorize(*system.values), lambda: splu(full)]
+    calls: list[Callable[[], object]] = [ours.refactor, lambda: splu(full)]
     rhs = np.random.default_rng(0).normal(size=size)
     others: list[Mumps] = []
     if with_mumps:
@@ -170,7 +171,7 @@ def costs(system: System, rounds: int) -> tuple[float, float, float, float]:
     kkt.factorize(*system.values)
     first = time.process_time() - begin
     rhs = np.ones(system.pattern[0]), np.ones(system.pattern[1])
-    again, solve = least(rounds, lambda: kkt.factorize(*system.values), lambda: kkt.solve(*rhs))
+    again, solve = least(rounds, kkt.refactor, lambda: kkt.solve(*rhs))
     frames = system.frames
     return first / frames, again / frames, solve / frames, 1e-3 * kkt.factor_bytes / frames
 

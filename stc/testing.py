@@ -17,6 +17,7 @@ import os
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -203,15 +204,19 @@ def _relimit(certificate: Certificate, limits: Limits) -> None:
 
 
 def _keep(certificate: Certificate) -> None:
-    """Write the page if pages are kept; one file per motion and test."""
+    """Write the page if pages are kept; one file per motion and test, of tests in other processes, too."""
     if _report_folder is None:
         return
+    _report_folder.mkdir(parents=True, exist_ok=True)
     test = os.environ.get("PYTEST_CURRENT_TEST", "").rpartition(" ")[0].rpartition("::")[2]
     name = re.sub(
         r"[^\w.-]+", "_", f"{test}-{certificate.solution.name}" if test else certificate.solution.name
     )
-    number, path = 1, _report_folder / f"{name}.html"
-    while path.exists():
-        number += 1
-        path = _report_folder / f"{name}-{number}.html"
-    certificate.write(path)
+    for number in count(1):
+        path = _report_folder / (f"{name}-{number}.html" if number > 1 else f"{name}.html")
+        try:
+            path.touch(exist_ok=False)
+        except FileExistsError:
+            continue
+        certificate.write(path)
+        return

@@ -177,7 +177,11 @@ class Finish:
         self._failures = self._regularity = 0
 
     def is_due(self, it: Iterate, error: float) -> bool:
-        """Whether to try it at an iterate of that error: near enough, and clear about what is active."""
+        """Whether to try it at an iterate of that error: near enough, and clear about what is active.
+
+        Ratios of multipliers and gaps tell (A. S. El-Bakry, R. A. Tapia and Y. Zhang, A study of indicators for
+        identifying zero variables in interior-point methods, SIAM Review 36, 1994).
+        """
         if not isinstance(self._form, ScaledProblem) or error > self.threshold:
             return False
         ratio = it.z / it.gap

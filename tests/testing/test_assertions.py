@@ -91,6 +91,22 @@ def test_certificates_are_kept(tmp_path: Path, solve_spec: Callable[..., Solutio
     assert page.name == "test_certificates_are_kept-particle_waypoints.html"
 
 
+def test_tests_at_the_same_time_keep_a_page_each(tmp_path: Path) -> None:
+    """As those of several processes do."""
+    script = tmp_path / "page.py"
+    script.write_text(
+        "import os, sys, types, stc.testing as t\n"
+        "page = types.SimpleNamespace(solution=types.SimpleNamespace(name='push'),\n"
+        "                             write=lambda path: path.write_text(sys.argv[1]))\n"
+        "t.keep_certificates(os.path.join(os.path.dirname(__file__), 'pages'))\n"
+        "for _ in range(50): t._keep(page)\n"
+    )
+    both = [subprocess.Popen([sys.executable, str(script), who]) for who in "ab"]
+    assert [process.wait() for process in both] == [0, 0]
+    pages = [page.read_text() for page in (tmp_path / "pages").iterdir()]
+    assert sorted(pages) == ["a"] * 50 + ["b"] * 50
+
+
 def test_the_plugin_imports_next_to_nothing() -> None:
     code = (
         "import sys, pytest, stc.pytest_plugin; "
