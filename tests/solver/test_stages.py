@@ -12,7 +12,7 @@ import stc
 from stc.solver import Options, Status, minimize
 from stc.solver.filter import GAMMA_PHI, GAMMA_THETA, ROOM, Filter
 from stc.solver.kkt import FrontalKKT, structured_kkt
-from stc.solver.kkt.segmented import SegmentedKKT
+from stc.solver.kkt.planned import PlannedKKT
 from stc.solver.shift_passes import middle_magnitude
 
 numbers = st.floats(-1e6, 1e6)
@@ -26,7 +26,7 @@ def test_attempts_change_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> 
         return stc.load(name).solve()
 
     with monkeypatch.context() as without:
-        for kind in (FrontalKKT, SegmentedKKT):
+        for kind in (FrontalKKT, PlannedKKT):
             without.setattr(kind, "attempt_call", None)
         expected = solve()
     found = solve()

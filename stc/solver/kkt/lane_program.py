@@ -12,7 +12,7 @@ from stc.solver.kkt.ordering import MARGIN, SECOND, SMALLEST, order_stage
 from stc.solver.kkt.segments import ACROSS, BORDERING, INSIDE, Segmentation
 from stc.solver.nlp import Floats
 
-__all__ = ["Kind", "Program", "kind_of", "plan_panels", "triangle"]
+__all__ = ["WAYS", "Kind", "Program", "kind_of", "order_pivots", "plan_panels", "triangle"]
 
 Int32s = NDArray[np.int32]
 Int64s = NDArray[np.int64]
@@ -153,7 +153,7 @@ def _planned(kind: Kind, entries: Floats, diagonal: Floats, margin: float, compa
         sizes[np.ix_(carried, carried)] += np.where(left == 0.0, SMALLEST, left)
         sizes[own:, own:] = 0.0
         before = sizes.copy()
-        order, kinds = _order(own, sizes, margin, compared)
+        order, kinds = order_pivots(own, sizes, margin, compared)
         left = sizes[own:, own:]
     pattern = before != 0.0
     np.fill_diagonal(pattern, False)
@@ -161,7 +161,7 @@ def _planned(kind: Kind, entries: Floats, diagonal: Floats, margin: float, compa
     return _panels(kind, order, kinds, pattern)
 
 
-def _order(own: int, sizes: Floats, margin: float, compared: float) -> tuple[Int32s, Int32s]:
+def order_pivots(own: int, sizes: Floats, margin: float, compared: float) -> tuple[Int32s, Int32s]:
     """Order and kinds of the pivots; ``sizes`` is left as they leave it."""
     size = len(sizes)
     waiting = np.arange(own, dtype=np.int32)

@@ -10,7 +10,7 @@ from stc.solver.kkt.lane_program import Kind
 from stc.solver.kkt.segments import Segmentation
 from stc.solver.nlp import Floats
 
-__all__ = ["sizes_of"]
+__all__ = ["SAMPLE", "middle", "reliable", "sizes_of"]
 
 #: Stages of a kind whose entries are looked at.
 SAMPLE = 32
@@ -34,16 +34,21 @@ def sizes_of(
     place, values = np.searchsorted(found.codes[number], found.edge_code[members]), values[members]
     chosen = stages[:: -(-stages.size // SAMPLE)]
     sampled = np.isin(found.edge_stage[members], chosen)
-    entries = _middle(place[sampled], values[sampled], found.codes[number].size)
+    entries = middle(place[sampled], values[sampled], found.codes[number].size)
     least = np.full(entries.size, np.inf)
     np.minimum.at(least, place, np.abs(values))
     unknowns = found.stages.order[found.stages.pointers[chosen][:, None] + np.arange(kind.own)]
     own_place = np.broadcast_to(np.arange(kind.own), unknowns.shape).reshape(-1)
-    own = _middle(own_place, diagonal[unknowns.reshape(-1)], kind.own)
-    return np.where(least < VANISHING * np.abs(entries), UNRELIABLE * entries, entries), own
+    own = middle(own_place, diagonal[unknowns.reshape(-1)], kind.own)
+    return reliable(entries, least), own
 
 
-def _middle(place: NDArray[np.integer], values: Floats, count: int) -> Floats:
+def reliable(entries: Floats, least: Floats) -> Floats:
+    """Sizes to plan for, given the least magnitudes anywhere."""
+    return np.where(least < VANISHING * np.abs(entries), UNRELIABLE * entries, entries)
+
+
+def middle(place: NDArray[np.integer], values: Floats, count: int) -> Floats:
     """Geometric means of magnitudes by place, (count,), with the sign that most have."""
     many = np.maximum(np.bincount(place, minlength=count), 1)
     logs = np.bincount(place, np.log(np.maximum(np.abs(values), 1e-12)), count) / many

@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from stc.codegen.calls import Bound
 from stc.digests import blake2b
 from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.chain import ChainKKT, find_chain
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.frontal import FrontalKKT
+from stc.solver.kkt.planned import PlannedKKT
 from stc.solver.kkt.segmented import SegmentedKKT
-from stc.solver.kkt.segments import find_segments
+from stc.solver.kkt.segments import find_segments, number_stages
 from stc.solver.nlp import Floats, Ints
 
 __all__ = ["StructuredKKT", "forget"]
@@ -32,11 +34,13 @@ KEPT_BYTES = 128 * 2**20
 LARGEST = 200_000
 
 _lock = threading.RLock()  # the garbage collector may give one back while another is looked up
-_kept: OrderedDict[bytes, FrontalKKT | SegmentedKKT] = OrderedDict()
+_kept: OrderedDict[bytes, FrontalKKT | PlannedKKT] = OrderedDict()
 
 
 class StructuredKKT(ByCopies):
-    """A ``SegmentedKKT`` where the horizon repeats itself, else a ``FrontalKKT``, new or from an earlier solve.
+    """A ``ChainKKT`` where stages are wide, a ``SegmentedKKT`` where the horizon repeats itself, else a ``FrontalKKT``.
+
+    A new one, or one from an earlier solve.
 
     See ``AttachedKKT`` for arguments and members.
 
@@ -201,13 +205,18 @@ def _new_system(
     var_stage: Ints,
     row_stage: Ints,
     held: NDArray[np.bool_],
-) -> FrontalKKT | SegmentedKKT:
+) -> FrontalKKT | PlannedKKT:
     couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
     stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
-    found = find_segments(couplings, stage, held)
-    if found is None:
-        return FrontalKKT.of_couplings(couplings, stage, Arrays.of(couplings))
-    return SegmentedKKT(couplings, stage, found)
+    numbered = number_stages(couplings, stage, held)
+    if numbered is not None:
+        chain = find_chain(couplings, numbered)
+        if chain is not None:
+            return ChainKKT(couplings, stage, chain)
+        found = find_segments(numbered)
+        if found is not None:
+            return SegmentedKKT(couplings, stage, found)
+    return FrontalKKT.of_couplings(couplings, stage, Arrays.of(couplings))
 
 
 def forget() -> None:
@@ -216,7 +225,7 @@ def forget() -> None:
         _kept.clear()
 
 
-def _keep(key: bytes, system: FrontalKKT | SegmentedKKT) -> None:
+def _keep(key: bytes, system: FrontalKKT | PlannedKKT) -> None:
     """Keep a factorisation that has served, and give up the oldest ones beyond the limits."""
     with _lock:
         _kept[key] = system

@@ -1,8 +1,7 @@
 """The KKT system of a horizon that repeats itself: eight segments at once, then what is between them.
 
-Segments are eliminated with pivots fixed before (see stc.solver.kkt.lanes), which are tested while they are taken.
-The seams between them and irregular stages go through ``FrontalKKT``, which pivots as the values ask for, and so does
-the whole matrix when a test fails with every plan (see stc.solver.kkt.plan_choice).
+Segments are eliminated with pivots fixed before (see stc.solver.kkt.lanes).  The seams between them and irregular stages
+go through ``FrontalKKT``.
 """
 
 from __future__ import annotations
@@ -10,63 +9,40 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.arrays import aligned_zeros, scattered
-from stc.codegen.calls import Bound, CallTable, chain_until
+from stc.arrays import aligned_zeros
+from stc.codegen.calls import Bound
 from stc.solver.kkt import lanes, plan_calls
 from stc.solver.kkt.arrangement import Couplings
-from stc.solver.kkt.contract import FINE, Inertia, NotFinite
-from stc.solver.kkt.entries import Arrays, ByCopies
-from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, SWEEPS, FrontalKKT
-from stc.solver.kkt.lane_panel import COUNTED, LARGEST, PANEL, STATE, TRUSTED
+from stc.solver.kkt.entries import Arrays
+from stc.solver.kkt.frontal import REFINEMENTS, SWEEPS, FrontalKKT
+from stc.solver.kkt.lane_panel import PANEL, STATE, TRUSTED
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import code_of, lay_out
 from stc.solver.kkt.lane_values import sizes_of
-from stc.solver.kkt.plan_choice import PLANS, Plans, Prepared
+from stc.solver.kkt.plan_choice import Plans, Prepared
+from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, SUSPECT, PlannedKKT
 from stc.solver.kkt.seams import sew
-from stc.solver.kkt.segmented_passes import diagonal_of, eliminate_all, equilibrate_all, solve_all
+from stc.solver.kkt.segmented_passes import eliminate_all, equilibrate_all, solve_all
 from stc.solver.kkt.segments import LANES, Segmentation
 from stc.solver.kkt.substitution import REPORT
+from stc.solver.nlp import Floats
 
 __all__ = ["SegmentedKKT"]
 
-#: No product that is subtracted may exceed this, nor any entry of an inverted pivot, in the equilibrated matrix.
-GROWTH = 1e16
-INVERSE = 1e15
-#: Where they are larger than this share of it, the factors are tried on a right-hand side.
-SUSPECT = 1e-6
-#: The place of the segments' elimination among the steps of an attempt, counted from 1.
-ELIMINATED = 3
-#: The place in the table of what factorises the whole matrix; one plan may be made before it is kept.
-WHOLE = PLANS + 1
-#: Room for factors, as a multiple of what the first plan needs.
-ROOM = 1.25
 
-
-class SegmentedKKT(ByCopies):
+class SegmentedKKT(PlannedKKT):
     """Sparse LDL^T of segments in vector lanes and of the rest by ``FrontalKKT``.
 
     See ``AttachedKKT`` for the members.
     """
 
     def __init__(self, couplings: Couplings, stage: NDArray[np.int64], found: Segmentation) -> None:
-        self.n, self.m = couplings.n, couplings.m
-        self.inertia = np.zeros(3, dtype=np.int64)
-        self._tally = np.zeros(plan_calls.TALLY, dtype=np.int64)
-        self._counted = 0
-        self.nnz_factor = 0
-        self.last_residual = 0.0
-        self._couplings, self._stage, self._found = couplings, stage, found
-        variables = np.bincount(found.stages.stage[: self.n], minlength=found.stages.pointers.size - 1)
+        self._found = found
+        variables = np.bincount(found.stages.stage[: couplings.n], minlength=found.stages.pointers.size - 1)
         self._kinds = [kind_of(found, k, int(variables[example])) for k, example in enumerate(found.example)]
         self._sewn = sewn = sew(couplings, found, self._kinds)
-        self._arrays = a = Arrays.of(couplings, sewn.added, (1.0, -1.0))
-        self.hess, self.jac, self.primal, self.dual = a.hess, a.jac, a.primal, a.dual
-        self.rhs, self.solution, self.second_rhs, self.second_solution = (
-            vector[: couplings.size] for vector in (a.rhs, a.solution, a.second_rhs, a.second_solution)
-        )
-        self.report, self.accuracy = a.report, a.accuracy
-        size = sewn.couplings.size
-        one, minus_one = a.given.size - 2, a.given.size - 1
+        arrays = Arrays.of(couplings, sewn.added, (1.0, -1.0))
+        one, minus_one = arrays.given.size - 2, arrays.given.size - 1
         self._source = np.concatenate(
             [
                 couplings.hess_off,
@@ -74,65 +50,29 @@ class SegmentedKKT(ByCopies):
                 np.full(sewn.added // 2, minus_one),
             ]
         ).astype(np.int32)
-        self._curved_source = couplings.hess_diagonal.astype(np.int32)
-        self._diagonal, self._curvatures = np.zeros(size), np.zeros(1, dtype=np.int64)
         self._layout = layout = lay_out(found, self._kinds, sewn, self._source, one)
+        left = layout.rest
+        beside = np.concatenate([places.reshape(-1) for places in (*sewn.before, *sewn.after)])
+        self._rest_system = FrontalKKT.of_couplings(
+            left.couplings,
+            sewn.stage[left.unknowns],
+            Arrays.of(left.couplings),
+            part_filled=np.searchsorted(left.unknowns, beside),
+        )
+        super().__init__(couplings, stage, arrays, self._rest_system, left.unknowns.size)
         self._scale, self._most, *self._vectors = (aligned_zeros(layout.length) for _ in range(12))
         self._scale[:] = 1.0
-        self._scaled = False
-        rest = layout.rest
         self._matrix = aligned_zeros(layout.matrix)
-        self._rest_matrix = np.zeros(rest.unknowns.size + rest.entry.size)
-        beside = np.concatenate([places.reshape(-1) for places in (*sewn.before, *sewn.after)])
-        self._rest = FrontalKKT.of_couplings(
-            rest.couplings,
-            sewn.stage[rest.unknowns],
-            Arrays.of(rest.couplings),
-            part_filled=np.searchsorted(rest.unknowns, beside),
+        self._rest_matrix = np.zeros(left.unknowns.size + left.entry.size)
+        entry = left.entry
+        self._rest_entries = (
+            layout.places[sewn.couplings.first[entry]],
+            layout.places[sewn.couplings.second[entry]],
+            self._source[entry].copy(),
         )
-        self._whole: FrontalKKT | None = None
-        self._eliminated = int(size - rest.unknowns.size)
-        self._added = sewn.added // 2
-        self._probe_rhs = np.copysign(1.0, scattered(size))
-        self._probe_result = np.zeros(size)
-        self._factorized = False
-        self._factors = aligned_zeros(0)
-        self._bind_entries()
-        self._calls = CallTable(plan_calls.CALLS * (WHOLE + 1))
-        self._eliminate = plan_calls.eliminate.bind(self._calls.cells, self._tally)
-        self._solve, self._solve_both = (
-            plan_calls.solve.bind(self._calls.cells, which, self._tally)
-            for which in (plan_calls.SOLVE, plan_calls.SOLVE_BOTH)
-        )
-        self._steps: Bound | None = None  # elimination, and those of the rest
-        self._attempt: Bound | None = None  # the same for the next matrix, and all that goes with it
-        self._bindings = -1  # of the rest, that these two are made for
-        self._offered: Prepared | None = None
         nothing = [np.zeros(kind.size * (kind.size + 1) // 2, dtype=bool) for kind in self._kinds]
         first = self._prepare([Program([], used, 0, 0) for used in nothing], 0)  # for equilibration
         self._plans = Plans(couplings.size, first)
-
-    @property
-    def factorizations(self) -> int:
-        """See ``KKTSystem.factorizations``."""
-        tally = self._tally
-        before = int(tally[plan_calls.MADE_BEFORE]) if tally[plan_calls.OUTCOME] else 0
-        return self._counted + before + int(tally[plan_calls.MADE])
-
-    def restart(self) -> None:
-        """Forget all matrices, as if new, but not the plans: they are taken up in the same order."""
-        self._take_attempts()
-        self._counted = 0
-        self.nnz_factor = 0
-        self.last_residual = 0.0
-        self._scaled = False
-        self._plans.restart()
-        for plan in self._plans:
-            plan.state[TRUSTED] = SUSPECT
-        self._factorized = False
-        self._rest.restart()
-        if self._whole is not None:
-            self._whole.restart()
 
     @property
     def nbytes(self) -> int:
@@ -141,235 +81,19 @@ class SegmentedKKT(ByCopies):
         own += self._factors.nbytes + self._matrix.nbytes + (2 + len(self._vectors)) * self._scale.nbytes
         return own + self._rest.nbytes + (self._whole.nbytes if self._whole is not None else 0)
 
-    @property
-    def operations(self) -> int:
-        """Additions and multiplications of the last factorisation, updates only."""
-        if not self._by_segments:
-            return self._whole.operations if self._whole is not None else 0
-        return self._plan_in_use().operations + self._rest.operations
-
-    @property
-    def factor_bytes(self) -> int:
-        """Memory that the last factorisation fills."""
-        if not self._by_segments:
-            return self._whole.factor_bytes if self._whole is not None else 0
-        return self._plan_in_use().factors.nbytes + self._rest.factor_bytes
-
-    def refactor(self) -> Inertia:
-        """See ``AttachedKKT.refactor``."""
-        call = self.attempt_call
-        if call is None:
-            return self._refactor()
-        ended = call()
-        return self.resume(ended) if ended else Inertia(*self.inertia.tolist())
-
-    def _refactor(self) -> Inertia:
-        """``refactor``, one step after the other."""
-        self._factorized = False
-        self._take_attempts()
-        if self._collect():
-            raise NotFinite("the KKT matrix has entries that are not finite")
-        if not self._scaled:
-            self._scale[:] = 1.0
-            self._plans.now.equilibrate()
-            self._scaled = True
-        return self._complete(None)
-
-    def _plan_in_use(self) -> Prepared:
-        """The plan of the factors."""
-        self._take_attempts()
-        slot = int(self._tally[plan_calls.NOW])
-        return next((plan for plan in self._plans if plan.slot == slot), self._plans.now)
-
-    @property
-    def attempt_call(self) -> Bound | None:
-        """See ``AttachedKKT.attempt_call``."""
-        rest, plans, tally = self._rest, self._plans, self._tally
-        if self.irregular or not (self._factorized and rest.follows_plan and self._bindings == rest.bindings):
-            return None
-        self._take_attempts()
-        plans.foresee()
-        if plans.now.bindings != rest.bindings:
-            return None
-        tally[plan_calls.NEXT], tally[plan_calls.ALLOWED] = plans.now.slot, plans.certain
-        tally[plan_calls.OTHER] = -1
-        due = plans.due
-        if due is not None and due[0].bindings == rest.bindings:
-            self._offered, tally[plan_calls.IF_SUITED], tally[plan_calls.IF_REFUSED] = due
-            tally[plan_calls.OTHER] = self._offered.slot
-        rest.follow()
-        self._begin.set("curved", plans.now.curved)
-        return self._attempt
-
-    def resume(self, ended: int) -> Inertia:
-        """See ``AttachedKKT.resume``."""
-        if ended < ELIMINATED:
-            return self._refactor()
-        self._factorized = False
-        self._take_attempts()
-        return self._complete(ended)
-
-    def _take_attempts(self) -> None:
-        """Note what has come of the attempts."""
-        tally = self._tally
-        outcome = int(tally[plan_calls.OUTCOME])
-        if outcome:
-            assert self._offered is not None
-            tally[plan_calls.OUTCOME] = 0
-            self._note_made(int(tally[plan_calls.MADE_BEFORE]))
-            self._plans.tried_other(self._offered, outcome == plan_calls.SUITED)
-        self._note_made(int(tally[plan_calls.MADE]))
-        tally[plan_calls.MADE] = 0
-
-    def _note_made(self, made: int) -> None:
-        if made:
-            self._counted += made
-            self._plans.went_well(made)
-
-    def _complete(self, ended: int | None) -> Inertia:
-        """Factorise the matrix, collected and scaled; ``ended`` tells of an attempt."""
-        self._counted += 1
-        self.accuracy[0] = FINE
-        inertia = self._refactor_segments(ended)
-        if inertia is None:
-            inertia = self._refactor_whole()
-        self._factorized = True
-        return inertia
-
-    @property
-    def _by_segments(self) -> bool:
-        """Whether the factors at hand are those of segments."""
-        return int(self._tally[plan_calls.NOW]) != WHOLE
-
-    @property
-    def solve_call(self) -> Bound:
-        """See ``AttachedKKT.solve_call``."""
-        if not self._factorized:
-            raise ValueError("factorize before solving")
-        return self._solve
-
-    @property
-    def solve_both_call(self) -> Bound:
-        """See ``AttachedKKT.solve_both_call``."""
-        if not self._factorized:
-            raise ValueError("factorize before solving")
-        return self._solve_both
-
-    def check_solution(self) -> bool:
-        """See ``AttachedKKT.check_solution``."""
-        repeated = False
-        if self._by_segments:
-            if self.report[0] > DOUBTFUL:
-                self._counted += 1
-                self._refactor_whole()
-                self._solve()
-                repeated = True
-            self.last_residual = float(self.report[0])
-        if not self._by_segments:
-            assert self._whole is not None
-            before = self._whole.factorizations
-            repeated = self._whole.check_solution() or repeated
-            self._counted += self._whole.factorizations - before
-            self.last_residual = self._whole.last_residual
-        return repeated
-
-    def _refactor_segments(self, ended: int | None) -> Inertia | None:
-        """Inertia, or None when a pivot is not good enough; ``ended`` tells of an attempt with the plan in use."""
-        plans = self._plans
-        if plans.paused(self.irregular):
-            return None
-        rest = None
-        for plan in plans.candidates(bool(self._curvatures[0]), self._new_plan):
-            rest = self._through(plan, ended)
-            ended = None
-            if rest is not None:
-                plans.suited(plan)
-                break
-            plan.refused(plans.tried)
-        if rest is None:
-            plans.failed()
-            return None
-        if rest.zero > 0:
-            return None
-        now = plans.now
-        if now.bindings != self._rest.bindings:
-            self._bind_solve(now)
-        if self._bindings != self._rest.bindings:
-            self._bind_steps()
-        assert now.is_accurate is not None
-        if now.state[LARGEST] > now.state[TRUSTED] and not now.is_accurate():
-            return None
-        plans.succeeded()
-        self.nnz_factor = now.factors.size + self._rest.nnz_factor
-        negative = int(now.state[COUNTED])
-        # The seams have as many positive as negative eigenvalues.
-        positive = self._eliminated - negative + rest.positive
-        return Inertia(positive - self._added, negative + rest.negative - self._added, rest.zero)
-
-    def _through(self, plan: Prepared, ended: int | None) -> Inertia | None:
-        """Factorise by a plan: the inertia of the rest, or None where a pivot of the segments is refused."""
-        rest = self._rest
-        if ended is None:
-            self._tally[plan_calls.NEXT], self._tally[plan_calls.OTHER] = plan.slot, -1
-            if self._steps is None or self._bindings != rest.bindings or not rest.follows_plan:
-                return None if self._eliminate() else rest.refactor()
-            rest.prepare_steps()
-            ended = self._steps()
-            if ended:
-                ended += ELIMINATED - 1
-        if ended == ELIMINATED:
-            return None
-        made = ended in (0, ELIMINATED + len(rest.steps()) + 1)
-        return rest.complete(0 if made else ended - ELIMINATED)
-
-    def _refactor_whole(self) -> Inertia:
-        if self._whole is None:
-            self._whole = FrontalKKT.of_couplings(self._couplings, self._stage, self._arrays)
-        inertia = self._whole.refactor()
-        self.nnz_factor = self._whole.nnz_factor
-        calls = self._whole.solve_call, self._whole.solve_both_call
-        for place, call in zip((plan_calls.SOLVE, plan_calls.SOLVE_BOTH), calls, strict=True):
-            self._calls.put(plan_calls.CALLS * WHOLE + place, call)
-        self._tally[plan_calls.NOW] = WHOLE
-        return inertia
-
-    def _new_plan(self, thorough: bool) -> Prepared:
-        slot = min(set(range(PLANS + 1)) - {plan.slot for plan in self._plans})
-        return self._prepare(self._programs(thorough), slot)
-
     def _programs(self, thorough: bool) -> list[Program]:
-        """Plan the pivots of each kind for values like those of the matrix at hand, without p.
-
-        What barrier and shifts add to the diagonal comes and goes: pivots that need it would fail sooner or later.
-        """
+        """See ``PlannedKKT``."""
         scale, couplings, found = self._scale[self._layout.places], self._couplings, self._found
         values = self._arrays.given[self._source[: couplings.first.size]]
         values *= scale[couplings.first] * scale[couplings.second]
-        diagonal = np.concatenate([np.zeros(self.n), -self.dual])
-        diagonal[couplings.hess_variable] += self._arrays.given[self._curved_source]
-        diagonal *= scale[: couplings.size] ** 2
+        diagonal = self._own_diagonal() * scale[: couplings.size] ** 2
         return [
             plan_panels(kind, *sizes_of(found, kind, number, values, diagonal), thorough=thorough)
             for number, kind in enumerate(self._kinds)
         ]
 
-    def _bind_entries(self) -> None:
-        """Prepare the calls that do not depend on the plan."""
-        c, layout, given = self._couplings, self._layout, self._arrays.given
-        self._collect = diagonal_of.bind(
-            c.n, c.m, c.hess_count + c.jac_count, c.hess_count, self._curved_source.size, c.hess_variable,
-            self._curved_source, given, self._diagonal, self._curvatures,
-        )  # fmt: skip
-        entry = layout.rest.entry
-        sewn = self._sewn.couplings
-        self._rest_entries = (
-            layout.places[sewn.first[entry]],
-            layout.places[sewn.second[entry]],
-            self._source[entry].copy(),
-        )
-
     def _prepare(self, programs: list[Program], slot: int) -> Prepared:
-        """Prepare the calls that depend on the plan; ``slot`` is its place in the table."""
+        """See ``PlannedKKT``."""
         layout, groups, given = self._layout, self._found.groups, self._arrays.given
         rest = layout.rest
         code = code_of(layout.table, groups, self._kinds, programs)
@@ -384,7 +108,7 @@ class SegmentedKKT(ByCopies):
         work, part = aligned_zeros(16 * widest), aligned_zeros(16 * widest)
         outside = layout.outer, rest.unknowns.size, rest.entry.size
         eliminate = eliminate_all.bind(
-            *tables, 1.0 / GROWTH, 1.0 / INVERSE, given, self._diagonal, self._scale, self._rest.given,
+            *tables, 1.0 / GROWTH, 1.0 / INVERSE, given, self._diagonal, self._scale, self._rest_system.given,
             aligned_zeros(4 * widest * (widest + 1)), work,
             aligned_zeros(16 * PANEL * (widest + PANEL)), self._matrix, part, self._most, aligned_zeros(2 * LANES),
             factors, state, *outside, rest.target, *self._rest_entries, rest.couplings.n, rest.couplings.jac_count,
@@ -411,41 +135,20 @@ class SegmentedKKT(ByCopies):
         curved = bool(self._curvatures[0])
         return Prepared(slot, tables, factors, state, (work, part), equilibrate, operations, curved)
 
-    def _bind_solve(self, plan: Prepared) -> None:
-        """Prepare the calls that depend on the rest's factors, too."""
-        layout = self._layout
-        rest = layout.rest
-        rest_factors = self._rest.factors_in_order()
+    def _solves(self, plan: Prepared, report: Floats) -> tuple[Bound, Bound, Bound]:
+        """See ``PlannedKKT``."""
+        layout, rest_factors = self._layout, self._rest_system.factors_in_order()
         common = (
-            self.accuracy, *plan.tables, layout.outer, rest.unknowns.size, rest.entry.size, *self._rest_entries[:2],
-            plan.factors, self._matrix, self._rest_matrix, self._scale, *plan.space, np.zeros(4),
-            *rest_factors,
+            self.accuracy, *plan.tables, layout.outer, layout.rest.unknowns.size, layout.rest.entry.size,
+            *self._rest_entries[:2], plan.factors, self._matrix, self._rest_matrix, self._scale, *plan.space,
+            np.zeros(4), *rest_factors,
         )  # fmt: skip
-        one, other = self._vectors[:5], self._vectors[5:]
-        arrays, cells = self._arrays, self._calls.cells
+        one, other, arrays = self._vectors[:5], self._vectors[5:], self._arrays
         second = arrays.second_rhs, *other, arrays.second_solution
         both = arrays.rhs, *one, arrays.solution, *second, self.report, np.zeros(REPORT)
-        report = np.zeros(REPORT)
         probe = self._probe_rhs, *one, self._probe_result, *second, report, np.zeros(REPORT)
-        end = plan_calls.end_of_plan.bind(
-            cells, plan.slot, self._rest.counts, self._rest.account, self._eliminated, self._added, plan.state, report,
-            FINE, self.inertia, self.accuracy, self._tally,
-        )  # fmt: skip
-        plan.is_accurate = plan_calls.is_accurate.bind(cells, plan.slot, report, plan.state)
-        for place, call in (
-            (plan_calls.PROBE, solve_all.bind(0, 0, *common, *probe)),
-            (plan_calls.END, end),
-            (plan_calls.SOLVE, solve_all.bind(0, REFINEMENTS, *common, *both)),
-            (plan_calls.SOLVE_BOTH, solve_all.bind(1, REFINEMENTS, *common, *both)),
-        ):
-            self._calls.put(plan_calls.CALLS * plan.slot + place, call)
-        plan.bindings = self._rest.bindings
-
-    def _bind_steps(self) -> None:
-        """Prepare the calls of a whole factorisation."""
-        steps = [(self._eliminate, True), *self._rest.steps()]
-        self._steps = chain_until(steps)
-        self._begin = plan_calls.begin.bind(0, self._curvatures, self._rest.account, self._tally)
-        end = plan_calls.end.bind(self._calls.cells, self._tally)
-        self._attempt = chain_until([(self._collect, True), (self._begin, True), *steps, (end, True)])
-        self._bindings = self._rest.bindings
+        return (
+            solve_all.bind(0, 0, *common, *probe),
+            solve_all.bind(0, REFINEMENTS, *common, *both),
+            solve_all.bind(1, REFINEMENTS, *common, *both),
+        )

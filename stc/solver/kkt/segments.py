@@ -18,7 +18,7 @@ from stc.codegen.native import i32s, i64, i64s, native
 from stc.records import dataclass
 from stc.solver.kkt.arrangement import Couplings, sort_by_key
 
-__all__ = ["Group", "Segmentation", "Stages", "find_segments"]
+__all__ = ["Group", "Numbered", "Segmentation", "Stages", "find_segments", "number_stages"]
 
 Int32s = NDArray[np.int32]
 Int64s = NDArray[np.int64]
@@ -63,6 +63,26 @@ class Stages:
 
 
 @dataclass(frozen=True)
+class Numbered:
+    """Stages, and what they have in common.
+
+    Attributes:
+        edge_stage: stage to which each coupling belongs, the earlier of two, -1 for those inside the border, (E,).
+        edge_code: what is the same for all stages of a kind (see ``_codes``), (E,); ``base`` decodes them:
+            ``code = (type * base + i) * base + j``.
+        features: unknowns, variables and two sums of codes, equal for stages of a kind, (4, stages).
+        irregular: stages with unknowns of the border, (stages,).
+    """
+
+    stages: Stages
+    edge_stage: Int32s
+    edge_code: Int64s
+    base: int
+    features: Int64s
+    irregular: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
 class Group:
     """Up to eight segments of one kind.
 
@@ -98,10 +118,10 @@ class Segmentation:
     interior: NDArray[np.bool_]
 
 
-def find_segments(
+def number_stages(
     couplings: Couplings, stage: Int64s, held: NDArray[np.bool_] | None = None
-) -> Segmentation | None:
-    """Cut the horizon, or None where too little of it repeats.
+) -> Numbered | None:
+    """Number the stages of a horizon, or None where there are too few for any two of them to be alike.
 
     Args:
         stage: suggested stage of each unknown, (N,), any whole numbers.
@@ -143,22 +163,29 @@ def find_segments(
     features = np.stack([np.diff(pointers), variables, sums[0::2], sums[1::2]])
     irregular = np.zeros(stages, dtype=bool)
     irregular[stage_of[border]] = True
+    return Numbered(
+        Stages(stage_of, order, pointers, local, border), edge_stage, edge_code, base, features, irregular
+    )
+
+
+def find_segments(numbered: Numbered) -> Segmentation | None:
+    """Cut the horizon, or None where too little of it repeats."""
+    features, irregular = numbered.features, numbered.irregular
+    stages, edge_stage, edge_code = numbered.stages, numbered.edge_stage, numbered.edge_code
     changes = np.any(features[:, 1:] != features[:, :-1], axis=0) | irregular[1:] | irregular[:-1]
     starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
-    lengths = np.diff(np.concatenate([starts, [stages]]))
+    lengths = np.diff(np.concatenate([starts, [irregular.size]]))
     groups, example = _cut(starts, lengths, features)
     if not groups:
         return None
-    interior = np.zeros(stages, dtype=bool)
+    interior = np.zeros(irregular.size, dtype=bool)
     for group in groups:
         interior[group.stages] = True
     codes = []
     for stage_of_kind in example:
         own = np.sort(edge_code[edge_stage == stage_of_kind])
         codes.append(own)
-    return Segmentation(
-        Stages(stage_of, order, pointers, local, border), groups, example, codes, base, edge_stage, edge_code, interior
-    )  # fmt: skip
+    return Segmentation(stages, groups, example, codes, numbered.base, edge_stage, edge_code, interior)
 
 
 def _cut(starts: Int64s, lengths: Int64s, features: Int64s) -> tuple[list[Group], list[int]]:

@@ -9,8 +9,10 @@ from solver.kkt.kkt_problems import Builder, Pattern
 
 from stc.solver.kkt import segments
 from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.chain import ChainKKT
+from stc.solver.kkt.chain_plan import lay_out_chain
 from stc.solver.kkt.segmented import SegmentedKKT
-from stc.solver.kkt.segments import Segmentation, find_segments
+from stc.solver.kkt.segments import Segmentation, find_segments, number_stages
 
 
 def motion(rng: np.random.Generator, frames: int, *, parameters: int = 0, waypoint: bool = False) -> Pattern:
@@ -49,10 +51,19 @@ def holding(pattern: Pattern, *frames: int) -> np.ndarray:
 def parts(pattern: Pattern) -> tuple[Couplings, np.ndarray, Segmentation | None]:
     couplings, stage = structure(pattern)
     with mock.patch.multiple(segments, WORTH=2.0, SHORTEST=2):  # however short the horizon is
-        return couplings, stage, find_segments(couplings, stage)
+        numbered = number_stages(couplings, stage)
+        return couplings, stage, None if numbered is None else find_segments(numbered)
 
 
 def system_of(pattern: Pattern) -> SegmentedKKT:
     couplings, stage, found = parts(pattern)
     assert found is not None
     return SegmentedKKT(couplings, stage, found)
+
+
+def chain_of(pattern: Pattern, held: np.ndarray | None = None) -> ChainKKT:
+    """However narrow its stages are."""
+    couplings, stage = structure(pattern)
+    numbered = number_stages(couplings, stage, held)
+    assert numbered is not None
+    return ChainKKT(couplings, stage, lay_out_chain(numbered, pattern.n, couplings.first, couplings.second))

@@ -11,7 +11,7 @@ from solver.kkt.motions import motion, system_of
 from solver.kkt.test_contract import check
 
 from stc.codegen.calls import Bound, CallTable
-from stc.solver.kkt import DenseKKT, plan_calls, plan_choice, segmented
+from stc.solver.kkt import DenseKKT, plan_calls, plan_choice, planned, segmented
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.lane_program import plan_panels
 from stc.solver.kkt.plan_choice import SETTLED
@@ -38,7 +38,8 @@ def test_a_settled_plan_takes_no_more_operations():
 
 
 def test_factors_that_are_tried_once_are_trusted(monkeypatch):
-    monkeypatch.setattr(segmented, "SUSPECT", 0.0)
+    for module in (planned, segmented):
+        monkeypatch.setattr(module, "SUSPECT", 0.0)
     rng = np.random.default_rng(17)
     pattern = motion(rng, 40)
     kkt = system_of(pattern)

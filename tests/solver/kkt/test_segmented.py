@@ -11,13 +11,12 @@ from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, generic
 from solver.kkt.motions import holding, motion, parts, structure, system_of
 from solver.kkt.test_contract import check
 
-from stc.solver.kkt import DenseKKT, FrontalKKT, segmented
-from stc.solver.kkt.contract import Inertia, NotFinite
+from stc.solver.kkt import DenseKKT, planned
 from stc.solver.kkt.lane_program import kind_of
 from stc.solver.kkt.lane_values import sizes_of
 from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.kkt.segmented import SegmentedKKT
-from stc.solver.kkt.segments import find_segments
+from stc.solver.kkt.segments import find_segments, number_stages
 
 
 @pytest.mark.parametrize("waypoint", [False, True])
@@ -211,7 +210,7 @@ def test_frames_that_hold_a_variable_are_left_out():
     pattern = motion(rng, 60)
     couplings, stage = structure(pattern)
     held = holding(pattern, 20, 40)
-    free, found = find_segments(couplings, stage), find_segments(couplings, stage, held)
+    free, found = (find_segments(number_stages(couplings, stage, mask)) for mask in (None, held))
     assert free is not None
     assert found is not None
     assert free.interior[[20, 40]].all()
@@ -225,7 +224,7 @@ def test_runs_of_unequal_length_have_segments_of_their_own():
     rng = np.random.default_rng(21)
     pattern = motion(rng, 300)
     couplings, stage = structure(pattern)
-    found = find_segments(couplings, stage, holding(pattern, 70))
+    found = find_segments(number_stages(couplings, stage, holding(pattern, 70)))
     assert found is not None
     assert sorted(len(group.stages) for group in found.groups) == [8, 28]
     assert np.count_nonzero(~found.interior) < 15
@@ -278,7 +277,7 @@ def test_doubtful_solves_fall_back(monkeypatch):
     kkt.factorize(*values.arguments())
     expected = kkt.solve(*rhs)
     assert kkt.factorizations == 1
-    monkeypatch.setattr(segmented, "DOUBTFUL", -1.0)
+    monkeypatch.setattr(planned, "DOUBTFUL", -1.0)
     found = kkt.solve(*rhs)
     assert kkt.factorizations == 2
     for one, other in zip(found, expected, strict=True):
@@ -355,54 +354,3 @@ for kind in VALUES.values():
     outputs = [printed_by(script, backend) for backend in ("auto", "python")]
     assert outputs[0] == outputs[1]
     assert len(outputs[0]) == 4 * 6
-
-
-@pytest.mark.parametrize("segmented", [True, False])
-def test_attempts_find_what_factorisations_do(segmented):
-    rng = np.random.default_rng(21)
-    pattern = motion(rng, 40)
-    kkt = system_of(pattern) if segmented else FrontalKKT(*pattern.arguments())
-    judge = DenseKKT(*pattern.arguments())
-    values = generic(rng, pattern)
-    assert kkt.attempt_call is None  # there is no plan yet
-    made = 0
-    for number in range(12):
-        values.hess *= rng.uniform(0.9, 1.1, values.hess.size)
-        values.jac *= rng.uniform(0.9, 1.1, values.jac.size)
-        kkt.hess[:], kkt.jac[:], kkt.primal[:], kkt.dual[:] = values.arguments()
-        call = kkt.attempt_call
-        ended = -1 if call is None else call()
-        made += ended == 0
-        inertia = (
-            kkt.refactor() if ended < 0 else kkt.resume(ended) if ended else Inertia(*kkt.inertia.tolist())
-        )
-        assert inertia == judge.factorize(*values.arguments())
-        assert kkt.factorizations == number + 1
-        kkt.rhs[:] = rng.normal(size=kkt.rhs.size)
-        kkt.solve_call()
-        assert not kkt.check_solution()
-        expected = judge.solve(kkt.rhs[: pattern.n], kkt.rhs[pattern.n :])
-        np.testing.assert_allclose(kkt.solution, np.concatenate(expected), rtol=1e-7, atol=1e-9)
-    assert made >= 5
-
-
-@pytest.mark.parametrize("segmented", [True, False])
-def test_attempts_refuse_what_is_not_finite(segmented):
-    rng = np.random.default_rng(22)
-    pattern = motion(rng, 40)
-    kkt = system_of(pattern) if segmented else FrontalKKT(*pattern.arguments())
-    values = generic(rng, pattern)
-    for _ in range(9):
-        kkt.factorize(*values.arguments())
-    call = kkt.attempt_call
-    assert call is not None
-    assert call() == 0
-    kkt.hess[3] = np.nan
-    call = kkt.attempt_call
-    assert call is not None
-    ended = call()
-    assert ended != 0
-    with pytest.raises(NotFinite):
-        kkt.resume(ended)
-    kkt.hess[3] = values.hess[3]
-    assert kkt.refactor() == DenseKKT(*pattern.arguments()).factorize(*values.arguments())

@@ -1,0 +1,187 @@
+"""The KKT system of wide stages, one after the other: all pivots fixed before, no rest.
+
+Segments in vector lanes (see stc.solver.kkt.segmented) couple with both of their ends, which takes two to three times
+as many operations as a chain does.  In small stages that costs nothing, since lanes take as long for eight numbers as
+for one; in wide ones the vectors can be filled by rows of a stage instead.  What is irregular is part of the chain.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.arrays import aligned_zeros
+from stc.codegen.calls import Bound
+from stc.solver.kkt import attempts, chain_elimination, pivots, plan_calls
+from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.chain_elimination import eliminate
+from stc.solver.kkt.chain_plan import Chain, ChainProgram, lay_out_chain, plan_chain
+from stc.solver.kkt.chain_solve import ONE, UNITS, solve
+from stc.solver.kkt.contract import Inertia
+from stc.solver.kkt.entries import Arrays
+from stc.solver.kkt.frontal import REFINEMENTS, SWEEPS
+from stc.solver.kkt.lane_panel import STATE, TRUSTED
+from stc.solver.kkt.plan_choice import Plans, Prepared
+from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, SUSPECT, PlannedKKT
+from stc.solver.kkt.segmented_passes import equilibrate_all
+from stc.solver.kkt.segments import Numbered
+from stc.solver.kkt.substitution import REPORT
+from stc.solver.nlp import Floats
+
+__all__ = ["ChainKKT", "find_chain"]
+
+#: A chain is faster than segments where stages have so many unknowns, the middle one of them all, ...
+WIDE = 60
+#: ... or so many, as long as its factors and scaled entries stay in a processor's own memory: so many bytes in all, and
+#: so many for each unknown of a stage and each other one of it, about.
+NARROW = 30
+NEAR = 2**21
+BYTES = 8.2
+#: Kinds of stages at most: each is planned for.
+KINDS = 64
+
+
+def find_chain(couplings: Couplings, numbered: Numbered) -> Chain | None:
+    """Lay out a chain, or None where segments or a window take less time."""
+    width = np.diff(numbered.stages.pointers)
+    middle = np.median(width)
+    border = numbered.stages.border.size
+    near = BYTES * float(((width + border) ** 2.0).sum()) <= NEAR
+    if middle < max(NARROW, border) or (middle < WIDE and not near):
+        return None
+    chain = lay_out_chain(numbered, couplings.n, couplings.first, couplings.second)
+    return chain if len(chain.kinds) <= KINDS else None
+
+
+class _Nothing:
+    """The rest where there is none: see ``planned.Rest``."""
+
+    bindings = 0
+    follows_plan = True
+    nnz_factor = nbytes = operations = factor_bytes = 0
+
+    def __init__(self) -> None:
+        self.counts = np.zeros(pivots.COUNTS, dtype=np.int64)
+        self.account = np.zeros(attempts.ACCOUNT)
+        self.account[1] = np.inf  # its plan never has to be made anew
+
+    def steps(self) -> list[tuple[Bound, bool]]:
+        return []
+
+    def prepare_steps(self) -> None: ...
+
+    def follow(self) -> None: ...
+
+    def restart(self) -> None: ...
+
+    def refactor(self) -> Inertia:
+        return Inertia(0, 0, 0)
+
+    def complete(self, ended: int) -> Inertia:
+        return self.refactor()
+
+
+class ChainKKT(PlannedKKT):
+    """Sparse LDL^T of stages in a row (see stc.solver.kkt.chain_elimination).
+
+    See ``AttachedKKT`` for the members.
+    """
+
+    def __init__(self, couplings: Couplings, stage: NDArray[np.int64], chain: Chain) -> None:
+        arrays = Arrays.of(couplings)
+        super().__init__(couplings, stage, arrays, _Nothing(), 0)
+        self._chain = chain
+        size = couplings.size
+        widest = max(kind.own + kind.outer for kind in chain.kinds)
+        # An odd number of blocks, with one to spare, so that columns do not fall on the same lines of a cache.
+        self._stride = chain_elimination.BLOCK * ((widest + 7) // 8 + 1 | 1)
+        self._scale, self._most, *self._vectors = (aligned_zeros(size) for _ in range(10))
+        self._scale[:] = 1.0
+        self._place = np.empty(size, dtype=np.int32)
+        self._place[chain.order] = np.arange(size)
+        self._index = chain.order.astype(np.int32)
+        source = np.concatenate([couplings.hess_off, couplings.hess_count + np.arange(couplings.jac_count)])
+        self._source = (source if couplings.kept is None else source[couplings.kept]).astype(np.int32)
+        self._sources = self._source[chain.edges]
+        stride = self._stride
+        self._work = aligned_zeros((2 + chain_elimination.BLOCK + 2) * stride)
+        self._masks = np.concatenate([np.repeat([1.0, 0.0], [k, 8 - k]) for k in range(9)])
+        self._units = np.zeros(UNITS)
+        self._units[ONE] = 1.0
+        self._equilibrate = equilibrate_all.bind(
+            SWEEPS, 0, np.zeros(1, dtype=np.int64), self._index, np.zeros(1, dtype=np.int32), 0, size,
+            chain.edges.size, self._place[couplings.first[chain.edges]], self._place[couplings.second[chain.edges]],
+            self._sources, arrays.given, self._diagonal, self._scale, self._most, np.zeros(1), np.zeros(1),
+        )  # fmt: skip
+        nothing = np.zeros(0)
+        first = Prepared(0, (), nothing, nothing, (nothing, nothing), self._equilibrate, 0, False)
+        self._plans = Plans(size, first)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory held, about."""
+        own = 8 * self._arrays.given.size + 64 * self._diagonal.size + 12 * self._sources.nbytes
+        own += sum(plan.factors.nbytes + plan.space[0].nbytes for plan in self._plans)
+        return own + (self._whole.nbytes if self._whole is not None else 0)
+
+    def _programs(self, thorough: bool) -> tuple[list[ChainProgram], NDArray[np.int64]]:
+        """See ``PlannedKKT``; which program each stage has, too."""
+        scale, couplings = self._scale[self._place], self._couplings
+        values = self._arrays.given[self._source] * scale[couplings.first] * scale[couplings.second]
+        diagonal = self._own_diagonal() * scale**2
+        return plan_chain(self._chain, self._stride, values, diagonal, thorough=thorough)
+
+    def _prepare(self, programs: tuple[list[ChainProgram], NDArray[np.int64]], slot: int) -> Prepared:
+        """See ``PlannedKKT``."""
+        chain, stride = self._chain, self._stride
+        kinds, which = programs
+        factors, matrix, operations, lengths = (
+            np.array(numbers, dtype=np.int64)
+            for numbers in zip(
+                *((kind.factors, kind.matrix, kind.operations, kind.code.size) for kind in kinds), strict=True
+            )
+        )
+        table = np.zeros((which.size, chain_elimination.FIELDS), dtype=np.int64)
+        table[:, chain_elimination.CODE] = (np.cumsum(lengths) - lengths)[which]
+        table[:, chain_elimination.BASE] = chain.base[:-1]
+        table[:, chain_elimination.SOURCES] = chain.begin[:-1]
+        for field, sizes in ((chain_elimination.FACTORS, factors), (chain_elimination.MATRIX, matrix)):
+            table[:, field] = np.cumsum(sizes[which]) - sizes[which]
+        needed = int(factors[which].sum())
+        if self._factors.size < needed:
+            self._factors = aligned_zeros(int(ROOM * needed))
+        kept = aligned_zeros(int(matrix[which].sum()))
+        state = aligned_zeros(STATE)
+        state[TRUSTED] = SUSPECT
+        tables = which.size, table.reshape(-1), np.concatenate([kind.code for kind in kinds])
+        arrays, border = self._arrays, chain.kinds[0].border
+        peaks = aligned_zeros((chain_elimination.BLOCK + 2) * stride)
+        bound = eliminate.bind(
+            *tables, border, self._index.size - border, stride, 1.0 / GROWTH, 1.0 / INVERSE, self._masks, self._sources,
+            self._index, arrays.given, self._diagonal, self._scale, aligned_zeros(stride * stride),
+            aligned_zeros(stride), peaks, kept, self._most, aligned_zeros(stride * stride), self._factors, state,
+        )  # fmt: skip
+        self._calls.put(plan_calls.CALLS * slot + plan_calls.ELIMINATE, bound)
+        self._calls.put(plan_calls.CALLS * slot + plan_calls.EQUILIBRATE, self._equilibrate)
+        return Prepared(
+            slot, tables, self._factors[:needed], state, (kept, self._work), self._equilibrate,
+            int(operations[which].sum()), bool(self._curvatures[0]),
+        )  # fmt: skip
+
+    def _solves(self, plan: Prepared, report: Floats) -> tuple[Bound, Bound, Bound]:
+        """See ``PlannedKKT``."""
+        chain, arrays = self._chain, self._arrays
+        kept, work = plan.space
+        common = (
+            self.accuracy, *plan.tables, self._index.size - chain.kinds[0].border, self._index.size, self._stride,
+            self._index, kept, plan.factors, self._scale, self._units, work, np.zeros(2),
+        )  # fmt: skip
+        one, other = self._vectors[:4], self._vectors[4:]
+        second = arrays.second_rhs, *other, arrays.second_solution
+        both = arrays.rhs, *one, arrays.solution, *second, self.report, np.zeros(REPORT)
+        probe = self._probe_rhs, *one, self._probe_result, *second, report, np.zeros(REPORT)
+        return (
+            solve.bind(0, 0, *common, *probe),
+            solve.bind(0, REFINEMENTS, *common, *both),
+            solve.bind(1, REFINEMENTS, *common, *both),
+        )

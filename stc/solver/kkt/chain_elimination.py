@@ -1,0 +1,536 @@
+"""Stages of a chain eliminated one after the other, in a window whose places are fixed before.
+
+Unknowns of a stage stand in the window in the opposite order of their elimination, behind those that it leaves to later
+stages:
+
+    B   unknowns that couple with every stage
+    F   unknowns of the next stage that couple with these
+    U   unknowns of the stage, the first one to be eliminated last
+
+Of the window there is the lower triangle, row by row, ``stride`` numbers each.  So whatever a pivot couples with is to
+the left of it in its own row, and rows are read and written in blocks of eight numbers.  Pivots are taken in panels of
+one, two or four unknowns; D has blocks of one and, for the first or last two of a panel, of two unknowns.
+
+What is right of the diagonal is never read as a number that counts, but is finite where all else is.
+
+Programs are lists of numbers, one for all stages of a kind.  They begin with PROGRAM numbers, places of lists being
+counted from there.  Each stage has FIELDS numbers in a table.
+"""
+
+from __future__ import annotations
+
+from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
+from stc.codegen.native_vector import abs8, largest8, load8, max8, splat8, store8
+from stc.solver.kkt.lane_panel import COUNTED, LARGEST
+from stc.solver.kkt.segmented_passes import REFUSED, STALE, STALE_SCALE
+from stc.solver.kkt.values import spread_of
+
+__all__ = [
+    "BASE",
+    "BLOCK",
+    "BLOCKS_AT",
+    "BORDER",
+    "CARRIED",
+    "CARRIED_TO",
+    "CLEARED",
+    "CLEARED_AT",
+    "CODE",
+    "COLUMNS",
+    "ENTRIES",
+    "ENTRIES_TO",
+    "FACTORS",
+    "FIELDS",
+    "INSIDE",
+    "MATRIX",
+    "PANELS",
+    "PANELS_AT",
+    "PLACES_AT",
+    "PROGRAM",
+    "SIZE",
+    "SOURCES",
+    "WHERE",
+    "corner_of",
+    "eliminate",
+]
+
+#: Numbers that are read and written together.
+BLOCK = 8
+#: Of a stage: where its program begins, and its unknowns in vectors, the sources of its entries, its scaled entries
+#: and its factors.
+CODE, BASE, SOURCES, MATRIX, FACTORS, FIELDS = 0, 1, 2, 3, 4, 5
+#: Of a program: rows of the window; unknowns of U; where the unknowns of F and U are in vectors, counted from BASE, in
+#: the order of the window; ...
+SIZE, INSIDE, WHERE = 0, 1, 2
+#: ... blocks to be cleared first, by their places in the window; where entries go; columns at which there are blocks
+#: with entries off the diagonal, each with how many, and their rows; ...
+CLEARED, CLEARED_AT, ENTRIES, ENTRIES_TO, COLUMNS, BLOCKS_AT = 3, 4, 5, 6, 7, 8
+#: ... how many rows the stage before has left, and where its triangle goes, entry by entry; ...
+CARRIED, CARRIED_TO = 9, 10
+#: ... panels: members, 2 where the first two make one pivot, the same of the last two, row of the first member (the
+#: others are above), blocks, rows; column of each block, and how many rows have it to the left of their diagonal or on
+#: it; for each row, decreasing, where it begins in the window and where its factor is, behind those of the corner.
+PANELS, PANELS_AT = 11, 12
+#: ... where each panel begins, counted from PANELS_AT, and its factors.
+PLACES_AT = 13
+#: ... and how many unknowns of B it leaves.
+BORDER, PROGRAM = 14, 15
+#: Places in ``state``: the largest entries on the diagonal of D^-1 so far, in groups of eight; the largest products due
+#: to these, the same; a sum that is finite if all pivots are; negative pivots; matrices until the scale is tested again;
+#: the largest entry of D^-1 beside the diagonal; the square of the largest product due to one. Others are as in
+#: lane_panel.
+INVERSE, PRODUCT, CHECK, NEGATIVE, UNWATCHED, BESIDE, MIXED = 0, 8, 19, 20, 21, 22, 23
+#: The scale is tested with one matrix in so many and one more.
+SELDOM = 3.0
+
+
+@native(inline=True)
+def corner_of(members: i64) -> i64:
+    """How many numbers are kept of a panel before its factors."""
+    return 16 if members == 4 else 8
+
+
+@native(fast=True, inline=True)
+def _scale_entries(program: i32s, stride: i64, begin: i64, scales: f64s, matrix: f64s, window: f64s) -> None:
+    """Scale the entries off the diagonal, and keep them from ``begin`` on."""
+    at = begin
+    listed = program[program[BLOCKS_AT] :]
+    for _column in range(program[COLUMNS]):
+        j = listed[0]
+        count = listed[1]
+        s = load8(scales, j)
+        for k in range(count):
+            i = listed[2 + k]
+            place = i * stride + j
+            value = load8(window, place) * (s * scales[i])
+            store8(window, place, value)
+            store8(matrix, at, value)
+            at += BLOCK
+        listed = listed[2 + count :]
+
+
+@native(fast=True, inline=True)
+def _measure(program: i32s, border_base: i64, base: i64, matrix: f64s, peaks: f64s, most: f64s) -> None:
+    """Raise ``most`` to the largest magnitudes of the rows of a stage; ``peaks`` is room for nine times its rows."""
+    size = program[SIZE]
+    border = program[BORDER]
+    own = program[INSIDE]
+    inside = size - own
+    where = program[program[WHERE] :]
+    by_row = peaks[(size + BLOCK) // BLOCK * BLOCK :]
+    for k in range(size):
+        peaks[k] = 0.0
+        store8(by_row, BLOCK * k, splat8(0.0))
+    for k in range(own):
+        peaks[inside + k] = fabs(matrix[k])
+    at = (own + BLOCK - 1) // BLOCK * BLOCK
+    listed = program[program[BLOCKS_AT] :]
+    for _column in range(program[COLUMNS]):
+        j = listed[0]
+        count = listed[1]
+        high = load8(peaks, j)
+        for k in range(count):
+            to = BLOCK * listed[2 + k]
+            value = abs8(load8(matrix, at))
+            high = max8(value, high)
+            store8(by_row, to, max8(value, load8(by_row, to)))
+            at += BLOCK
+        store8(peaks, j, high)
+        listed = listed[2 + count :]
+    for k in range(border):
+        high_k = max(peaks[k], largest8(load8(by_row, BLOCK * k)))
+        most[border_base + k] = max(most[border_base + k], high_k)
+    outside = most[base:]
+    for k in range(border, size):
+        to = where[k - border]
+        outside[to] = max(outside[to], max(peaks[k], largest8(load8(by_row, BLOCK * k))))
+
+
+@native(fast=True)
+def _load(
+    stage: i64s, program: i32s, border_base: i64, stride: i64, source: i32s, index: i32s, given: f64s, diagonal: f64s,
+    scale: f64s, left: f64s, scales: f64s, matrix: f64s, window: f64s,
+) -> None:  # fmt: skip
+    """Bring the scaled entries of a stage to the window, and what the stage before has left."""
+    size = program[SIZE]
+    border = program[BORDER]
+    base = stage[BASE]
+    where = program[program[WHERE] :]
+    cleared = program[program[CLEARED_AT] :]
+    for k in range(program[CLEARED]):
+        store8(window, cleared[k], 0.0)
+    target = program[program[ENTRIES_TO] :]
+    own = source[stage[SOURCES] :]
+    for e in range(program[ENTRIES]):
+        window[target[e]] = given[own[e]]
+    for k in range(border):
+        scales[k] = scale[border_base + k]
+    local_scale = scale[base:]
+    for k in range(border, size):
+        scales[k] = local_scale[where[k - border]]
+    inside = size - program[INSIDE]
+    unknowns = index[base:]
+    for k in range(inside, size):
+        matrix[k - inside] = diagonal[unknowns[where[k - border]]]
+    _scale_entries(program, stride, (size - inside + BLOCK - 1) // BLOCK * BLOCK, scales, matrix, window)
+    for k in range(inside, size):
+        value = matrix[k - inside] * scales[k] * scales[k]
+        matrix[k - inside] = value
+        window[k * (stride + 1)] = value
+    carried = program[CARRIED]
+    target = program[program[CARRIED_TO] :]
+    for e in range(carried * (carried + 1) // 2):
+        window[target[e]] += left[e]
+
+
+@native(fast=True, inline=True)
+def _note_pair(e: f64, square: f64, other_square: f64, state: f64s) -> None:
+    """Note the entry beside the diagonal of an inverse, and what it adds, by the largest squares of two rows of C."""
+    state[BESIDE] = max(state[BESIDE], fabs(e))
+    state[MIXED] = max(state[MIXED], 4.0 * e * e * square * other_square)
+    state[CHECK] += e
+
+
+@native(fast=True)
+def _take_four(
+    panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
+) -> None:  # fmt: skip
+    """Take four unknowns out of the window."""
+    high = panel[3]
+    place = high * (stride + 1)
+    a00 = window[place]
+    a01 = window[place - 1]
+    a02 = window[place - 2]
+    a03 = window[place - 3]
+    a11 = window[place - stride - 1]
+    a12 = window[place - stride - 2]
+    a13 = window[place - stride - 3]
+    a22 = window[place - 2 * stride - 2]
+    a23 = window[place - 2 * stride - 3]
+    a33 = window[place - 3 * stride - 3]
+    negative = 0.0
+    e01 = 0.0
+    e23 = 0.0
+    l01 = 0.0
+    l23 = 0.0
+    if panel[1] == 2:
+        determinant = a00 * a11 - a01 * a01
+        reciprocal = 1.0 / determinant
+        d0 = a11 * reciprocal
+        d1 = a00 * reciprocal
+        e01 = -(a01 * reciprocal)
+        l02 = d0 * a02 + e01 * a12
+        l03 = d0 * a03 + e01 * a13
+        l12 = d1 * a12 + e01 * a02
+        l13 = d1 * a13 + e01 * a03
+        negative += 1.0 if determinant < 0.0 else (2.0 if a00 < 0.0 else 0.0)
+    else:
+        d0 = 1.0 / a00
+        l01 = d0 * a01
+        l02 = d0 * a02
+        l03 = d0 * a03
+        a11 -= l01 * a01
+        a12 -= l01 * a02
+        a13 -= l01 * a03
+        d1 = 1.0 / a11
+        l12 = d1 * a12
+        l13 = d1 * a13
+        negative += (1.0 if d0 < 0.0 else 0.0) + (1.0 if d1 < 0.0 else 0.0)
+    a22 -= l02 * a02 + l12 * a12
+    a23 -= l02 * a03 + l12 * a13
+    a33 -= l03 * a03 + l13 * a13
+    if panel[2] == 2:
+        determinant = a22 * a33 - a23 * a23
+        reciprocal = 1.0 / determinant
+        d2 = a33 * reciprocal
+        d3 = a22 * reciprocal
+        e23 = -(a23 * reciprocal)
+        negative += 1.0 if determinant < 0.0 else (2.0 if a22 < 0.0 else 0.0)
+    else:
+        d2 = 1.0 / a22
+        l23 = d2 * a23
+        a33 -= l23 * a23
+        d3 = 1.0 / a33
+        negative += (1.0 if d2 < 0.0 else 0.0) + (1.0 if d3 < 0.0 else 0.0)
+    factors[0] = d0
+    factors[1] = d1
+    factors[2] = d2
+    factors[3] = d3
+    factors[4] = e01
+    factors[5] = e23
+    factors[6] = l01
+    factors[7] = l02
+    factors[8] = l03
+    factors[9] = l12
+    factors[10] = l13
+    factors[11] = l23
+    blocks = panel[4]
+    columns = panel[6:]
+    rows = columns[2 * blocks :]
+    m0 = splat8(a01 * a01 + a02 * a02 + a03 * a03)
+    m1 = splat8(a12 * a12 + a13 * a13)
+    m2 = splat8(a23 * a23)
+    m3 = splat8(0.0)
+    first = columns[0]
+    at = high * stride
+    # In the first block there may be columns of the panel itself.
+    mask = load8(masks, 8 * min(max(high - 3 - first, 0), 8))
+    b = 0
+    if blocks % 2 == 1:
+        c0 = load8(window, at + first) * mask
+        c1 = load8(window, at - stride + first) * mask - l01 * c0
+        c2 = load8(window, at - 2 * stride + first) * mask - l02 * c0 - l12 * c1
+        c3 = load8(window, at - 3 * stride + first) * mask - l03 * c0 - l13 * c1 - l23 * c2
+        store8(factors, 16, d0 * c0 + e01 * c1)
+        store8(factors, 24, d1 * c1 + e01 * c0)
+        store8(factors, 32, d2 * c2 + e23 * c3)
+        store8(factors, 40, d3 * c3 + e23 * c2)
+        m0 = max8(c0 * c0, m0)
+        m1 = max8(c1 * c1, m1)
+        m2 = max8(c2 * c2, m2)
+        m3 = max8(c3 * c3, m3)
+        for r in range(columns[1]):
+            to = rows[2 * r] + first
+            k = rows[2 * r + 1]
+            value = load8(window, to) - factors[k] * c0 - factors[k + 8] * c1
+            store8(window, to, value - factors[k + 16] * c2 - factors[k + 24] * c3)
+        b = 1
+        mask = splat8(1.0)
+    while b < blocks:
+        # Two blocks at a time: rows have the same factors for both.
+        column = columns[2 * b]
+        other = columns[2 * b + 2]
+        c0 = load8(window, at + column) * mask
+        c1 = load8(window, at - stride + column) * mask - l01 * c0
+        c2 = load8(window, at - 2 * stride + column) * mask - l02 * c0 - l12 * c1
+        c3 = load8(window, at - 3 * stride + column) * mask - l03 * c0 - l13 * c1 - l23 * c2
+        o0 = load8(window, at + other)
+        o1 = load8(window, at - stride + other) - l01 * o0
+        o2 = load8(window, at - 2 * stride + other) - l02 * o0 - l12 * o1
+        o3 = load8(window, at - 3 * stride + other) - l03 * o0 - l13 * o1 - l23 * o2
+        own = 16 + 32 * b
+        store8(factors, own, d0 * c0 + e01 * c1)
+        store8(factors, own + 8, d1 * c1 + e01 * c0)
+        store8(factors, own + 16, d2 * c2 + e23 * c3)
+        store8(factors, own + 24, d3 * c3 + e23 * c2)
+        store8(factors, own + 32, d0 * o0 + e01 * o1)
+        store8(factors, own + 40, d1 * o1 + e01 * o0)
+        store8(factors, own + 48, d2 * o2 + e23 * o3)
+        store8(factors, own + 56, d3 * o3 + e23 * o2)
+        m0 = max8(o0 * o0, max8(c0 * c0, m0))
+        m1 = max8(o1 * o1, max8(c1 * c1, m1))
+        m2 = max8(o2 * o2, max8(c2 * c2, m2))
+        m3 = max8(o3 * o3, max8(c3 * c3, m3))
+        both = columns[2 * b + 1]
+        for r in range(both):
+            to = rows[2 * r]
+            k = rows[2 * r + 1]
+            f0 = factors[k]
+            f1 = factors[k + 8]
+            f2 = factors[k + 16]
+            f3 = factors[k + 24]
+            value = load8(window, to + column) - f0 * c0 - f1 * c1
+            beside = load8(window, to + other) - f0 * o0 - f1 * o1
+            store8(window, to + column, value - f2 * c2 - f3 * c3)
+            store8(window, to + other, beside - f2 * o2 - f3 * o3)
+        for r in range(both, columns[2 * b + 3]):
+            to = rows[2 * r] + other
+            k = rows[2 * r + 1]
+            value = load8(window, to) - factors[k] * o0 - factors[k + 8] * o1
+            store8(window, to, value - factors[k + 16] * o2 - factors[k + 24] * o3)
+        b += 2
+        mask = splat8(1.0)
+    s0 = fabs(d0)
+    s1 = fabs(d1)
+    s2 = fabs(d2)
+    s3 = fabs(d3)
+    if panel[1] == 2:
+        _note_pair(e01, largest8(m0), largest8(m1), state)
+    if panel[2] == 2:
+        _note_pair(e23, largest8(m2), largest8(m3), state)
+    inverse = max8(max8(splat8(s0), splat8(s1)), max8(splat8(s2), splat8(s3)))
+    store8(state, INVERSE, max8(inverse, load8(state, INVERSE)))
+    product = max8(max8(m0 * s0, m1 * s1), max8(m2 * s2, m3 * s3))
+    store8(state, PRODUCT, max8(product, load8(state, PRODUCT)))
+    state[NEGATIVE] += negative
+    state[CHECK] += s0 + s1 + s2 + s3
+
+
+@native(fast=True)
+def _take_two(
+    panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
+) -> None:  # fmt: skip
+    """The same for two."""
+    high = panel[3]
+    place = high * (stride + 1)
+    a00 = window[place]
+    a01 = window[place - 1]
+    a11 = window[place - stride - 1]
+    e01 = 0.0
+    l01 = 0.0
+    if panel[1] == 2:
+        determinant = a00 * a11 - a01 * a01
+        reciprocal = 1.0 / determinant
+        d0 = a11 * reciprocal
+        d1 = a00 * reciprocal
+        e01 = -(a01 * reciprocal)
+        negative = 1.0 if determinant < 0.0 else (2.0 if a00 < 0.0 else 0.0)
+    else:
+        d0 = 1.0 / a00
+        l01 = d0 * a01
+        a11 -= l01 * a01
+        d1 = 1.0 / a11
+        negative = (1.0 if d0 < 0.0 else 0.0) + (1.0 if d1 < 0.0 else 0.0)
+    factors[0] = d0
+    factors[1] = d1
+    factors[2] = e01
+    factors[3] = l01
+    blocks = panel[4]
+    columns = panel[6:]
+    rows = columns[2 * blocks :]
+    m0 = splat8(a01 * a01)
+    m1 = splat8(0.0)
+    for b in range(blocks):
+        column = columns[2 * b]
+        at = high * stride + column
+        mask = load8(masks, 8 * min(max(high - 1 - column, 0), 8))
+        c0 = load8(window, at) * mask
+        c1 = load8(window, at - stride) * mask - l01 * c0
+        own = 8 + 16 * b
+        store8(factors, own, d0 * c0 + e01 * c1)
+        store8(factors, own + 8, d1 * c1 + e01 * c0)
+        m0 = max8(c0 * c0, m0)
+        m1 = max8(c1 * c1, m1)
+        for r in range(columns[2 * b + 1]):
+            to = rows[2 * r] + column
+            k = rows[2 * r + 1]
+            store8(window, to, load8(window, to) - factors[k] * c0 - factors[k + 8] * c1)
+    s0 = fabs(d0)
+    s1 = fabs(d1)
+    if panel[1] == 2:
+        _note_pair(e01, largest8(m0), largest8(m1), state)
+    store8(state, INVERSE, max8(max8(splat8(s0), splat8(s1)), load8(state, INVERSE)))
+    store8(state, PRODUCT, max8(max8(m0 * s0, m1 * s1), load8(state, PRODUCT)))
+    state[NEGATIVE] += negative
+    state[CHECK] += s0 + s1
+
+
+@native(fast=True)
+def _take_one(
+    panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
+) -> None:  # fmt: skip
+    """The same for one."""
+    high = panel[3]
+    d0 = 1.0 / window[high * (stride + 1)]
+    factors[0] = d0
+    blocks = panel[4]
+    columns = panel[6:]
+    rows = columns[2 * blocks :]
+    most = splat8(0.0)
+    for b in range(blocks):
+        column = columns[2 * b]
+        c0 = load8(window, high * stride + column) * load8(masks, 8 * min(max(high - column, 0), 8))
+        f0 = d0 * c0
+        store8(factors, 8 + 8 * b, f0)
+        most = max8(c0 * c0, most)
+        for r in range(columns[2 * b + 1]):
+            to = rows[2 * r] + column
+            store8(window, to, load8(window, to) - factors[rows[2 * r + 1]] * c0)
+    store8(state, INVERSE, max8(splat8(fabs(d0)), load8(state, INVERSE)))
+    store8(state, PRODUCT, max8(most * fabs(d0), load8(state, PRODUCT)))
+    state[NEGATIVE] += 1.0 if d0 < 0.0 else 0.0
+    state[CHECK] += fabs(d0)
+
+
+@native(fast=True)
+def eliminate(
+    stages: i64,
+    table: i64s,
+    code: i32s,
+    border: i64,
+    border_base: i64,
+    stride: i64,
+    growth: f64,
+    suspect: f64,
+    masks: f64s,
+    source: i32s,
+    index: i32s,
+    given: f64s,
+    diagonal: f64s,
+    scale: f64s,
+    left: f64s,
+    scales: f64s,
+    peaks: f64s,
+    matrix: f64s,
+    most: f64s,
+    window: f64s,
+    factors: f64s,
+    state: f64s,
+) -> i64:
+    """Eliminate all stages.
+
+    Args:
+        stages, table, code: FIELDS numbers for each stage, and the programs they refer to.
+        border, border_base: unknowns of B, and where they are in vectors.
+        growth, suspect: pivots are accepted as long as no product that is subtracted exceeds 1 / growth, and no
+            entry of D^-1 1 / suspect, in the scaled matrix.
+        masks: k ones and 8 - k zeros, for k from 0 to 8.
+        source: of each entry in ``given``, stage by stage; index: which unknown is at each place of vectors.
+        given: entries of the matrix: H, J, p and d; diagonal: that of the matrix, (N,).
+        scale, most: of the unknowns, vectors; the latter become the largest entries of all rows.
+        left, scales, peaks, window: work space.
+        matrix: the scaled entries, for products with the matrix: the diagonal of U, then the blocks.
+        factors, state: the results.
+
+    Returns:
+        0, ``REFUSED`` when a pivot was not accepted, ``STALE_SCALE`` when the scale does not serve the matrix;
+        ``state[COUNTED]`` becomes the number of negative pivots, ``state[LARGEST]`` what the test was.
+    """
+    for k in range(LARGEST):
+        state[k] = 0.0
+    state[CHECK] = 0.0
+    state[NEGATIVE] = 0.0
+    state[BESIDE] = 0.0
+    state[MIXED] = 0.0
+    state[UNWATCHED] -= 1.0
+    watched = state[UNWATCHED] < 0.0
+    if watched:
+        state[UNWATCHED] = SELDOM
+        for k in range(border_base + border):
+            most[k] = 0.0
+    for k in range(border * (border + 1) // 2):
+        left[k] = 0.0
+    for s in range(stages):
+        stage = table[s * FIELDS :]
+        program = code[stage[CODE] :]
+        kept = matrix[stage[MATRIX] :]
+        _load(
+            stage, program, border_base, stride, source, index, given, diagonal, scale, left, scales, kept, window,
+        )  # fmt: skip
+        if watched:
+            _measure(program, border_base, stage[BASE], kept, peaks, most)
+        at = stage[FACTORS]
+        panel = program[program[PANELS_AT] :]
+        for _panel in range(program[PANELS]):
+            members = panel[0]
+            if members == 4:
+                _take_four(panel, stride, masks, window, factors[at:], state)
+            elif members == 2:
+                _take_two(panel, stride, masks, window, factors[at:], state)
+            else:
+                _take_one(panel, stride, masks, window, factors[at:], state)
+            at += corner_of(members) + 8 * members * panel[4]
+            panel = panel[6 + 2 * (panel[4] + panel[5]) :]
+        product = largest8(load8(state, PRODUCT)) + sqrt(state[MIXED])
+        worst = max(growth * product, suspect * max(largest8(load8(state, INVERSE)), state[BESIDE]))
+        if not (worst + 0.0 * state[CHECK] < 1.0):
+            return REFUSED
+        state[LARGEST] = worst
+        outer = program[SIZE] - program[INSIDE]
+        for i in range(outer):
+            own = i * (i + 1) // 2
+            for j in range(0, i + 1, BLOCK):
+                store8(left, own + j, load8(window, i * stride + j))
+    state[COUNTED] = state[NEGATIVE]
+    if watched and spread_of(border_base + border, most) > STALE:
+        return STALE_SCALE
+    return 0

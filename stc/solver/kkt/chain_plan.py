@@ -1,0 +1,462 @@
+"""The pivots of a chain, planned: one order, in panels, for stages that are alike.
+
+For what a program is, see stc.solver.kkt.chain_elimination.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.arrays import distinct
+from stc.codegen.native import f64, f64s, i32s, i64, native
+from stc.records import dataclass
+from stc.solver.kkt import chain_elimination as chain
+from stc.solver.kkt.chain_elimination import BLOCK
+from stc.solver.kkt.lane_program import WAYS, order_pivots
+from stc.solver.kkt.lane_values import SAMPLE, middle, reliable
+from stc.solver.kkt.ordering import SECOND, SMALLEST
+from stc.solver.kkt.segments import ACROSS, BORDERING, INSIDE, Numbered
+from stc.solver.nlp import Floats
+
+__all__ = ["Chain", "ChainKind", "ChainProgram", "lay_out_chain", "plan_chain"]
+
+Int32s = NDArray[np.int32]
+Int64s = NDArray[np.int64]
+
+#: Cycles that a panel takes, that it takes for each block of columns, and for each block of a row that it changes; by
+#: members.
+PANEL_OF_1, PANEL_OF_2, PANEL_OF_4 = 40.0, 55.0, 85.0
+COLUMNS_OF_1, COLUMNS_OF_2, COLUMNS_OF_4 = 6.0, 10.0, 20.0
+BLOCK_OF_1, BLOCK_OF_2, BLOCK_OF_4 = 1.8, 2.3, 3.2
+#: More than any number of cycles.
+FAR = 1e300
+#: Below this, what a stage leaves is nothing: numbers that cancel.
+NOTHING = 1e-9
+
+
+@dataclass(frozen=True)
+class ChainKind:
+    """What stages of one kind have in common (see stc.solver.kkt.chain_elimination for U, F and B).
+
+    Attributes:
+        own, variables: unknowns of U, and how many of them, the first ones, are variables.
+        following: places of F in the next stage's U, (F,).
+        arrived: places of the last stage's F in U.
+        border: how many unknowns B has; at the last stage of all they are U.
+        rows, columns: of the entries, in the order of the codes: places in U, then in F, then in B.
+    """
+
+    own: int
+    variables: int
+    following: Int64s
+    arrived: Int64s
+    border: int
+    rows: Int64s
+    columns: Int64s
+
+    @property
+    def outer(self) -> int:
+        """Unknowns of B and F."""
+        return self.border + self.following.size
+
+    @property
+    def key(self) -> bytes:
+        """Equal for kinds that are the same."""
+        sizes = np.array([self.own, self.variables, self.following.size, self.arrived.size, self.border])
+        return np.concatenate([sizes, self.following, self.arrived, self.rows, self.columns]).tobytes()
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Stages in the order of their elimination; with a border, that is one more.
+
+    Attributes:
+        kinds: what there is; kind: of each stage, (S,).
+        order: the unknown at each place of vectors, (N,); base: where those of each stage are, (S + 1,).
+        edges: the couplings by stage, then by code, (E,); begin: where those of each stage are, (S + 1,).
+    """
+
+    kinds: list[ChainKind]
+    kind: Int64s
+    order: Int64s
+    base: Int64s
+    edges: Int64s
+    begin: Int64s
+
+
+@dataclass(frozen=True)
+class ChainProgram:
+    """A kind's program.
+
+    Attributes:
+        code: see chain_elimination.
+        factors, matrix: numbers that a stage needs.
+        operations: additions and multiplications of a stage.
+    """
+
+    code: Int32s
+    factors: int
+    matrix: int
+    operations: int
+
+
+def lay_out_chain(numbered: Numbered, variables: int, first: Int32s, second: Int32s) -> Chain:
+    """Put all stages in a row.
+
+    Args:
+        variables: how many of the unknowns, the first ones, are variables.
+        first, second: the two unknowns of each coupling, (E,).
+    """
+    stages = numbered.stages
+    count = stages.pointers.size - 1
+    border = stages.border
+    is_border = np.zeros(stages.stage.size, dtype=bool)
+    is_border[border] = True
+    stage_of = np.where(is_border, count, stages.stage)
+    order = np.argsort(stage_of, kind="stable")
+    order[order.size - border.size :] = border
+    total = count + (border.size > 0)
+    base = np.concatenate([[0], np.cumsum(np.bincount(stage_of, minlength=total))]).astype(np.int64)
+    place = np.empty(order.size, dtype=np.int64)
+    place[order] = np.arange(order.size)
+    own_place = place - base[stage_of]
+    edge_stage = np.where(numbered.edge_stage < 0, count, numbered.edge_stage)
+    edges = np.lexsort((numbered.edge_code, edge_stage))
+    begin = np.searchsorted(edge_stage[edges], np.arange(total + 1)).astype(np.int64)
+
+    _, alike = np.unique(numbered.features, axis=1, return_inverse=True)
+    alike = alike.reshape(-1).astype(np.int64)
+    irregular = np.flatnonzero(numbered.irregular)
+    alike[irregular] = count + irregular
+    padded = np.concatenate([[-1], alike, [-1]])
+    triples = np.stack([padded[:-2], padded[1:-1], padded[2:]])
+    _, examples, group = np.unique(triples, axis=1, return_index=True, return_inverse=True)
+    kinds: list[ChainKind] = []
+    known: dict[bytes, int] = {}
+    numbers = np.empty(examples.size, dtype=np.int64)
+
+    def entries_of(stage: int) -> tuple[Int64s, Int64s, Int64s]:
+        """Rows and columns of the entries of a stage, and its F."""
+        own = edges[begin[stage] : begin[stage + 1]]
+        a, b = first[own], second[own]
+        codes = numbered.edge_code[own]
+        types = codes // numbered.base**2
+        # The unknown of this stage first: of two, either.
+        swap = (stage_of[a] != stage) | ((types == INSIDE) & (a < b))
+        a, b = np.where(swap, b, a), np.where(swap, a, b)
+        following = distinct(own_place[b[types == ACROSS]])
+        size = int(base[stage + 1] - base[stage])
+        columns = own_place[b].copy()
+        across, bordering = types == ACROSS, types == BORDERING
+        columns[across] = size + np.searchsorted(following, columns[across])
+        columns[bordering] += size + following.size
+        return own_place[a], columns, following
+
+    nothing = np.zeros(0, dtype=np.int64)
+    for number, stage in enumerate(examples.tolist()):
+        rows, columns, following = entries_of(stage)
+        arrived = entries_of(stage - 1)[2] if stage > 0 else nothing
+        own = order[base[stage] : base[stage + 1]]
+        kind = ChainKind(
+            own.size,
+            int((own < variables).sum()),
+            following,
+            arrived,
+            border.size,
+            rows,
+            columns,
+        )
+        numbers[number] = known.setdefault(kind.key, len(kinds))
+        if numbers[number] == len(kinds):
+            kinds.append(kind)
+    kind_of_stage = numbers[group.reshape(-1)]
+    if border.size:
+        rows, columns, _ = entries_of(count)
+        kinds.append(
+            ChainKind(border.size, int((border < variables).sum()), nothing, np.arange(border.size), 0, rows, columns)
+        )  # fmt: skip
+        kind_of_stage = np.concatenate([kind_of_stage, [len(kinds) - 1]])
+    return Chain(kinds, kind_of_stage, order, base, edges, begin)
+
+
+def plan_chain(
+    chain: Chain, stride: int, values: Floats, diagonal: Floats, *, thorough: bool
+) -> tuple[list[ChainProgram], Int64s]:
+    """Programs of all kinds, for entries like these, in the best of all ways when ``thorough``.
+
+    Args:
+        stride: numbers of a row of the window.
+        values: of all couplings, scaled, (E,); diagonal: of all unknowns, scaled, (N,).
+    """
+    numbers = np.empty(chain.kind.size, dtype=np.int64)
+    programs: list[ChainProgram] = []
+    states = [np.zeros((0, 0))]
+    known: dict[bytes, int] = {b"": 0}
+    steps: dict[tuple[int, int], tuple[int, int]] = {}
+    sizes = {}
+    state = 0
+    for stage, number in enumerate(chain.kind.tolist()):
+        step = steps.get((number, state))
+        if step is None:
+            kind = chain.kinds[number]
+            if number not in sizes:
+                sizes[number] = _sizes(chain, np.flatnonzero(chain.kind == number), values, diagonal)
+            ways = (
+                _ordered(kind, *sizes[number], states[state], margin, compared)
+                for margin, compared in (WAYS if thorough else WAYS[:1])
+            )
+            best = min(ways, key=lambda ordered: ordered.cycles)
+            left = best.left
+            signature = (np.abs(left) > NOTHING).tobytes() + bytes([left.shape[0] > 0])
+            following = known.setdefault(signature, len(states))
+            if following == len(states):
+                states.append(left)
+            step = steps[number, state] = len(programs), following
+            programs.append(_program(kind, stride, best))
+        numbers[stage], state = step
+    return programs, numbers
+
+
+def _sizes(chain: Chain, stages: Int64s, values: Floats, diagonal: Floats) -> tuple[Floats, Floats]:
+    """One size for each entry of all stages of a kind, and for each unknown of U."""
+    chosen = stages[:: -(-stages.size // SAMPLE)]
+    first = chosen[0]
+    members = chain.edges[
+        chain.begin[chosen][:, None] + np.arange(chain.begin[first + 1] - chain.begin[first])
+    ]
+    unknowns = chain.order[chain.base[chosen][:, None] + np.arange(chain.base[first + 1] - chain.base[first])]
+    least = np.abs(values[members]).min(axis=0, initial=np.inf)
+    return reliable(_middle(values[members]), least), _middle(diagonal[unknowns])
+
+
+def _middle(values: Floats) -> Floats:
+    """``middle`` of columns."""
+    place = np.broadcast_to(np.arange(values.shape[1]), values.shape)
+    return middle(place.reshape(-1), values.reshape(-1), values.shape[1])
+
+
+@dataclass(frozen=True)
+class _Ordered:
+    """The pivots of a kind.
+
+    Attributes:
+        kinds: of the pivots; slot: the row of the window of each unknown of U, F and B.
+        panels: the highest row of each, its members, and the rows it couples with, increasing.
+        cycles: what it takes, about.
+        left: sizes of what is left for the next stage, for B and F.
+    """
+
+    kinds: Int32s
+    slot: Int64s
+    panels: list[tuple[int, int, Int64s]]
+    cycles: float
+    left: Floats
+
+
+def _ordered(
+    kind: ChainKind, entries: Floats, diagonal: Floats, left: Floats, margin: float, compared: float
+) -> _Ordered:
+    """Order the pivots for these sizes, after a stage that has left others."""
+    own, following, border = kind.own, kind.following.size, kind.border
+    size = own + following + border
+    sizes = np.zeros((size, size))
+    given = np.copysign(np.maximum(np.abs(entries), SMALLEST), entries)
+    sizes[kind.rows, kind.columns] = given
+    sizes[kind.columns, kind.rows] = given
+    inner = np.arange(own)
+    # Every unknown may have a diagonal entry, if a tiny one, and rows a negative one.
+    sign = np.where(inner < kind.variables, 1.0, -1.0)
+    sizes[inner, inner] = np.where(np.abs(diagonal) > SMALLEST, diagonal, sign * SMALLEST)
+    b = own + following + np.arange(border)
+    arrived = np.concatenate([b, kind.arrived]).astype(np.int64)
+    if left.size:
+        sizes[np.ix_(arrived, arrived)] += np.where(left == 0.0, SMALLEST, left)
+    sizes[own:, own:] = 0.0
+    pattern = sizes != 0.0
+    np.fill_diagonal(pattern, False)
+    order, kinds = order_pivots(own, sizes, margin, compared)
+    slot = np.empty(size, dtype=np.int64)
+    slot[own : own + following] = border + np.arange(following)
+    slot[b] = np.arange(border)
+    slot[order] = size - 1 - inner
+    coupled = np.zeros((size, size), dtype=np.int32)
+    coupled[np.ix_(slot, slot)] = pattern
+    outer = np.concatenate([b, own + np.arange(following)])
+    return _Ordered(kinds, slot, *_panels(size, kinds, coupled), sizes[np.ix_(outer, outer)])
+
+
+def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
+    """Everything for a kind whose pivots are taken in this order."""
+    own, following, border = kind.own, kind.following.size, kind.border
+    outer, size = kind.outer, own + kind.outer
+    kinds, slot, panels = ordered.kinds, ordered.slot, ordered.panels
+    blocks_of = np.arange(size) // BLOCK
+    high, low = (
+        np.maximum(slot[kind.rows], slot[kind.columns]),
+        np.minimum(slot[kind.rows], slot[kind.columns]),
+    )
+    filled = np.zeros((size, stride // BLOCK), dtype=bool)
+    filled[high, low // BLOCK] = True
+    block_columns, block_rows = np.nonzero(filled.T)
+    arrived = np.concatenate([slot[own + following :], slot[kind.arrived]])
+    a, b = np.tril_indices(arrived.size)
+    to_high, to_low = np.maximum(arrived[a], arrived[b]), np.minimum(arrived[a], arrived[b])
+    filled[to_high, to_low // BLOCK] = True
+    filled[np.arange(size), blocks_of] = True
+    filled[:outer] = True  # what is left is copied as a whole
+    listed: list[Int64s] = []
+    places: list[int] = []
+    at = factors = operations = 0
+    for top, members, rows in panels:
+        places += [at, factors]
+        blocks = np.flatnonzero(np.bincount(rows // BLOCK, minlength=1) if rows.size else [1])[::-1]
+        member = np.arange(top - members + 1, top + 1)
+        filled[np.ix_(np.concatenate([rows, member]), np.concatenate([blocks, blocks_of[member]]))] = True
+        counts = rows.size - np.searchsorted(rows, BLOCK * blocks)
+        corner = chain.corner_of(members)
+        down = rows[::-1]
+        factor = corner + BLOCK * members * np.searchsorted(-blocks, -(down // BLOCK)) + down % BLOCK
+        pairs = kinds[size - 1 - top] == 2, kinds[size - 1 - top + members - 2] == 2
+        head = [members, 2 if pairs[0] else 1, 2 if pairs[1] else 1, top, blocks.size, down.size]
+        columns = np.stack([BLOCK * blocks, counts], axis=1).reshape(-1)
+        listed.append(np.concatenate([head, columns, np.stack([down * stride, factor], axis=1).reshape(-1)]))
+        at += listed[-1].size
+        factors += corner + BLOCK * members * blocks.size
+        operations += members * down.size * (down.size + 1 + members)
+    filled &= np.arange(stride // BLOCK) <= blocks_of[:, None]
+    cleared_rows, cleared_blocks = np.nonzero(filled)
+    column, begin, count = np.unique(block_columns, return_index=True, return_counts=True)
+    by_column = np.insert(
+        block_rows, np.repeat(begin, 2), np.stack([BLOCK * column, count], axis=1).reshape(-1)
+    )
+    where = np.empty(size, dtype=np.int64)
+    where[slot[:own]] = np.arange(own)
+    where[slot[own : own + following]] = own + kind.following
+    header = np.zeros(chain.PROGRAM, dtype=np.int64)
+    parts: list[Int64s] = [header]
+    length = header.size
+
+    def put(field: int, part: Int64s) -> None:
+        nonlocal length
+        header[field] = length
+        parts.append(part)
+        length += part.size
+
+    header[chain.SIZE], header[chain.INSIDE], header[chain.BORDER] = size, own, border
+    header[chain.CLEARED], header[chain.ENTRIES], header[chain.COLUMNS] = (
+        cleared_rows.size,
+        high.size,
+        column.size,
+    )
+    header[chain.CARRIED], header[chain.PANELS] = arrived.size, len(panels)
+    put(chain.WHERE, where[border:])
+    put(chain.CLEARED_AT, cleared_rows * stride + BLOCK * cleared_blocks)
+    put(chain.ENTRIES_TO, high * stride + low)
+    put(chain.BLOCKS_AT, by_column)
+    put(chain.CARRIED_TO, to_high * stride + to_low)
+    put(chain.PANELS_AT, np.concatenate([np.zeros(0, dtype=np.int64), *listed]))
+    put(chain.PLACES_AT, np.array(places, dtype=np.int64))
+    matrix = -(-own // BLOCK) * BLOCK + BLOCK * block_rows.size
+    return ChainProgram(np.concatenate(parts).astype(np.int32), factors, matrix, operations)
+
+
+def _panels(
+    size: int, kinds: Int32s, coupled: NDArray[np.int32]
+) -> tuple[list[tuple[int, int, Int64s]], float]:
+    """Join consecutive pivots to panels so that all together take the fewest cycles; these, too.
+
+    Args:
+        kinds: of the pivots, from the highest row downwards.
+        coupled: which rows couple, (size, size).
+
+    Returns:
+        The highest row of each panel, its members, and the rows it couples with, increasing.
+    """
+    begins = np.flatnonzero(kinds != SECOND)
+    units = begins.size
+    high = (size - 1 - begins).astype(np.int32)
+    members = np.where(kinds[begins] == 2, 2, 1).astype(np.int32)
+    reach = np.zeros(units * size, dtype=np.int32)
+    union = np.zeros(size, dtype=np.int32)
+    cost, came = np.zeros(units + 1), np.zeros(units + 1, dtype=np.int32)
+    _join(size, units, high, members, coupled.reshape(-1), union, reach, cost, came)
+    by_unit = reach.reshape(units, size)
+    panels: list[tuple[int, int, Int64s]] = []
+    at = units
+    while at:
+        first = int(came[at])
+        top, together = int(high[first]), int(members[first:at].sum())
+        panels.append((top, together, np.flatnonzero(by_unit[first:at, : top - together + 1].any(axis=0))))
+        at = first
+    return panels[::-1], float(cost[units])
+
+
+@native(small=True)
+def _cycles(members: i64, last: i64, union: i32s) -> f64:
+    """What a panel takes that couples with the marked rows below ``last``."""
+    rows = 0
+    blocks = 0
+    changed = 0
+    k = last - 1
+    while k >= 0:
+        begin = k // BLOCK * BLOCK
+        before = rows
+        for r in range(begin, k + 1):
+            rows += union[r]
+        if rows > before:
+            blocks += 1
+            changed += rows
+        k = begin - 1
+    blocks = max(blocks, 1)
+    if members == 4:
+        return PANEL_OF_4 + COLUMNS_OF_4 * blocks + BLOCK_OF_4 * changed
+    if members == 2:
+        return PANEL_OF_2 + COLUMNS_OF_2 * blocks + BLOCK_OF_2 * changed
+    return PANEL_OF_1 + COLUMNS_OF_1 * blocks + BLOCK_OF_1 * changed
+
+
+@native(small=True)
+def _join(
+    size: i64, units: i64, high: i32s, members: i32s, coupled: i32s, union: i32s, reach: i32s, cost: f64s, came: i32s
+) -> None:  # fmt: skip
+    """The rows that each pivot couples with, (units * size,), and where the best panel that ends before each begins.
+
+    Args:
+        high, members: of each pivot, (units,).
+        coupled: which rows couple, (size * size,); filled as pivots fill it.
+        union: work space, zero, (size,); cost, came: (units + 1,).
+    """
+    for u in range(units):
+        below = high[u] - members[u] + 1
+        own = reach[u * size :]
+        top = coupled[high[u] * size :]
+        other = coupled[below * size :]
+        for r in range(below):
+            own[r] = max(top[r], other[r])
+        for r in range(below):
+            if own[r] != 0:
+                row = coupled[r * size :]
+                for e in range(below):
+                    row[e] = max(row[e], own[e])
+    for u in range(1, units + 1):
+        cost[u] = FAR
+    for u in range(units):
+        together = 0
+        last = u
+        while last < units and together < 4:
+            together += members[last]
+            own = reach[last * size :]
+            below = high[last] - members[last] + 1
+            for r in range(below):
+                union[r] = max(union[r], own[r])
+            last += 1
+            # Two that make one pivot begin at an even place.
+            apart = members[u] == 1 and last > u + 1 and members[min(u + 1, units - 1)] == 2
+            if (together == 1 or together == 2 or together == 4) and not apart:
+                total = cost[u] + _cycles(together, below, union)
+                if total < cost[last]:
+                    cost[last] = total
+                    came[last] = u
+        for r in range(size):
+            union[r] = 0

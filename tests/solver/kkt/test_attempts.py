@@ -1,0 +1,64 @@
+"""Factorisations in one call of machine code find what those do that are made step by step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from solver.kkt.kkt_problems import generic
+from solver.kkt.motions import chain_of, motion, system_of
+
+from stc.solver.kkt import DenseKKT, FrontalKKT
+from stc.solver.kkt.contract import Inertia, NotFinite
+
+SYSTEMS = [system_of, chain_of, lambda pattern: FrontalKKT(*pattern.arguments())]
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_attempts_find_what_factorisations_do(system):
+    rng = np.random.default_rng(21)
+    pattern = motion(rng, 40)
+    kkt = system(pattern)
+    judge = DenseKKT(*pattern.arguments())
+    values = generic(rng, pattern)
+    assert kkt.attempt_call is None  # there is no plan yet
+    made = 0
+    for number in range(12):
+        values.hess *= rng.uniform(0.9, 1.1, values.hess.size)
+        values.jac *= rng.uniform(0.9, 1.1, values.jac.size)
+        kkt.hess[:], kkt.jac[:], kkt.primal[:], kkt.dual[:] = values.arguments()
+        call = kkt.attempt_call
+        ended = -1 if call is None else call()
+        made += ended == 0
+        inertia = (
+            kkt.refactor() if ended < 0 else kkt.resume(ended) if ended else Inertia(*kkt.inertia.tolist())
+        )
+        assert inertia == judge.factorize(*values.arguments())
+        assert kkt.factorizations == number + 1
+        kkt.rhs[:] = rng.normal(size=kkt.rhs.size)
+        kkt.solve_call()
+        assert not kkt.check_solution()
+        expected = judge.solve(kkt.rhs[: pattern.n], kkt.rhs[pattern.n :])
+        np.testing.assert_allclose(kkt.solution, np.concatenate(expected), rtol=1e-7, atol=1e-9)
+    assert made >= 5
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_attempts_refuse_what_is_not_finite(system):
+    rng = np.random.default_rng(22)
+    pattern = motion(rng, 40)
+    kkt = system(pattern)
+    values = generic(rng, pattern)
+    for _ in range(9):
+        kkt.factorize(*values.arguments())
+    call = kkt.attempt_call
+    assert call is not None
+    assert call() == 0
+    kkt.hess[3] = np.nan
+    call = kkt.attempt_call
+    assert call is not None
+    ended = call()
+    assert ended != 0
+    with pytest.raises(NotFinite):
+        kkt.resume(ended)
+    kkt.hess[3] = values.hess[3]
+    assert kkt.refactor() == DenseKKT(*pattern.arguments()).factorize(*values.arguments())

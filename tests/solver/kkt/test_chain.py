@@ -1,0 +1,210 @@
+"""Stages in a row, whatever their width and the values: against dense algebra."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from solver.kkt.backends import printed_by
+from solver.kkt.kkt_problems import VALUES, Builder, Pattern, generic
+from solver.kkt.motions import chain_of, holding, motion
+from solver.kkt.test_contract import check
+
+from stc.solver.kkt import DenseKKT, chain, planned
+from stc.solver.kkt.chain import ChainKKT, find_chain
+from stc.solver.kkt.chain_elimination import FACTORS, FIELDS
+from stc.solver.kkt.reuse import StructuredKKT
+from stc.solver.kkt.segments import number_stages
+
+
+def wide(rng: np.random.Generator, frames: int, states: int) -> Pattern:
+    """Accelerations that all depend on one another, and trapezoidal defects, as of a chain of rods."""
+    b = Builder(rng)
+    x = [b.variables(4 * states, i) for i in range(frames)]
+    for i in range(frames):
+        b.curvature(x[i][: 3 * states], 1.0)
+        b.curvature(x[i][3 * states :], 1.0)
+        for k in range(states):
+            b.row(i, [*x[i][: 3 * states], x[i][3 * states + k]])
+            for q in (k, states + k) if i + 1 < frames else ():
+                b.row(i + 1, [x[i][q], x[i + 1][q], x[i][q + states], x[i + 1][q + states]])
+    return b.pattern()
+
+
+@pytest.mark.parametrize("waypoint", [False, True])
+@pytest.mark.parametrize("parameters", [0, 2])
+@pytest.mark.parametrize("frames", [16, 33])
+@pytest.mark.parametrize("values_of", VALUES.values(), ids=VALUES)
+def test_against_eigenvalues(values_of, frames, parameters, waypoint):
+    rng = np.random.default_rng(frames + parameters)
+    pattern = motion(rng, frames, parameters=parameters, waypoint=waypoint)
+    kkt = chain_of(pattern)
+    for _ in range(3):
+        check(kkt, pattern, values_of(rng, pattern), rng)
+
+
+@pytest.mark.parametrize("states", [1, 2, 3, 4, 5, 7, 9])
+def test_stages_of_any_width(states):
+    """Panels of one, two and four, in blocks that begin anywhere."""
+    rng = np.random.default_rng(states)
+    pattern = wide(rng, 16, states)
+    kkt = chain_of(pattern)
+    for _ in range(2):
+        check(kkt, pattern, generic(rng, pattern), rng)
+        assert kkt._by_segments
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 2**31),
+    frames=st.integers(16, 30),
+    softness=st.sampled_from([0.0, 1e-14, 1e-9, 1e-4, 1.0]),
+    curvature=st.sampled_from([-1.0, 0.0, 1.0]),
+)
+def test_any_values(seed, frames, softness, curvature):
+    """Rows without softness and with hardly any; convex, flat and concave."""
+    rng = np.random.default_rng(seed)
+    pattern = motion(rng, frames, parameters=seed % 3, waypoint=seed % 2 == 0)
+    values = generic(rng, pattern)
+    values.dual = softness * rng.uniform(0.5, 2.0, pattern.m)
+    values.primal = np.maximum(curvature, 0.0) * rng.uniform(0.5, 2.0, pattern.n)
+    values.hess = np.where(
+        rng.random(values.hess.size) < 0.3, 0.0, curvature * values.hess + 0.1 * values.hess**2
+    )
+    with np.errstate(divide="ignore"):  # the condition of singular ones
+        check(chain_of(pattern), pattern, values, rng)
+
+
+def test_stages_have_nothing_in_common_but_what_they_leave():
+    """The first frame's fixed state leaves nothing: what the others pivot on is not there yet."""
+    rng = np.random.default_rng(5)
+    pattern = wide(rng, 24, 4)
+    values = generic(rng, pattern)
+    first = pattern.var_stage == 0
+    first &= np.arange(pattern.n) < 8  # positions and velocities
+    values.jac[first[pattern.jac_cols]] = 0.0
+    values.hess[first[pattern.hess_rows] | first[pattern.hess_cols]] = 0.0
+    values.primal[:] = 0.0
+    values.primal[first] = 1.0
+    values.dual[:] = 0.0
+    kkt = chain_of(pattern, first)
+    check(kkt, pattern, values, rng)
+    assert kkt._by_segments
+    table = kkt._plan_in_use().tables[1].reshape(-1, FIELDS)
+    assert 4 <= np.unique(table[:, 0]).size < 10
+    assert (np.diff(table[:, FACTORS]) > 0).all()
+
+
+def test_frames_that_hold_a_variable_are_part_of_it():
+    rng = np.random.default_rng(19)
+    pattern = motion(rng, 60)
+    kkt, free = chain_of(pattern, holding(pattern, 20, 40)), chain_of(pattern)
+    assert len(kkt._chain.kinds) == len(free._chain.kinds)
+    assert np.unique(kkt._chain.kind).size == np.unique(free._chain.kind).size
+    check(kkt, pattern, generic(rng, pattern), rng)
+
+
+def test_who_is_chosen(monkeypatch):
+    rng = np.random.default_rng(2)
+    assert not isinstance(StructuredKKT(*motion(rng, 40).arguments()).system, ChainKKT)
+    pattern = wide(rng, 20, 6)
+    system = StructuredKKT(*pattern.arguments()).system
+    assert isinstance(system, ChainKKT)
+    couplings, stage = system._couplings, system._stage
+    numbered = number_stages(couplings, stage)
+    assert numbered is not None
+    monkeypatch.setattr(chain, "NEAR", 1000)
+    assert find_chain(couplings, numbered) is None  # too large for narrow stages
+    monkeypatch.setattr(chain, "WIDE", 40)
+    assert find_chain(couplings, numbered) is not None
+    monkeypatch.setattr(chain, "KINDS", 2)
+    assert find_chain(couplings, numbered) is None
+
+
+def test_the_next_solve_takes_over():
+    rng = np.random.default_rng(10)
+    pattern = wide(rng, 20, 6)
+    first = StructuredKKT(*pattern.arguments())
+    system = first.system
+    values = generic(rng, pattern)
+    inertia = first.factorize(*values.arguments())
+    assert 0 < 8 * first.nnz_factor <= first.factor_bytes < system.nbytes
+    assert first.operations > 0
+    del first
+    second = StructuredKKT(*pattern.arguments())
+    assert second.system is system
+    assert second.factorizations == 0
+    with pytest.raises(ValueError, match="factorize before"):
+        _ = second.solve_call
+    assert second.factorize(*values.arguments()) == inertia
+    values.hess[0] = np.inf
+    with pytest.raises(ValueError, match="finite"):
+        second.factorize(*values.arguments())
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e8])
+def test_scales_that_have_served_their_time(factor):
+    """They are tested with one matrix in four."""
+    rng = np.random.default_rng(13)
+    pattern = motion(rng, 40)
+    kkt = chain_of(pattern)
+    values = generic(rng, pattern)
+    check(kkt, pattern, values, rng)
+    before = kkt._scale.copy()
+    size = np.where(np.arange(pattern.n) % 5 == 1, factor, 1.0)
+    values.jac = values.jac * size[pattern.jac_cols]
+    values.hess = values.hess * size[pattern.hess_rows] * size[pattern.hess_cols]
+    values.primal = values.primal * size**2
+    for _ in range(4):
+        check(kkt, pattern, values, rng)
+    assert np.abs(np.log(kkt._scale / before)).max() > 5.0
+
+
+def test_plans_that_fail_give_way(monkeypatch):
+    """With a growth that nothing keeps to, the whole matrix is pivoted as its values ask for."""
+    monkeypatch.setattr(chain, "GROWTH", 1e-3)
+    rng = np.random.default_rng(9)
+    pattern = motion(rng, 30)
+    kkt, judge = chain_of(pattern), DenseKKT(*pattern.arguments())
+    for _ in range(8):
+        values = generic(rng, pattern)
+        assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
+        assert not kkt._by_segments
+        kkt.solve(rng.normal(size=pattern.n), rng.normal(size=pattern.m))
+        assert kkt.last_residual < 1e-12
+
+
+def test_doubtful_solves_fall_back(monkeypatch):
+    rng = np.random.default_rng(8)
+    pattern = motion(rng, 30)
+    kkt = chain_of(pattern)
+    values = generic(rng, pattern)
+    rhs = rng.normal(size=pattern.n), rng.normal(size=pattern.m)
+    kkt.factorize(*values.arguments())
+    expected = kkt.solve(*rhs)
+    monkeypatch.setattr(planned, "DOUBTFUL", -1.0)
+    found = kkt.solve(*rhs)
+    assert kkt.factorizations == 2
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8 * np.abs(other).max())
+
+
+def test_plain_python_gives_the_same():
+    script = """
+import sys
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+from solver.kkt.kkt_problems import generic
+from solver.kkt.motions import chain_of, motion
+rng = np.random.default_rng(11)
+pattern = motion(rng, 16, parameters=1, waypoint=True)
+kkt = chain_of(pattern)
+for _ in range(3):
+    print(*kkt.factorize(*generic(rng, pattern).arguments()))
+    for part in kkt.solve(rng.normal(size=pattern.n), rng.normal(size=pattern.m)):
+        print(*(f"{number:.6e}" for number in part))
+"""
+    outputs = [printed_by(script, backend) for backend in ("auto", "python")]
+    assert outputs[0] == outputs[1]
+    assert len(outputs[0]) == 3 * (3 + 160)
