@@ -75,8 +75,8 @@ PLACES_AT = 13
 #: ... and how many unknowns of B it leaves.
 BORDER, PROGRAM = 14, 15
 #: Places in ``state``: the largest entries on the diagonal of D^-1 so far, in groups of eight; the largest products due
-#: to these, the same; a sum that is finite if all pivots are; negative pivots; matrices until the scale is tested again;
-#: the largest entry of D^-1 beside the diagonal; the square of the largest product due to one. Others are as in
+#: to these, the same; a sum that is finite if all pivots are; negative pivots; matrices until the scale is tested
+#: again; the largest entry of D^-1 beside the diagonal; the square of the largest product due to one. Others are as in
 #: lane_panel.
 INVERSE, PRODUCT, CHECK, NEGATIVE, UNWATCHED, BESIDE, MIXED = 0, 8, 19, 20, 21, 22, 23
 #: The scale is tested with one matrix in so many and one more.

@@ -1,8 +1,8 @@
 """A KKT system whose pivots are fixed before, by one of several plans, and tested while they are taken.
 
-How the unknowns are gone through is up to ``SegmentedKKT`` and ``ChainKKT``.  What they have in common is here: which plan
-to try for a matrix (see stc.solver.kkt.plan_choice), and the way out through ``FrontalKKT``, which pivots as the values
-ask for, when a test fails with every plan.
+How the unknowns are gone through is up to ``SegmentedKKT`` and ``ChainKKT``.  What they have in common is here: which
+plan to try for a matrix (see stc.solver.kkt.plan_choice), and the way out through ``FrontalKKT``, which pivots as the
+values ask for, when a test fails with every plan.
 """
 
 from __future__ import annotations

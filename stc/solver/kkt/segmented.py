@@ -1,7 +1,7 @@
 """The KKT system of a horizon that repeats itself: eight segments at once, then what is between them.
 
-Segments are eliminated with pivots fixed before (see stc.solver.kkt.lanes).  The seams between them and irregular stages
-go through ``FrontalKKT``.
+Segments are eliminated with pivots fixed before (see stc.solver.kkt.lanes).  The seams between them and irregular
+stages go through ``FrontalKKT``.
 """
 
 from __future__ import annotations
