@@ -10,8 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
+
 from stc.codegen.calls import Bound
-from stc.records import dataclass
+from stc.records import dataclass, field
+from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
 __all__ = ["Plans", "Prepared"]
@@ -65,6 +68,7 @@ class Prepared:
     suited_from: int = 0  # the first matrix since the last restart that it suited, counted from 1, or 0
     suits_from: int = 0  # the same of the last time that it suited any
     is_accurate: Bound | None = None
+    probed: Floats = field(default_factory=lambda: np.zeros(REPORT))  # what its probe reports
     bindings: int = -1  # of the rest, that its calls are made for
 
     def suited(self, matrices: int = 1) -> None:

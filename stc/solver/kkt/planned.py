@@ -23,7 +23,6 @@ from stc.solver.kkt.frontal import DOUBTFUL, FrontalKKT
 from stc.solver.kkt.lane_panel import COUNTED, LARGEST, TRUSTED
 from stc.solver.kkt.plan_choice import PLANS, Plans, Prepared
 from stc.solver.kkt.segmented_passes import diagonal_of
-from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
 __all__ = ["GROWTH", "INVERSE", "ROOM", "SUSPECT", "PlannedKKT", "Rest"]
@@ -325,28 +324,34 @@ class PlannedKKT(ByCopies):
             rest = self._through(plan, ended)
             ended = None
             if rest is not None:
-                plans.suited(plan)
-                break
+                if rest.zero > 0:
+                    return None
+                if self._has_proved(plan):
+                    plans.suited(plan)
+                    break
+                if plan.probed[2] >= plan_calls.SINGULAR:
+                    return None  # no plan can help that
+                rest = None
             plan.refused(plans.tried)
         if rest is None:
             plans.failed()
             return None
-        if rest.zero > 0:
-            return None
         now = plans.now
-        if now.bindings != self._rest.bindings:
-            self._bind_solve(now)
-        if self._bindings != self._rest.bindings:
-            self._bind_steps()
-        assert now.is_accurate is not None
-        if now.state[LARGEST] > now.state[TRUSTED] and not now.is_accurate():
-            return None
         plans.succeeded()
         self.nnz_factor = now.factors.size + self._rest.nnz_factor
         negative = int(now.state[COUNTED])
         # The seams have as many positive as negative eigenvalues.
         positive = self._eliminated - negative + rest.positive
         return Inertia(positive - self._added, negative + rest.negative - self._added, rest.zero)
+
+    def _has_proved(self, plan: Prepared) -> bool:
+        """Whether the factors of a plan are accurate; prepares to solve with them."""
+        if plan.bindings != self._rest.bindings:
+            self._bind_solve(plan)
+        if self._bindings != self._rest.bindings:
+            self._bind_steps()
+        assert plan.is_accurate is not None
+        return not plan.state[LARGEST] > plan.state[TRUSTED] or bool(plan.is_accurate())
 
     def _through(self, plan: Prepared, ended: int | None) -> Inertia | None:
         """Factorise by a plan: the inertia of the rest, or None where a pivot of the segments is refused."""
@@ -381,7 +386,7 @@ class PlannedKKT(ByCopies):
 
     def _bind_solve(self, plan: Prepared) -> None:
         """Prepare the calls that depend on the rest's factors, too."""
-        cells, report = self._calls.cells, np.zeros(REPORT)
+        cells, report = self._calls.cells, plan.probed
         end = plan_calls.end_of_plan.bind(
             cells, plan.slot, self._rest.counts, self._rest.account, self._eliminated, self._added, plan.state, report,
             FINE, self.inertia, self.accuracy, self._tally,
