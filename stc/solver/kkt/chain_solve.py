@@ -315,14 +315,39 @@ def _subtract_entries(program: i32s, kept: f64s, part: f64s, result: f64s, by_ro
         j = listed[0]
         count = listed[1]
         x = load8(part, j)
+        # Four sums at once: each addition waits for the one before.
         total = load8(result, j)
-        for k in range(count):
-            i = listed[2 + k]
+        second = splat8(0.0)
+        third = splat8(0.0)
+        fourth = splat8(0.0)
+        k = 2
+        while k + 2 <= count:
+            i = BLOCK * listed[k]
             value = load8(kept, at)
-            total -= value * part[i]
-            store8(by_row, BLOCK * i, load8(by_row, BLOCK * i) + value * x)
+            total -= value * part[listed[k]]
+            store8(by_row, i, load8(by_row, i) + value * x)
+            i = BLOCK * listed[k + 1]
+            value = load8(kept, at + BLOCK)
+            second -= value * part[listed[k + 1]]
+            store8(by_row, i, load8(by_row, i) + value * x)
+            i = BLOCK * listed[k + 2]
+            value = load8(kept, at + 2 * BLOCK)
+            third -= value * part[listed[k + 2]]
+            store8(by_row, i, load8(by_row, i) + value * x)
+            i = BLOCK * listed[k + 3]
+            value = load8(kept, at + 3 * BLOCK)
+            fourth -= value * part[listed[k + 3]]
+            store8(by_row, i, load8(by_row, i) + value * x)
+            at += 4 * BLOCK
+            k += 4
+        while k < count + 2:
+            i = BLOCK * listed[k]
+            value = load8(kept, at)
+            total -= value * part[listed[k]]
+            store8(by_row, i, load8(by_row, i) + value * x)
             at += BLOCK
-        store8(result, j, total)
+            k += 1
+        store8(result, j, (total + second) + (third + fourth))
         listed = listed[2 + count :]
     for k in range(inside, size):
         result[k] -= sum8(load8(by_row, BLOCK * k))
