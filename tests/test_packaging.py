@@ -57,7 +57,7 @@ def test_the_solvers_own_code_ships_compiled(wheel: zipfile.ZipFile, tmp_path: P
         pytest.skip("machine code ships for Linux on x86-64 only")
     shipped = [info for info in wheel.infolist() if "/shipped_objects/" in info.filename]
     assert len(shipped) >= 2 * 10
-    assert sum(info.compress_size for info in shipped) < 500_000
+    assert sum(info.compress_size for info in shipped) < 600_000
     assert not [info.filename for info in shipped if str(ROOT).encode() in wheel.read(info)]
     if not any(level.runs_on(engine.host()) for level in LEVELS):
         pytest.skip("nothing ships for this machine")
