@@ -37,6 +37,9 @@ WIDE = 60
 NARROW = 30
 NEAR = 2**21
 BYTES = 8.2
+#: For each unknown there should be so many entries off the diagonal, for each unknown of a stage: what is sparser takes
+#: less time in lanes, which waste no operation on zeros. Transcriptions with midpoints have half as many.
+DENSE = 0.1
 #: Kinds of stages at most: each is planned for.
 KINDS = 64
 
@@ -47,7 +50,8 @@ def find_chain(couplings: Couplings, numbered: Numbered) -> Chain | None:
     middle = np.median(width)
     border = numbered.stages.border.size
     near = BYTES * float(((width + border) ** 2.0).sum()) <= NEAR
-    if middle < max(NARROW, border) or (middle < WIDE and not near):
+    dense = couplings.first.size >= DENSE * middle * couplings.size
+    if middle < max(NARROW, border) or not dense or (middle < WIDE and not near):
         return None
     chain = lay_out_chain(numbered, couplings.n, couplings.first, couplings.second)
     return chain if len(chain.kinds) <= KINDS else None

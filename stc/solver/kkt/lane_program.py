@@ -12,7 +12,7 @@ from stc.solver.kkt.ordering import MARGIN, SECOND, SMALLEST, order_stage
 from stc.solver.kkt.segments import ACROSS, BORDERING, INSIDE, Segmentation
 from stc.solver.nlp import Floats
 
-__all__ = ["WAYS", "Kind", "Program", "kind_of", "order_pivots", "plan_panels", "triangle"]
+__all__ = ["Kind", "Program", "kind_of", "order_pivots", "plan_panels", "triangle"]
 
 Int32s = NDArray[np.int32]
 Int64s = NDArray[np.int64]
