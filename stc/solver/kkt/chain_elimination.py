@@ -145,6 +145,13 @@ def _measure(program: i32s, border_base: i64, base: i64, matrix: f64s, peaks: f6
         outside[to] = max(outside[to], max(peaks[k], largest8(load8(by_row, BLOCK * k))))
 
 
+@native(small=True)
+def _scatter(count: i64, sources: i32s, targets: i32s, given: f64s, window: f64s) -> None:
+    """Copy single entries: gathered in vectors they would take longer."""
+    for e in range(count):
+        window[targets[e]] = given[sources[e]]
+
+
 @native(fast=True)
 def _load(
     stage: i64s, program: i32s, border_base: i64, stride: i64, source: i32s, index: i32s, given: f64s, diagonal: f64s,
@@ -158,10 +165,7 @@ def _load(
     cleared = program[program[CLEARED_AT] :]
     for k in range(program[CLEARED]):
         store8(window, cleared[k], 0.0)
-    target = program[program[ENTRIES_TO] :]
-    own = source[stage[SOURCES] :]
-    for e in range(program[ENTRIES]):
-        window[target[e]] = given[own[e]]
+    _scatter(program[ENTRIES], source[stage[SOURCES] :], program[program[ENTRIES_TO] :], given, window)
     for k in range(border):
         scales[k] = scale[border_base + k]
     local_scale = scale[base:]
