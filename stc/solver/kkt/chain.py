@@ -108,7 +108,10 @@ class ChainKKT(PlannedKKT):
         self._source = (source if couplings.kept is None else source[couplings.kept]).astype(np.int32)
         self._sources = self._source[chain.edges]
         stride = self._stride
-        self._work = aligned_zeros((2 + chain_elimination.BLOCK + 2) * stride)
+        rows = (chain_elimination.BLOCK + 2) * stride
+        self._work = aligned_zeros(2 * stride + rows)
+        self._spaces = tuple(aligned_zeros(room) for room in (stride * stride, stride, rows, stride * stride))
+        self._matrix = aligned_zeros(0)
         self._masks = np.concatenate([np.repeat([1.0, 0.0], [k, 8 - k]) for k in range(9)])
         self._units = np.zeros(UNITS)
         self._units[ONE] = 1.0
@@ -121,11 +124,17 @@ class ChainKKT(PlannedKKT):
         first = Prepared(0, (), nothing, nothing, (nothing, nothing), self._equilibrate, 0, False)
         self._plans = Plans(size, first)
 
+    def restart(self) -> None:
+        """See ``PlannedKKT.restart``."""
+        super().restart()
+        for plan in self._plans:
+            plan.state[chain_elimination.UNWATCHED] = 0.0
+
     @property
     def nbytes(self) -> int:
         """Memory held, about."""
         own = 8 * self._arrays.given.size + 64 * self._diagonal.size + 12 * self._sources.nbytes
-        own += sum(plan.factors.nbytes + plan.space[0].nbytes for plan in self._plans)
+        own += self._factors.nbytes + self._matrix.nbytes + sum(space.nbytes for space in self._spaces)
         return own + (self._whole.nbytes if self._whole is not None else 0)
 
     def _programs(self, thorough: bool) -> tuple[list[ChainProgram], NDArray[np.int64]]:
@@ -137,7 +146,7 @@ class ChainKKT(PlannedKKT):
 
     def _prepare(self, programs: tuple[list[ChainProgram], NDArray[np.int64]], slot: int) -> Prepared:
         """See ``PlannedKKT``."""
-        chain, stride = self._chain, self._stride
+        chain = self._chain
         kinds, which = programs
         factors, matrix, operations, lengths = (
             np.array(numbers, dtype=np.int64)
@@ -154,16 +163,19 @@ class ChainKKT(PlannedKKT):
         needed = int(factors[which].sum())
         if self._factors.size < needed:
             self._factors = aligned_zeros(int(ROOM * needed))
-        kept = aligned_zeros(int(matrix[which].sum()))
+        entries = int(matrix[which].sum())
+        if self._matrix.size < entries:
+            self._matrix = aligned_zeros(int(ROOM * entries))
+        kept = self._matrix
         state = aligned_zeros(STATE)
         state[TRUSTED] = SUSPECT
         tables = which.size, table.reshape(-1), np.concatenate([kind.code for kind in kinds])
         arrays, border = self._arrays, chain.kinds[0].border
-        peaks = aligned_zeros((chain_elimination.BLOCK + 2) * stride)
+        left, scales, peaks, window = self._spaces
         bound = eliminate.bind(
-            *tables, border, self._index.size - border, stride, 1.0 / GROWTH, 1.0 / INVERSE, self._masks, self._sources,
-            self._index, arrays.given, self._diagonal, self._scale, aligned_zeros(stride * stride),
-            aligned_zeros(stride), peaks, kept, self._most, aligned_zeros(stride * stride), self._factors, state,
+            *tables, border, self._index.size - border, self._stride, 1.0 / GROWTH, 1.0 / INVERSE, self._masks,
+            self._sources, self._index, arrays.given, self._diagonal, self._scale, left, scales, peaks, kept,
+            self._most, window, self._factors, state,
         )  # fmt: skip
         self._calls.put(plan_calls.CALLS * slot + plan_calls.ELIMINATE, bound)
         self._calls.put(plan_calls.CALLS * slot + plan_calls.EQUILIBRATE, self._equilibrate)

@@ -48,6 +48,7 @@ __all__ = [
     "PROGRAM",
     "SIZE",
     "SOURCES",
+    "UNWATCHED",
     "WHERE",
     "corner_of",
     "eliminate",

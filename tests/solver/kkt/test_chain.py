@@ -143,6 +143,22 @@ def test_the_next_solve_takes_over():
         second.factorize(*values.arguments())
 
 
+def test_the_next_solve_repeats_the_last_one():
+    """To the last bit: what a solve starts from is looked for among what is known."""
+    rng = np.random.default_rng(11)
+    pattern = wide(rng, 20, 4)
+    kkt = chain_of(pattern)
+    values = [generic(rng, pattern) for _ in range(6)]
+    rhs = rng.normal(size=pattern.n), rng.normal(size=pattern.m)
+    found = []
+    for _ in range(3):
+        for each in values:
+            assert sum(kkt.factorize(*each.arguments())) == pattern.n + pattern.m
+            found.append(np.concatenate(kkt.solve(*rhs)).tobytes())
+        kkt.restart()
+    assert found[6:12] == found[12:]
+
+
 @pytest.mark.parametrize("factor", [1e-6, 1e8])
 def test_scales_that_have_served_their_time(factor):
     """They are tested with one matrix in four."""
