@@ -4,31 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from solver.kkt.backends import printed_by
-from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, generic
+from solver.kkt.kkt_problems import STRUCTURES, Builder, generic
 from solver.kkt.motions import holding, motion, parts, structure, system_of
 from solver.kkt.test_contract import check
 
-from stc.solver.kkt import DenseKKT, planned
+from stc.solver.kkt import DenseKKT
 from stc.solver.kkt.lane_program import kind_of
 from stc.solver.kkt.lane_values import sizes_of
 from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.kkt.segmented import SegmentedKKT
 from stc.solver.kkt.segments import find_segments, number_stages
-
-
-@pytest.mark.parametrize("waypoint", [False, True])
-@pytest.mark.parametrize("parameters", [0, 2])
-@pytest.mark.parametrize("frames", [16, 33])
-@pytest.mark.parametrize("values_of", VALUES.values(), ids=VALUES)
-def test_against_eigenvalues(values_of, frames, parameters, waypoint):
-    rng = np.random.default_rng(frames + parameters)
-    pattern = motion(rng, frames, parameters=parameters, waypoint=waypoint)
-    kkt = system_of(pattern)
-    for _ in range(3):
-        check(kkt, pattern, values_of(rng, pattern), rng)
 
 
 @pytest.mark.parametrize(
@@ -41,30 +27,6 @@ def test_irregular_structures(structure):
     kkt, judge = StructuredKKT(*pattern.arguments()), DenseKKT(*pattern.arguments())
     values = generic(rng, pattern)
     assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
-
-
-@settings(max_examples=25, deadline=None)
-@given(
-    seed=st.integers(0, 2**31),
-    frames=st.integers(16, 30),
-    softness=st.sampled_from([0.0, 1e-14, 1e-9, 1e-4, 1.0]),
-    curvature=st.sampled_from([-1.0, 0.0, 1.0]),
-)
-def test_any_values(seed, frames, softness, curvature):
-    """Rows without softness and with hardly any; convex, flat and concave."""
-    rng = np.random.default_rng(seed)
-    pattern = motion(rng, frames, parameters=seed % 2, waypoint=seed % 3 == 0)
-    _, _, found = parts(pattern)
-    if found is None:
-        return
-    values = generic(rng, pattern)
-    values.dual = softness * rng.uniform(0.5, 2.0, pattern.m)
-    values.primal = np.maximum(curvature, 0.0) * rng.uniform(0.5, 2.0, pattern.n)
-    values.hess = np.where(
-        rng.random(values.hess.size) < 0.3, 0.0, curvature * values.hess + 0.1 * values.hess**2
-    )
-    with np.errstate(divide="ignore"):  # the condition of singular ones
-        check(system_of(pattern), pattern, values, rng)
 
 
 def test_inequalities_that_become_active():
@@ -266,38 +228,6 @@ def test_storage_grows_with_the_frames_only():
         assert 8 * kkt.nnz_factor <= kkt.factor_bytes
         assert 0 < kkt.operations < 10_000 * frames
     assert sizes[2] - sizes[1] < 2.3 * (sizes[1] - sizes[0])
-
-
-def test_doubtful_solves_fall_back(monkeypatch):
-    rng = np.random.default_rng(8)
-    pattern = motion(rng, 30)
-    kkt = system_of(pattern)
-    values = generic(rng, pattern)
-    rhs = rng.normal(size=pattern.n), rng.normal(size=pattern.m)
-    kkt.factorize(*values.arguments())
-    expected = kkt.solve(*rhs)
-    assert kkt.factorizations == 1
-    monkeypatch.setattr(planned, "DOUBTFUL", -1.0)
-    found = kkt.solve(*rhs)
-    assert kkt.factorizations == 2
-    for one, other in zip(found, expected, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8 * np.abs(other).max())
-
-
-@pytest.mark.parametrize("factor", [1e-6, 1e8])
-def test_scales_that_have_served_their_time(factor):
-    rng = np.random.default_rng(13)
-    pattern = motion(rng, 40)
-    kkt = system_of(pattern)
-    values = generic(rng, pattern)
-    check(kkt, pattern, values, rng)
-    before = kkt._scale.copy()
-    size = np.where(np.arange(pattern.n) % 5 == 1, factor, 1.0)
-    values.jac = values.jac * size[pattern.jac_cols]
-    values.hess = values.hess * size[pattern.hess_rows] * size[pattern.hess_cols]
-    values.primal = values.primal * size**2
-    check(kkt, pattern, values, rng)
-    assert np.abs(np.log(kkt._scale / before)).max() > 5.0
 
 
 def test_a_factorisation_of_the_rest_that_is_interrupted():
