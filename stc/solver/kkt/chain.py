@@ -7,11 +7,14 @@ for one; in wide ones the vectors can be filled by rows of a stage instead.  Wha
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
 from stc.codegen.calls import Bound
+from stc.codegen.native import NativeFunction
 from stc.solver.kkt import attempts, chain_elimination, pivots, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.chain_elimination import eliminate
@@ -19,14 +22,12 @@ from stc.solver.kkt.chain_plan import Chain, ChainProgram, lay_out_chain, plan_c
 from stc.solver.kkt.chain_solve import ONE, UNITS, solve
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import Arrays
-from stc.solver.kkt.frontal import REFINEMENTS, SWEEPS
+from stc.solver.kkt.frontal import SWEEPS
 from stc.solver.kkt.lane_panel import STATE, TRUSTED
 from stc.solver.kkt.plan_choice import Plans, Prepared
 from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, SUSPECT, PlannedKKT
 from stc.solver.kkt.segmented_passes import equilibrate_all
 from stc.solver.kkt.segments import Numbered
-from stc.solver.kkt.substitution import REPORT
-from stc.solver.nlp import Floats
 
 __all__ = ["ChainKKT", "find_chain"]
 
@@ -104,8 +105,8 @@ class ChainKKT(PlannedKKT):
         self._place = np.empty(size, dtype=np.int32)
         self._place[chain.order] = np.arange(size)
         self._index = chain.order.astype(np.int32)
-        source = np.concatenate([couplings.hess_off, couplings.hess_count + np.arange(couplings.jac_count)])
-        self._source = (source if couplings.kept is None else source[couplings.kept]).astype(np.int32)
+        sources = couplings.hess_off, couplings.hess_count + np.arange(couplings.jac_count)
+        self._source = np.concatenate(sources).astype(np.int32)
         self._sources = self._source[chain.edges]
         stride = self._stride
         rows = (chain_elimination.BLOCK + 2) * stride
@@ -184,20 +185,12 @@ class ChainKKT(PlannedKKT):
             int(operations[which].sum()), bool(self._curvatures[0]),
         )  # fmt: skip
 
-    def _solves(self, plan: Prepared, report: Floats) -> tuple[Bound, Bound, Bound]:
+    def _solver(self, plan: Prepared) -> tuple[NativeFunction[..., None], tuple[Any, ...]]:
         """See ``PlannedKKT``."""
-        chain, arrays = self._chain, self._arrays
+        chain = self._chain
         kept, work = plan.space
         common = (
             self.accuracy, *plan.tables, self._index.size - chain.kinds[0].border, self._index.size, self._stride,
             self._index, kept, plan.factors, self._scale, self._units, work, np.zeros(2),
         )  # fmt: skip
-        one, other = self._vectors[:4], self._vectors[4:]
-        second = arrays.second_rhs, *other, arrays.second_solution
-        both = arrays.rhs, *one, arrays.solution, *second, self.report, np.zeros(REPORT)
-        probe = self._probe_rhs, *one, self._probe_result, *second, report, np.zeros(REPORT)
-        return (
-            solve.bind(0, 0, *common, *probe),
-            solve.bind(0, REFINEMENTS, *common, *both),
-            solve.bind(1, REFINEMENTS, *common, *both),
-        )
+        return solve, common

@@ -50,8 +50,8 @@ __all__ = [
     "SOURCES",
     "UNWATCHED",
     "WHERE",
-    "corner_of",
     "eliminate",
+    "gather_rows",
 ]
 
 #: Numbers that are read and written together.
@@ -84,10 +84,16 @@ INVERSE, PRODUCT, CHECK, NEGATIVE, UNWATCHED, BESIDE, MIXED = 0, 8, 19, 20, 21, 
 SELDOM = 3.0
 
 
-@native(inline=True)
-def corner_of(members: i64) -> i64:
-    """How many numbers are kept of a panel before its factors."""
-    return 16 if members == 4 else 8
+@native(fast=True, inline=True)
+def gather_rows(
+    size: i64, border: i64, border_base: i64, base: i64, where: i32s, x: f64s, part: f64s
+) -> None:
+    """Bring what a vector has for the rows of a window to ``part``."""
+    for k in range(border):
+        part[k] = x[border_base + k]
+    own = x[base:]
+    for k in range(border, size):
+        part[k] = own[where[k - border]]
 
 
 @native(fast=True, inline=True)
@@ -167,11 +173,7 @@ def _load(
     for k in range(program[CLEARED]):
         store8(window, cleared[k], 0.0)
     _scatter(program[ENTRIES], source[stage[SOURCES] :], program[program[ENTRIES_TO] :], given, window)
-    for k in range(border):
-        scales[k] = scale[border_base + k]
-    local_scale = scale[base:]
-    for k in range(border, size):
-        scales[k] = local_scale[where[k - border]]
+    gather_rows(size, border, border_base, base, where, scale, scales)
     inside = size - program[INSIDE]
     unknowns = index[base:]
     for k in range(inside, size):
@@ -513,18 +515,17 @@ def eliminate(
         )  # fmt: skip
         if watched:
             _measure(program, border_base, stage[BASE], kept, peaks, most)
-        at = stage[FACTORS]
-        panel = program[program[PANELS_AT] :]
-        for _panel in range(program[PANELS]):
-            members = panel[0]
-            if members == 4:
-                _take_four(panel, stride, masks, window, factors[at:], state)
-            elif members == 2:
-                _take_two(panel, stride, masks, window, factors[at:], state)
+        panels = program[program[PANELS_AT] :]
+        places = program[program[PLACES_AT] :]
+        for p in range(program[PANELS]):
+            panel = panels[places[2 * p] :]
+            own = factors[stage[FACTORS] + places[2 * p + 1] :]
+            if panel[0] == 4:
+                _take_four(panel, stride, masks, window, own, state)
+            elif panel[0] == 2:
+                _take_two(panel, stride, masks, window, own, state)
             else:
-                _take_one(panel, stride, masks, window, factors[at:], state)
-            at += corner_of(members) + 8 * members * panel[4]
-            panel = panel[6 + 2 * (panel[4] + panel[5]) :]
+                _take_one(panel, stride, masks, window, own, state)
         product = largest8(load8(state, PRODUCT)) + sqrt(state[MIXED])
         worst = max(growth * product, suspect * max(largest8(load8(state, INVERSE)), state[BESIDE]))
         if not (worst + 0.0 * state[CHECK] < 1.0):
@@ -532,9 +533,9 @@ def eliminate(
         state[LARGEST] = worst
         outer = program[SIZE] - program[INSIDE]
         for i in range(outer):
-            own = i * (i + 1) // 2
+            begin = i * (i + 1) // 2
             for j in range(0, i + 1, BLOCK):
-                store8(left, own + j, load8(window, i * stride + j))
+                store8(left, begin + j, load8(window, i * stride + j))
     state[COUNTED] = state[NEGATIVE]
     if watched and spread_of(border_base + border, most) > STALE:
         return STALE_SCALE

@@ -13,7 +13,7 @@ from stc.codegen.native import f64, f64s, i32s, i64, native
 from stc.records import dataclass
 from stc.solver.kkt import chain_elimination as chain
 from stc.solver.kkt.chain_elimination import BLOCK
-from stc.solver.kkt.lane_program import order_pivots
+from stc.solver.kkt.lane_program import order_pivots, own_sizes
 from stc.solver.kkt.lane_values import SAMPLE, middle, reliable
 from stc.solver.kkt.ordering import SECOND, SMALLEST
 from stc.solver.kkt.segments import ACROSS, BORDERING, INSIDE, Numbered
@@ -186,7 +186,10 @@ def lay_out_chain(numbered: Numbered, variables: int, first: Int32s, second: Int
 def plan_chain(
     chain: Chain, stride: int, values: Floats, diagonal: Floats, *, thorough: bool
 ) -> tuple[list[ChainProgram], Int64s]:
-    """Programs of all kinds, for entries like these, in the best of all ways when ``thorough``.
+    """Programs for entries like these, in the best of all ways when ``thorough``, and which one each stage has.
+
+    Stages of a kind have one program where the ones before them leave entries at the same places: what cancels there,
+    because a horizon has only just begun, can be no pivot.
 
     Args:
         stride: numbers of a row of the window.
@@ -263,14 +266,7 @@ def _ordered(
     """Order the pivots for these sizes, after a stage that has left others."""
     own, following, border = kind.own, kind.following.size, kind.border
     size = own + following + border
-    sizes = np.zeros((size, size))
-    given = np.copysign(np.maximum(np.abs(entries), SMALLEST), entries)
-    sizes[kind.rows, kind.columns] = given
-    sizes[kind.columns, kind.rows] = given
-    inner = np.arange(own)
-    # Every unknown may have a diagonal entry, if a tiny one, and rows a negative one.
-    sign = np.where(inner < kind.variables, 1.0, -1.0)
-    sizes[inner, inner] = np.where(np.abs(diagonal) > SMALLEST, diagonal, sign * SMALLEST)
+    sizes = own_sizes(kind, size, entries, diagonal)
     b = own + following + np.arange(border)
     arrived = np.concatenate([b, kind.arrived]).astype(np.int64)
     if left.size:
@@ -282,7 +278,7 @@ def _ordered(
     slot = np.empty(size, dtype=np.int64)
     slot[own : own + following] = border + np.arange(following)
     slot[b] = np.arange(border)
-    slot[order] = size - 1 - inner
+    slot[order] = size - 1 - np.arange(own)
     coupled = np.zeros((size, size), dtype=np.int32)
     coupled[np.ix_(slot, slot)] = pattern
     outer = np.concatenate([b, own + np.arange(following)])
@@ -317,7 +313,7 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
         member = np.arange(top - members + 1, top + 1)
         filled[np.ix_(np.concatenate([rows, member]), np.concatenate([blocks, blocks_of[member]]))] = True
         counts = rows.size - np.searchsorted(rows, BLOCK * blocks)
-        corner = chain.corner_of(members)
+        corner = 2 * BLOCK if members == 4 else BLOCK  # what is kept before the factors
         down = rows[::-1]
         factor = corner + BLOCK * members * np.searchsorted(-blocks, -(down // BLOCK)) + down % BLOCK
         pairs = kinds[size - 1 - top] == 2, kinds[size - 1 - top + members - 2] == 2

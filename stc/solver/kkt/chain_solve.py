@@ -5,7 +5,7 @@ For one vector or for two, which share the reading of the factors and of the mat
 
 from __future__ import annotations
 
-from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
+from stc.codegen.native import f64s, fabs, i32s, i64, i64s, native
 from stc.codegen.native_vector import load8, splat8, store8, sum8
 from stc.solver.kkt.chain_elimination import (
     BASE,
@@ -23,23 +23,15 @@ from stc.solver.kkt.chain_elimination import (
     PLACES_AT,
     SIZE,
     WHERE,
+    gather_rows,
 )
+from stc.solver.kkt.segmented_passes import bring_scaled, return_scaled
 from stc.solver.kkt.substitution import improves
 
 __all__ = ["ONE", "UNITS", "solve"]
 
 #: Blocks with a single 1 are cut out of a row of UNITS numbers that has it here.
 ONE, UNITS = 11, 24
-
-
-@native(fast=True, inline=True)
-def _gather(size: i64, border: i64, border_base: i64, base: i64, where: i32s, x: f64s, part: f64s) -> None:
-    """Bring what a vector has for the rows of a window to ``part``."""
-    for k in range(border):
-        part[k] = x[border_base + k]
-    own = x[base:]
-    for k in range(border, size):
-        part[k] = own[where[k - border]]
 
 
 @native(fast=True, inline=True)
@@ -189,9 +181,9 @@ def _forward(
     size = program[SIZE]
     inside = size - program[INSIDE]
     base = stage[BASE]
-    _gather(size, border, border_base, base, where, x, part)
+    gather_rows(size, border, border_base, base, where, x, part)
     if both != 0:
-        _gather(size, border, border_base, base, where, other_x, other_part)
+        gather_rows(size, border, border_base, base, where, other_x, other_part)
     panels = program[program[PANELS_AT] :]
     places = program[program[PLACES_AT] :]
     for p in range(program[PANELS]):
@@ -242,10 +234,10 @@ def _backward(
     size = program[SIZE]
     inside = size - program[INSIDE]
     base = stage[BASE]
-    _gather(inside, border, border_base, base, where, x, part)
+    gather_rows(inside, border, border_base, base, where, x, part)
     _gather_inside(inside, size, border, base, where, x, part, held)
     if both != 0:
-        _gather(inside, border, border_base, base, where, other_x, other_part)
+        gather_rows(inside, border, border_base, base, where, other_x, other_part)
         _gather_inside(inside, size, border, base, where, other_x, other_part, other_held)
     panels = program[program[PANELS_AT] :]
     places = program[program[PLACES_AT] :]
@@ -371,8 +363,8 @@ def _subtract(
         rows = program[SIZE]
         border = program[BORDER]
         base = stage[BASE]
-        _gather(rows, border, border_base, base, where, x, part)
-        _gather(rows, border, border_base, base, where, z, result)
+        gather_rows(rows, border, border_base, base, where, x, part)
+        gather_rows(rows, border, border_base, base, where, z, result)
         for k in range(rows, rows + BLOCK):
             part[k] = 0.0
         _subtract_entries(program, matrix[stage[MATRIX] :], part, result, by_row)
@@ -386,17 +378,6 @@ def _subtract(
         remaining = max(remaining, fabs(z[k]))
     norms[0] = length + check
     norms[1] = remaining + check
-
-
-@native(fast=True, inline=True)
-def _begin(size: i64, index: i32s, scale: f64s, rhs: f64s, scaled_rhs: f64s) -> f64:
-    """Bring a right-hand side to the order of the stages, scaled; its largest magnitude then."""
-    most = 0.0
-    for k in range(size):
-        value = rhs[index[k]] * scale[k]
-        scaled_rhs[k] = value
-        most = max(most, fabs(value))
-    return most
 
 
 @native
@@ -440,10 +421,10 @@ def solve(
         units: zeros, with 1 at ONE.
         rhs, result: (N,); report: see ``substitution.REPORT``; the other arrays are work space.
     """
-    length = _begin(size, index, scale, rhs, scaled_rhs)
+    length = bring_scaled(size, index, scale, rhs, scaled_rhs)
     other_length = 0.0
     if both != 0:
-        other_length = _begin(size, index, scale, other_rhs, other_scaled_rhs)
+        other_length = bring_scaled(size, index, scale, other_rhs, other_scaled_rhs)
     active = 1 if length > 0.0 else 0
     other_active = 1 if other_length > 0.0 else 0
     report[0] = 1.0 * active
@@ -509,9 +490,7 @@ def solve(
             for k in range(size):
                 other_kept[k] = other_change[k]
                 other_solution[k] += other_change[k]
-    for k in range(size):
-        result[index[k]] = solution[k] * scale[k]
+    return_scaled(size, index, scale, solution, result)
     if both != 0:
-        for k in range(size):
-            other_result[index[k]] = other_solution[k] * scale[k]
+        return_scaled(size, index, scale, other_solution, other_result)
         report[0] = max(report[0], other_report[0])

@@ -114,20 +114,6 @@ class DenseKKT(ByCopies):
         negative = int((self._eigenvalues < -SINGULAR).sum())
         return Inertia(positive, negative, self.n + self.m - positive - negative)
 
-    @property
-    def solve_call(self) -> Bound:
-        """See ``AttachedKKT.solve_call``."""
-        if not self._factorized:
-            raise ValueError("factorize before solving")
-        return self._solve
-
-    @property
-    def solve_both_call(self) -> Bound:
-        """See ``AttachedKKT.solve_both_call``."""
-        if not self._factorized:
-            raise ValueError("factorize before solving")
-        return self._solve_both
-
     def check_solution(self) -> bool:
         """See ``AttachedKKT.check_solution``: there is nothing more careful."""
         self.last_residual = float(self.report[0])

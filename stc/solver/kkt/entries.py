@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stc.codegen.calls import Bound
 from stc.records import dataclass
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, AttachedKKT, Inertia
@@ -63,6 +64,23 @@ class ByCopies:
     """The calls of a ``KKTSystem`` for a system with arrays of its own: ``factorize`` and ``solve`` copy."""
 
     irregular = False
+    _factorized: bool
+    _solve: Bound
+    _solve_both: Bound
+
+    @property
+    def solve_call(self) -> Bound:
+        """See ``AttachedKKT.solve_call``."""
+        if not self._factorized:
+            raise ValueError("factorize before solving")
+        return self._solve
+
+    @property
+    def solve_both_call(self) -> Bound:
+        """See ``AttachedKKT.solve_both_call``."""
+        if not self._factorized:
+            raise ValueError("factorize before solving")
+        return self._solve_both
 
     def factorize(
         self: AttachedKKT,

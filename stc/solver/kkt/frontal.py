@@ -316,20 +316,6 @@ class FrontalKKT(ByCopies):
         self._take_counts()
         return self._conclude()
 
-    @property
-    def solve_call(self) -> Bound:
-        """See ``AttachedKKT.solve_call``."""
-        if not self._factorized:
-            raise ValueError("factorize before solving")
-        return self._solve
-
-    @property
-    def solve_both_call(self) -> Bound:
-        """See ``AttachedKKT.solve_both_call``."""
-        if not self._factorized:
-            raise ValueError("factorize before solving")
-        return self._solve_both
-
     def check_solution(self) -> bool:
         """See ``AttachedKKT.check_solution``."""
         repeated = False

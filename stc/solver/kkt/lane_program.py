@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +14,7 @@ from stc.solver.kkt.ordering import MARGIN, SECOND, SMALLEST, order_stage
 from stc.solver.kkt.segments import ACROSS, BORDERING, INSIDE, Segmentation
 from stc.solver.nlp import Floats
 
-__all__ = ["Kind", "Program", "kind_of", "order_pivots", "plan_panels", "triangle"]
+__all__ = ["Kind", "Program", "kind_of", "order_pivots", "own_sizes", "plan_panels", "triangle"]
 
 Int32s = NDArray[np.int32]
 Int64s = NDArray[np.int64]
@@ -87,6 +89,22 @@ class Kind:
         return np.argsort(~added, kind="stable"), int(added.sum())
 
 
+class HasEntries(Protocol):
+    """A kind of stages: see ``Kind`` and ``stc.solver.kkt.chain_plan.ChainKind``."""
+
+    @property
+    def own(self) -> int: ...
+
+    @property
+    def variables(self) -> int: ...
+
+    @property
+    def rows(self) -> Int64s: ...
+
+    @property
+    def columns(self) -> Int64s: ...
+
+
 @dataclass(frozen=True)
 class Program:
     """Panels of a kind.
@@ -135,14 +153,7 @@ def plan_panels(kind: Kind, entries: Floats, diagonal: Floats, *, thorough: bool
 def _planned(kind: Kind, entries: Floats, diagonal: Floats, margin: float, compared: float) -> Program:
     """The same in one way."""
     size, own = kind.size, kind.own
-    stage = np.zeros((size, size))
-    sizes = np.copysign(np.maximum(np.abs(entries), SMALLEST), entries)
-    stage[kind.rows, kind.columns] = sizes
-    stage[kind.columns, kind.rows] = sizes
-    inner = np.arange(own)
-    # Every unknown may have a diagonal entry, if a tiny one, and rows a negative one.
-    sign = np.where(inner < kind.variables, 1.0, -1.0)
-    stage[inner, inner] = np.where(np.abs(diagonal) > SMALLEST, diagonal, sign * SMALLEST)
+    stage = own_sizes(kind, size, entries, diagonal)
     carried = kind.carried
     left = np.zeros((carried.size, carried.size))
     ends = np.arange(kind.following.size, carried.size)
@@ -159,6 +170,19 @@ def _planned(kind: Kind, entries: Floats, diagonal: Floats, margin: float, compa
     np.fill_diagonal(pattern, False)
     pattern[own:, own:] = False
     return _panels(kind, order, kinds, pattern)
+
+
+def own_sizes(kind: HasEntries, size: int, entries: Floats, diagonal: Floats) -> Floats:
+    """What a stage brings along, (size, size): its entries and the diagonal of its own unknowns."""
+    stage = np.zeros((size, size))
+    sizes = np.copysign(np.maximum(np.abs(entries), SMALLEST), entries)
+    stage[kind.rows, kind.columns] = sizes
+    stage[kind.columns, kind.rows] = sizes
+    inner = np.arange(kind.own)
+    # Every unknown may have a diagonal entry, if a tiny one, and rows a negative one.
+    sign = np.where(inner < kind.variables, 1.0, -1.0)
+    stage[inner, inner] = np.where(np.abs(diagonal) > SMALLEST, diagonal, sign * SMALLEST)
+    return stage
 
 
 def order_pivots(own: int, sizes: Floats, margin: float, compared: float) -> tuple[Int32s, Int32s]:

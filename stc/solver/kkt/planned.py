@@ -15,14 +15,16 @@ from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros, scattered
 from stc.codegen.calls import Bound, CallTable, chain_until
+from stc.codegen.native import NativeFunction
 from stc.solver.kkt import plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import Arrays, ByCopies
-from stc.solver.kkt.frontal import DOUBTFUL, FrontalKKT
+from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, FrontalKKT
 from stc.solver.kkt.lane_panel import COUNTED, LARGEST, TRUSTED
 from stc.solver.kkt.plan_choice import PLANS, Plans, Prepared
 from stc.solver.kkt.segmented_passes import diagonal_of
+from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
 __all__ = ["GROWTH", "INVERSE", "ROOM", "SUSPECT", "PlannedKKT", "Rest"]
@@ -83,11 +85,12 @@ class Rest(Protocol):
 class PlannedKKT(ByCopies):
     """Sparse LDL^T by plans, or else by ``FrontalKKT``.
 
-    See ``AttachedKKT`` for the members.  Whoever inherits sets ``_scale``, and ``_plans`` with one that can only
-    equilibrate, when it knows how.
+    See ``AttachedKKT`` for the members.  Whoever inherits sets ``_scale``, ``_vectors`` for solves, as many for either
+    of two, and ``_plans`` with one that can only equilibrate, when it knows how.
     """
 
     _scale: Floats
+    _vectors: list[Floats]
     _plans: Plans
 
     def __init__(
@@ -151,8 +154,8 @@ class PlannedKKT(ByCopies):
         """Prepare the calls that depend on the plan; ``slot`` is its place in the table."""
 
     @abstractmethod
-    def _solves(self, plan: Prepared, report: Floats) -> tuple[Bound, Bound, Bound]:
-        """The calls that solve by a plan: for a probe, unrefined, which leaves its ``report``, for one, for both."""
+    def _solver(self, plan: Prepared) -> tuple[NativeFunction[..., None], tuple[Any, ...]]:
+        """What solves by a plan, and its arguments between ``refinements`` and the right-hand sides."""
 
     def _own_diagonal(self) -> Floats:
         """The diagonal of H and -d, of all unknowns but those added."""
@@ -185,14 +188,14 @@ class PlannedKKT(ByCopies):
     @property
     def operations(self) -> int:
         """Additions and multiplications of the last factorisation, updates only."""
-        if not self._by_segments:
+        if not self._by_plan:
             return self._whole.operations if self._whole is not None else 0
         return self._plan_in_use().operations + self._rest.operations
 
     @property
     def factor_bytes(self) -> int:
         """Memory that the last factorisation fills."""
-        if not self._by_segments:
+        if not self._by_plan:
             return self._whole.factor_bytes if self._whole is not None else 0
         return self._plan_in_use().factors.nbytes + self._rest.factor_bytes
 
@@ -271,42 +274,28 @@ class PlannedKKT(ByCopies):
         """Factorise the matrix, collected and scaled; ``ended`` tells of an attempt."""
         self._counted += 1
         self.accuracy[0] = FINE
-        inertia = self._refactor_segments(ended)
+        inertia = self._refactor_by_plans(ended)
         if inertia is None:
             inertia = self._refactor_whole()
         self._factorized = True
         return inertia
 
     @property
-    def _by_segments(self) -> bool:
-        """Whether the factors at hand are those of segments."""
+    def _by_plan(self) -> bool:
+        """Whether the factors at hand are those of a plan."""
         return int(self._tally[plan_calls.NOW]) != WHOLE
-
-    @property
-    def solve_call(self) -> Bound:
-        """See ``AttachedKKT.solve_call``."""
-        if not self._factorized:
-            raise ValueError("factorize before solving")
-        return self._solve
-
-    @property
-    def solve_both_call(self) -> Bound:
-        """See ``AttachedKKT.solve_both_call``."""
-        if not self._factorized:
-            raise ValueError("factorize before solving")
-        return self._solve_both
 
     def check_solution(self) -> bool:
         """See ``AttachedKKT.check_solution``."""
         repeated = False
-        if self._by_segments:
+        if self._by_plan:
             if self.report[0] > DOUBTFUL:
                 self._counted += 1
                 self._refactor_whole()
                 self._solve()
                 repeated = True
             self.last_residual = float(self.report[0])
-        if not self._by_segments:
+        if not self._by_plan:
             assert self._whole is not None
             before = self._whole.factorizations
             repeated = self._whole.check_solution() or repeated
@@ -314,7 +303,7 @@ class PlannedKKT(ByCopies):
             self.last_residual = self._whole.last_residual
         return repeated
 
-    def _refactor_segments(self, ended: int | None) -> Inertia | None:
+    def _refactor_by_plans(self, ended: int | None) -> Inertia | None:
         """Inertia, or None when a pivot is not good enough; ``ended`` tells of an attempt with the plan in use."""
         plans = self._plans
         if plans.paused(self.irregular):
@@ -354,7 +343,7 @@ class PlannedKKT(ByCopies):
         return not plan.state[LARGEST] > plan.state[TRUSTED] or bool(plan.is_accurate())
 
     def _through(self, plan: Prepared, ended: int | None) -> Inertia | None:
-        """Factorise by a plan: the inertia of the rest, or None where a pivot of the segments is refused."""
+        """Factorise by a plan: the inertia of the rest, or None where a pivot is refused."""
         rest = self._rest
         if ended is None:
             self._tally[plan_calls.NEXT], self._tally[plan_calls.OTHER] = plan.slot, -1
@@ -392,9 +381,18 @@ class PlannedKKT(ByCopies):
             FINE, self.inertia, self.accuracy, self._tally,
         )  # fmt: skip
         plan.is_accurate = plan_calls.is_accurate.bind(cells, plan.slot, report, plan.state)
-        probe, solve, both = self._solves(plan, report)
-        places = plan_calls.PROBE, plan_calls.END, plan_calls.SOLVE, plan_calls.SOLVE_BOTH
-        for place, call in zip(places, (probe, end, solve, both), strict=True):
+        solver, common = self._solver(plan)
+        half = len(self._vectors) // 2
+        one, other, arrays = self._vectors[:half], self._vectors[half:], self._arrays
+        second = arrays.second_rhs, *other, arrays.second_solution
+        both = arrays.rhs, *one, arrays.solution, *second, self.report, np.zeros(REPORT)
+        probe = self._probe_rhs, *one, self._probe_result, *second, report, np.zeros(REPORT)
+        for place, call in (
+            (plan_calls.PROBE, solver.bind(0, 0, *common, *probe)),
+            (plan_calls.END, end),
+            (plan_calls.SOLVE, solver.bind(0, REFINEMENTS, *common, *both)),
+            (plan_calls.SOLVE_BOTH, solver.bind(1, REFINEMENTS, *common, *both)),
+        ):
             self._calls.put(plan_calls.CALLS * plan.slot + place, call)
         plan.bindings = self._rest.bindings
 

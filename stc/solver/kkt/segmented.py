@@ -6,15 +6,17 @@ stages go through ``FrontalKKT``.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
-from stc.codegen.calls import Bound
+from stc.codegen.native import NativeFunction
 from stc.solver.kkt import lanes, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
-from stc.solver.kkt.frontal import REFINEMENTS, SWEEPS, FrontalKKT
+from stc.solver.kkt.frontal import SWEEPS, FrontalKKT
 from stc.solver.kkt.lane_panel import PANEL, STATE, TRUSTED
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import code_of, lay_out
@@ -24,8 +26,6 @@ from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, SUSPECT, PlannedKKT
 from stc.solver.kkt.seams import sew
 from stc.solver.kkt.segmented_passes import eliminate_all, equilibrate_all, solve_all
 from stc.solver.kkt.segments import LANES, Segmentation
-from stc.solver.kkt.substitution import REPORT
-from stc.solver.nlp import Floats
 
 __all__ = ["SegmentedKKT"]
 
@@ -135,7 +135,7 @@ class SegmentedKKT(PlannedKKT):
         curved = bool(self._curvatures[0])
         return Prepared(slot, tables, factors, state, (work, part), equilibrate, operations, curved)
 
-    def _solves(self, plan: Prepared, report: Floats) -> tuple[Bound, Bound, Bound]:
+    def _solver(self, plan: Prepared) -> tuple[NativeFunction[..., None], tuple[Any, ...]]:
         """See ``PlannedKKT``."""
         layout, rest_factors = self._layout, self._rest_system.factors_in_order()
         common = (
@@ -143,12 +143,4 @@ class SegmentedKKT(PlannedKKT):
             *self._rest_entries[:2], plan.factors, self._matrix, self._rest_matrix, self._scale, *plan.space,
             np.zeros(4), *rest_factors,
         )  # fmt: skip
-        one, other, arrays = self._vectors[:5], self._vectors[5:], self._arrays
-        second = arrays.second_rhs, *other, arrays.second_solution
-        both = arrays.rhs, *one, arrays.solution, *second, self.report, np.zeros(REPORT)
-        probe = self._probe_rhs, *one, self._probe_result, *second, report, np.zeros(REPORT)
-        return (
-            solve_all.bind(0, 0, *common, *probe),
-            solve_all.bind(0, REFINEMENTS, *common, *both),
-            solve_all.bind(1, REFINEMENTS, *common, *both),
-        )
+        return solve_all, common

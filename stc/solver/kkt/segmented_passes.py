@@ -15,7 +15,7 @@ from stc.solver.kkt.lanes import eliminate
 from stc.solver.kkt.substitution import improves, substitute
 from stc.solver.kkt.values import find_scale, spread_of
 
-__all__ = ["diagonal_of", "eliminate_all", "equilibrate_all", "solve_all"]
+__all__ = ["bring_scaled", "diagonal_of", "eliminate_all", "equilibrate_all", "return_scaled", "solve_all"]
 
 #: A scale serves as long as the largest entries of all rows are within this factor of 1.
 STALE = 1024.0
@@ -190,8 +190,8 @@ def eliminate_all(
 
 
 @native(fast=True, inline=True)
-def _begin(size: i64, index: i32s, scale: f64s, rhs: f64s, scaled_rhs: f64s) -> f64:
-    """Bring a right-hand side to the order of the segments, scaled; its largest magnitude then."""
+def bring_scaled(size: i64, index: i32s, scale: f64s, rhs: f64s, scaled_rhs: f64s) -> f64:
+    """Bring a right-hand side to the order of a vector, scaled; its largest magnitude then."""
     most = 0.0
     for k in range(size):
         value = rhs[index[k]] * scale[k]
@@ -201,7 +201,7 @@ def _begin(size: i64, index: i32s, scale: f64s, rhs: f64s, scaled_rhs: f64s) -> 
 
 
 @native(fast=True, inline=True)
-def _end(size: i64, index: i32s, scale: f64s, solution: f64s, result: f64s) -> None:
+def return_scaled(size: i64, index: i32s, scale: f64s, solution: f64s, result: f64s) -> None:
     """The solution in the unknowns' own order."""
     for k in range(size):
         result[index[k]] = solution[k] * scale[k]
@@ -305,10 +305,10 @@ def _solve(
 ) -> None:  # fmt: skip
     """See ``solve_all``; ``both`` is a constant here."""
     size = outer + rest
-    length = _begin(size, index, scale, rhs, scaled_rhs)
+    length = bring_scaled(size, index, scale, rhs, scaled_rhs)
     other_length = 0.0
     if both != 0:
-        other_length = _begin(size, index, scale, other_rhs, other_scaled_rhs)
+        other_length = bring_scaled(size, index, scale, other_rhs, other_scaled_rhs)
     active = 1 if length > 0.0 else 0
     other_active = 1 if other_length > 0.0 else 0
     report[0] = 1.0 * active
@@ -356,9 +356,9 @@ def _solve(
                 both, groups, table, index, code, outer, rest, entries, first, second, matrix, rest_matrix, work,
                 lane_part, norms, solution, scaled_rhs, change, other_solution, other_scaled_rhs, other_change,
             )  # fmt: skip
-    _end(size, index, scale, solution, result)
+    return_scaled(size, index, scale, solution, result)
     if both != 0:
-        _end(size, index, scale, other_solution, other_result)
+        return_scaled(size, index, scale, other_solution, other_result)
         report[0] = max(report[0], other_report[0])
 
 

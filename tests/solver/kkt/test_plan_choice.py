@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from solver.kkt.kkt_problems import generic
-from solver.kkt.motions import motion, system_of
+from solver.kkt.motions import chain_of, motion, system_of
 from solver.kkt.test_contract import check
 
 from stc.codegen.calls import Bound, CallTable
-from stc.solver.kkt import DenseKKT, plan_calls, plan_choice, planned, segmented
+from stc.solver.kkt import DenseKKT, chain, plan_calls, plan_choice, planned, segmented
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.lane_program import plan_panels
 from stc.solver.kkt.plan_choice import SETTLED
@@ -25,7 +25,7 @@ def test_a_settled_plan_takes_no_more_operations():
     operations = []
     for _ in range(10):
         check(kkt, pattern, generic(rng, pattern), rng)
-        assert kkt._by_segments
+        assert kkt._by_plan
         operations.append(kkt._plans.now.operations)
     assert kkt._plans._settle_at > SETTLED[0]
     assert operations[-1] <= operations[0]
@@ -180,15 +180,17 @@ def test_a_plan_that_is_due_is_tried_and_kept_where_it_suits(suits):
     assert tally[plan_calls.NOW] == tally[plan_calls.NEXT] == int(suits)
 
 
-def test_plans_that_fail_give_way(monkeypatch):
+@pytest.mark.parametrize(("module", "system"), [(segmented, system_of), (chain, chain_of)])
+def test_plans_that_fail_give_way(module, system, monkeypatch):
     """With a growth that nothing keeps to, the whole matrix is pivoted as its values ask for, and then tried less."""
-    monkeypatch.setattr(segmented, "GROWTH", 1e-3)
+    monkeypatch.setattr(module, "GROWTH", 1e-3)
     rng = np.random.default_rng(9)
     pattern = motion(rng, 30)
-    kkt, judge = system_of(pattern), DenseKKT(*pattern.arguments())
+    kkt, judge = system(pattern), DenseKKT(*pattern.arguments())
     for _ in range(8):
         values = generic(rng, pattern)
         assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
+        assert not kkt._by_plan
         kkt.solve(rng.normal(size=pattern.n), rng.normal(size=pattern.m))
         assert kkt.last_residual < 1e-12
 

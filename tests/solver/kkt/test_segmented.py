@@ -207,7 +207,7 @@ def test_entries_that_vanish_somewhere_are_no_pivots():
     values.jac[(pattern.jac_rows == row) & (pattern.jac_cols == column)] = 1e-17
     kkt = system_of(pattern)
     check(kkt, pattern, values, rng)
-    assert kkt._by_segments
+    assert kkt._by_plan
     given = kkt._arrays.given[kkt._source[: kkt._couplings.first.size]]
     sizes, _ = sizes_of(
         kkt._found, kkt._kinds[0], 0, np.where(np.abs(given) < 1e-9, 1e-17, 1.0), np.ones(kkt.n + kkt.m)
