@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "abs8",
+    "expand8",
     "gather8",
     "largest8",
     "load8",
@@ -40,6 +41,14 @@ def load8(x: NDArray[np.float64], k: int) -> Vector:
 def store8(x: NDArray[np.float64], k: int, vector: Vector) -> None:
     """Write a vector to ``x[k]`` to ``x[k + 7]``."""
     x[k : k + 8] = vector
+
+
+def expand8(x: NDArray[np.float64], k: int, mask: int) -> Vector:
+    """The next elements of ``x`` from ``x[k]`` on where the bits of ``mask`` are 1, the lowest first, and 0 elsewhere."""
+    vector = np.zeros(8)
+    lanes = [lane for lane in range(8) if mask >> lane & 1]
+    vector[lanes] = x[k : k + len(lanes)]
+    return vector
 
 
 def gather8(x: NDArray[np.float64], places: NDArray[np.int32], k: int) -> Vector:

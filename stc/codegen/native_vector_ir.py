@@ -32,6 +32,8 @@ def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: s
         value = emitter.convert(emitter.number(node.args[2]), Type.F64V, node)
         emitter.emit(f"store {vector} {value.text}, ptr {address}, align 8")
         return Value(Type.NONE, "")
+    if target is native_vector.expand8:
+        return _expanded(emitter, node, name)
     if target in (native_vector.gather8, native_vector.scatter8):
         return _by_places(emitter, node, name, stores=target is native_vector.scatter8)
     arguments = emitter.arguments(node, 2 if target is native_vector.max8 else 1, name, Type.F64V)
@@ -50,6 +52,22 @@ def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: s
         return emitter.compute(Type.F64, call)
     larger = emitter.compute(Type.BOOL, f"fcmp ogt {texts[0]}, {arguments[1].text}")
     return emitter.compute(Type.F64V, f"select <8 x i1> {larger.text}, {', '.join(texts)}")
+
+
+def _expanded(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
+    """expand8: one instruction where a processor has it."""
+    if len(node.args) != 3:
+        raise emitter.error(node, f"{name}() takes 3 arguments, not {len(node.args)}")
+    type_, address = emitter.element_address(
+        ast.copy_location(ast.Subscript(node.args[0], node.args[1], ast.Load()), node)
+    )
+    if type_ is not Type.F64S:
+        raise emitter.error(node, f"{name}() needs an array of floats")
+    bits = emitter.compute(Type.I64, f"trunc i64 {emitter.integer(node.args[2], 'mask').text} to i8").text
+    mask = emitter.compute(Type.BOOL, f"bitcast i8 {bits} to <8 x i1>").text
+    vector = Type.F64V.ir
+    arguments = f"ptr {address}, <8 x i1> {mask}, {vector} zeroinitializer"
+    return emitter.compute(Type.F64V, f"call {vector} @llvm.masked.expandload.v8f64({arguments})")
 
 
 def _by_places(emitter: ExpressionEmitter, node: ast.Call, name: str, stores: bool) -> Value:

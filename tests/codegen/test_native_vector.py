@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stc.codegen.native import NativeError, f64, f64s, i32s, i64, native
+from stc.codegen.native import NativeError, f64, f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import (
     abs8,
+    expand8,
     gather8,
     largest8,
     load8,
@@ -71,6 +72,41 @@ def test_gathering_scattering_dividing_and_signs(plain):
         expected[places[:16]] = (1.0 / x - x / 2.0)[places[:16]]
     np.testing.assert_array_equal(out, expected)
     np.testing.assert_array_equal(signs, x[places[:16]] < 0.0)
+
+
+@native
+def expansions(masks: i32s, x: f64s, out: f64s) -> None:
+    begin = 0
+    for k in range(4):
+        store8(out, 8 * k, expand8(x, begin, masks[2 * k]))
+        begin += masks[2 * k + 1]
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_expanding_what_stands_close_together(plain):
+    rng = np.random.default_rng(5)
+    held = rng.random((4, 8)) < 0.4
+    held[1], held[2] = True, False
+    x, out = rng.normal(size=held.sum()), np.full(32, np.nan)
+    masks = np.stack([held @ (1 << np.arange(8)), held.sum(axis=1)], axis=1).reshape(-1).astype(np.int32)
+    expected = np.zeros((4, 8))
+    expected[held] = x
+    (expansions.python if plain else expansions)(masks, x, out)
+    np.testing.assert_array_equal(out, expected.reshape(-1))
+
+
+def test_what_is_expanded_are_floats():
+    @native
+    def wrong(x: i64s) -> f64:
+        return sum8(expand8(x, 0, 255))
+
+    @native
+    def too_few(x: f64s) -> f64:
+        return sum8(expand8(x, 0))
+
+    for function, message in ((wrong, "needs an array of floats"), (too_few, "takes 3 arguments")):
+        with pytest.raises(NativeError, match=message):
+            function(np.zeros(8, dtype=np.int64))
 
 
 def test_places_are_integers():

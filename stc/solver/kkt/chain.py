@@ -110,8 +110,8 @@ class ChainKKT(PlannedKKT):
         self._sources = self._source[chain.edges]
         stride = self._stride
         rows = (chain_elimination.BLOCK + 2) * stride
-        self._work = aligned_zeros(2 * stride + rows)
-        self._spaces = tuple(aligned_zeros(room) for room in (stride * stride, stride, rows, stride * stride))
+        self._work = aligned_zeros(3 * stride + rows)
+        self._spaces = tuple(aligned_zeros(room) for room in (stride * stride, rows, 2 * stride * stride))
         self._matrix = aligned_zeros(0)
         self._masks = np.concatenate([np.repeat([1.0, 0.0], [k, 8 - k]) for k in range(9)])
         self._units = np.zeros(UNITS)
@@ -171,12 +171,16 @@ class ChainKKT(PlannedKKT):
         state = aligned_zeros(STATE)
         state[TRUSTED] = SUSPECT
         tables = which.size, table.reshape(-1), np.concatenate([kind.code for kind in kinds])
+        sources = np.empty_like(self._sources)
+        for number, kind in enumerate(kinds):
+            begins = chain.begin[:-1][which == number][:, None]
+            sources[begins + np.arange(kind.entries.size)] = self._sources[begins + kind.entries]
         arrays, border = self._arrays, chain.kinds[0].border
-        left, scales, peaks, window = self._spaces
+        left, peaks, windows = self._spaces
         bound = eliminate.bind(
             *tables, border, self._index.size - border, self._stride, 1.0 / GROWTH, 1.0 / INVERSE, self._masks,
-            self._sources, self._index, arrays.given, self._diagonal, self._scale, left, scales, peaks, kept,
-            self._most, window, self._factors, state,
+            sources, self._index, arrays.given, self._diagonal, self._scale, left, peaks, kept, self._most, windows,
+            self._factors, state,
         )  # fmt: skip
         self._calls.put(plan_calls.CALLS * slot + plan_calls.ELIMINATE, bound)
         self._calls.put(plan_calls.CALLS * slot + plan_calls.EQUILIBRATE, self._equilibrate)

@@ -20,7 +20,7 @@ counted from there.  Each stage has FIELDS numbers in a table.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
-from stc.codegen.native_vector import abs8, largest8, load8, max8, splat8, store8
+from stc.codegen.native_vector import abs8, expand8, largest8, load8, max8, splat8, store8
 from stc.solver.kkt.lane_panel import COUNTED, LARGEST
 from stc.solver.kkt.segmented_passes import REFUSED, STALE, STALE_SCALE
 from stc.solver.kkt.values import spread_of
@@ -28,6 +28,7 @@ from stc.solver.kkt.values import spread_of
 __all__ = [
     "BASE",
     "BLOCK",
+    "BLOCKS",
     "BLOCKS_AT",
     "BORDER",
     "CARRIED",
@@ -36,8 +37,8 @@ __all__ = [
     "CLEARED_AT",
     "CODE",
     "COLUMNS",
+    "COLUMNS_AT",
     "ENTRIES",
-    "ENTRIES_TO",
     "FACTORS",
     "FIELDS",
     "INSIDE",
@@ -46,35 +47,39 @@ __all__ = [
     "PANELS_AT",
     "PLACES_AT",
     "PROGRAM",
+    "RECORD",
     "SIZE",
     "SOURCES",
     "UNWATCHED",
     "WHERE",
     "eliminate",
     "gather_rows",
+    "padded",
 ]
 
 #: Numbers that are read and written together.
 BLOCK = 8
-#: Of a stage: where its program begins, and its unknowns in vectors, the sources of its entries, its scaled entries
-#: and its factors.
+#: Of a stage: where its program begins, and its unknowns in vectors, the sources of its entries, what is kept of its
+#: matrix and its factors.
 CODE, BASE, SOURCES, MATRIX, FACTORS, FIELDS = 0, 1, 2, 3, 4, 5
 #: Of a program: rows of the window; unknowns of U; where the unknowns of F and U are in vectors, counted from BASE, in
 #: the order of the window; ...
 SIZE, INSIDE, WHERE = 0, 1, 2
-#: ... blocks to be cleared first, by their places in the window; where entries go; columns at which there are blocks
-#: with entries off the diagonal, each with how many, and their rows; ...
-CLEARED, CLEARED_AT, ENTRIES, ENTRIES_TO, COLUMNS, BLOCKS_AT = 3, 4, 5, 6, 7, 8
+#: ... blocks without entries to be cleared first, by their places in the window; entries off the diagonal; blocks with
+#: entries, by columns: the column where each begins, its row, which of its numbers are entries, bit by bit, and the
+#: first one of these; columns at which there are blocks, each with how many; ...
+CLEARED, CLEARED_AT, ENTRIES, BLOCKS, BLOCKS_AT, COLUMNS, COLUMNS_AT = 3, 4, 5, 6, 7, 8, 9
+RECORD = 4
 #: ... how many rows the stage before has left, and where its triangle goes, entry by entry; ...
-CARRIED, CARRIED_TO = 9, 10
+CARRIED, CARRIED_TO = 10, 11
 #: ... panels: members, 2 where the first two make one pivot, the same of the last two, row of the first member (the
 #: others are above), blocks, rows; column of each block, and how many rows have it to the left of their diagonal or on
 #: it; for each row, decreasing, where it begins in the window and where its factor is, behind those of the corner.
-PANELS, PANELS_AT = 11, 12
+PANELS, PANELS_AT = 12, 13
 #: ... where each panel begins, counted from PANELS_AT, and its factors.
-PLACES_AT = 13
+PLACES_AT = 14
 #: ... and how many unknowns of B it leaves.
-BORDER, PROGRAM = 14, 15
+BORDER, PROGRAM = 15, 16
 #: Places in ``state``: the largest entries on the diagonal of D^-1 so far, in groups of eight; the largest products due
 #: to these, the same; a sum that is finite if all pivots are; negative pivots; matrices until the scale is tested
 #: again; the largest entry of D^-1 beside the diagonal; the square of the largest product due to one. Others are as in
@@ -82,6 +87,14 @@ BORDER, PROGRAM = 14, 15
 INVERSE, PRODUCT, CHECK, NEGATIVE, UNWATCHED, BESIDE, MIXED = 0, 8, 19, 20, 21, 22, 23
 #: The scale is tested with one matrix in so many and one more.
 SELDOM = 3.0
+#: Of a panel's factors, behind those of the corner: the first terms of the largest products.
+FIRST_PRODUCTS = 12
+
+
+@native(inline=True)
+def padded(count: i64) -> i64:
+    """Room for so many numbers in whole blocks."""
+    return (count + BLOCK - 1) // BLOCK * BLOCK
 
 
 @native(fast=True, inline=True)
@@ -97,52 +110,29 @@ def gather_rows(
 
 
 @native(fast=True, inline=True)
-def _scale_entries(program: i32s, stride: i64, begin: i64, scales: f64s, matrix: f64s, window: f64s) -> None:
-    """Scale the entries off the diagonal, and keep them from ``begin`` on."""
-    at = begin
-    listed = program[program[BLOCKS_AT] :]
-    for _column in range(program[COLUMNS]):
-        j = listed[0]
-        count = listed[1]
-        s = load8(scales, j)
-        for k in range(count):
-            i = listed[2 + k]
-            place = i * stride + j
-            value = load8(window, place) * (s * scales[i])
-            store8(window, place, value)
-            store8(matrix, at, value)
-            at += BLOCK
-        listed = listed[2 + count :]
-
-
-@native(fast=True, inline=True)
-def _measure(program: i32s, border_base: i64, base: i64, matrix: f64s, peaks: f64s, most: f64s) -> None:
+def _measure(program: i32s, border_base: i64, base: i64, kept: f64s, peaks: f64s, most: f64s) -> None:
     """Raise ``most`` to the largest magnitudes of the rows of a stage; ``peaks`` is room for nine times its rows."""
     size = program[SIZE]
     border = program[BORDER]
     own = program[INSIDE]
     inside = size - own
     where = program[program[WHERE] :]
-    by_row = peaks[(size + BLOCK) // BLOCK * BLOCK :]
+    by_row = peaks[padded(size + 1) :]
+    diagonal = kept[padded(size) :]
+    entries = diagonal[padded(own) :]
     for k in range(size):
         peaks[k] = 0.0
         store8(by_row, BLOCK * k, splat8(0.0))
     for k in range(own):
-        peaks[inside + k] = fabs(matrix[k])
-    at = (own + BLOCK - 1) // BLOCK * BLOCK
-    listed = program[program[BLOCKS_AT] :]
-    for _column in range(program[COLUMNS]):
-        j = listed[0]
-        count = listed[1]
-        high = load8(peaks, j)
-        for k in range(count):
-            to = BLOCK * listed[2 + k]
-            value = abs8(load8(matrix, at))
-            high = max8(value, high)
-            store8(by_row, to, max8(value, load8(by_row, to)))
-            at += BLOCK
-        store8(peaks, j, high)
-        listed = listed[2 + count :]
+        peaks[inside + k] = fabs(diagonal[k]) * kept[inside + k] * kept[inside + k]
+    blocks = program[program[BLOCKS_AT] :]
+    for b in range(program[BLOCKS]):
+        j = blocks[RECORD * b]
+        i = blocks[RECORD * b + 1]
+        value = abs8(expand8(entries, blocks[RECORD * b + 3], blocks[RECORD * b + 2]))
+        value = value * (load8(kept, j) * kept[i])
+        store8(peaks, j, max8(value, load8(peaks, j)))
+        store8(by_row, BLOCK * i, max8(value, load8(by_row, BLOCK * i)))
     for k in range(border):
         high_k = max(peaks[k], largest8(load8(by_row, BLOCK * k)))
         most[border_base + k] = max(most[border_base + k], high_k)
@@ -152,37 +142,59 @@ def _measure(program: i32s, border_base: i64, base: i64, matrix: f64s, peaks: f6
         outside[to] = max(outside[to], max(peaks[k], largest8(load8(by_row, BLOCK * k))))
 
 
-@native(small=True)
-def _scatter(count: i64, sources: i32s, targets: i32s, given: f64s, window: f64s) -> None:
-    """Copy single entries: gathered in vectors they would take longer."""
-    for e in range(count):
-        window[targets[e]] = given[sources[e]]
-
-
 @native(fast=True)
-def _load(
-    stage: i64s, program: i32s, border_base: i64, stride: i64, source: i32s, index: i32s, given: f64s, diagonal: f64s,
-    scale: f64s, left: f64s, scales: f64s, matrix: f64s, window: f64s,
-) -> None:  # fmt: skip
-    """Bring the scaled entries of a stage to the window, and what the stage before has left."""
+def _begin(
+    stage: i64s, program: i32s, border_base: i64, index: i32s, diagonal: f64s, scale: f64s, kept: f64s
+) -> None:
+    """Keep the scale and the diagonal of a stage."""
     size = program[SIZE]
     border = program[BORDER]
     base = stage[BASE]
     where = program[program[WHERE] :]
-    cleared = program[program[CLEARED_AT] :]
-    for k in range(program[CLEARED]):
-        store8(window, cleared[k], 0.0)
-    _scatter(program[ENTRIES], source[stage[SOURCES] :], program[program[ENTRIES_TO] :], given, window)
-    gather_rows(size, border, border_base, base, where, scale, scales)
+    gather_rows(size, border, border_base, base, where, scale, kept)
+    for k in range(size, padded(size)):
+        kept[k] = 0.0
+    own = kept[padded(size) :]
     inside = size - program[INSIDE]
     unknowns = index[base:]
     for k in range(inside, size):
-        matrix[k - inside] = diagonal[unknowns[where[k - border]]]
-    _scale_entries(program, stride, (size - inside + BLOCK - 1) // BLOCK * BLOCK, scales, matrix, window)
+        own[k - inside] = diagonal[unknowns[where[k - border]]]
+
+
+@native(small=True)
+def _copy(first: i64, last: i64, sources: i32s, given: f64s, entries: f64s) -> None:
+    """Copy entries, one by one: gathered in vectors they would take longer."""
+    for e in range(first, last):
+        entries[e] = given[sources[e]]
+
+
+@native(fast=True)
+def _clear(first: i64, last: i64, cleared: i32s, window: f64s) -> None:
+    """Clear blocks of the window."""
+    for k in range(first, last):
+        store8(window, cleared[k], 0.0)
+
+
+@native(fast=True)
+def _place(
+    first: i64, last: i64, blocks: i32s, stride: i64, scales: f64s, entries: f64s, window: f64s
+) -> None:
+    """Bring scaled entries to the window, block by block."""
+    for b in range(first, last):
+        j = blocks[RECORD * b]
+        i = blocks[RECORD * b + 1]
+        value = expand8(entries, blocks[RECORD * b + 3], blocks[RECORD * b + 2])
+        store8(window, i * stride + j, value * (load8(scales, j) * scales[i]))
+
+
+@native(fast=True)
+def _complete(program: i32s, stride: i64, kept: f64s, left: f64s, window: f64s) -> None:
+    """Bring the diagonal to the window, and what the stage before has left."""
+    size = program[SIZE]
+    own = kept[padded(size) :]
+    inside = size - program[INSIDE]
     for k in range(inside, size):
-        value = matrix[k - inside] * scales[k] * scales[k]
-        matrix[k - inside] = value
-        window[k * (stride + 1)] = value
+        window[k * (stride + 1)] = own[k - inside] * kept[k] * kept[k]
     carried = program[CARRIED]
     target = program[program[CARRIED_TO] :]
     for e in range(carried * (carried + 1) // 2):
@@ -198,10 +210,8 @@ def _note_pair(e: f64, square: f64, other_square: f64, state: f64s) -> None:
 
 
 @native(fast=True)
-def _take_four(
-    panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
-) -> None:  # fmt: skip
-    """Take four unknowns out of the window."""
+def _invert_four(panel: i32s, stride: i64, window: f64s, factors: f64s, state: f64s) -> None:
+    """L and D^-1 of the corner where four unknowns meet."""
     high = panel[3]
     place = high * (stride + 1)
     a00 = window[place]
@@ -270,12 +280,36 @@ def _take_four(
     factors[9] = l12
     factors[10] = l13
     factors[11] = l23
+    factors[FIRST_PRODUCTS] = a01 * a01 + a02 * a02 + a03 * a03
+    factors[FIRST_PRODUCTS + 1] = a12 * a12 + a13 * a13
+    factors[FIRST_PRODUCTS + 2] = a23 * a23
+    state[NEGATIVE] += negative
+
+
+@native(fast=True)
+def _take_four(
+    panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
+) -> None:  # fmt: skip
+    """Take four unknowns out of the window, whose corner is done."""
+    high = panel[3]
+    d0 = factors[0]
+    d1 = factors[1]
+    d2 = factors[2]
+    d3 = factors[3]
+    e01 = factors[4]
+    e23 = factors[5]
+    l01 = factors[6]
+    l02 = factors[7]
+    l03 = factors[8]
+    l12 = factors[9]
+    l13 = factors[10]
+    l23 = factors[11]
     blocks = panel[4]
     columns = panel[6:]
     rows = columns[2 * blocks :]
-    m0 = splat8(a01 * a01 + a02 * a02 + a03 * a03)
-    m1 = splat8(a12 * a12 + a13 * a13)
-    m2 = splat8(a23 * a23)
+    m0 = splat8(factors[FIRST_PRODUCTS])
+    m1 = splat8(factors[FIRST_PRODUCTS + 1])
+    m2 = splat8(factors[FIRST_PRODUCTS + 2])
     m3 = splat8(0.0)
     first = columns[0]
     at = high * stride
@@ -358,15 +392,12 @@ def _take_four(
     store8(state, INVERSE, max8(inverse, load8(state, INVERSE)))
     product = max8(max8(m0 * s0, m1 * s1), max8(m2 * s2, m3 * s3))
     store8(state, PRODUCT, max8(product, load8(state, PRODUCT)))
-    state[NEGATIVE] += negative
     state[CHECK] += s0 + s1 + s2 + s3
 
 
 @native(fast=True)
-def _take_two(
-    panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
-) -> None:  # fmt: skip
-    """The same for two."""
+def _invert_two(panel: i32s, stride: i64, window: f64s, factors: f64s, state: f64s) -> None:
+    """The same as ``_invert_four`` for two."""
     high = panel[3]
     place = high * (stride + 1)
     a00 = window[place]
@@ -391,10 +422,24 @@ def _take_two(
     factors[1] = d1
     factors[2] = e01
     factors[3] = l01
+    factors[4] = a01 * a01
+    state[NEGATIVE] += negative
+
+
+@native(fast=True)
+def _take_two(
+    panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
+) -> None:  # fmt: skip
+    """The same as ``_take_four`` for two."""
+    high = panel[3]
+    d0 = factors[0]
+    d1 = factors[1]
+    e01 = factors[2]
+    l01 = factors[3]
     blocks = panel[4]
     columns = panel[6:]
     rows = columns[2 * blocks :]
-    m0 = splat8(a01 * a01)
+    m0 = splat8(factors[4])
     m1 = splat8(0.0)
     for b in range(blocks):
         column = columns[2 * b]
@@ -417,7 +462,6 @@ def _take_two(
         _note_pair(e01, largest8(m0), largest8(m1), state)
     store8(state, INVERSE, max8(max8(splat8(s0), splat8(s1)), load8(state, INVERSE)))
     store8(state, PRODUCT, max8(max8(m0 * s0, m1 * s1), load8(state, PRODUCT)))
-    state[NEGATIVE] += negative
     state[CHECK] += s0 + s1
 
 
@@ -427,8 +471,7 @@ def _take_one(
 ) -> None:  # fmt: skip
     """The same for one."""
     high = panel[3]
-    d0 = 1.0 / window[high * (stride + 1)]
-    factors[0] = d0
+    d0 = factors[0]
     blocks = panel[4]
     columns = panel[6:]
     rows = columns[2 * blocks :]
@@ -465,15 +508,16 @@ def eliminate(
     diagonal: f64s,
     scale: f64s,
     left: f64s,
-    scales: f64s,
     peaks: f64s,
     matrix: f64s,
     most: f64s,
-    window: f64s,
+    windows: f64s,
     factors: f64s,
     state: f64s,
 ) -> i64:
     """Eliminate all stages.
+
+    Pivots wait for one another; meanwhile the next stage is loaded, into the other one of two windows.
 
     Args:
         stages, table, code: FIELDS numbers for each stage, and the programs they refer to.
@@ -481,11 +525,12 @@ def eliminate(
         growth, suspect: pivots are accepted as long as no product that is subtracted exceeds 1 / growth, and no
             entry of D^-1 1 / suspect, in the scaled matrix.
         masks: k ones and 8 - k zeros, for k from 0 to 8.
-        source: of each entry in ``given``, stage by stage; index: which unknown is at each place of vectors.
+        source: of each entry in ``given``, stage by stage, in the order of the blocks; index: which unknown is at each place of vectors.
         given: entries of the matrix: H, J, p and d; diagonal: that of the matrix, (N,).
         scale, most: of the unknowns, vectors; the latter become the largest entries of all rows.
-        left, scales, peaks, window: work space.
-        matrix: the scaled entries, for products with the matrix: the diagonal of U, then the blocks.
+        left, peaks, windows: work space, the latter for two windows.
+        matrix: what is kept of each stage for products with the matrix: the scale of its rows, the diagonal of U,
+            the entries in the order of the blocks.
         factors, state: the results.
 
     Returns:
@@ -506,26 +551,79 @@ def eliminate(
             most[k] = 0.0
     for k in range(border * (border + 1) // 2):
         left[k] = 0.0
+    window = windows[0:]
+    stage = table[0:]
+    program = code[stage[CODE] :]
+    kept = matrix[stage[MATRIX] :]
+    entries = kept[padded(program[SIZE]) + padded(program[INSIDE]) :]
+    _begin(stage, program, border_base, index, diagonal, scale, kept)
+    _clear(0, program[CLEARED], program[program[CLEARED_AT] :], window)
+    _copy(0, program[ENTRIES], source[stage[SOURCES] :], given, entries)
+    _place(0, program[BLOCKS], program[program[BLOCKS_AT] :], stride, kept, entries, window)
     for s in range(stages):
         stage = table[s * FIELDS :]
         program = code[stage[CODE] :]
         kept = matrix[stage[MATRIX] :]
-        _load(
-            stage, program, border_base, stride, source, index, given, diagonal, scale, left, scales, kept, window,
-        )  # fmt: skip
-        if watched:
-            _measure(program, border_base, stage[BASE], kept, peaks, most)
+        window = windows[s % 2 * stride * stride :]
+        _complete(program, stride, kept, left, window)
+        following = table[min(s + 1, stages - 1) * FIELDS :]
+        coming = code[following[CODE] :]
+        ahead = matrix[following[MATRIX] :]
+        beside = windows[(s + 1) % 2 * stride * stride :]
+        entries = ahead[padded(coming[SIZE]) + padded(coming[INSIDE]) :]
+        sources = source[following[SOURCES] :]
+        cleared = coming[coming[CLEARED_AT] :]
+        blocks = coming[coming[BLOCKS_AT] :]
+        # First half: entries are copied; second half: blocks are brought to the window.
+        more = 1 if s + 1 < stages else 0
+        last_clear = more * coming[CLEARED]
+        last_copy = more * coming[ENTRIES]
+        last_place = more * coming[BLOCKS]
         panels = program[program[PANELS_AT] :]
         places = program[program[PLACES_AT] :]
+        half = max(program[PANELS] // 2, 1)
+        rest = max(program[PANELS] - half, 1)
+        clears = (last_clear + half - 1) // half
+        copies = (last_copy + half - 1) // half
+        placings = (last_place + rest - 1) // rest
+        at_clear = 0
+        at_copy = 0
+        at_place = 0
         for p in range(program[PANELS]):
             panel = panels[places[2 * p] :]
             own = factors[stage[FACTORS] + places[2 * p + 1] :]
+            if panel[0] == 4:
+                _invert_four(panel, stride, window, own, state)
+            elif panel[0] == 2:
+                _invert_two(panel, stride, window, own, state)
+            else:
+                own[0] = 1.0 / window[panel[3] * (stride + 1)]
+            if p == 0 and more != 0:
+                _begin(following, coming, border_base, index, diagonal, scale, ahead)
+            if p < half:
+                to_clear = min(at_clear + clears, last_clear)
+                to_copy = min(at_copy + copies, last_copy)
+                _clear(at_clear, to_clear, cleared, beside)
+                _copy(at_copy, to_copy, sources, given, entries)
+                at_clear = to_clear
+                at_copy = to_copy
+            else:
+                to_place = min(at_place + placings, last_place)
+                _place(at_place, to_place, blocks, stride, ahead, entries, beside)
+                at_place = to_place
             if panel[0] == 4:
                 _take_four(panel, stride, masks, window, own, state)
             elif panel[0] == 2:
                 _take_two(panel, stride, masks, window, own, state)
             else:
                 _take_one(panel, stride, masks, window, own, state)
+        if program[PANELS] == 0 and more != 0:
+            _begin(following, coming, border_base, index, diagonal, scale, ahead)
+        _clear(at_clear, last_clear, cleared, beside)
+        _copy(at_copy, last_copy, sources, given, entries)
+        _place(at_place, last_place, blocks, stride, ahead, entries, beside)
+        if watched:
+            _measure(program, border_base, stage[BASE], kept, peaks, most)
         product = largest8(load8(state, PRODUCT)) + sqrt(state[MIXED])
         worst = max(growth * product, suspect * max(largest8(load8(state, INVERSE)), state[BESIDE]))
         if not (worst + 0.0 * state[CHECK] < 1.0):

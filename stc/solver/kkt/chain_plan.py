@@ -94,11 +94,13 @@ class ChainProgram:
 
     Attributes:
         code: see chain_elimination.
+        entries: the order of a stage's entries, (E,).
         factors, matrix: numbers that a stage needs.
         operations: additions and multiplications of a stage.
     """
 
     code: Int32s
+    entries: Int64s
     factors: int
     matrix: int
     operations: int
@@ -295,9 +297,14 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
         np.maximum(slot[kind.rows], slot[kind.columns]),
         np.minimum(slot[kind.rows], slot[kind.columns]),
     )
+    entries = np.lexsort((low, high, low // BLOCK))
+    to_high, to_low = high[entries], low[entries]
+    is_new = np.ones(entries.size, dtype=bool)
+    is_new[1:] = (np.diff(to_low // BLOCK) != 0) | (np.diff(to_high) != 0)
+    begin = np.flatnonzero(is_new)
+    block_rows, block_columns = to_high[begin], BLOCK * (to_low[begin] // BLOCK)
+    bits = np.add.reduceat(1 << to_low % BLOCK, begin) if begin.size else begin
     filled = np.zeros((size, stride // BLOCK), dtype=bool)
-    filled[high, low // BLOCK] = True
-    block_columns, block_rows = np.nonzero(filled.T)
     arrived = np.concatenate([slot[own + following :], slot[kind.arrived]])
     a, b = np.tril_indices(arrived.size)
     to_high, to_low = np.maximum(arrived[a], arrived[b]), np.minimum(arrived[a], arrived[b])
@@ -324,11 +331,9 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
         factors += corner + BLOCK * members * blocks.size
         operations += members * down.size * (down.size + 1 + members)
     filled &= np.arange(stride // BLOCK) <= blocks_of[:, None]
+    filled[block_rows, block_columns // BLOCK] = False  # entries take their places
     cleared_rows, cleared_blocks = np.nonzero(filled)
-    column, begin, count = np.unique(block_columns, return_index=True, return_counts=True)
-    by_column = np.insert(
-        block_rows, np.repeat(begin, 2), np.stack([BLOCK * column, count], axis=1).reshape(-1)
-    )
+    column, count = np.unique(block_columns, return_counts=True)
     where = np.empty(size, dtype=np.int64)
     where[slot[:own]] = np.arange(own)
     where[slot[own : own + following]] = own + kind.following
@@ -343,21 +348,18 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
         length += part.size
 
     header[chain.SIZE], header[chain.INSIDE], header[chain.BORDER] = size, own, border
-    header[chain.CLEARED], header[chain.ENTRIES], header[chain.COLUMNS] = (
-        cleared_rows.size,
-        high.size,
-        column.size,
-    )
+    header[chain.CLEARED], header[chain.ENTRIES] = cleared_rows.size, entries.size
+    header[chain.BLOCKS], header[chain.COLUMNS] = begin.size, column.size
     header[chain.CARRIED], header[chain.PANELS] = arrived.size, len(panels)
     put(chain.WHERE, where[border:])
     put(chain.CLEARED_AT, cleared_rows * stride + BLOCK * cleared_blocks)
-    put(chain.ENTRIES_TO, high * stride + low)
-    put(chain.BLOCKS_AT, by_column)
+    put(chain.BLOCKS_AT, np.stack([block_columns, block_rows, bits, begin], axis=1).reshape(-1))
+    put(chain.COLUMNS_AT, np.stack([column, count], axis=1).reshape(-1))
     put(chain.CARRIED_TO, to_high * stride + to_low)
     put(chain.PANELS_AT, np.concatenate([np.zeros(0, dtype=np.int64), *listed]))
     put(chain.PLACES_AT, np.array(places, dtype=np.int64))
-    matrix = -(-own // BLOCK) * BLOCK + BLOCK * block_rows.size
-    return ChainProgram(np.concatenate(parts).astype(np.int32), factors, matrix, operations)
+    matrix = sum(chain.padded(count) for count in (size, own, entries.size))
+    return ChainProgram(np.concatenate(parts).astype(np.int32), entries, factors, matrix, operations)
 
 
 def _panels(

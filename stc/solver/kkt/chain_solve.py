@@ -6,7 +6,7 @@ For one vector or for two, which share the reading of the factors and of the mat
 from __future__ import annotations
 
 from stc.codegen.native import f64s, fabs, i32s, i64, i64s, native
-from stc.codegen.native_vector import load8, splat8, store8, sum8
+from stc.codegen.native_vector import expand8, load8, splat8, store8, sum8
 from stc.solver.kkt.chain_elimination import (
     BASE,
     BLOCK,
@@ -14,6 +14,7 @@ from stc.solver.kkt.chain_elimination import (
     BORDER,
     CODE,
     COLUMNS,
+    COLUMNS_AT,
     FACTORS,
     FIELDS,
     INSIDE,
@@ -21,9 +22,11 @@ from stc.solver.kkt.chain_elimination import (
     PANELS,
     PANELS_AT,
     PLACES_AT,
+    RECORD,
     SIZE,
     WHERE,
     gather_rows,
+    padded,
 )
 from stc.solver.kkt.segmented_passes import bring_scaled, return_scaled
 from stc.solver.kkt.substitution import improves
@@ -291,58 +294,66 @@ def _substitute_both(
 
 
 @native(fast=True, inline=True)
-def _subtract_entries(program: i32s, kept: f64s, part: f64s, result: f64s, by_row: f64s) -> None:
-    """``result -= A part`` for the entries of a stage; ``by_row`` is room for eight times its rows."""
+def _subtract_entries(program: i32s, kept: f64s, part: f64s, result: f64s, sums: f64s, by_row: f64s) -> None:
+    """``result -= A part`` for the entries of a stage, scaled; ``part`` is scaled, too, afterwards.
+
+    ``sums`` and ``by_row`` are room for one and eight times its rows.
+    """
     size = program[SIZE]
     own = program[INSIDE]
     inside = size - own
-    for k in range(0, own, BLOCK):
-        value = load8(kept, k) * load8(part, inside + k)
-        store8(result, inside + k, load8(result, inside + k) - value)
+    diagonal = kept[padded(size) :]
+    entries = diagonal[padded(own) :]
+    for k in range(0, size, BLOCK):
+        store8(part, k, load8(part, k) * load8(kept, k))
+        store8(sums, k, splat8(0.0))
+    for k in range(own):
+        sums[inside + k] = diagonal[k] * part[inside + k]
     for k in range(inside, size):
         store8(by_row, BLOCK * k, splat8(0.0))
-    at = (own + BLOCK - 1) // BLOCK * BLOCK
-    listed = program[program[BLOCKS_AT] :]
-    for _column in range(program[COLUMNS]):
-        j = listed[0]
-        count = listed[1]
+    blocks = program[program[BLOCKS_AT] :]
+    listed = program[program[COLUMNS_AT] :]
+    for column in range(program[COLUMNS]):
+        j = listed[2 * column]
+        count = listed[2 * column + 1]
         x = load8(part, j)
         # Four sums at once: each addition waits for the one before.
-        total = load8(result, j)
+        total = load8(sums, j)
         second = splat8(0.0)
         third = splat8(0.0)
         fourth = splat8(0.0)
-        k = 2
-        while k + 2 <= count:
-            i = BLOCK * listed[k]
-            value = load8(kept, at)
-            total -= value * part[listed[k]]
-            store8(by_row, i, load8(by_row, i) + value * x)
-            i = BLOCK * listed[k + 1]
-            value = load8(kept, at + BLOCK)
-            second -= value * part[listed[k + 1]]
-            store8(by_row, i, load8(by_row, i) + value * x)
-            i = BLOCK * listed[k + 2]
-            value = load8(kept, at + 2 * BLOCK)
-            third -= value * part[listed[k + 2]]
-            store8(by_row, i, load8(by_row, i) + value * x)
-            i = BLOCK * listed[k + 3]
-            value = load8(kept, at + 3 * BLOCK)
-            fourth -= value * part[listed[k + 3]]
-            store8(by_row, i, load8(by_row, i) + value * x)
-            at += 4 * BLOCK
+        k = 0
+        while k + 4 <= count:
+            i = blocks[1]
+            value = expand8(entries, blocks[3], blocks[2])
+            total += value * part[i]
+            store8(by_row, BLOCK * i, load8(by_row, BLOCK * i) + value * x)
+            i = blocks[5]
+            value = expand8(entries, blocks[7], blocks[6])
+            second += value * part[i]
+            store8(by_row, BLOCK * i, load8(by_row, BLOCK * i) + value * x)
+            i = blocks[9]
+            value = expand8(entries, blocks[11], blocks[10])
+            third += value * part[i]
+            store8(by_row, BLOCK * i, load8(by_row, BLOCK * i) + value * x)
+            i = blocks[13]
+            value = expand8(entries, blocks[15], blocks[14])
+            fourth += value * part[i]
+            store8(by_row, BLOCK * i, load8(by_row, BLOCK * i) + value * x)
+            blocks = blocks[4 * RECORD :]
             k += 4
-        while k < count + 2:
-            i = BLOCK * listed[k]
-            value = load8(kept, at)
-            total -= value * part[listed[k]]
-            store8(by_row, i, load8(by_row, i) + value * x)
-            at += BLOCK
+        while k < count:
+            i = blocks[1]
+            value = expand8(entries, blocks[3], blocks[2])
+            total += value * part[i]
+            store8(by_row, BLOCK * i, load8(by_row, BLOCK * i) + value * x)
+            blocks = blocks[RECORD:]
             k += 1
-        store8(result, j, (total + second) + (third + fourth))
-        listed = listed[2 + count :]
+        store8(sums, j, (total + second) + (third + fourth))
     for k in range(inside, size):
-        result[k] -= sum8(load8(by_row, BLOCK * k))
+        sums[k] += sum8(load8(by_row, BLOCK * k))
+    for k in range(0, size, BLOCK):
+        store8(result, k, load8(result, k) - load8(sums, k) * load8(kept, k))
 
 
 @native(fast=True)
@@ -355,7 +366,8 @@ def _subtract(
         z[k] = y[k]
     part = work
     result = work[stride:]
-    by_row = work[2 * stride :]
+    sums = work[2 * stride :]
+    by_row = work[3 * stride :]
     for s in range(stages):
         stage = table[s * FIELDS :]
         program = code[stage[CODE] :]
@@ -367,7 +379,7 @@ def _subtract(
         gather_rows(rows, border, border_base, base, where, z, result)
         for k in range(rows, rows + BLOCK):
             part[k] = 0.0
-        _subtract_entries(program, matrix[stage[MATRIX] :], part, result, by_row)
+        _subtract_entries(program, matrix[stage[MATRIX] :], part, result, sums, by_row)
         _return(0, rows, border, border_base, base, where, result, z)
     check = 0.0
     length = 0.0
