@@ -44,7 +44,7 @@ def store8(x: NDArray[np.float64], k: int, vector: Vector) -> None:
 
 
 def expand8(x: NDArray[np.float64], k: int, mask: int) -> Vector:
-    """The next elements of ``x`` from ``x[k]`` on where the bits of ``mask`` are 1, the lowest first, and 0 elsewhere."""
+    """The next elements of ``x`` from ``x[k]`` on where bits of ``mask`` are 1, the lowest first, and 0 elsewhere."""
     vector = np.zeros(8)
     lanes = [lane for lane in range(8) if mask >> lane & 1]
     vector[lanes] = x[k : k + len(lanes)]

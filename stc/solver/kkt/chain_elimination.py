@@ -525,7 +525,8 @@ def eliminate(
         growth, suspect: pivots are accepted as long as no product that is subtracted exceeds 1 / growth, and no
             entry of D^-1 1 / suspect, in the scaled matrix.
         masks: k ones and 8 - k zeros, for k from 0 to 8.
-        source: of each entry in ``given``, stage by stage, in the order of the blocks; index: which unknown is at each place of vectors.
+        source: of each entry in ``given``, stage by stage, in the order of the blocks; index: which unknown is at each
+            place of vectors.
         given: entries of the matrix: H, J, p and d; diagonal: that of the matrix, (N,).
         scale, most: of the unknowns, vectors; the latter become the largest entries of all rows.
         left, peaks, windows: work space, the latter for two windows.
