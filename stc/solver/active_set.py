@@ -24,11 +24,11 @@ from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
 from stc.solver.products import between
 from stc.solver.projection import Projection, ProjectionPair
+from stc.solver.projection_passes import ACCURATE, CONTRACTION
 from stc.solver.restricted import DUAL_SHIFT
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [
-    "ACCURATE",
     "Finish",
     "Projection",
     "newton_on_active_set",
@@ -46,19 +46,12 @@ PATIENT = 0.3
 """Which bounds are active is clear where multipliers and gaps differ by such a factor. With more doubtful ones than so
 many, steps as if it were known lead astray: the next look is at this share of the error."""
 FINISHING_STEPS = 8
-CONTRACTION = 0.1
 SLIGHT_CONTRACTION = 0.5
-"""What is enough to go on, near and from a neighbour."""
+"""What is enough to go on from a neighbour."""
 FAST = 1e-2
 """Contraction that makes one more step worth its while: it gains two digits or more."""
-ACCURATE = 0.1
-"""Share of the tolerance that a point is to reach where another step would."""
 FARTHEST = 30.0
 """A step that makes the error this many times larger has lost its way, whatever patience is left."""
-EXACT = 1e-3
-"""Share of the tolerance above which a correction with the factorisation at hand is worth its while."""
-CORRECTIONS = 3
-"""So many of them at most."""
 SAME = 1e-8
 
 
@@ -103,9 +96,8 @@ def newton_on_active_set(
         error = pair.point.error
         if certified and error <= (tolerance if contraction > FAST else ACCURATE * tolerance):
             return pair.point, True
-        if not pair.step():
+        if not pair.step(tolerance):
             return None, False
-        _correct(pair, tolerance)
         new = pair.next
         if new.error > max(enough * error, ACCURATE * tolerance):
             patience -= 1
@@ -127,25 +119,6 @@ def newton_on_active_set(
         )
         pair.swap()
     return pair.point, certified and pair.point.error <= tolerance
-
-
-def _correct(pair: ProjectionPair, tolerance: float) -> None:
-    """Make a step that has contracted better with the same factorisation: once, and again where that saves another.
-
-    One is saved also by a point that is exact: others are polished (see stc.solver.polish).
-    """
-    before = pair.point.error
-    enough = ACCURATE * tolerance
-    for left in range(CORRECTIONS, 0, -1):
-        error = pair.next.error
-        if not EXACT * tolerance < error <= CONTRACTION * before:
-            return
-        target = enough if error > enough else EXACT * tolerance
-        if left < CORRECTIONS and error * (error / before) ** left > target:
-            return
-        before = error
-        if not pair.correct():
-            return
 
 
 def newton_point(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:

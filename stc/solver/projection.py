@@ -5,15 +5,13 @@ See :mod:`stc.solver.active_set` for the equation and what is done with it.
 
 from __future__ import annotations
 
-import math
 from functools import partial
 
 import numpy as np
 
-from stc.codegen.calls import Bound, chain
-from stc.solver import conditions
+from stc.codegen.calls import Bound, CallTable, chain_until
+from stc.solver import conditions, projection_passes
 from stc.solver.nlp import Floats
-from stc.solver.passes import multiplier_scale
 from stc.solver.restricted import AGAINST_DEPENDENT_ROWS, RestrictedDiagonals, factorize_restricted
 from stc.solver.scaled_problem import ScaledProblem
 
@@ -30,7 +28,9 @@ class Projection:
         lagrangian: ``grad f + J^T y``, (n,); the multipliers of the bounds are its negative.
         active_x: 1 for variables at a bound, else 0, (n,), and ``x_target`` that bound.
         active_rows: 1 for rows at a bound, else 0, (m,), and ``row_target`` that bound.
-        error: the largest violated condition, dual ones over the size of the multipliers.
+        error: the largest violated condition, dual ones over the size of the multipliers; where compiled functions
+            find it, ``errors``.
+        evaluate_call: as ``evaluate``; 0 where all is defined and finite.
     """
 
     def __init__(self, form: ScaledProblem) -> None:
@@ -47,24 +47,36 @@ class Projection:
         self.lagrangian = np.zeros(n)
         self.active_x, self.x_target = np.zeros(n), np.zeros(n)
         self.active_rows, self.row_target = np.zeros(m), np.zeros(m)
-        self.error = math.inf
+        self.errors = np.full(1, np.inf)
         self._evaluator = ev
-        self._of_x, self._of_rows, self._largest = np.zeros(3), np.zeros(3), np.zeros(2)
+        of_x, of_rows, self._largest = np.zeros(3), np.zeros(3), np.zeros(2)
         self.dx, self.dy = np.zeros(n), np.zeros(m)
         kkt = form.attached_kkt
         self._diagonals = RestrictedDiagonals(kkt, self.active_x, self.active_rows)
-        self._count = n + m
         rows, cols = form.jac_rows, form.jac_cols
-        project_x = form.held_factor, self.x_target, self.active_x, self._of_x
-        project_rows = form.equality_factor, self.row_target, self.active_rows, self._of_rows
-        self._derive = chain(
+        project_x = form.held_factor, self.x_target, self.active_x, of_x
+        project_rows = form.equality_factor, self.row_target, self.active_rows, of_rows
+        of_lagrangian = conditions.gradient_of_lagrangian.bind(
+            n, rows.size, rows, cols, self.y, self.gradient, self.jac, self.lagrangian
+        )
+        self.evaluate_call: Bound = chain_until(
             [
-                ev.derivatives_call,
-                conditions.gradient_of_lagrangian.bind(
-                    n, rows.size, rows, cols, self.y, self.gradient, self.jac, self.lagrangian
+                (ev.values_call, False),
+                (projection_passes.undefined.bind(ev.values_status), True),
+                (ev.derivatives_call, False),
+                (of_lagrangian, False),
+                (
+                    conditions.project_entries.bind(n, 1, self.x, self.lagrangian, *form.true_x, *project_x),
+                    False,
                 ),
-                conditions.project_entries.bind(n, 1, self.x, self.lagrangian, *form.true_x, *project_x),
-                conditions.project_entries.bind(m, 0, self.r, self.y, *form.true_rows, *project_rows),
+                (
+                    conditions.project_entries.bind(m, 0, self.r, self.y, *form.true_rows, *project_rows),
+                    False,
+                ),
+                (
+                    projection_passes.judge.bind(n + m, of_x, of_rows, ev.derivatives_status, self.errors),
+                    True,
+                ),
             ]
         )
         self._restrict = conditions.restrict.bind(
@@ -100,33 +112,20 @@ class Projection:
         self._find_violation()
         return float(self._violation[0])
 
+    @property
+    def error(self) -> float:
+        """See the class."""
+        return float(self.errors[0])
+
     def evaluate(self) -> bool:
         """Renew everything for what is in ``x`` and ``y``; False where a function is undefined."""
-        ev = self._evaluator
-        ev.values_call()
-        if ev.values_status[0] != 0.0:
-            return False
-        self._derive()
-        (primal, dual, total), (primal_rows, dual_rows, total_rows) = (
-            self._of_x.tolist(),
-            self._of_rows.tolist(),
-        )
-        scale = multiplier_scale(total + total_rows, self._count)
-        self.error = max(primal, primal_rows, max(dual, dual_rows) / scale)
-        check = self.error + dual + dual_rows + ev.derivatives_status[0]
-        return bool(check - check == 0.0)
+        return not self.evaluate_call()
 
     def factorize(self, regularity: int = 0) -> tuple[int, bool]:
         """Factorise for the Newton step on the active set; see ``factorize_restricted``."""
         self._restrict()
         largest, irregular = self._largest.tolist()
         return factorize_restricted(self._diagonals, largest, regularity, irregular=irregular != 0.0)
-
-    def is_on_active_set_of(self, other: Projection) -> bool:
-        """Whether the same bounds and rows are active at another point."""
-        # The masks are 0 or 1: the same where their bytes are.
-        same_x = self.active_x.tobytes() == other.active_x.tobytes()
-        return same_x and self.active_rows.tobytes() == other.active_rows.tobytes()
 
 
 class ProjectionPair:
@@ -142,54 +141,67 @@ class ProjectionPair:
         self.regularity = 0
         self.largest = np.zeros(2)
         self._kkt = form.attached_kkt
+        self._table = table = CallTable(projection_passes.CALLS)
         bind = partial(conditions.advance.bind, form.n, form.m)
-        self._advance: dict[int, Bound] = {
-            id(one): bind(
-                one.x, one.y, one.dx, one.dy, self._kkt.solution, *form.true_x, other.x, other.y, self.largest
+        points = one, other = self.point, self.next
+        self._places = {id(one): 0, id(other): 1}
+        self._advance: list[Bound] = []
+        places = projection_passes.EVALUATE, projection_passes.REMAINING, projection_passes.ADVANCE
+        for k, (here, there) in enumerate(((one, other), (other, one))):
+            advance = bind(
+                here.x,
+                here.y,
+                here.dx,
+                here.dy,
+                self._kkt.solution,
+                *form.true_x,
+                there.x,
+                there.y,
+                self.largest,
             )
-            for one, other in ((self.point, self.next), (self.next, self.point))
-        }
+            self._advance.append(advance)
+            for place, call in zip(places, (here.evaluate_call, here.remaining_call, advance), strict=True):
+                table.put(place + k, call)
+        of_both = [array for p in points for array in (p.active_x, p.active_rows)], [p.errors for p in points]
+        self._improve = projection_passes.improve.bind(
+            table.cells, 0, form.n, form.m, 0.0, *of_both[0], *of_both[1], self.largest
+        )
 
     def start(self, x: Floats, y: Floats) -> bool:
         """Begin at ``(x, y)``; False where a function is undefined."""
         self.point.x[:], self.point.y[:] = x, y
         return self.point.evaluate()
 
-    def step(self) -> bool:
-        """Find and evaluate the next point; False where there is none."""
-        return self.advance() and self.next.evaluate()
-
-    def advance(self) -> bool:
-        """Find the next point by Newton's method; False where there is none.
+    def step(self, tolerance: float) -> bool:
+        """Find and evaluate the next point, corrected (see ``improve``); False where there is none.
 
         Afterwards ``largest[0]`` is the largest change of a variable.
         """
-        self.regularity, positive = self.point.factorize(min(self.regularity, AGAINST_DEPENDENT_ROWS))
-        if not positive:
+        if not self._solve():
             return False
-        self._kkt.solve_call()
-        self._kkt.check_solution()
-        self._advance[id(self.point)]()
+        table, here = self._table, self._places[id(self.point)]
+        table.put(projection_passes.SOLVE, self._kkt.solve_call)
+        self._improve.set("here", here)
+        self._improve.set("tolerance", tolerance)
+        last = self._improve()
+        table.check()
+        if last == here + 1:
+            self.swap()
+        return last != 0
+
+    def advance(self) -> bool:
+        """Find the next point by Newton's method, not evaluated; False where there is none."""
+        if not self._solve():
+            return False
+        self._advance[self._places[id(self.point)]]()
         return bool(self.largest[1] == 0.0)
 
-    def correct(self) -> bool:
-        """Step once more with the same factorisation, from the next point to where the point has been.
-
-        This makes a factorisation gain as much as one and a half Newton steps (J. F. Traub, Iterative methods for the
-        solution of equations, 1964, section 8.4). False where that comes no closer; the next point is as it was.
-        """
-        if not self.next.is_on_active_set_of(self.point):
-            return False
-        self.next.remaining_call()
-        self._kkt.solve_call()
-        change = float(self.largest[0])
-        self._advance[id(self.next)]()
-        if self.largest[1] == 0.0 and self.point.evaluate() and self.point.error < self.next.error:
-            self.largest[0] += change
-            self.swap()
-            return True
-        self.largest[0] = change
-        return False
+    def _solve(self) -> bool:
+        self.regularity, positive = self.point.factorize(min(self.regularity, AGAINST_DEPENDENT_ROWS))
+        if positive:
+            self._kkt.solve_call()
+            self._kkt.check_solution()
+        return positive
 
     def swap(self) -> None:
         """Make the next point the point."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from stc.records import dataclass
-from stc.solver.active_set import ACCURATE, newton_on_active_set, newton_point, smaller_multipliers
+from stc.solver.active_set import newton_on_active_set, newton_point, smaller_multipliers
 from stc.solver.interior import feasible_first, optimise
 from stc.solver.keeping import give_back, kept_form, key_of
 from stc.solver.kkt import KKTSystem, structured_kkt
@@ -18,6 +18,7 @@ from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.polish import MET, meet_equations
 from stc.solver.presolve import presolved
 from stc.solver.products import between, inner
+from stc.solver.projection_passes import ACCURATE
 from stc.solver.report import Callback, Result, Start
 from stc.solver.residuals import Assessment, assess
 from stc.solver.scaled_problem import ScaledProblem
@@ -74,6 +75,11 @@ def minimize(
         return _Solve(nlp, options, callback, start, new_kkt).run()
 
 
+def _contradicts(nlp: NLP) -> bool:
+    """Whether two bounds do."""
+    return bool(np.any(nlp.x_lower > nlp.x_upper) or np.any(nlp.row_lower > nlp.row_upper))
+
+
 @dataclass(frozen=True, slots=True)
 class _Point:
     """Variables (n,) and row multipliers (m,) of the problem as stated."""
@@ -103,7 +109,8 @@ class _Solve:
 
     def run(self) -> Result:
         nlp = self.nlp
-        if np.any(nlp.x_lower > nlp.x_upper) or np.any(nlp.row_lower > nlp.row_upper):
+        keeper = getattr(nlp, "keeper", None)
+        if _contradicts(nlp) if keeper is None else keeper.once(_contradicts, nlp):
             return self._result(Status.INFEASIBLE, self.start.x, message="Two bounds contradict each other.")
         x0 = between(np.asarray(self.start.x, dtype=float), nlp.x_lower, nlp.x_upper)
         key = key_of(nlp, x0, self.options, self.new_kkt)

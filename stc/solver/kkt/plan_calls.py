@@ -19,6 +19,7 @@ __all__ = [
     "ELIMINATE",
     "END",
     "EQUILIBRATE",
+    "FRESH",
     "IF_REFUSED",
     "IF_SUITED",
     "MADE",
@@ -43,8 +44,20 @@ __all__ = [
 
 #: In the tally of a system, behind the attempts that succeeded: how many more there may be, -1 where another plan is
 #: due; the plan of the factors, and that for the next matrix; another one to try when no more are allowed, or -1; how
-#: many are allowed when that suits, and when not; what came of it (0 so far), and how many had succeeded by then.
-ALLOWED, NOW, NEXT, OTHER, IF_SUITED, IF_REFUSED, OUTCOME, MADE_BEFORE, TALLY = 1, 2, 3, 4, 5, 6, 7, 8, 9
+#: many are allowed when that suits, and when not; what came of it (0 so far), and how many had succeeded by then; 1 as
+#: long as there is no scale yet.
+ALLOWED, NOW, NEXT, OTHER, IF_SUITED, IF_REFUSED, OUTCOME, MADE_BEFORE, FRESH, TALLY = (
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+    10,
+)
 SUITED, REFUSED = 1, 2
 #: Calls of a plan for segments, in a table that has so many for each.
 ELIMINATE, EQUILIBRATE, PROBE, END, SOLVE, SOLVE_BOTH, CALLS = 0, 1, 2, 3, 4, 5, 6
@@ -59,14 +72,20 @@ MORE = 3.0
 MOST_TRUSTED = 1e-4
 
 
-@native
-def begin(curved: i64, curvatures: i64s, account: f64s, tally: i64s) -> i64:
-    """1 where another plan may suit segments better: H has become zero or is so no longer, or it is time to choose."""
+@native(shared=True)
+def begin(curved: i64, curvatures: i64s, account: f64s, calls: i64s, tally: i64s) -> i64:
+    """1 where another plan may suit better: H has become zero or is so no longer, or it is time to choose.
+
+    Otherwise the first of all matrices is scaled.
+    """
     if has_served(account) != 0 or (curvatures[0] != 0) != (curved != 0):
         return 1
     if tally[ALLOWED] <= 0 and tally[OTHER] < 0:
         return 1
     tally[ALLOWED] -= 1
+    if tally[FRESH] != 0:
+        tally[FRESH] = 0
+        invoke(calls, CALLS * tally[NEXT] + EQUILIBRATE)
     return 0
 
 

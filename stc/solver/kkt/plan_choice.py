@@ -179,6 +179,15 @@ class Plans:
             last = number + max(1, self._settle_at - plan.served) if plan.curved else FAR
             self._choose_at = min([last, *(other.rest_until for other in self._cheaper(plan))])
 
+    def begin(self) -> None:
+        """Take up the plan for the first matrix since a restart, where it is like the one at that time."""
+        now = self.now
+        if now.served > 0 and not (now.curved and now.served >= self._settle_at):
+            number = self.tried + 1
+            self._take_up(
+                next((plan for plan in self._cheaper(now) if plan.rest_until <= number), now), number
+            )
+
     def foresee(self) -> None:
         """Take up the plan that matrices with curvature have begun with before, where there is one."""
         if self.now.curved:

@@ -117,7 +117,7 @@ class PlannedKKT(ByCopies):
             self.n, self.m, couplings.hess_count + couplings.jac_count, couplings.hess_count, self._curved_source.size,
             couplings.hess_variable, self._curved_source, a.given, self._diagonal, self._curvatures,
         )  # fmt: skip
-        self._scaled = False
+        self._tally[plan_calls.FRESH] = 1
         self._rest = rest
         self._whole: FrontalKKT | None = None
         self._eliminated = size - left
@@ -174,9 +174,9 @@ class PlannedKKT(ByCopies):
         """Forget all matrices, as if new, but not the plans: they are taken up in the same order."""
         self._take_attempts()
         self._counted = 0
-        self.nnz_factor = 0
         self.last_residual = 0.0
-        self._scaled = False
+        self._tally[plan_calls.FRESH] = 1
+        self._scale[:] = 1.0
         self._plans.restart()
         for plan in self._plans:
             plan.state[TRUSTED] = SUSPECT
@@ -205,18 +205,21 @@ class PlannedKKT(ByCopies):
         if call is None:
             return self._refactor()
         ended = call()
-        return self.resume(ended) if ended else Inertia(*self.inertia.tolist())
+        if ended:
+            return self.resume(ended)
+        self._factorized = True
+        return Inertia(*self.inertia.tolist())
 
     def _refactor(self) -> Inertia:
         """``refactor``, one step after the other."""
-        self._factorized = False
         self._take_attempts()
+        self._factorized = False
         if self._collect():
             raise NotFinite("the KKT matrix has entries that are not finite")
-        if not self._scaled:
+        if self._tally[plan_calls.FRESH]:
             self._scale[:] = 1.0
             self._plans.now.equilibrate()
-            self._scaled = True
+            self._tally[plan_calls.FRESH] = 0
         return self._complete(None)
 
     def _plan_in_use(self) -> Prepared:
@@ -229,10 +232,15 @@ class PlannedKKT(ByCopies):
     def attempt_call(self) -> Bound | None:
         """See ``AttachedKKT.attempt_call``."""
         rest, plans, tally = self._rest, self._plans, self._tally
-        if self.irregular or not (self._factorized and rest.follows_plan and self._bindings == rest.bindings):
-            return None
         self._take_attempts()
-        plans.foresee()
+        first = tally[plan_calls.FRESH] and self._attempt is not None
+        alike = rest.follows_plan and self._bindings == rest.bindings
+        if self.irregular or not (alike and (self._factorized or first)):
+            return None
+        if first:
+            plans.begin()
+        else:
+            plans.foresee()
         if plans.now.bindings != rest.bindings:
             return None
         tally[plan_calls.NEXT], tally[plan_calls.ALLOWED] = plans.now.slot, plans.certain
@@ -249,8 +257,8 @@ class PlannedKKT(ByCopies):
         """See ``AttachedKKT.resume``."""
         if ended < ELIMINATED:
             return self._refactor()
-        self._factorized = False
         self._take_attempts()
+        self._factorized = False
         return self._complete(ended)
 
     def _take_attempts(self) -> None:
@@ -267,6 +275,7 @@ class PlannedKKT(ByCopies):
 
     def _note_made(self, made: int) -> None:
         if made:
+            self._factorized = True
             self._counted += made
             self._plans.went_well(made)
 
@@ -400,7 +409,9 @@ class PlannedKKT(ByCopies):
         """Prepare the calls of a whole factorisation."""
         steps = [(self._eliminate, True), *self._rest.steps()]
         self._steps = chain_until(steps)
-        self._begin = plan_calls.begin.bind(0, self._curvatures, self._rest.account, self._tally)
+        self._begin = plan_calls.begin.bind(
+            0, self._curvatures, self._rest.account, self._calls.cells, self._tally
+        )
         end = plan_calls.end.bind(self._calls.cells, self._tally)
         self._attempt = chain_until([(self._collect, True), (self._begin, True), *steps, (end, True)])
         self._bindings = self._rest.bindings
