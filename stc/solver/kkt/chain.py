@@ -19,7 +19,7 @@ from stc.solver.kkt import attempts, chain_elimination, pivots, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.chain_elimination import eliminate
 from stc.solver.kkt.chain_plan import Chain, ChainProgram, lay_out_chain, plan_chain
-from stc.solver.kkt.chain_solve import ONE, UNITS, solve
+from stc.solver.kkt.chain_solve import ONE, UNITS, VECTORS, solve
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import SWEEPS
@@ -110,7 +110,7 @@ class ChainKKT(PlannedKKT):
         self._sources = self._source[chain.edges]
         stride = self._stride
         rows = (chain_elimination.BLOCK + 2) * stride
-        self._work = aligned_zeros(3 * stride + rows)
+        self._work = aligned_zeros(2 * VECTORS * stride)
         self._spaces = tuple(aligned_zeros(room) for room in (stride * stride, rows, 2 * stride * stride))
         self._matrix = aligned_zeros(0)
         self._masks = np.concatenate([np.repeat([1.0, 0.0], [k, 8 - k]) for k in range(9)])

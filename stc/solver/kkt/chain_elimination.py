@@ -36,8 +36,6 @@ __all__ = [
     "CLEARED",
     "CLEARED_AT",
     "CODE",
-    "COLUMNS",
-    "COLUMNS_AT",
     "ENTRIES",
     "FACTORS",
     "FIELDS",
@@ -48,6 +46,8 @@ __all__ = [
     "PLACES_AT",
     "PROGRAM",
     "RECORD",
+    "ROWS",
+    "ROWS_AT",
     "SIZE",
     "SOURCES",
     "UNWATCHED",
@@ -66,9 +66,9 @@ CODE, BASE, SOURCES, MATRIX, FACTORS, FIELDS = 0, 1, 2, 3, 4, 5
 #: the order of the window; ...
 SIZE, INSIDE, WHERE = 0, 1, 2
 #: ... blocks without entries to be cleared first, by their places in the window; entries off the diagonal; blocks with
-#: entries, by columns: the column where each begins, its row, which of its numbers are entries, bit by bit, and the
-#: first one of these; columns at which there are blocks, each with how many; ...
-CLEARED, CLEARED_AT, ENTRIES, BLOCKS, BLOCKS_AT, COLUMNS, COLUMNS_AT = 3, 4, 5, 6, 7, 8, 9
+#: entries, row by row: the column where each begins, its row, which of its numbers are entries, bit by bit, and the
+#: first one of these; rows with blocks, each with how many; ...
+CLEARED, CLEARED_AT, ENTRIES, BLOCKS, BLOCKS_AT, ROWS, ROWS_AT = 3, 4, 5, 6, 7, 8, 9
 RECORD = 4
 #: ... how many rows the stage before has left, and where its triangle goes, entry by entry; ...
 CARRIED, CARRIED_TO = 10, 11

@@ -297,7 +297,7 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
         np.maximum(slot[kind.rows], slot[kind.columns]),
         np.minimum(slot[kind.rows], slot[kind.columns]),
     )
-    entries = np.lexsort((low, high, low // BLOCK))
+    entries = np.lexsort((low, high))
     to_high, to_low = high[entries], low[entries]
     is_new = np.ones(entries.size, dtype=bool)
     is_new[1:] = (np.diff(to_low // BLOCK) != 0) | (np.diff(to_high) != 0)
@@ -333,7 +333,7 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
     filled &= np.arange(stride // BLOCK) <= blocks_of[:, None]
     filled[block_rows, block_columns // BLOCK] = False  # entries take their places
     cleared_rows, cleared_blocks = np.nonzero(filled)
-    column, count = np.unique(block_columns, return_counts=True)
+    row, count = np.unique(block_rows, return_counts=True)
     where = np.empty(size, dtype=np.int64)
     where[slot[:own]] = np.arange(own)
     where[slot[own : own + following]] = own + kind.following
@@ -349,12 +349,12 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
 
     header[chain.SIZE], header[chain.INSIDE], header[chain.BORDER] = size, own, border
     header[chain.CLEARED], header[chain.ENTRIES] = cleared_rows.size, entries.size
-    header[chain.BLOCKS], header[chain.COLUMNS] = begin.size, column.size
+    header[chain.BLOCKS], header[chain.ROWS] = begin.size, row.size
     header[chain.CARRIED], header[chain.PANELS] = arrived.size, len(panels)
     put(chain.WHERE, where[border:])
     put(chain.CLEARED_AT, cleared_rows * stride + BLOCK * cleared_blocks)
     put(chain.BLOCKS_AT, np.stack([block_columns, block_rows, bits, begin], axis=1).reshape(-1))
-    put(chain.COLUMNS_AT, np.stack([column, count], axis=1).reshape(-1))
+    put(chain.ROWS_AT, np.stack([row, count], axis=1).reshape(-1))
     put(chain.CARRIED_TO, to_high * stride + to_low)
     put(chain.PANELS_AT, np.concatenate([np.zeros(0, dtype=np.int64), *listed]))
     put(chain.PLACES_AT, np.array(places, dtype=np.int64))

@@ -13,8 +13,6 @@ from stc.solver.kkt.chain_elimination import (
     BLOCKS_AT,
     BORDER,
     CODE,
-    COLUMNS,
-    COLUMNS_AT,
     FACTORS,
     FIELDS,
     INSIDE,
@@ -23,6 +21,8 @@ from stc.solver.kkt.chain_elimination import (
     PANELS_AT,
     PLACES_AT,
     RECORD,
+    ROWS,
+    ROWS_AT,
     SIZE,
     WHERE,
     gather_rows,
@@ -31,10 +31,13 @@ from stc.solver.kkt.chain_elimination import (
 from stc.solver.kkt.segmented_passes import bring_scaled, return_scaled
 from stc.solver.kkt.substitution import improves
 
-__all__ = ["ONE", "UNITS", "solve"]
+__all__ = ["ONE", "UNITS", "VECTORS", "solve"]
 
 #: Blocks with a single 1 are cut out of a row of UNITS numbers that has it here.
 ONE, UNITS = 11, 24
+#: Vectors of a stage in the work space, for each of two: the part of x that belongs to its rows; what is held back
+#: meanwhile; the part once it is scaled; sums of products with the matrix, by columns and by rows.
+HELD, SCALED, SUMS, DOTS, VECTORS = 1, 2, 3, 4, 5
 
 
 @native(fast=True, inline=True)
@@ -176,9 +179,9 @@ def _forward(
 ) -> None:  # fmt: skip
     """L and D of one stage, in place."""
     part = work
-    held = work[stride:]
-    other_part = work[2 * stride :]
-    other_held = work[3 * stride :]
+    held = work[HELD * stride :]
+    other_part = work[VECTORS * stride :]
+    other_held = other_part[HELD * stride :]
     where = program[program[WHERE] :]
     border = program[BORDER]
     size = program[SIZE]
@@ -223,164 +226,230 @@ def _gather_inside(
 
 
 @native(fast=True, inline=True)
-def _backward(
-    both: i64, stage: i64s, program: i32s, border_base: i64, stride: i64, units: f64s, factors: f64s, work: f64s,
-    x: f64s, other_x: f64s,
-) -> None:  # fmt: skip
-    """L^T of one stage, in place."""
-    part = work
-    held = work[stride:]
-    other_part = work[2 * stride :]
-    other_held = work[3 * stride :]
-    where = program[program[WHERE] :]
-    border = program[BORDER]
+def _subtract_rows(
+    both: i64, first: i64, last: i64, program: i32s, kept: f64s, at: i64, stride: i64, work: f64s
+) -> i64:
+    """Add products of rows of a stage's entries, from the row ``first`` on; where the next row's blocks are."""
+    entries = kept[padded(program[SIZE]) + padded(program[INSIDE]) :]
+    blocks = program[program[BLOCKS_AT] :]
+    rows = program[program[ROWS_AT] :]
+    x = work[SCALED * stride :]
+    sums = work[SUMS * stride :]
+    dots = work[DOTS * stride :]
+    other = work[VECTORS * stride :]
+    other_x = other[SCALED * stride :]
+    other_sums = other[SUMS * stride :]
+    other_dots = other[DOTS * stride :]
+    block = at
+    for r in range(first, last):
+        i = rows[2 * r]
+        end = block + rows[2 * r + 1]
+        dot = splat8(0.0)
+        other_dot = splat8(0.0)
+        x_i = x[i]
+        other_x_i = other_x[i]
+        while block < end:
+            j = blocks[RECORD * block]
+            value = expand8(entries, blocks[RECORD * block + 3], blocks[RECORD * block + 2])
+            dot += value * load8(x, j)
+            store8(sums, j, load8(sums, j) + value * x_i)
+            if both != 0:
+                other_dot += value * load8(other_x, j)
+                store8(other_sums, j, load8(other_sums, j) + value * other_x_i)
+            block += 1
+        dots[i] = sum8(dot)
+        if both != 0:
+            other_dots[i] = sum8(other_dot)
+    return block
+
+
+@native(fast=True, inline=True)
+def _begin_products(program: i32s, kept: f64s, stride: i64, work: f64s) -> None:
+    """Scale what is in ``part``, and begin with the products of the diagonal."""
     size = program[SIZE]
-    inside = size - program[INSIDE]
+    own = program[INSIDE]
+    inside = size - own
+    diagonal = kept[padded(size) :]
+    x = work[SCALED * stride :]
+    sums = work[SUMS * stride :]
+    dots = work[DOTS * stride :]
+    for k in range(0, size, BLOCK):
+        store8(x, k, load8(work, k) * load8(kept, k))
+        store8(dots, k, splat8(0.0))
+        store8(sums, k, splat8(0.0))
+    for k in range(own):
+        dots[inside + k] = diagonal[k] * x[inside + k]
+    for k in range(0, size, BLOCK):
+        store8(sums, k, load8(dots, k))
+        store8(dots, k, splat8(0.0))
+
+
+@native(fast=True, inline=True)
+def _end_products(
+    stage: i64s, program: i32s, border_base: i64, kept: f64s, stride: i64, work: f64s, z: f64s
+) -> None:
+    """Subtract the products of a stage from ``z``."""
+    size = program[SIZE]
+    border = program[BORDER]
     base = stage[BASE]
-    gather_rows(inside, border, border_base, base, where, x, part)
-    _gather_inside(inside, size, border, base, where, x, part, held)
-    if both != 0:
-        gather_rows(inside, border, border_base, base, where, other_x, other_part)
-        _gather_inside(inside, size, border, base, where, other_x, other_part, other_held)
-    panels = program[program[PANELS_AT] :]
-    places = program[program[PLACES_AT] :]
-    last = program[PANELS] - 1
-    for k in range(last + 1):
-        p = last - k
-        panel = panels[places[2 * p] :]
-        own = factors[stage[FACTORS] + places[2 * p + 1] :]
-        if panel[0] == 4:
-            _backward_four(panel, own, units, part, held)
+    where = program[program[WHERE] :]
+    sums = work[SUMS * stride :]
+    dots = work[DOTS * stride :]
+    for k in range(0, size, BLOCK):
+        store8(sums, k, (load8(sums, k) + load8(dots, k)) * load8(kept, k))
+    for k in range(border):
+        z[border_base + k] -= sums[k]
+    own = z[base:]
+    for k in range(border, size):
+        own[where[k - border]] -= sums[k]
+
+
+@native(fast=True, inline=True)
+def _backward(
+    both: i64, checked: i64, stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, units: f64s,
+    factors: f64s, matrix: f64s, work: f64s, x: f64s, other_x: f64s, z: f64s, other_z: f64s,
+) -> None:  # fmt: skip
+    """L^T of all stages, in place; where it is ``checked``, ``z -= K x`` as well.
+
+    Pivots wait for one another; meanwhile products with the matrix of the last stage are added.
+    """
+    part = work
+    held = work[HELD * stride :]
+    other = work[VECTORS * stride :]
+    other_held = other[HELD * stride :]
+    for k in range(stages):
+        s = stages - 1 - k
+        stage = table[s * FIELDS :]
+        program = code[stage[CODE] :]
+        where = program[program[WHERE] :]
+        border = program[BORDER]
+        size = program[SIZE]
+        inside = size - program[INSIDE]
+        base = stage[BASE]
+        gather_rows(inside, border, border_base, base, where, x, part)
+        _gather_inside(inside, size, border, base, where, x, part, held)
+        if both != 0:
+            gather_rows(inside, border, border_base, base, where, other_x, other)
+            _gather_inside(inside, size, border, base, where, other_x, other, other_held)
+        done = table[min(s + 1, stages - 1) * FIELDS :]
+        behind = code[done[CODE] :]
+        kept = matrix[done[MATRIX] :]
+        rows = behind[ROWS] if checked != 0 and k > 0 else 0
+        panels = program[program[PANELS_AT] :]
+        places = program[program[PLACES_AT] :]
+        count = program[PANELS]
+        share = (rows + max(count, 1) - 1) // max(count, 1)
+        row = 0
+        block = 0
+        for q in range(count):
+            p = count - 1 - q
+            panel = panels[places[2 * p] :]
+            own = factors[stage[FACTORS] + places[2 * p + 1] :]
+            if panel[0] == 4:
+                _backward_four(panel, own, units, part, held)
+                if both != 0:
+                    _backward_four(panel, own, units, other, other_held)
+            elif panel[0] == 2:
+                _backward_two(panel, own, units, part, held)
+                if both != 0:
+                    _backward_two(panel, own, units, other, other_held)
+            else:
+                _backward_one(panel, own, units, part, held)
+                if both != 0:
+                    _backward_one(panel, own, units, other, other_held)
+            if row < rows:
+                last = min(row + share, rows)
+                block = _subtract_rows(both, row, last, behind, kept, block, stride, work)
+                row = last
+        _return(inside, size, border, border_base, base, where, part, x)
+        if both != 0:
+            _return(inside, size, border, border_base, base, where, other, other_x)
+        if checked != 0:
+            if k > 0:
+                _subtract_rows(both, row, rows, behind, kept, block, stride, work)
+                _end_products(done, behind, border_base, kept, stride, work, z)
+                if both != 0:
+                    _end_products(done, behind, border_base, kept, stride, other, other_z)
+            for r in range(size, padded(size)):
+                part[r] = 0.0
+                if both != 0:
+                    other[r] = 0.0
+            _begin_products(program, matrix[stage[MATRIX] :], stride, work)
             if both != 0:
-                _backward_four(panel, own, units, other_part, other_held)
-        elif panel[0] == 2:
-            _backward_two(panel, own, units, part, held)
-            if both != 0:
-                _backward_two(panel, own, units, other_part, other_held)
-        else:
-            _backward_one(panel, own, units, part, held)
-            if both != 0:
-                _backward_one(panel, own, units, other_part, other_held)
-    _return(inside, size, border, border_base, base, where, part, x)
-    if both != 0:
-        _return(inside, size, border, border_base, base, where, other_part, other_x)
+                _begin_products(program, matrix[stage[MATRIX] :], stride, other)
+    if checked != 0:
+        first = code[table[CODE] :]
+        kept = matrix[table[MATRIX] :]
+        _subtract_rows(both, 0, first[ROWS], first, kept, 0, stride, work)
+        _end_products(table[0:], first, border_base, kept, stride, work, z)
+        if both != 0:
+            _end_products(table[0:], first, border_base, kept, stride, other, other_z)
 
 
 @native(fast=True)
 def _substitute_one(
-    stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, units: f64s, factors: f64s, work: f64s, x: f64s
+    checked: i64, stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, units: f64s, factors: f64s,
+    matrix: f64s, work: f64s, x: f64s, z: f64s,
 ) -> None:  # fmt: skip
-    """Solve with the factors, in place."""
+    """Solve with the factors, in place; where it is ``checked``, ``z -= K x`` as well."""
     for s in range(stages):
         stage = table[s * FIELDS :]
         _forward(0, stage, code[stage[CODE] :], border_base, stride, factors, work, x, x)
-    for s in range(stages):
-        stage = table[(stages - 1 - s) * FIELDS :]
-        _backward(0, stage, code[stage[CODE] :], border_base, stride, units, factors, work, x, x)
+    _backward(0, checked, stages, table, code, border_base, stride, units, factors, matrix, work, x, x, z, z)
 
 
 @native(fast=True)
 def _substitute_both(
-    stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, units: f64s, factors: f64s, work: f64s,
-    x: f64s, other_x: f64s,
+    checked: i64, stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, units: f64s, factors: f64s,
+    matrix: f64s, work: f64s, x: f64s, other_x: f64s, z: f64s, other_z: f64s,
 ) -> None:  # fmt: skip
     """The same for two."""
     for s in range(stages):
         stage = table[s * FIELDS :]
         _forward(1, stage, code[stage[CODE] :], border_base, stride, factors, work, x, other_x)
-    for s in range(stages):
-        stage = table[(stages - 1 - s) * FIELDS :]
-        _backward(1, stage, code[stage[CODE] :], border_base, stride, units, factors, work, x, other_x)
-
-
-@native(fast=True, inline=True)
-def _subtract_entries(program: i32s, kept: f64s, part: f64s, result: f64s, sums: f64s, by_row: f64s) -> None:
-    """``result -= A part`` for the entries of a stage, scaled; ``part`` is scaled, too, afterwards.
-
-    ``sums`` and ``by_row`` are room for one and eight times its rows.
-    """
-    size = program[SIZE]
-    own = program[INSIDE]
-    inside = size - own
-    diagonal = kept[padded(size) :]
-    entries = diagonal[padded(own) :]
-    for k in range(0, size, BLOCK):
-        store8(part, k, load8(part, k) * load8(kept, k))
-        store8(sums, k, splat8(0.0))
-    for k in range(own):
-        sums[inside + k] = diagonal[k] * part[inside + k]
-    for k in range(inside, size):
-        store8(by_row, BLOCK * k, splat8(0.0))
-    blocks = program[program[BLOCKS_AT] :]
-    listed = program[program[COLUMNS_AT] :]
-    for column in range(program[COLUMNS]):
-        j = listed[2 * column]
-        count = listed[2 * column + 1]
-        x = load8(part, j)
-        # Four sums at once: each addition waits for the one before.
-        total = load8(sums, j)
-        second = splat8(0.0)
-        third = splat8(0.0)
-        fourth = splat8(0.0)
-        k = 0
-        while k + 4 <= count:
-            i = blocks[1]
-            value = expand8(entries, blocks[3], blocks[2])
-            total += value * part[i]
-            store8(by_row, BLOCK * i, load8(by_row, BLOCK * i) + value * x)
-            i = blocks[5]
-            value = expand8(entries, blocks[7], blocks[6])
-            second += value * part[i]
-            store8(by_row, BLOCK * i, load8(by_row, BLOCK * i) + value * x)
-            i = blocks[9]
-            value = expand8(entries, blocks[11], blocks[10])
-            third += value * part[i]
-            store8(by_row, BLOCK * i, load8(by_row, BLOCK * i) + value * x)
-            i = blocks[13]
-            value = expand8(entries, blocks[15], blocks[14])
-            fourth += value * part[i]
-            store8(by_row, BLOCK * i, load8(by_row, BLOCK * i) + value * x)
-            blocks = blocks[4 * RECORD :]
-            k += 4
-        while k < count:
-            i = blocks[1]
-            value = expand8(entries, blocks[3], blocks[2])
-            total += value * part[i]
-            store8(by_row, BLOCK * i, load8(by_row, BLOCK * i) + value * x)
-            blocks = blocks[RECORD:]
-            k += 1
-        store8(sums, j, (total + second) + (third + fourth))
-    for k in range(inside, size):
-        sums[k] += sum8(load8(by_row, BLOCK * k))
-    for k in range(0, size, BLOCK):
-        store8(result, k, load8(result, k) - load8(sums, k) * load8(kept, k))
+    _backward(
+        1,
+        checked,
+        stages,
+        table,
+        code,
+        border_base,
+        stride,
+        units,
+        factors,
+        matrix,
+        work,
+        x,
+        other_x,
+        z,
+        other_z,
+    )
 
 
 @native(fast=True)
 def _subtract(
     stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, matrix: f64s, work: f64s, size: i64, x: f64s,
-    y: f64s, z: f64s, norms: f64s,
+    y: f64s, z: f64s,
 ) -> None:  # fmt: skip
-    """``z = y - K x``; ``norms`` become those of x and z, nan when not all is finite."""
+    """``z = y - K x``."""
     for k in range(size):
         z[k] = y[k]
-    part = work
-    result = work[stride:]
-    sums = work[2 * stride :]
-    by_row = work[3 * stride :]
     for s in range(stages):
         stage = table[s * FIELDS :]
         program = code[stage[CODE] :]
+        kept = matrix[stage[MATRIX] :]
         where = program[program[WHERE] :]
-        rows = program[SIZE]
-        border = program[BORDER]
-        base = stage[BASE]
-        gather_rows(rows, border, border_base, base, where, x, part)
-        gather_rows(rows, border, border_base, base, where, z, result)
-        for k in range(rows, rows + BLOCK):
-            part[k] = 0.0
-        _subtract_entries(program, matrix[stage[MATRIX] :], part, result, sums, by_row)
-        _return(0, rows, border, border_base, base, where, result, z)
+        gather_rows(program[SIZE], program[BORDER], border_base, stage[BASE], where, x, work)
+        for k in range(program[SIZE], padded(program[SIZE])):
+            work[k] = 0.0
+        _begin_products(program, kept, stride, work)
+        _subtract_rows(0, 0, program[ROWS], program, kept, 0, stride, work)
+        _end_products(stage, program, border_base, kept, stride, work, z)
+
+
+@native(fast=True)
+def _norms(size: i64, x: f64s, z: f64s, norms: f64s) -> None:
+    """The largest magnitudes of x and z, nan when not all is finite."""
     check = 0.0
     length = 0.0
     remaining = 0.0
@@ -445,42 +514,40 @@ def solve(
     other_report[0] = 1.0 * other_active
     for k in range(size):
         solution[k] = scaled_rhs[k]
+        change[k] = scaled_rhs[k]
     if both != 0:
         for k in range(size):
             other_solution[k] = other_scaled_rhs[k]
+            other_change[k] = other_scaled_rhs[k]
         _substitute_both(
-            stages, table, code, border_base, stride, units, factors, work, solution, other_solution
-        )
+            1, stages, table, code, border_base, stride, units, factors, matrix, work, solution, other_solution, change,
+            other_change,
+        )  # fmt: skip
     else:
-        _substitute_one(stages, table, code, border_base, stride, units, factors, work, solution)
+        _substitute_one(
+            1, stages, table, code, border_base, stride, units, factors, matrix, work, solution, change
+        )
     steps = 0
     while active + other_active > 0:
         report[1] = 1.0 * steps
         if active != 0:
-            _subtract(
-                stages,
-                table,
-                code,
-                border_base,
-                stride,
-                matrix,
-                work,
-                size,
-                solution,
-                scaled_rhs,
-                change,
-                norms,
-            )
+            if steps > 0:
+                _subtract(
+                    stages, table, code, border_base, stride, matrix, work, size, solution, scaled_rhs, change
+                )
+            _norms(size, solution, change, norms)
             if steps == 0:
                 report[2] = norms[0] / length
             active = improves(
                 size, steps, refinements, accuracy[0], norms[1], length, norms[0], report, kept, solution
             )
         if other_active != 0:
-            _subtract(
-                stages, table, code, border_base, stride, matrix, work, size, other_solution, other_scaled_rhs,
-                other_change, norms,
-            )  # fmt: skip
+            if steps > 0:
+                _subtract(
+                    stages, table, code, border_base, stride, matrix, work, size, other_solution, other_scaled_rhs,
+                    other_change,
+                )  # fmt: skip
+            _norms(size, other_solution, other_change, norms)
             other_active = improves(
                 size, steps, refinements, accuracy[0], norms[1], other_length, norms[0], other_report, other_kept,
                 other_solution,
@@ -488,12 +555,28 @@ def solve(
         steps += 1
         if active != 0 and other_active != 0:
             _substitute_both(
-                stages, table, code, border_base, stride, units, factors, work, change, other_change
-            )
+                0, stages, table, code, border_base, stride, units, factors, matrix, work, change, other_change, change,
+                other_change,
+            )  # fmt: skip
         elif active != 0:
-            _substitute_one(stages, table, code, border_base, stride, units, factors, work, change)
+            _substitute_one(
+                0, stages, table, code, border_base, stride, units, factors, matrix, work, change, change
+            )
         elif other_active != 0:
-            _substitute_one(stages, table, code, border_base, stride, units, factors, work, other_change)
+            _substitute_one(
+                0,
+                stages,
+                table,
+                code,
+                border_base,
+                stride,
+                units,
+                factors,
+                matrix,
+                work,
+                other_change,
+                other_change,
+            )
         if active != 0:
             for k in range(size):
                 kept[k] = change[k]
