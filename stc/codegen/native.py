@@ -19,8 +19,9 @@ of any module.
 
 All functions of one Python module are compiled at the first call of one of them, into one object that is kept
 on disk.  Arrays written by a call must not overlap its other arrays.  Arithmetic is IEEE, as written;
-``fast=True`` lets the compiler fuse multiply-adds and reorder sums (nan and infinity keep their meaning), and makes
-nan of ``min`` and ``max`` where an argument is nan.
+``fused=True`` lets the compiler fuse multiply-adds, ``fast=True`` reorder sums as well (nan and infinity keep their
+meaning), and makes nan of ``min`` and ``max`` where an argument is nan.  What is reordered waits less, but not every
+product is part of a multiply-add then.
 ``inline=True`` copies the body into every caller; ``small=True`` is for code outside inner loops: it compiles
 three times faster, to a third of the size, and runs slower.  ``shared=True`` is for functions that make prepared calls
 (:func:`stc.codegen.calls.invoke`), which may write to their arrays.  Without LLVM, or with ``STC_BACKEND=python``, the
@@ -141,12 +142,20 @@ class NativeFunction(Generic[P, R]):
     """A function of the compiled subset; call it like the Python function it was."""
 
     def __init__(
-        self, function: Callable[P, R], *, fast: bool, inline: bool, small: bool, shared: bool = False
+        self,
+        function: Callable[P, R],
+        *,
+        fast: bool = False,
+        fused: bool = False,
+        inline: bool = False,
+        small: bool = False,
+        shared: bool = False,
     ) -> None:
         self.__name__ = function.__name__
         functools.update_wrapper(self, function)
         self.function = function
         self.fast = fast
+        self.fused = fused
         self.inline = inline
         self.small = small
         self.shared = shared
@@ -357,7 +366,7 @@ def _reachable(roots: list[NativeFunction[..., Any]]) -> tuple[list[NativeFuncti
         code = inner.__code__
         described.append(
             f"{inner.__module__}.{inner.__qualname__} line {code.co_firstlineno} "
-            f"fast={current.fast} inline={current.inline} small={current.small} shared={current.shared}"
+            f"fast={current.fast} fused={current.fused} inline={current.inline} small={current.small} shared={current.shared}"
         )
         if code.co_filename not in files:
             files.add(code.co_filename)
@@ -394,6 +403,7 @@ def unit_ir(functions: list[NativeFunction[..., Any]], exported: int) -> str:
             symbol,
             native_function.signature,
             fast=native_function.fast,
+            fused=native_function.fused,
             inline=native_function.inline,
             small=native_function.small,
             shared=native_function.shared,
@@ -464,7 +474,12 @@ def _compile_unit(wanted: NativeFunction[..., Any]) -> None:
 def native(function: Callable[P, R], /) -> NativeFunction[P, R]: ...
 @overload
 def native(
-    *, fast: bool = False, inline: bool = False, small: bool = False, shared: bool = False
+    *,
+    fast: bool = False,
+    fused: bool = False,
+    inline: bool = False,
+    small: bool = False,
+    shared: bool = False,
 ) -> Callable[[Callable[P, R]], NativeFunction[P, R]]: ...
 
 
@@ -473,6 +488,7 @@ def native(
     /,
     *,
     fast: bool = False,
+    fused: bool = False,
     inline: bool = False,
     small: bool = False,
     shared: bool = False,
@@ -481,6 +497,7 @@ def native(
 
     Args:
         fast: fuse multiply-adds and reorder sums; nan and infinity keep their meaning.
+        fused: fuse multiply-adds only.
         inline: copy the body into every compiled caller.
         small: compile quickly and compactly, for code that is not in an inner loop.
         shared: what it calls may write to its arrays.
@@ -489,8 +506,10 @@ def native(
         NativeError: a parameter without a type of the subset.
     """
     if function is not None:
-        return NativeFunction(function, fast=fast, inline=inline, small=small, shared=shared)
-    return lambda inner: NativeFunction(inner, fast=fast, inline=inline, small=small, shared=shared)
+        return NativeFunction(function)
+    return lambda inner: NativeFunction(
+        inner, fast=fast, fused=fused, inline=inline, small=small, shared=shared
+    )
 
 
 def native_source(text: str, name: str) -> dict[str, Any]:

@@ -75,13 +75,14 @@ class ExpressionEmitter(BlockBuilder):
         self,
         filename: str,
         fast: bool,
+        fused: bool,
         resolve: Callable[[str], Any],
         callee_of: Callable[[Any], Callee | None],
     ) -> None:
         super().__init__(filename)
         self.resolve = resolve
         self.callee_of = callee_of
-        self.flags = " contract reassoc nsz" if fast else ""
+        self.flags = " contract reassoc nsz" if fast else " contract" * fused
         self.locals: dict[str, tuple[Type, str]] = {}
         self.assigned_names: frozenset[str] = frozenset()
 

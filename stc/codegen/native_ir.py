@@ -29,6 +29,7 @@ class FunctionEmitter(ExpressionEmitter):
         signature: Signature,
         *,
         fast: bool,
+        fused: bool,
         inline: bool,
         small: bool,
         shared: bool,
@@ -36,7 +37,7 @@ class FunctionEmitter(ExpressionEmitter):
         resolve: Callable[[str], Any],
         callee_of: Callable[[Any], Callee | None],
     ) -> None:
-        super().__init__(filename, fast, resolve, callee_of)
+        super().__init__(filename, fast, fused, resolve, callee_of)
         self.definition = definition
         self.symbol = symbol
         self.signature = signature

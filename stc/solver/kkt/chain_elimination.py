@@ -241,14 +241,14 @@ def _invert_four(panel: i32s, stride: i64, window: f64s, factors: f64s, state: f
         l13 = d1 * a13 + e01 * a03
         negative += 1.0 if determinant < 0.0 else (2.0 if a00 < 0.0 else 0.0)
     else:
+        # The second pivot is the quotient of two determinants, so that neither division waits for the other.
         d0 = 1.0 / a00
+        d1 = a00 / (a00 * a11 - a01 * a01)
         l01 = d0 * a01
         l02 = d0 * a02
         l03 = d0 * a03
-        a11 -= l01 * a01
         a12 -= l01 * a02
         a13 -= l01 * a03
-        d1 = 1.0 / a11
         l12 = d1 * a12
         l13 = d1 * a13
         negative += (1.0 if d0 < 0.0 else 0.0) + (1.0 if d1 < 0.0 else 0.0)
@@ -264,9 +264,8 @@ def _invert_four(panel: i32s, stride: i64, window: f64s, factors: f64s, state: f
         negative += 1.0 if determinant < 0.0 else (2.0 if a22 < 0.0 else 0.0)
     else:
         d2 = 1.0 / a22
+        d3 = a22 / (a22 * a33 - a23 * a23)
         l23 = d2 * a23
-        a33 -= l23 * a23
-        d3 = 1.0 / a33
         negative += (1.0 if d2 < 0.0 else 0.0) + (1.0 if d3 < 0.0 else 0.0)
     factors[0] = d0
     factors[1] = d1
@@ -286,7 +285,7 @@ def _invert_four(panel: i32s, stride: i64, window: f64s, factors: f64s, state: f
     state[NEGATIVE] += negative
 
 
-@native(fast=True)
+@native(fused=True)
 def _take_four(
     panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
 ) -> None:  # fmt: skip
@@ -414,9 +413,8 @@ def _invert_two(panel: i32s, stride: i64, window: f64s, factors: f64s, state: f6
         negative = 1.0 if determinant < 0.0 else (2.0 if a00 < 0.0 else 0.0)
     else:
         d0 = 1.0 / a00
+        d1 = a00 / (a00 * a11 - a01 * a01)
         l01 = d0 * a01
-        a11 -= l01 * a01
-        d1 = 1.0 / a11
         negative = (1.0 if d0 < 0.0 else 0.0) + (1.0 if d1 < 0.0 else 0.0)
     factors[0] = d0
     factors[1] = d1
@@ -426,7 +424,7 @@ def _invert_two(panel: i32s, stride: i64, window: f64s, factors: f64s, state: f6
     state[NEGATIVE] += negative
 
 
-@native(fast=True)
+@native(fused=True)
 def _take_two(
     panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
 ) -> None:  # fmt: skip
@@ -465,7 +463,7 @@ def _take_two(
     state[CHECK] += s0 + s1
 
 
-@native(fast=True)
+@native(fused=True)
 def _take_one(
     panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
 ) -> None:  # fmt: skip

@@ -47,7 +47,7 @@ def panel_vectors(members: i64, count: i64) -> i64:
     return members * (members + 1) // 2 + members * count
 
 
-@native(fast=True, inline=True)
+@native(fused=True, inline=True)
 def _update_four(count: i64, rows: i32s, factors: f64s, columns: f64s, work: f64s) -> None:
     """Subtract what four members leave; their rows of ``factors`` and ``columns`` are ``count`` vectors."""
     i = 0
@@ -99,7 +99,7 @@ def _update_four(count: i64, rows: i32s, factors: f64s, columns: f64s, work: f64
             store8(work, base + other, one)
 
 
-@native(fast=True, inline=True)
+@native(fused=True, inline=True)
 def _update_two(
     count: i64, rows: i32s, length: i64, begin: i64, factors: f64s, columns: f64s, work: f64s
 ) -> None:
