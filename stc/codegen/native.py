@@ -366,7 +366,8 @@ def _reachable(roots: list[NativeFunction[..., Any]]) -> tuple[list[NativeFuncti
         code = inner.__code__
         described.append(
             f"{inner.__module__}.{inner.__qualname__} line {code.co_firstlineno} "
-            f"fast={current.fast} fused={current.fused} inline={current.inline} small={current.small} shared={current.shared}"
+            f"fast={current.fast} fused={current.fused} inline={current.inline} small={current.small} "
+            f"shared={current.shared}"
         )
         if code.co_filename not in files:
             files.add(code.co_filename)
