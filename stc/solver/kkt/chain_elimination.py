@@ -489,6 +489,87 @@ def _take_one(
     state[CHECK] += fabs(d0)
 
 
+@native(fast=True, inline=True)
+def _take_panels(
+    stage: i64s, program: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, more: i64, following: i64s,
+    coming: i32s, border_base: i64, source: i32s, index: i32s, given: f64s, diagonal: f64s, scale: f64s, ahead: f64s,
+    beside: f64s, state: f64s,
+) -> None:  # fmt: skip
+    """Take the unknowns of a stage out of the window, while the ``following`` one comes to that ``beside``.
+
+    It does, but for its diagonal, where there is one ``more``.  A slice of this goes between the corner of each panel
+    and its rows: in the first half of the panels entries are copied, in the second one they are brought to the window.
+    """
+    entries = ahead[padded(coming[SIZE]) + padded(coming[INSIDE]) :]
+    sources = source[following[SOURCES] :]
+    cleared = coming[coming[CLEARED_AT] :]
+    blocks = coming[coming[BLOCKS_AT] :]
+    last_clear = more * coming[CLEARED]
+    last_copy = more * coming[ENTRIES]
+    last_place = more * coming[BLOCKS]
+    panels = program[program[PANELS_AT] :]
+    places = program[program[PLACES_AT] :]
+    count = program[PANELS]
+    half = max(count // 2, 1)
+    rest = max(count - half, 1)
+    clears = (last_clear + half - 1) // half
+    copies = (last_copy + half - 1) // half
+    placings = (last_place + rest - 1) // rest
+    at_clear = 0
+    at_copy = 0
+    at_place = 0
+    for p in range(count):
+        panel = panels[places[2 * p] :]
+        own = factors[stage[FACTORS] + places[2 * p + 1] :]
+        if panel[0] == 4:
+            _invert_four(panel, stride, window, own, state)
+        elif panel[0] == 2:
+            _invert_two(panel, stride, window, own, state)
+        else:
+            own[0] = 1.0 / window[panel[3] * (stride + 1)]
+        if p == 0 and more != 0:
+            _begin(following, coming, border_base, index, diagonal, scale, ahead)
+        if p < half:
+            to_clear = min(at_clear + clears, last_clear)
+            to_copy = min(at_copy + copies, last_copy)
+            _clear(at_clear, to_clear, cleared, beside)
+            _copy(at_copy, to_copy, sources, given, entries)
+            at_clear = to_clear
+            at_copy = to_copy
+        else:
+            to_place = min(at_place + placings, last_place)
+            _place(at_place, to_place, blocks, stride, ahead, entries, beside)
+            at_place = to_place
+        if panel[0] == 4:
+            _take_four(panel, stride, masks, window, own, state)
+        elif panel[0] == 2:
+            _take_two(panel, stride, masks, window, own, state)
+        else:
+            _take_one(panel, stride, masks, window, own, state)
+    if count == 0 and more != 0:
+        _begin(following, coming, border_base, index, diagonal, scale, ahead)
+    _clear(at_clear, last_clear, cleared, beside)
+    _copy(at_copy, last_copy, sources, given, entries)
+    _place(at_place, last_place, blocks, stride, ahead, entries, beside)
+
+
+@native(fast=True, inline=True)
+def _worst(growth: f64, suspect: f64, state: f64s) -> f64:
+    """What the test of all pivots so far is; nan where one of them is not finite."""
+    product = largest8(load8(state, PRODUCT)) + sqrt(state[MIXED])
+    worst = max(growth * product, suspect * max(largest8(load8(state, INVERSE)), state[BESIDE]))
+    return worst + 0.0 * state[CHECK]
+
+
+@native(fast=True, inline=True)
+def _leave(program: i32s, stride: i64, window: f64s, left: f64s) -> None:
+    """Take what a stage leaves out of the window."""
+    for i in range(program[SIZE] - program[INSIDE]):
+        begin = i * (i + 1) // 2
+        for j in range(0, i + 1, BLOCK):
+            store8(left, begin + j, load8(window, i * stride + j))
+
+
 @native(fast=True)
 def eliminate(
     stages: i64,
@@ -550,89 +631,33 @@ def eliminate(
             most[k] = 0.0
     for k in range(border * (border + 1) // 2):
         left[k] = 0.0
-    window = windows[0:]
-    stage = table[0:]
-    program = code[stage[CODE] :]
-    kept = matrix[stage[MATRIX] :]
-    entries = kept[padded(program[SIZE]) + padded(program[INSIDE]) :]
-    _begin(stage, program, border_base, index, diagonal, scale, kept)
-    _clear(0, program[CLEARED], program[program[CLEARED_AT] :], window)
-    _copy(0, program[ENTRIES], source[stage[SOURCES] :], given, entries)
-    _place(0, program[BLOCKS], program[program[BLOCKS_AT] :], stride, kept, entries, window)
+    first = code[table[CODE] :]
+    kept = matrix[table[MATRIX] :]
+    entries = kept[padded(first[SIZE]) + padded(first[INSIDE]) :]
+    _begin(table, first, border_base, index, diagonal, scale, kept)
+    _clear(0, first[CLEARED], first[first[CLEARED_AT] :], windows)
+    _copy(0, first[ENTRIES], source[table[SOURCES] :], given, entries)
+    _place(0, first[BLOCKS], first[first[BLOCKS_AT] :], stride, kept, entries, windows)
     for s in range(stages):
         stage = table[s * FIELDS :]
         program = code[stage[CODE] :]
         kept = matrix[stage[MATRIX] :]
         window = windows[s % 2 * stride * stride :]
         _complete(program, stride, kept, left, window)
-        following = table[min(s + 1, stages - 1) * FIELDS :]
-        coming = code[following[CODE] :]
-        ahead = matrix[following[MATRIX] :]
-        beside = windows[(s + 1) % 2 * stride * stride :]
-        entries = ahead[padded(coming[SIZE]) + padded(coming[INSIDE]) :]
-        sources = source[following[SOURCES] :]
-        cleared = coming[coming[CLEARED_AT] :]
-        blocks = coming[coming[BLOCKS_AT] :]
-        # First half: entries are copied; second half: blocks are brought to the window.
         more = 1 if s + 1 < stages else 0
-        last_clear = more * coming[CLEARED]
-        last_copy = more * coming[ENTRIES]
-        last_place = more * coming[BLOCKS]
-        panels = program[program[PANELS_AT] :]
-        places = program[program[PLACES_AT] :]
-        half = max(program[PANELS] // 2, 1)
-        rest = max(program[PANELS] - half, 1)
-        clears = (last_clear + half - 1) // half
-        copies = (last_copy + half - 1) // half
-        placings = (last_place + rest - 1) // rest
-        at_clear = 0
-        at_copy = 0
-        at_place = 0
-        for p in range(program[PANELS]):
-            panel = panels[places[2 * p] :]
-            own = factors[stage[FACTORS] + places[2 * p + 1] :]
-            if panel[0] == 4:
-                _invert_four(panel, stride, window, own, state)
-            elif panel[0] == 2:
-                _invert_two(panel, stride, window, own, state)
-            else:
-                own[0] = 1.0 / window[panel[3] * (stride + 1)]
-            if p == 0 and more != 0:
-                _begin(following, coming, border_base, index, diagonal, scale, ahead)
-            if p < half:
-                to_clear = min(at_clear + clears, last_clear)
-                to_copy = min(at_copy + copies, last_copy)
-                _clear(at_clear, to_clear, cleared, beside)
-                _copy(at_copy, to_copy, sources, given, entries)
-                at_clear = to_clear
-                at_copy = to_copy
-            else:
-                to_place = min(at_place + placings, last_place)
-                _place(at_place, to_place, blocks, stride, ahead, entries, beside)
-                at_place = to_place
-            if panel[0] == 4:
-                _take_four(panel, stride, masks, window, own, state)
-            elif panel[0] == 2:
-                _take_two(panel, stride, masks, window, own, state)
-            else:
-                _take_one(panel, stride, masks, window, own, state)
-        if program[PANELS] == 0 and more != 0:
-            _begin(following, coming, border_base, index, diagonal, scale, ahead)
-        _clear(at_clear, last_clear, cleared, beside)
-        _copy(at_copy, last_copy, sources, given, entries)
-        _place(at_place, last_place, blocks, stride, ahead, entries, beside)
+        following = table[(s + more) * FIELDS :]
+        _take_panels(
+            stage, program, stride, masks, window, factors, more, following, code[following[CODE] :], border_base,
+            source, index, given, diagonal, scale, matrix[following[MATRIX] :],
+            windows[(s + 1) % 2 * stride * stride :], state,
+        )  # fmt: skip
         if watched:
             _measure(program, border_base, stage[BASE], kept, peaks, most)
-        product = largest8(load8(state, PRODUCT)) + sqrt(state[MIXED])
-        worst = max(growth * product, suspect * max(largest8(load8(state, INVERSE)), state[BESIDE]))
-        if not (worst + 0.0 * state[CHECK] < 1.0):
+        worst = _worst(growth, suspect, state)
+        if not (worst < 1.0):
             return REFUSED
         state[LARGEST] = worst
-        outer = program[SIZE] - program[INSIDE]
-        for i in range(outer):
-            begin = i * (i + 1) // 2
-            for j in range(0, i + 1, BLOCK):
-                store8(left, begin + j, load8(window, i * stride + j))
+        _leave(program, stride, window, left)
     state[COUNTED] = state[NEGATIVE]
     if watched and spread_of(border_base + border, most) > STALE:
         return STALE_SCALE
