@@ -62,3 +62,36 @@ def test_attempts_refuse_what_is_not_finite(system):
         kkt.resume(ended)
     kkt.hess[3] = values.hess[3]
     assert kkt.refactor() == DenseKKT(*pattern.arguments()).factorize(*values.arguments())
+
+
+@pytest.mark.parametrize("system", SYSTEMS[:2])
+def test_the_first_matrix_after_a_restart_is_attempted(system):
+    """With the plan that suited the first one before, and a scale of its own."""
+    rng = np.random.default_rng(23)
+    pattern = motion(rng, 40)
+    kkt = system(pattern)
+    judge = DenseKKT(*pattern.arguments())
+    values = generic(rng, pattern)
+    for _ in range(3):
+        kkt.factorize(*values.arguments())
+    scale = kkt._scale.copy()
+    kkt.restart()
+    assert kkt.factorizations == 0
+    # Other units: the old scale would not do.
+    unit = 1e6 ** rng.uniform(-1.0, 1.0, pattern.n)
+    values.jac *= unit[pattern.jac_cols]
+    values.hess *= unit[pattern.hess_rows] * unit[pattern.hess_cols]
+    values.primal *= unit**2
+    kkt.hess[:], kkt.jac[:], kkt.primal[:], kkt.dual[:] = values.arguments()
+    call = kkt.attempt_call
+    assert call is not None
+    assert call() == 0
+    assert Inertia(*kkt.inertia.tolist()) == judge.factorize(*values.arguments())
+    assert kkt.factorizations == 1
+    assert np.abs(np.log(kkt._scale / scale)).max() > 3.0
+    kkt.restart()
+    kkt.hess[0] = np.nan
+    with pytest.raises(NotFinite):
+        kkt.refactor()
+    kkt.hess[0] = values.hess[0]
+    assert kkt.refactor() == judge.factorize(*values.arguments())
