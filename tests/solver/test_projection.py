@@ -77,11 +77,11 @@ def test_no_correction_where_a_step_is_exact():
 
 
 def test_a_step_to_where_nothing_is_defined_leads_nowhere():
-    program = SymbolicProgram([0.999], lambda x: -call("log", x[0]) - 2 * call("log", 1 - x[0]))
+    program = SymbolicProgram([3.0], lambda x: x[0] - call("log", x[0]))
     pair = ProjectionPair(ScaledProblem(program, program.x0, Options(scaling=False), DenseKKT))
-    assert pair.start(np.array([0.3]), np.zeros(0))
+    assert pair.start(np.array([0.99]), np.zeros(0))
     assert pair.step(TOLERANCE)
-    assert pair.next.x == pytest.approx([1 / 3], abs=1e-3)
-    assert pair.start(np.array([0.999]), np.zeros(0))
-    assert not pair.step(TOLERANCE)
-    assert not pair.start(np.array([1.5]), np.zeros(0))
+    assert pair.next.x == pytest.approx([1.0], abs=1e-6)
+    assert pair.start(np.array([3.0]), np.zeros(0))
+    assert not pair.step(TOLERANCE)  # to -3
+    assert not pair.start(np.array([-1.0]), np.zeros(0))
