@@ -22,6 +22,21 @@ def test_the_same_solve_again_finds_the_same() -> None:
     assert np.array_equal(minimize(bound).x, again.x)
 
 
+def test_a_program_without_rows_is_solved_again() -> None:
+    """It needs no multipliers to begin with, so that the first matrix is that of an iteration."""
+    problem, transcription = stc.load(
+        "constants: n = 200, T = 1, h = T/n;\nvariables: x, y;\nmethod: trapezoidal;\nobjective:\n"
+        " [0, n]: (x - 1)^4 + exp(y)*x^2 + y^2; [0, n - 1]: (x[i+1] - x[i])^2 + (y[i+1] - y[i])^2;"
+    ).transcription()
+    bound = transcription.bind(problem.constants)
+    assert bound.m == 0
+    first = minimize(bound)
+    again = minimize(bound)
+    assert first.status.value == again.status.value == "optimal"
+    np.testing.assert_allclose(first.x, again.x, rtol=0.0, atol=1e-12)
+    assert (first.iterations, first.factorizations) == (again.iterations, again.factorizations)
+
+
 def test_other_starts_and_options_do_not_get_what_was_left() -> None:
     problem, transcription = stc.load("cart_pole_swing_up").transcription(n=20)
     alone = transcription.bind(problem.constants)

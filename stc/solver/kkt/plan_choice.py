@@ -184,9 +184,7 @@ class Plans:
         now = self.now
         if now.served > 0 and not (now.curved and now.served >= self._settle_at):
             number = self.tried + 1
-            self._take_up(
-                next((plan for plan in self._cheaper(now) if plan.rest_until <= number), now), number
-            )
+            self._take_up(self._rested(now, number), number)
 
     def foresee(self) -> None:
         """Take up the plan that matrices with curvature have begun with before, where there is one."""
@@ -261,7 +259,7 @@ class Plans:
         now = self.now
         is_settled = not curved or now.served < self._settle_at
         if now.served > 0 and now.curved == curved and is_settled:
-            return next((plan for plan in self._cheaper(now) if plan.rest_until <= self.tried), now)
+            return self._rested(now, self.tried)
         alike = [plan for plan in self._plans if plan.curved == curved]
         if not alike and len(self._plans) < PLANS:
             return self._another(make)
@@ -276,6 +274,10 @@ class Plans:
                 self._keep(other)
                 return other
         return now
+
+    def _rested(self, now: Prepared, number: int) -> Prepared:
+        """A cheaper plan that may be tried again from the matrix of that number on, or this one."""
+        return next((plan for plan in self._cheaper(now) if plan.rest_until <= number), now)
 
     def _earliest(self, alike: list[Prepared]) -> Prepared:
         """That of some plans that may be tried first, the latest of several."""

@@ -201,7 +201,7 @@ class PlannedKKT(ByCopies):
 
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
-        call = self.attempt_call
+        call = self._next_attempt()
         if call is None:
             return self._refactor()
         ended = call()
@@ -212,12 +212,11 @@ class PlannedKKT(ByCopies):
 
     def _refactor(self) -> Inertia:
         """``refactor``, one step after the other."""
-        self._take_attempts()
         self._factorized = False
+        self._take_attempts()
         if self._collect():
             raise NotFinite("the KKT matrix has entries that are not finite")
         if self._tally[plan_calls.FRESH]:
-            self._scale[:] = 1.0
             self._plans.now.equilibrate()
             self._tally[plan_calls.FRESH] = 0
         return self._complete(None)
@@ -231,12 +230,16 @@ class PlannedKKT(ByCopies):
     @property
     def attempt_call(self) -> Bound | None:
         """See ``AttachedKKT.attempt_call``."""
+        return self._next_attempt() if self._factorized else None
+
+    def _next_attempt(self) -> Bound | None:
+        """The same, also for the first matrix since a restart."""
         rest, plans, tally = self._rest, self._plans, self._tally
-        self._take_attempts()
-        first = tally[plan_calls.FRESH] and self._attempt is not None
+        first = bool(tally[plan_calls.FRESH])
         alike = rest.follows_plan and self._bindings == rest.bindings
         if self.irregular or not (alike and (self._factorized or first)):
             return None
+        self._take_attempts()
         if first:
             plans.begin()
         else:
@@ -257,8 +260,8 @@ class PlannedKKT(ByCopies):
         """See ``AttachedKKT.resume``."""
         if ended < ELIMINATED:
             return self._refactor()
-        self._take_attempts()
         self._factorized = False
+        self._take_attempts()
         return self._complete(ended)
 
     def _take_attempts(self) -> None:
@@ -275,7 +278,6 @@ class PlannedKKT(ByCopies):
 
     def _note_made(self, made: int) -> None:
         if made:
-            self._factorized = True
             self._counted += made
             self._plans.went_well(made)
 
