@@ -20,8 +20,8 @@ of any module.
 All functions of one Python module are compiled at the first call of one of them, into one object that is kept
 on disk.  Arrays written by a call must not overlap its other arrays.  Arithmetic is IEEE, as written;
 ``fused=True`` lets the compiler fuse multiply-adds, ``fast=True`` reorder sums as well (nan and infinity keep their
-meaning), and makes nan of ``min`` and ``max`` where an argument is nan.  What is reordered waits less, but not every
-product is part of a multiply-add then.
+meaning).  What is reordered waits less, but not every product is part of a multiply-add then.  With either, ``min`` and
+``max`` give nan where an argument is nan.
 ``inline=True`` copies the body into every caller; ``small=True`` is for code outside inner loops: it compiles
 three times faster, to a third of the size, and runs slower.  ``shared=True`` is for functions that make prepared calls
 (:func:`stc.codegen.calls.invoke`), which may write to their arrays.  Without LLVM, or with ``STC_BACKEND=python``, the
@@ -154,8 +154,8 @@ class NativeFunction(Generic[P, R]):
         self.__name__ = function.__name__
         functools.update_wrapper(self, function)
         self.function = function
-        self.fast = fast
-        self.fused = fused
+        #: Of its arithmetic, for LLVM.
+        self.flags = " contract reassoc nsz" if fast else " contract" * fused
         self.inline = inline
         self.small = small
         self.shared = shared
@@ -366,8 +366,7 @@ def _reachable(roots: list[NativeFunction[..., Any]]) -> tuple[list[NativeFuncti
         code = inner.__code__
         described.append(
             f"{inner.__module__}.{inner.__qualname__} line {code.co_firstlineno} "
-            f"fast={current.fast} fused={current.fused} inline={current.inline} small={current.small} "
-            f"shared={current.shared}"
+            f"flags={current.flags} inline={current.inline} small={current.small} shared={current.shared}"
         )
         if code.co_filename not in files:
             files.add(code.co_filename)
@@ -403,8 +402,7 @@ def unit_ir(functions: list[NativeFunction[..., Any]], exported: int) -> str:
             _definition(function),
             symbol,
             native_function.signature,
-            fast=native_function.fast,
-            fused=native_function.fused,
+            flags=native_function.flags,
             inline=native_function.inline,
             small=native_function.small,
             shared=native_function.shared,

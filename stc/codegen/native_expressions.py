@@ -74,15 +74,14 @@ class ExpressionEmitter(BlockBuilder):
     def __init__(
         self,
         filename: str,
-        fast: bool,
-        fused: bool,
+        flags: str,
         resolve: Callable[[str], Any],
         callee_of: Callable[[Any], Callee | None],
     ) -> None:
         super().__init__(filename)
         self.resolve = resolve
         self.callee_of = callee_of
-        self.flags = " contract reassoc nsz" if fast else " contract" * fused
+        self.flags = flags
         self.locals: dict[str, tuple[Type, str]] = {}
         self.assigned_names: frozenset[str] = frozenset()
 

@@ -28,8 +28,7 @@ class FunctionEmitter(ExpressionEmitter):
         symbol: str,
         signature: Signature,
         *,
-        fast: bool,
-        fused: bool,
+        flags: str,
         inline: bool,
         small: bool,
         shared: bool,
@@ -37,7 +36,7 @@ class FunctionEmitter(ExpressionEmitter):
         resolve: Callable[[str], Any],
         callee_of: Callable[[Any], Callee | None],
     ) -> None:
-        super().__init__(filename, fast, fused, resolve, callee_of)
+        super().__init__(filename, flags, resolve, callee_of)
         self.definition = definition
         self.symbol = symbol
         self.signature = signature

@@ -12,7 +12,7 @@ from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.scaled_problem import ScaledProblem
 
-__all__ = ["Keeper", "give_back", "kept_form", "key_of"]
+__all__ = ["Keeper", "give_back", "kept_form", "key_of", "once"]
 
 
 T = TypeVar("T")
@@ -77,6 +77,12 @@ class Keeper:
         """Leave a form, of which nobody makes use any more."""
         form.release()
         self._kept = key, form
+
+
+def once(find: Callable[[P], T], nlp: P) -> T:
+    """What ``find`` tells of a program, asked once where there is somebody to keep it (see ``Keeper.once``)."""
+    keeper: Keeper | None = getattr(nlp, "keeper", None)
+    return find(nlp) if keeper is None else keeper.once(find, nlp)
 
 
 def key_of(nlp: NLP, x0: Floats, options: Options, new_kkt: Callable[..., KKTSystem]) -> Key | None:

@@ -17,7 +17,7 @@ import numpy as np
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.records import dataclass, field
 from stc.solver.evaluator import Evaluator, Part, PartlyEvaluable, Places, Scaling, python_evaluator
-from stc.solver.keeping import Keeper
+from stc.solver.keeping import Keeper, once
 from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
@@ -176,11 +176,7 @@ class Reduced:
 
 def presolved(nlp: NLP) -> Reduced | None:
     """The program that is left when what is determined is left out; None where nothing is, or not without conflict."""
-    keeper: Keeper | None = getattr(nlp, "keeper", None)
-    if keeper is None:
-        known = determined_by(nlp)
-    else:
-        known = keeper.once(determined_by, nlp)
+    known = once(determined_by, nlp)
     return None if known is None else Reduced(nlp, known)
 
 

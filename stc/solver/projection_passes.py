@@ -97,32 +97,26 @@ def improve(
     left = CORRECTIONS
     while left > 0 and EXACT * tolerance < error and error <= CONTRACTION * before:
         if left < CORRECTIONS:
-            target = enough if error > enough else EXACT * tolerance
             reached = error
             for _k in range(left):
                 reached *= error / before
-            if reached > target:
-                left = 0
-        if (
-            left > 0
-            and _differ(n, active_x, other_active_x) + _differ(m, active_rows, other_active_rows) == 0
-        ):
-            invoke(calls, REMAINING + now)
-            invoke(calls, SOLVE)
-            change = largest[0]
-            invoke(calls, ADVANCE + now)
-            closer = error
-            if largest[1] == 0.0 and invoke(calls, EVALUATE + 1 - now) == 0:
-                closer = errors[0] if now == 1 else other_errors[0]
-            if closer < error:
-                largest[0] += change
-                before = error
-                error = closer
-                now = 1 - now
-                left -= 1
-            else:
-                largest[0] = change
-                left = 0
-        else:
-            left = 0
+            if reached > (enough if error > enough else EXACT * tolerance):
+                break
+        if _differ(n, active_x, other_active_x) + _differ(m, active_rows, other_active_rows) != 0:
+            break
+        invoke(calls, REMAINING + now)
+        invoke(calls, SOLVE)
+        change = largest[0]
+        invoke(calls, ADVANCE + now)
+        closer = error
+        if largest[1] == 0.0 and invoke(calls, EVALUATE + 1 - now) == 0:
+            closer = errors[0] if now == 1 else other_errors[0]
+        if not closer < error:
+            largest[0] = change
+            break
+        largest[0] += change
+        before = error
+        error = closer
+        now = 1 - now
+        left -= 1
     return now + 1

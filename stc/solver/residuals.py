@@ -8,7 +8,7 @@ from stc.codegen.calls import chain
 from stc.records import dataclass
 from stc.solver.conditions import STATED, stated_conditions
 from stc.solver.evaluator import Scaling, Stated, evaluator_of
-from stc.solver.keeping import Keeper
+from stc.solver.keeping import once
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.passes import multiplier_scale
@@ -77,9 +77,7 @@ def assess(nlp: NLP, x: Floats, y: Floats, z: Floats | None = None) -> Assessmen
     Without ``z`` (n,) the multipliers of the bounds are those that leave the smallest error: the negative
     gradient of the Lagrangian where it pushes against a bound nearby.
     """
-    keeper: Keeper | None = getattr(nlp, "keeper", None)
-    judge = Judge(nlp) if keeper is None else keeper.once(Judge, nlp)
-    return judge(x, y, z)
+    return once(Judge, nlp)(x, y, z)
 
 
 def _own(values: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from stc.records import dataclass
 from stc.solver.active_set import newton_on_active_set, newton_point, smaller_multipliers
 from stc.solver.interior import feasible_first, optimise
-from stc.solver.keeping import give_back, kept_form, key_of
+from stc.solver.keeping import give_back, kept_form, key_of, once
 from stc.solver.kkt import KKTSystem, structured_kkt
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats
@@ -109,8 +109,7 @@ class _Solve:
 
     def run(self) -> Result:
         nlp = self.nlp
-        keeper = getattr(nlp, "keeper", None)
-        if _contradicts(nlp) if keeper is None else keeper.once(_contradicts, nlp):
+        if once(_contradicts, nlp):
             return self._result(Status.INFEASIBLE, self.start.x, message="Two bounds contradict each other.")
         x0 = between(np.asarray(self.start.x, dtype=float), nlp.x_lower, nlp.x_upper)
         key = key_of(nlp, x0, self.options, self.new_kkt)

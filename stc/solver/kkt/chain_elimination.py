@@ -53,8 +53,10 @@ __all__ = [
     "UNWATCHED",
     "WHERE",
     "eliminate",
+    "entries_at",
     "gather_rows",
     "padded",
+    "share_of",
 ]
 
 #: Numbers that are read and written together.
@@ -92,9 +94,21 @@ FIRST_PRODUCTS = 12
 
 
 @native(inline=True)
+def share_of(count: i64, parts: i64) -> i64:
+    """How many of ``count`` each of some parts takes, but for the last ones."""
+    return (count + parts - 1) // parts
+
+
+@native(inline=True)
 def padded(count: i64) -> i64:
     """Room for so many numbers in whole blocks."""
-    return (count + BLOCK - 1) // BLOCK * BLOCK
+    return share_of(count, BLOCK) * BLOCK
+
+
+@native(inline=True)
+def entries_at(program: i32s) -> i64:
+    """Where the entries are in what is kept of a stage: behind the scale and the diagonal."""
+    return padded(program[SIZE]) + padded(program[INSIDE])
 
 
 @native(fast=True, inline=True)
@@ -119,7 +133,7 @@ def _measure(program: i32s, border_base: i64, base: i64, kept: f64s, peaks: f64s
     where = program[program[WHERE] :]
     by_row = peaks[padded(size + 1) :]
     diagonal = kept[padded(size) :]
-    entries = diagonal[padded(own) :]
+    entries = kept[entries_at(program) :]
     for k in range(size):
         peaks[k] = 0.0
         store8(by_row, BLOCK * k, splat8(0.0))
@@ -500,7 +514,7 @@ def _take_panels(
     It does, but for its diagonal, where there is one ``more``.  A slice of this goes between the corner of each panel
     and its rows: in the first half of the panels entries are copied, in the second one they are brought to the window.
     """
-    entries = ahead[padded(coming[SIZE]) + padded(coming[INSIDE]) :]
+    entries = ahead[entries_at(coming) :]
     sources = source[following[SOURCES] :]
     cleared = coming[coming[CLEARED_AT] :]
     blocks = coming[coming[BLOCKS_AT] :]
@@ -512,9 +526,9 @@ def _take_panels(
     count = program[PANELS]
     half = max(count // 2, 1)
     rest = max(count - half, 1)
-    clears = (last_clear + half - 1) // half
-    copies = (last_copy + half - 1) // half
-    placings = (last_place + rest - 1) // rest
+    clears = share_of(last_clear, half)
+    copies = share_of(last_copy, half)
+    placings = share_of(last_place, rest)
     at_clear = 0
     at_copy = 0
     at_place = 0
@@ -633,7 +647,7 @@ def eliminate(
         left[k] = 0.0
     first = code[table[CODE] :]
     kept = matrix[table[MATRIX] :]
-    entries = kept[padded(first[SIZE]) + padded(first[INSIDE]) :]
+    entries = kept[entries_at(first) :]
     _begin(table, first, border_base, index, diagonal, scale, kept)
     _clear(0, first[CLEARED], first[first[CLEARED_AT] :], windows)
     _copy(0, first[ENTRIES], source[table[SOURCES] :], given, entries)

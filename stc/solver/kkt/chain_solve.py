@@ -25,8 +25,10 @@ from stc.solver.kkt.chain_elimination import (
     ROWS_AT,
     SIZE,
     WHERE,
+    entries_at,
     gather_rows,
     padded,
+    share_of,
 )
 from stc.solver.kkt.segmented_passes import bring_scaled, return_scaled
 from stc.solver.kkt.substitution import improves
@@ -230,7 +232,7 @@ def _subtract_rows(
     both: i64, first: i64, last: i64, program: i32s, kept: f64s, at: i64, stride: i64, work: f64s
 ) -> i64:
     """Add products of rows of a stage's entries, from the row ``first`` on; where the next row's blocks are."""
-    entries = kept[padded(program[SIZE]) + padded(program[INSIDE]) :]
+    entries = kept[entries_at(program) :]
     blocks = program[program[BLOCKS_AT] :]
     rows = program[program[ROWS_AT] :]
     x = work[SCALED * stride :]
@@ -273,15 +275,14 @@ def _begin_products(program: i32s, kept: f64s, stride: i64, work: f64s) -> None:
     x = work[SCALED * stride :]
     sums = work[SUMS * stride :]
     dots = work[DOTS * stride :]
+    for k in range(size, padded(size)):
+        work[k] = 0.0
     for k in range(0, size, BLOCK):
         store8(x, k, load8(work, k) * load8(kept, k))
         store8(dots, k, splat8(0.0))
         store8(sums, k, splat8(0.0))
     for k in range(own):
-        dots[inside + k] = diagonal[k] * x[inside + k]
-    for k in range(0, size, BLOCK):
-        store8(sums, k, load8(dots, k))
-        store8(dots, k, splat8(0.0))
+        sums[inside + k] = diagonal[k] * x[inside + k]
 
 
 @native(fast=True, inline=True)
@@ -338,7 +339,7 @@ def _backward(
         panels = program[program[PANELS_AT] :]
         places = program[program[PLACES_AT] :]
         count = program[PANELS]
-        share = (rows + max(count, 1) - 1) // max(count, 1)
+        share = share_of(rows, max(count, 1))
         row = 0
         block = 0
         for q in range(count):
@@ -370,10 +371,6 @@ def _backward(
                 _end_products(done, behind, border_base, kept, stride, work, z)
                 if both != 0:
                     _end_products(done, behind, border_base, kept, stride, other, other_z)
-            for r in range(size, padded(size)):
-                part[r] = 0.0
-                if both != 0:
-                    other[r] = 0.0
             _begin_products(program, matrix[stage[MATRIX] :], stride, work)
             if both != 0:
                 _begin_products(program, matrix[stage[MATRIX] :], stride, other)
@@ -440,8 +437,6 @@ def _subtract(
         kept = matrix[stage[MATRIX] :]
         where = program[program[WHERE] :]
         gather_rows(program[SIZE], program[BORDER], border_base, stage[BASE], where, x, work)
-        for k in range(program[SIZE], padded(program[SIZE])):
-            work[k] = 0.0
         _begin_products(program, kept, stride, work)
         _subtract_rows(0, 0, program[ROWS], program, kept, 0, stride, work)
         _end_products(stage, program, border_base, kept, stride, work, z)
