@@ -23,6 +23,7 @@ __all__ = [
     "load8",
     "max8",
     "negative8",
+    "prefetch8",
     "scatter8",
     "splat8",
     "store8",
@@ -41,6 +42,10 @@ def load8(x: NDArray[np.float64], k: int) -> Vector:
 def store8(x: NDArray[np.float64], k: int, vector: Vector) -> None:
     """Write a vector to ``x[k]`` to ``x[k + 7]``."""
     x[k : k + 8] = vector
+
+
+def prefetch8(x: NDArray[np.float64], k: int) -> None:
+    """Ask for the memory of ``x[k]`` to be near soon; it need not exist."""
 
 
 def expand8(x: NDArray[np.float64], k: int, mask: int) -> Vector:

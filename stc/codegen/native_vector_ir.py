@@ -32,6 +32,8 @@ def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: s
         value = emitter.convert(emitter.number(node.args[2]), Type.F64V, node)
         emitter.emit(f"store {vector} {value.text}, ptr {address}, align 8")
         return Value(Type.NONE, "")
+    if target is native_vector.prefetch8:
+        return _prefetched(emitter, node, name)
     if target is native_vector.expand8:
         return _expanded(emitter, node, name)
     if target in (native_vector.gather8, native_vector.scatter8):
@@ -52,6 +54,19 @@ def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: s
         return emitter.compute(Type.F64, call)
     larger = emitter.compute(Type.BOOL, f"fcmp ogt {texts[0]}, {arguments[1].text}")
     return emitter.compute(Type.F64V, f"select <8 x i1> {larger.text}, {', '.join(texts)}")
+
+
+def _prefetched(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
+    """prefetch8: no address is outside here, since nothing is read."""
+    if len(node.args) != 2:
+        raise emitter.error(node, f"{name}() takes 2 arguments, not {len(node.args)}")
+    array = emitter.expression(node.args[0])
+    if array.type is not Type.F64S:
+        raise emitter.error(node, f"{name}() needs an array of floats")
+    index = emitter.integer(node.args[1], "index")
+    address = emitter.compute(Type.F64S, f"getelementptr double, ptr {array.text}, i64 {index.text}")
+    emitter.emit(f"call void @llvm.prefetch.p0(ptr {address.text}, i32 0, i32 3, i32 1)")
+    return Value(Type.NONE, "")
 
 
 def _expanded(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:

@@ -11,6 +11,7 @@ import numpy as np
 
 from stc.codegen.calls import Bound, CallTable, chain_until
 from stc.solver import conditions, projection_passes
+from stc.solver.kkt.contract import COARSE, FINE
 from stc.solver.nlp import Floats
 from stc.solver.restricted import AGAINST_DEPENDENT_ROWS, RestrictedDiagonals, factorize_restricted
 from stc.solver.scaled_problem import ScaledProblem
@@ -177,7 +178,7 @@ class ProjectionPair:
 
         Afterwards ``largest[0]`` is the largest change of a variable.
         """
-        if not self._solve():
+        if not self._solve(COARSE):
             return False
         table, here = self._table, self._places[id(self.point)]
         table.put(projection_passes.SOLVE, self._kkt.solve_call)
@@ -191,14 +192,15 @@ class ProjectionPair:
 
     def advance(self) -> bool:
         """Find the next point by Newton's method, not evaluated; False where there is none."""
-        if not self._solve():
+        if not self._solve(FINE):
             return False
         self._advance[self._places[id(self.point)]]()
         return bool(self.largest[1] == 0.0)
 
-    def _solve(self) -> bool:
+    def _solve(self, accuracy: float) -> bool:
         self.regularity, positive = self.point.factorize(min(self.regularity, AGAINST_DEPENDENT_ROWS))
         if positive:
+            self._kkt.accuracy[0] = accuracy
             self._kkt.solve_call()
             self._kkt.check_solution()
         return positive

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, fabs, i64, i64s, native, sqrt
+from stc.solver.kkt.contract import COARSE
 from stc.solver.places import (
     ATTEMPT,
     BEND,
@@ -56,11 +57,6 @@ MOST_UNTRIED = 3
 MOST_DAMPED = 8
 """The same where there is the rows' part to be damped, and at once where it had more negative eigenvalues too many; no
 more iterations than these."""
-COARSE = 1e-10
-"""Relative residual that is enough for a step far from a solution.
-
-Near one, what a solve leaves is an error of the multipliers that takes further iterations to be rid of.
-"""
 FAR = 1e-4
 """Error of the iterate from which on it is far."""
 NEARLY_WHOLE = 0.5
@@ -262,6 +258,7 @@ def factorize(
     s[ENDED_BY] = float(ended)
     if ended != DONE:
         return ended
+    # Near a solution, what a solve leaves is an error of the multipliers that takes further iterations to be rid of.
     if s[ERROR] > FAR:
         accuracy[0] = COARSE
     if s[SHIFT] == 0.0:

@@ -14,6 +14,7 @@ from stc.codegen.native_vector import (
     load8,
     max8,
     negative8,
+    prefetch8,
     scatter8,
     splat8,
     store8,
@@ -105,6 +106,35 @@ def test_what_is_expanded_are_floats():
         return sum8(expand8(x, 0))
 
     for function, message in ((wrong, "needs an array of floats"), (too_few, "takes 3 arguments")):
+        with pytest.raises(NativeError, match=message):
+            function(np.zeros(8, dtype=np.int64))
+
+
+@native
+def doubled_ahead(count: i64, x: f64s) -> None:
+    for k in range(count):
+        prefetch8(x, 8 * k + 4096)
+        store8(x, 8 * k, 2.0 * load8(x, 8 * k))
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_asking_for_memory_changes_nothing(plain):
+    """Nor does it matter whether there is any."""
+    x = np.arange(24.0)
+    (doubled_ahead.python if plain else doubled_ahead)(3, x)
+    np.testing.assert_array_equal(x, 2.0 * np.arange(24.0))
+
+
+def test_what_is_asked_for_are_floats():
+    @native
+    def wrong(x: i64s) -> None:
+        prefetch8(x, 0)
+
+    @native
+    def too_few(x: f64s) -> None:
+        prefetch8(x)
+
+    for function, message in ((wrong, "needs an array of floats"), (too_few, "takes 2 arguments")):
         with pytest.raises(NativeError, match=message):
             function(np.zeros(8, dtype=np.int64))
 

@@ -23,9 +23,8 @@ from stc.solver.kkt.chain_solve import ONE, UNITS, VECTORS, solve
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import SWEEPS
-from stc.solver.kkt.lane_panel import STATE, TRUSTED
 from stc.solver.kkt.plan_choice import Plans, Prepared
-from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, SUSPECT, PlannedKKT
+from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, PlannedKKT, new_state
 from stc.solver.kkt.segmented_passes import equilibrate_all
 from stc.solver.kkt.segments import Numbered
 
@@ -168,8 +167,7 @@ class ChainKKT(PlannedKKT):
         if self._matrix.size < entries:
             self._matrix = aligned_zeros(int(ROOM * entries))
         kept = self._matrix
-        state = aligned_zeros(STATE)
-        state[TRUSTED] = SUSPECT
+        state = new_state(self._factors[:needed])
         tables = which.size, table.reshape(-1), np.concatenate([kind.code for kind in kinds])
         sources = np.empty_like(self._sources)
         for number, kind in enumerate(kinds):

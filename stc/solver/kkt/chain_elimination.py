@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
 from stc.codegen.native_vector import abs8, expand8, largest8, load8, max8, splat8, store8
-from stc.solver.kkt.lane_panel import COUNTED, LARGEST
+from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, LARGEST, ask_ahead
 from stc.solver.kkt.segmented_passes import REFUSED, STALE, STALE_SCALE
 from stc.solver.kkt.values import spread_of
 
@@ -301,7 +301,7 @@ def _invert_four(panel: i32s, stride: i64, window: f64s, factors: f64s, state: f
 
 @native(fused=True)
 def _take_four(
-    panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
+    distance: i64, panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
 ) -> None:  # fmt: skip
     """Take four unknowns out of the window, whose corner is done."""
     high = panel[3]
@@ -334,6 +334,7 @@ def _take_four(
         c1 = load8(window, at - stride + first) * mask - l01 * c0
         c2 = load8(window, at - 2 * stride + first) * mask - l02 * c0 - l12 * c1
         c3 = load8(window, at - 3 * stride + first) * mask - l03 * c0 - l13 * c1 - l23 * c2
+        ask_ahead(distance, 4, 8, 16, factors)
         store8(factors, 16, d0 * c0 + e01 * c1)
         store8(factors, 24, d1 * c1 + e01 * c0)
         store8(factors, 32, d2 * c2 + e23 * c3)
@@ -362,6 +363,7 @@ def _take_four(
         o2 = load8(window, at - 2 * stride + other) - l02 * o0 - l12 * o1
         o3 = load8(window, at - 3 * stride + other) - l03 * o0 - l13 * o1 - l23 * o2
         own = 16 + 32 * b
+        ask_ahead(distance, 8, 8, own, factors)
         store8(factors, own, d0 * c0 + e01 * c1)
         store8(factors, own + 8, d1 * c1 + e01 * c0)
         store8(factors, own + 16, d2 * c2 + e23 * c3)
@@ -440,7 +442,7 @@ def _invert_two(panel: i32s, stride: i64, window: f64s, factors: f64s, state: f6
 
 @native(fused=True)
 def _take_two(
-    panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
+    distance: i64, panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
 ) -> None:  # fmt: skip
     """The same as ``_take_four`` for two."""
     high = panel[3]
@@ -460,6 +462,7 @@ def _take_two(
         c0 = load8(window, at) * mask
         c1 = load8(window, at - stride) * mask - l01 * c0
         own = 8 + 16 * b
+        ask_ahead(distance, 2, 8, own, factors)
         store8(factors, own, d0 * c0 + e01 * c1)
         store8(factors, own + 8, d1 * c1 + e01 * c0)
         m0 = max8(c0 * c0, m0)
@@ -479,7 +482,7 @@ def _take_two(
 
 @native(fused=True)
 def _take_one(
-    panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
+    distance: i64, panel: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, state: f64s
 ) -> None:  # fmt: skip
     """The same for one."""
     high = panel[3]
@@ -492,6 +495,7 @@ def _take_one(
         column = columns[2 * b]
         c0 = load8(window, high * stride + column) * load8(masks, 8 * min(max(high - column, 0), 8))
         f0 = d0 * c0
+        ask_ahead(distance, 1, 0, 8 + 8 * b, factors)
         store8(factors, 8 + 8 * b, f0)
         most = max8(c0 * c0, most)
         for r in range(columns[2 * b + 1]):
@@ -524,6 +528,7 @@ def _take_panels(
     panels = program[program[PANELS_AT] :]
     places = program[program[PLACES_AT] :]
     count = program[PANELS]
+    distance = int(state[DISTANCE])
     half = max(count // 2, 1)
     rest = max(count - half, 1)
     clears = share_of(last_clear, half)
@@ -555,11 +560,11 @@ def _take_panels(
             _place(at_place, to_place, blocks, stride, ahead, entries, beside)
             at_place = to_place
         if panel[0] == 4:
-            _take_four(panel, stride, masks, window, own, state)
+            _take_four(distance, panel, stride, masks, window, own, state)
         elif panel[0] == 2:
-            _take_two(panel, stride, masks, window, own, state)
+            _take_two(distance, panel, stride, masks, window, own, state)
         else:
-            _take_one(panel, stride, masks, window, own, state)
+            _take_one(distance, panel, stride, masks, window, own, state)
     if count == 0 and more != 0:
         _begin(following, coming, border_base, index, diagonal, scale, ahead)
     _clear(at_clear, last_clear, cleared, beside)

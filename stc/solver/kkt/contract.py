@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from stc.codegen.calls import Bound
 from stc.solver.nlp import Floats
 
-__all__ = ["FINE", "AttachedKKT", "Inertia", "KKTSystem", "NotFinite"]
+__all__ = ["COARSE", "FINE", "AttachedKKT", "Inertia", "KKTSystem", "NotFinite"]
 
-#: The relative residual that iterative refinement aims at.
+#: The relative residual that iterative refinement aims at, and one that is enough for a step far from a solution, or
+#: for one that is corrected.
 FINE = 1e-13
+COARSE = 1e-10
 
 
 class NotFinite(ValueError):

@@ -12,16 +12,18 @@ have no factor there.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, native
-from stc.codegen.native_vector import abs8, load8, max8, negative8, splat8, store8
+from stc.codegen.native_vector import abs8, load8, max8, negative8, prefetch8, splat8, store8
 
 __all__ = [
     "COUNTED",
+    "DISTANCE",
     "LARGEST",
     "NEGATIVE",
     "PANEL",
     "STATE",
     "TRUSTED",
     "WORST",
+    "ask_ahead",
     "panel_vectors",
     "take_panel",
 ]
@@ -30,13 +32,14 @@ __all__ = [
 PANEL = 4
 #: Places in ``state``: what tests a pivot, the largest so far in each lane, should be below 1; pivots that are
 #: negative; the largest test of all groups; negative pivots of all together; the largest test up to which factors are
-#: trusted.
+#: trusted; how far ahead memory is asked for, 0 where it is near.
 WORST = 0
 NEGATIVE = 8
 LARGEST = 16
 COUNTED = 17
 TRUSTED = 18
-STATE = 24
+DISTANCE = 24
+STATE = 32
 #: Makes any number nothing, but not infinity.
 NO_SHARE = 1e-200
 
@@ -47,9 +50,20 @@ def panel_vectors(members: i64, count: i64) -> i64:
     return members * (members + 1) // 2 + members * count
 
 
+@native(inline=True)
+def ask_ahead(distance: i64, vectors: i64, far: i64, at: i64, x: f64s) -> None:
+    """Ask for what is so far ahead of some vectors of ``x``, which are ``far`` numbers apart."""
+    if distance > 0:
+        for k in range(vectors):
+            prefetch8(x, at + distance + k * far)
+
+
 @native(fused=True, inline=True)
-def _update_four(count: i64, rows: i32s, factors: f64s, columns: f64s, work: f64s) -> None:
-    """Subtract what four members leave; their rows of ``factors`` and ``columns`` are ``count`` vectors."""
+def _update_four(distance: i64, count: i64, rows: i32s, factors: f64s, columns: f64s, work: f64s) -> None:
+    """Subtract what four members leave; their rows of ``factors`` and ``columns`` are ``count`` vectors.
+
+    Meanwhile the memory of factors ``distance`` is asked for: to wait for it when they are written takes longer.
+    """
     i = 0
     far = 8 * count
     while i + 1 < count:
@@ -66,6 +80,8 @@ def _update_four(count: i64, rows: i32s, factors: f64s, columns: f64s, work: f64
         b1 = load8(factors, e + far + 8)
         b2 = load8(factors, e + 2 * far + 8)
         b3 = load8(factors, e + 3 * far + 8)
+        ask_ahead(distance, 4, far, e, factors)
+        ask_ahead(distance, 4, far, e + 8, factors)
         for j in range(i + 1):
             other = 8 * rows[j]
             at = 8 * j
@@ -101,7 +117,7 @@ def _update_four(count: i64, rows: i32s, factors: f64s, columns: f64s, work: f64
 
 @native(fused=True, inline=True)
 def _update_two(
-    count: i64, rows: i32s, length: i64, begin: i64, factors: f64s, columns: f64s, work: f64s
+    distance: i64, count: i64, rows: i32s, length: i64, begin: i64, factors: f64s, columns: f64s, work: f64s
 ) -> None:
     """The same for two members, of rows that are ``length`` vectors apart and looked at from ``begin`` on."""
     far = 8 * length
@@ -116,6 +132,8 @@ def _update_two(
         a1 = load8(factors, e + far)
         b0 = load8(factors, e + 8)
         b1 = load8(factors, e + far + 8)
+        ask_ahead(distance, 2, far, e, factors)
+        ask_ahead(distance, 2, far, e + 8, factors)
         for j in range(i + 1):
             other = 8 * rows[j]
             at = 8 * (begin + j)
@@ -141,13 +159,16 @@ def _update_two(
 
 
 @native(fast=True, inline=True)
-def _update_one(count: i64, rows: i32s, begin: i64, factors: f64s, columns: f64s, work: f64s) -> None:
+def _update_one(
+    distance: i64, count: i64, rows: i32s, begin: i64, factors: f64s, columns: f64s, work: f64s
+) -> None:
     """The same for one member."""
     for i in range(count):
         e = 8 * (begin + i)
         row = rows[i]
         base = 4 * row * (row + 1)
         a0 = load8(factors, e)
+        ask_ahead(distance, 1, 0, e, factors)
         for j in range(i + 1):
             other = 8 * rows[j]
             store8(work, base + other, load8(work, base + other) - a0 * load8(columns, 8 * (begin + j)))
@@ -369,8 +390,8 @@ def _scale_two(
 
 @native(fast=True, inline=True)
 def _take_three(
-    count: i64, kinds: i32s, rows: i32s, sources: i32s, growth: f64, suspect: f64, work: f64s, columns: f64s,
-    whole: f64s, factors: f64s, state: f64s,
+    distance: i64, count: i64, kinds: i32s, rows: i32s, sources: i32s, growth: f64, suspect: f64, work: f64s,
+    columns: f64s, whole: f64s, factors: f64s, state: f64s,
 ) -> None:  # fmt: skip
     """Take three members out at once; ``whole`` is room for all of L."""
     length = 3 + count
@@ -386,19 +407,21 @@ def _take_three(
         else:
             _take_single(p, 3, length, growth, suspect, columns, whole, state)
             p += 1
-    _update_two(count, rows, length, 3, whole, columns, work)
+    _update_two(0, count, rows, length, 3, whole, columns, work)
     last = 16 * length
-    _update_one(count, rows, 3, whole[last:], columns[last:], work)
+    _update_one(0, count, rows, 3, whole[last:], columns[last:], work)
     _keep_corner(3, length, whole, factors)
     for k in range(3):
         for e in range(count):
-            store8(factors, 8 * (6 + k * count + e), load8(whole, 8 * (k * length + 3 + e)))
+            at = 8 * (6 + k * count + e)
+            ask_ahead(distance, 1, 0, at, factors)
+            store8(factors, at, load8(whole, 8 * (k * length + 3 + e)))
 
 
 @native(fast=True)
 def take_panel(
-    members: i64, count: i64, kinds: i32s, rows: i32s, sources: i32s, growth: f64, suspect: f64, work: f64s,
-    columns: f64s, factors: f64s, state: f64s,
+    distance: i64, members: i64, count: i64, kinds: i32s, rows: i32s, sources: i32s, growth: f64, suspect: f64,
+    work: f64s, columns: f64s, factors: f64s, state: f64s,
 ) -> None:  # fmt: skip
     """Take the members out of ``work`` and keep their factors; ``columns`` is room for them twice over."""
     length = members + count
@@ -408,17 +431,19 @@ def take_panel(
         own = corner[128:]
         _take_corner(4, length, kinds, sources, growth, suspect, work, corner, own, factors, state)
         _scale_four(count, kinds, sources, growth, work, own, columns, factors[80:], state)
-        _update_four(count, rows, factors[80:], columns, work)
+        _update_four(distance, count, rows, factors[80:], columns, work)
     elif members == 2:
         own = corner[32:]
         _take_corner(2, length, kinds, sources, growth, suspect, work, corner, own, factors, state)
         _scale_two(count, kinds, sources, growth, work, own, columns, factors[24:], state)
-        _update_two(count, rows, count, 0, factors[24:], columns, work)
+        _update_two(distance, count, rows, count, 0, factors[24:], columns, work)
     elif members == 3:
         whole = columns[24 * length :]
-        _take_three(count, kinds, rows, sources, growth, suspect, work, columns, whole, factors, state)
+        _take_three(
+            distance, count, kinds, rows, sources, growth, suspect, work, columns, whole, factors, state
+        )
     else:
         for e in range(length):
             store8(columns, 8 * e, load8(work, 8 * sources[e]))
         _take_single(0, 1, length, growth, suspect, columns, factors, state)
-        _update_one(count, rows, 1, factors, columns, work)
+        _update_one(distance, count, rows, 1, factors, columns, work)

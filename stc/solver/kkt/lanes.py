@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, negative8, store8
-from stc.solver.kkt.lane_panel import LARGEST, NEGATIVE, WORST, panel_vectors, take_panel
+from stc.solver.kkt.lane_panel import DISTANCE, LARGEST, NEGATIVE, WORST, ask_ahead, panel_vectors, take_panel
 
 __all__ = ["FIELDS", "collect_ends", "collect_following", "collect_own", "eliminate", "note_outside"]
 
@@ -95,7 +95,8 @@ def note_outside(group: i64s, index: i32s, part: f64s, most: f64s) -> None:
 
 @native(fast=True, inline=True)
 def _load_entries(
-    added: i64, count: i64, sources: i32s, places: i32s, given: f64s, scales: f64s, matrix: f64s, most: f64s, work: f64s
+    distance: i64, added: i64, count: i64, sources: i32s, places: i32s, given: f64s, scales: f64s, matrix: f64s,
+    most: f64s, work: f64s,
 ) -> None:  # fmt: skip
     """Add or store scaled entries in the triangle, keep them, and note their magnitudes in both of their rows."""
     i = 0
@@ -110,6 +111,7 @@ def _load_entries(
         j = 8 * places[3 * k + 2]
         value = gather8(given, sources, 8 * k) * scale_i * load8(scales, j)
         store8(matrix, 8 * k, value)
+        ask_ahead(distance, 1, 0, 8 * k, matrix)
         at = 8 * places[3 * k]
         if added != 0:
             store8(work, at, load8(work, at) + value)
@@ -123,8 +125,8 @@ def _load_entries(
 
 @native(fast=True)
 def _load_step(
-    step: i64, group: i64s, index: i32s, code: i32s, diagonal: f64s, given: f64s, scale: f64s, work: f64s,
-    scales: f64s, matrix: f64s, most: f64s, spread: f64s,
+    distance: i64, step: i64, group: i64s, index: i32s, code: i32s, diagonal: f64s, given: f64s, scale: f64s,
+    work: f64s, scales: f64s, matrix: f64s, most: f64s, spread: f64s,
 ) -> None:  # fmt: skip
     """Carry over what the step before has left, and add the scaled entries of the matrix."""
     own = group[OWN]
@@ -152,6 +154,7 @@ def _load_step(
         for k in range(near + ends):
             store8(most, 8 * k, 0.0)
         _load_entries(
+            distance,
             1,
             group[FIRST],
             index[group[FIRST_INDEX] :],
@@ -169,6 +172,7 @@ def _load_step(
         s = load8(scales, 8 * k)
         value = s * s * gather8(diagonal, diagonals, 8 * k)
         store8(kept, 8 * k, value)
+        ask_ahead(distance, 1, 0, 8 * k, kept)
         at = 4 * k * (k + 3)
         store8(work, at, load8(work, at) + value)
         store8(most, 8 * k, max8(abs8(value), load8(most, 8 * k)))
@@ -176,8 +180,9 @@ def _load_step(
     sources = index[group[ENTRY_INDEX] + 8 * step * count :]
     places = code[group[ENTRY_CODE] :]
     kept = kept[8 * own :]
-    _load_entries(1, added, sources, places, given, scales, kept, most, work)
+    _load_entries(distance, 1, added, sources, places, given, scales, kept, most, work)
     _load_entries(
+        distance,
         0,
         count - added,
         sources[8 * added :],
@@ -247,6 +252,7 @@ def eliminate(
         How many pivots are negative, -1 when one was not accepted.
     """
     negative = 0.0
+    distance = int(state[DISTANCE])
     state[LARGEST] = 0.0
     for g in range(groups):
         group = table[g * FIELDS :]
@@ -254,15 +260,17 @@ def eliminate(
             state[k] = 0.0
         at = 8 * group[FACTORS]
         for step in range(group[STEPS]):
-            _load_step(step, group, index, code, diagonal, given, scale, work, scales, matrix, most, spread)
+            _load_step(
+                distance, step, group, index, code, diagonal, given, scale, work, scales, matrix, most, spread
+            )
             panel = code[group[PANEL_CODE] :]
             for _panel in range(group[PANELS]):
                 members = panel[0]
                 count = panel[1]
                 rows = panel[2 + 2 * members :]
                 take_panel(
-                    members, count, panel[2:], rows, rows[count:], growth, suspect, work, columns, factors[at:],
-                    state,
+                    distance, members, count, panel[2:], rows, rows[count:], growth, suspect, work, columns,
+                    factors[at:], state,
                 )  # fmt: skip
                 panel = rows[count + members * (members + count) :]
                 at += 8 * panel_vectors(members, count)

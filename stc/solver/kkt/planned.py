@@ -21,13 +21,13 @@ from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, FrontalKKT
-from stc.solver.kkt.lane_panel import COUNTED, LARGEST, TRUSTED
+from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, LARGEST, STATE, TRUSTED
 from stc.solver.kkt.plan_choice import PLANS, Plans, Prepared
 from stc.solver.kkt.segmented_passes import diagonal_of
 from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
-__all__ = ["GROWTH", "INVERSE", "ROOM", "SUSPECT", "PlannedKKT", "Rest"]
+__all__ = ["GROWTH", "INVERSE", "ROOM", "PlannedKKT", "Rest", "new_state"]
 
 #: No product that is subtracted may exceed this, nor any entry of an inverted pivot, in the equilibrated matrix.
 GROWTH = 1e16
@@ -40,6 +40,10 @@ ELIMINATED = 3
 WHOLE = PLANS + 1
 #: Room for factors, as a multiple of what the first plan needs.
 ROOM = 1.25
+#: Factors of so many bytes leave a processor's own memory; so many numbers before their place is written it is asked
+#: for. Any distance from 800 to 1600 serves as well; with 400 it comes too late.
+NEAR = 2**20
+AHEAD = 1200
 
 
 class Rest(Protocol):
@@ -80,6 +84,14 @@ class Rest(Protocol):
     def refactor(self) -> Inertia: ...
 
     def restart(self) -> None: ...
+
+
+def new_state(factors: Floats) -> Floats:
+    """What an elimination needs to know and tells (see stc.solver.kkt.lane_panel), for factors of that size."""
+    state = aligned_zeros(STATE)
+    state[TRUSTED] = SUSPECT
+    state[DISTANCE] = AHEAD if factors.nbytes > NEAR else 0
+    return state
 
 
 class PlannedKKT(ByCopies):

@@ -17,12 +17,12 @@ from stc.solver.kkt import lanes, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import SWEEPS, FrontalKKT
-from stc.solver.kkt.lane_panel import PANEL, STATE, TRUSTED
+from stc.solver.kkt.lane_panel import PANEL
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import code_of, lay_out
 from stc.solver.kkt.lane_values import sizes_of
 from stc.solver.kkt.plan_choice import Plans, Prepared
-from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, SUSPECT, PlannedKKT
+from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, PlannedKKT, new_state
 from stc.solver.kkt.seams import sew
 from stc.solver.kkt.segmented_passes import eliminate_all, equilibrate_all, solve_all
 from stc.solver.kkt.segments import LANES, Segmentation
@@ -103,7 +103,7 @@ class SegmentedKKT(PlannedKKT):
         if self._factors.size < 8 * vectors:
             self._factors = aligned_zeros(int(ROOM * 8 * vectors))
         factors = self._factors[: 8 * vectors]
-        state = aligned_zeros(STATE)
+        state = new_state(factors)
         tables = len(groups), layout.table.reshape(-1).copy(), layout.index, code
         work, part = aligned_zeros(16 * widest), aligned_zeros(16 * widest)
         outside = layout.outer, rest.unknowns.size, rest.entry.size
@@ -129,7 +129,6 @@ class SegmentedKKT(PlannedKKT):
         operations = sum(
             group.segments * len(group.stages) * programs[group.kind].operations for group in groups
         )
-        state[TRUSTED] = SUSPECT
         self._calls.put(plan_calls.CALLS * slot + plan_calls.ELIMINATE, eliminate)
         self._calls.put(plan_calls.CALLS * slot + plan_calls.EQUILIBRATE, equilibrate)
         curved = bool(self._curvatures[0])

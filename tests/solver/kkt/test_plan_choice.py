@@ -38,8 +38,7 @@ def test_a_settled_plan_takes_no_more_operations():
 
 
 def test_factors_that_are_tried_once_are_trusted(monkeypatch):
-    for module in (planned, segmented):
-        monkeypatch.setattr(module, "SUSPECT", 0.0)
+    monkeypatch.setattr(planned, "SUSPECT", 0.0)
     rng = np.random.default_rng(17)
     pattern = motion(rng, 40)
     kkt = system_of(pattern)

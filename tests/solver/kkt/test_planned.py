@@ -11,6 +11,7 @@ from solver.kkt.motions import chain_of, motion, parts, system_of
 from solver.kkt.test_contract import check
 
 from stc.solver.kkt import planned
+from stc.solver.kkt.lane_panel import DISTANCE
 
 SYSTEMS = pytest.mark.parametrize("system", [system_of, chain_of])
 
@@ -50,6 +51,25 @@ def test_any_values(system, seed, frames, softness, curvature):
     )
     with np.errstate(divide="ignore"):  # the condition of singular ones
         check(system(pattern), pattern, values, rng)
+
+
+@SYSTEMS
+@pytest.mark.parametrize("parameters", [0, 2])
+def test_memory_that_is_asked_for_changes_nothing(system, parameters, monkeypatch):
+    """Factors that are written to distant memory are the same."""
+    rng = np.random.default_rng(31)
+    pattern = motion(rng, 40, parameters=parameters)
+    values, rhs = generic(rng, pattern), (rng.normal(size=pattern.n), rng.normal(size=pattern.m))
+    solutions = []
+    for near in (2**40, 0):
+        monkeypatch.setattr(planned, "NEAR", near)
+        kkt = system(pattern)
+        for _ in range(2):
+            kkt.factorize(*values.arguments())
+        assert kkt._by_plan
+        assert (kkt._plans.now.state[DISTANCE] > 0) == (near == 0)
+        solutions.append(np.concatenate(kkt.solve(*rhs)))
+    np.testing.assert_array_equal(*solutions)
 
 
 @SYSTEMS
