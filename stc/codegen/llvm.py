@@ -30,6 +30,11 @@ LANES: Final = 4
 #: Operations per basic block.
 _PART: Final = 128
 
+#: Bytes of memory that come together.
+_LINE: Final = 64
+
+_PREFETCH: Final = "declare void @llvm.prefetch.p0(ptr, i32 immarg, i32 immarg, i32 immarg)\n"
+
 
 #: Up to so many varying inputs are fetched where they are needed.  Written out for more, that would be half of a
 #: kernel's code, and of the time to compile it; a loop takes a tenth longer to run.
@@ -160,6 +165,11 @@ class _Kernel:
                 offset = 8 * LANES * row
                 pointer = self.vector.let(f"getelementptr inbounds i8, ptr %target{group}, i64 {offset}")
                 self.body.append(f"  store <{LANES} x double> {part}, ptr {pointer}, align 8")
+                if offset % _LINE == 0:
+                    # The next block's part of a large buffer is not near; to wait for it takes longer than all else.
+                    ahead = offset + 8 * self.width * len(self.tape.outputs)
+                    pointer = self.vector.let(f"getelementptr i8, ptr %target{group}, i64 {ahead}")
+                    self.body.append(f"  call void @llvm.prefetch.p0(ptr {pointer}, i32 0, i32 3, i32 1)")
 
     def _per_block(self) -> None:
         tape, residency = self.tape, self.residency
@@ -281,7 +291,7 @@ def module_ir(tapes: Sequence[Tape], *, width: int = LANES, registers: int = 16,
         fused: the machine has fused multiply-add instructions.
     """
     unused: list[str] = []
-    declarations = "".join(Vector(unused, size, fused, "").declarations() for size in (1, width))
+    declarations = "".join(Vector(unused, size, fused, "").declarations() for size in (1, width)) + _PREFETCH
     functions = MathFunctions(fused, called=function_length(tapes) > WRITTEN_OUT)
     kernels = [
         _Kernel(tape, f"kernel{k}", width, registers, fused, functions).text() for k, tape in enumerate(tapes)
