@@ -42,7 +42,7 @@ WHOLE = PLANS + 1
 ROOM = 1.25
 #: Factors of so many bytes leave a processor's own memory; so many numbers before their place is written it is asked
 #: for. Any distance from 800 to 1600 serves as well; with 400 it comes too late.
-NEAR = 2**20
+NEAR = 3 * 2**19
 AHEAD = 1200
 
 
