@@ -31,12 +31,18 @@ owns_process = False
 #: start, which find nothing: 10 ms.
 _COLLECT_EVERY = 100_000
 
+#: Who decides how many threads NumPy's products of matrices take; none are large here, and to start the threads takes
+#: as much processor time as a short solve.
+_MATRIX_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
+
 
 def main() -> NoReturn:
     """The console script: run the command line of this process and exit."""
     global owns_process
     owns_process = True
     gc.set_threshold(_COLLECT_EVERY, 20, 20)
+    if not any(name in os.environ for name in _MATRIX_THREADS):  # NumPy is not imported yet
+        os.environ[_MATRIX_THREADS[0]] = "1"
     _leave(run(sys.argv[1:]))
 
 

@@ -11,6 +11,8 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 import stc
 from stc.codegen.image import supported
 
@@ -75,6 +77,27 @@ def test_the_command_works_from_any_folder(tmp_path: Path) -> None:
 def test_import_is_light() -> None:
     done = process("-c", "import stc, sys; print(*sorted(m for m in sys.modules if m.startswith('stc')))")
     assert done.stdout.split() == ["stc"]
+
+
+#: Prints how many threads there are when the command line of a process has ended, and how many were wanted.
+THREADS = """
+import atexit, os, sys
+import stc.cli
+atexit.register(lambda: print(len(os.listdir("/proc/self/task")), os.environ["OPENBLAS_NUM_THREADS"]))
+stc.cli.main()
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted where Linux lists them")
+def test_a_command_starts_no_threads_for_products_of_matrices() -> None:
+    """Unless somebody asks for them: to start one takes as long as a short solve."""
+    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
+    environment = {name: value for name, value in os.environ.items() if name not in names}
+    environment["STC_THREADS"] = "1"
+    done = process("-c", THREADS, "check", "particle_jet", env=environment)
+    assert done.stdout.splitlines()[-1] == "1 1"
+    done = process("-c", THREADS, "check", "particle_jet", env={**environment, "OPENBLAS_NUM_THREADS": "2"})
+    assert done.stdout.splitlines()[-1].endswith(" 2")
 
 
 def test_solving_imports_nothing_heavy(tmp_path: Path) -> None:
