@@ -25,6 +25,7 @@ __all__ = [
     "Stated",
     "evaluator_of",
     "python_evaluator",
+    "status_of",
 ]
 
 Places = NDArray[np.int32]
@@ -199,6 +200,12 @@ def evaluator_of(nlp: NLP, scaling: Scaling) -> Evaluator:
     return python_evaluator(nlp, scaling)
 
 
+def status_of(*parts: Floats) -> float:
+    """0 where all numbers are finite, else nan."""
+    with np.errstate(all="ignore"):
+        return sum(float((0.0 * part).sum()) for part in parts)
+
+
 def python_evaluator(nlp: NLP, scaling: Scaling) -> Evaluator:
     """The same calls for any problem, by way of Python."""
     result = Evaluator.allocate(nlp.n, nlp.m, len(nlp.jac_rows), len(nlp.hess_rows))
@@ -223,7 +230,7 @@ def python_evaluator(nlp: NLP, scaling: Scaling) -> Evaluator:
             into = (result.gradient, result.jac, result.hess)
             for part, factors, out in zip(parts, (of_gradient, of_jac, of_hess), into, strict=True):
                 np.multiply(part, factors, out=out)
-            result.derivatives_status[0] = sum(float((0.0 * out).sum()) for out in into)
+        result.derivatives_status[0] = status_of(*into)
 
     result.values_call = Bound.of_python(values, ())
     result.derivatives_call = Bound.of_python(derivatives, ())

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound
-from stc.solver.evaluator import Evaluator
+from stc.solver.evaluator import Evaluator, status_of
 from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.kkt.attached import attached
 from stc.solver.nlp import Floats, Ints, Mask
@@ -48,7 +48,10 @@ def _form_evaluator(form: Formulation) -> Evaluator:
     def derivatives() -> None:
         its = own()
         assert its is not None
-        result.gradient[:], result.jac[:], result.hess[:] = its.derivatives(result.x, result.y)
+        into = result.gradient, result.jac, result.hess
+        for part, out in zip(its.derivatives(result.x, result.y), into, strict=True):
+            out[:] = part
+        result.derivatives_status[0] = status_of(*into)
 
     result.values_call, result.derivatives_call = (
         Bound.of_python(values, ()),

@@ -248,13 +248,11 @@ def blend(
 
 @native(fast=True)
 def lagrangian(
-    n: i64, m: i64, entries: i64, curved: i64, moving: f64s, start: i32s, order: i32s, rows: i32s, y: f64s,
-    gradient: f64s, jac: f64s, hess: f64s, dual: f64s,
+    n: i64, m: i64, moving: f64s, start: i32s, order: i32s, rows: i32s, y: f64s, gradient: f64s, jac: f64s,
+    status: f64s, dual: f64s,
 ) -> f64:  # fmt: skip
-    """``dual = (grad f + J^T y, -y)``; 0, or nan where a derivative is not finite."""
-    check = 0.0
-    for e in range(entries):
-        check += jac[e] * 0.0
+    """``dual = (grad f + J^T y, -y)``; 0, or nan where a derivative, of which ``status`` tells, is not finite."""
+    check = status[0]
     for i in range(n):
         dual[i] = gradient[i] + column_times(start[i], start[i + 1], order, rows, jac, y)
     for r in range(m):
@@ -262,22 +260,17 @@ def lagrangian(
     for i in range(n + m):
         dual[i] *= moving[i]
         check += dual[i] * 0.0
-    for e in range(curved):
-        check += hess[e] * 0.0
     return check
 
 
 @native(fast=True)
 def move(
-    n: i64, m: i64, gaps: i64, entries: i64, curved: i64, moving: f64s, start: i32s, order: i32s, rows: i32s,
-    gradient: f64s, jac: f64s, hess: f64s, trial_w: f64s, trial_y: f64s, trial_z: f64s, trial_f: f64s, trial_r: f64s,
-    trial_gap: f64s, trial_c: f64s, trial_dual: f64s, w: f64s, y: f64s, z: f64s, r: f64s, gap: f64s, c: f64s,
-    dual: f64s, s: f64s,
+    n: i64, m: i64, gaps: i64, moving: f64s, start: i32s, order: i32s, rows: i32s, gradient: f64s, jac: f64s,
+    status: f64s, trial_w: f64s, trial_y: f64s, trial_z: f64s, trial_f: f64s, trial_r: f64s, trial_gap: f64s,
+    trial_c: f64s, trial_dual: f64s, w: f64s, y: f64s, z: f64s, r: f64s, gap: f64s, c: f64s, dual: f64s, s: f64s,
 ) -> None:  # fmt: skip
     """Make the trial point the iterate, unless a derivative is not finite there."""
-    check = lagrangian(
-        n, m, entries, curved, moving, start, order, rows, trial_y, gradient, jac, hess, trial_dual
-    )
+    check = lagrangian(n, m, moving, start, order, rows, trial_y, gradient, jac, status, trial_dual)
     if check != 0.0:
         s[MOVED] = 0.0
         return
@@ -302,11 +295,11 @@ def move(
 
 @native(fast=True)
 def adopt(
-    n: i64, m: i64, entries: i64, curved: i64, moving: f64s, start: i32s, order: i32s, rows: i32s, y: f64s,
-    gradient: f64s, jac: f64s, hess: f64s, dual: f64s, f: f64s, s: f64s,
+    n: i64, m: i64, moving: f64s, start: i32s, order: i32s, rows: i32s, y: f64s, gradient: f64s, jac: f64s,
+    status: f64s, dual: f64s, f: f64s, s: f64s,
 ) -> None:  # fmt: skip
     """Complete an iterate that has been evaluated and inspected."""
-    lagrangian(n, m, entries, curved, moving, start, order, rows, y, gradient, jac, hess, dual)
+    lagrangian(n, m, moving, start, order, rows, y, gradient, jac, status, dual)
     s[OBJECTIVE] = f[0]
     s[THETA] = s[TRIAL_THETA]
     s[LOGARITHMS] = s[TRIAL_LOGARITHMS]
