@@ -22,7 +22,7 @@ from typing import Final
 from stc.codegen.operations import WRITTEN_OUT, MathFunctions, Operations, function_length
 from stc.codegen.residency import Residency, operands
 from stc.codegen.tape import Tape
-from stc.codegen.vector import Vector, hexadecimal
+from stc.codegen.vector import PREFETCH, Vector, hexadecimal, prefetch
 
 #: Instances per block: the unit of the memory layout on every machine.
 LANES: Final = 4
@@ -32,9 +32,6 @@ _PART: Final = 128
 
 #: Bytes of memory that come together.
 _LINE: Final = 64
-
-_PREFETCH: Final = "declare void @llvm.prefetch.p0(ptr, i32 immarg, i32 immarg, i32 immarg)\n"
-
 
 #: Up to so many varying inputs are fetched where they are needed.  Written out for more, that would be half of a
 #: kernel's code, and of the time to compile it; a loop takes a tenth longer to run.
@@ -169,7 +166,7 @@ class _Kernel:
                     # The next block's part of a large buffer is not near; to wait for it takes longer than all else.
                     ahead = offset + 8 * self.width * len(self.tape.outputs)
                     pointer = self.vector.let(f"getelementptr i8, ptr %target{group}, i64 {ahead}")
-                    self.body.append(f"  call void @llvm.prefetch.p0(ptr {pointer}, i32 0, i32 3, i32 1)")
+                    self.body.append(f"  {prefetch(pointer)}")
 
     def _per_block(self) -> None:
         tape, residency = self.tape, self.residency
@@ -291,9 +288,9 @@ def module_ir(tapes: Sequence[Tape], *, width: int = LANES, registers: int = 16,
         fused: the machine has fused multiply-add instructions.
     """
     unused: list[str] = []
-    declarations = "".join(Vector(unused, size, fused, "").declarations() for size in (1, width)) + _PREFETCH
+    declarations = "".join(Vector(unused, size, fused, "").declarations() for size in (1, width))
     functions = MathFunctions(fused, called=function_length(tapes) > WRITTEN_OUT)
     kernels = [
         _Kernel(tape, f"kernel{k}", width, registers, fused, functions).text() for k, tape in enumerate(tapes)
     ]
-    return declarations + "\n" + functions.text() + "\n" + "\n".join(kernels)
+    return declarations + PREFETCH + "\n" + functions.text() + "\n" + "\n".join(kernels)

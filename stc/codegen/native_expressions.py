@@ -15,7 +15,7 @@ from stc.codegen import calls, native_math, native_vector
 from stc.codegen.native_blocks import BlockBuilder, Value
 from stc.codegen.native_types import Signature, Type
 from stc.codegen.native_vector_ir import vector_call
-from stc.codegen.vector import hexadecimal
+from stc.codegen.vector import PREFETCH, hexadecimal
 
 
 class Callee(NamedTuple):
@@ -50,7 +50,8 @@ _UNARY_FLOAT: dict[Any, str] = {
 
 _VECTOR = tuple(getattr(native_vector, name) for name in native_vector.__all__)
 
-DECLARATIONS = """\
+DECLARATIONS = (
+    """\
 declare double @llvm.sqrt.f64(double)
 declare double @llvm.fabs.f64(double)
 declare double @llvm.maximum.f64(double, double)
@@ -60,13 +61,16 @@ declare double @llvm.ceil.f64(double)
 declare double @llvm.copysign.f64(double, double)
 declare i64 @llvm.abs.i64(i64, i1)
 declare <8 x double> @llvm.fabs.v8f64(<8 x double>)
-declare void @llvm.prefetch.p0(ptr, i32 immarg, i32 immarg, i32 immarg)
+"""
+    + PREFETCH
+    + """
 declare <8 x double> @llvm.masked.expandload.v8f64(ptr, <8 x i1>, <8 x double>)
 declare double @llvm.vector.reduce.fmax.v8f64(<8 x double>)
 declare double @llvm.vector.reduce.fadd.v8f64(double, <8 x double>)
 declare double @exp(double) nounwind willreturn memory(none)
 declare double @log(double) nounwind willreturn memory(none)
 """
+)
 
 
 class ExpressionEmitter(BlockBuilder):

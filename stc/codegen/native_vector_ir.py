@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from stc.codegen import native_vector
 from stc.codegen.native_blocks import Value
 from stc.codegen.native_types import Type
+from stc.codegen.vector import prefetch
 
 if TYPE_CHECKING:
     from stc.codegen.native_expressions import ExpressionEmitter
@@ -65,7 +66,7 @@ def _prefetched(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
         raise emitter.error(node, f"{name}() needs an array of floats")
     index = emitter.integer(node.args[1], "index")
     address = emitter.compute(Type.F64S, f"getelementptr double, ptr {array.text}, i64 {index.text}")
-    emitter.emit(f"call void @llvm.prefetch.p0(ptr {address.text}, i32 0, i32 3, i32 1)")
+    emitter.emit(prefetch(address.text))
     return Value(Type.NONE, "")
 
 

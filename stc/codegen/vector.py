@@ -21,6 +21,15 @@ def hexadecimal(value: float) -> str:
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
 
 
+#: How LLVM knows what ``prefetch`` calls.
+PREFETCH = "declare void @llvm.prefetch.p0(ptr, i32 immarg, i32 immarg, i32 immarg)"
+
+
+def prefetch(address: str) -> str:
+    """The instruction that asks for the memory at an address, which may lie anywhere."""
+    return f"call void @llvm.prefetch.p0(ptr {address}, i32 0, i32 3, i32 1)"
+
+
 class Vector:
     """Emits instructions on ``<lanes x double>``, or on ``double`` for one lane.
 

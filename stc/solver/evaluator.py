@@ -218,7 +218,7 @@ def python_evaluator(nlp: NLP, scaling: Scaling) -> Evaluator:
         with np.errstate(all="ignore"):
             result.f[0] = scaling.objective * f
             np.multiply(scaling.row, r, out=result.r)
-            result.values_status[0] = 0.0 * result.f[0] + (0.0 * result.r).sum()
+        result.values_status[0] = status_of(result.f, result.r)
 
     def derivatives() -> None:
         parts = nlp.derivatives(

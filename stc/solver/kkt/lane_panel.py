@@ -62,7 +62,7 @@ def ask_ahead(distance: i64, vectors: i64, far: i64, at: i64, x: f64s) -> None:
 def _update_four(distance: i64, count: i64, rows: i32s, factors: f64s, columns: f64s, work: f64s) -> None:
     """Subtract what four members leave; their rows of ``factors`` and ``columns`` are ``count`` vectors.
 
-    Meanwhile the memory of factors ``distance`` is asked for: to wait for it when they are written takes longer.
+    Meanwhile the memory of later factors, ``distance`` ahead, is asked for: to wait for it then takes longer.
     """
     i = 0
     far = 8 * count
