@@ -137,11 +137,15 @@ def tape(model: Model, method: str | None) -> str:
         varying = [_name(key) for key in (*group.unknown, *group.data)]
         assert group.values_tape is not None
         assert group.derivatives_tape is not None
+        assert group.constants_tape is not None
         multipliers = [f"multiplier {r}" for r in range(len(group.rows))]
         for what, names, program in (
             ("values", varying, group.values_tape),
             ("derivatives", varying + multipliers, group.derivatives_tape),
+            ("constant derivatives", [_name(key) for key in group.data], group.constants_tape),
         ):
+            if not program.outputs:
+                continue
             parts.append(f"# group {number}, {group.size} nodes: {what}\n{program.text(uniform, names)}")
     return "\n\n".join(parts)
 

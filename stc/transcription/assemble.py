@@ -5,7 +5,10 @@ kernel reads its inputs from one workspace through an index table and writes its
 then adds the outputs up to rows, gradient, Jacobian and Hessian entries::
 
     workspace = | decision variables | multipliers | node data |
-    buffer    = | group 0: [block][output][lane] | group 1 | ...
+    buffer    = | group 0: [block][output][lane] | group 1 | ... | constants of group 0 | ...
+
+Derivatives that no unknown, no multiplier and no factor of the objective changes are constants: they have a part of
+the buffer of their own, which is filled once, when numbers are bound.
 
 Everything here depends on the text and on structural constants only; numbers are bound in
 :mod:`stc.transcription.bind`.
@@ -14,7 +17,7 @@ Everything here depends on the text and on structural constants only; numbers ar
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +38,10 @@ LANES = 4
 REMEMBERED = 64
 """Groups whose derivatives are kept."""
 DERIVED = (
-    "unknown", "data", "gradient", "jacobian", "hessian", "values_tape", "derivatives_tape", "degrees",
+    "unknown", "data", "varying", "constant", "values_tape", "derivatives_tape", "constants_tape", "degrees",
     "objective_degree", "bent",
 )  # fmt: skip
+GRADIENT, JACOBIAN, HESSIAN = 1, 2, 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +56,25 @@ class ObjectiveFactor:
     """The factor of the objective in the Lagrangian; a kernel input shared by all nodes."""
 
 
+class Derivative(NamedTuple):
+    """One output of a kernel: an entry of the objective's gradient, the Jacobian or the Lagrangian's Hessian.
+
+    ``row`` numbers the group's rows (Jacobian) or unknowns (Hessian), ``column`` its unknowns.
+    """
+
+    matrix: int
+    row: int
+    column: int
+
+
 @dataclass(slots=True)
 class Group:
     """Statements that stand on the same nodes, and their kernels.
 
     ``inputs`` are decision variables, then data; ``positions`` (len(unknown inputs), k) says where each
     node finds its decision variables.  ``row_ids`` (rows, k) numbers the rows in the nonlinear program.  ``bent``
-    are the inputs by which second derivatives change with unknowns or multipliers.
+    are the inputs by which second derivatives change with unknowns or multipliers.  ``varying`` are the outputs of
+    ``derivatives_tape``, ``constant`` those of ``constants_tape``, whose only inputs that vary are data.
     """
 
     nodes: Nodes
@@ -69,11 +85,11 @@ class Group:
     positions: IntArray = field(default_factory=lambda: np.zeros((0, 0), np.int64))
     row_ids: IntArray = field(default_factory=lambda: np.zeros((0, 0), np.int64))
     objective: Expr | None = None
-    gradient: list[int] = field(default_factory=list)
-    jacobian: list[tuple[int, int]] = field(default_factory=list)
-    hessian: list[tuple[int, int]] = field(default_factory=list)
+    varying: list[Derivative] = field(default_factory=list)
+    constant: list[Derivative] = field(default_factory=list)
     values_tape: Tape | None = None
     derivatives_tape: Tape | None = None
+    constants_tape: Tape | None = None
     degrees: list[int] = field(default_factory=list)
     objective_degree: int = 0
     bent: list[int] = field(default_factory=list)
@@ -83,10 +99,10 @@ class Group:
         return len(self.nodes)
 
     def derive(self, uniform: Sequence[object]) -> None:
-        """Differentiates the group's statements and writes both programs.
+        """Differentiates the group's statements and writes their programs.
 
-        The values tape has the rows, then the objective; the derivatives tape the objective's gradient, the
-        Jacobian and the lower triangle of the Lagrangian's Hessian, nonzeros only.
+        The values tape has the rows, then the objective; the other two have the objective's gradient, the
+        Jacobian and the lower triangle of the Lagrangian's Hessian, nonzeros only: what varies and what does not.
         """
         bodies = [row.body for row in self.rows]
         if self.summands:
@@ -114,22 +130,26 @@ class Group:
         self.degrees = [degree(e, keys) for e in bodies]
         varying: list[object] = [*self.unknown, *self.data]
         self.values_tape = build_tape(every, uniform, varying)
-        outputs: list[Expr] = []
+        entries: dict[Derivative, Expr] = {}
         if self.objective is not None:
             self.objective_degree = degree(self.objective, keys)
             slopes = gradient(self.objective, keys)
-            self.gradient = [k for k, e in enumerate(slopes) if not _is_zero(e)]
-            outputs += [slopes[k] for k in self.gradient]
+            entries.update((Derivative(GRADIENT, 0, k), e) for k, e in enumerate(slopes) if not _is_zero(e))
         curved = [sym(MultiplierRef(r)) * e for r, e in enumerate(bodies) if self.degrees[r] > 1]
         if self.objective is not None and self.objective_degree > 1:
             curved.append(sym(ObjectiveFactor()) * self.objective)
         first, second = jacobian_and_hessian(bodies, sum_of(curved), keys)
-        self.jacobian, self.hessian = list(first), list(second)
-        outputs += [*first.values(), *second.values()]
+        entries.update((Derivative(JACOBIAN, r, k), e) for (r, k), e in first.items())
+        entries.update((Derivative(HESSIAN, a, b), e) for (a, b), e in second.items())
         changing = {place for place, e in second.items() if mentions(e, _changes)}
         self.bent = sorted({k for place in changing for k in place})
+        self.varying = [place for place, e in entries.items() if mentions(e, _varies)]
+        self.constant = [place for place, e in entries.items() if not mentions(e, _varies)]
         multipliers = [MultiplierRef(r) for r in range(len(self.rows))]
-        self.derivatives_tape = build_tape(outputs, uniform, [*varying, *multipliers])
+        self.derivatives_tape = build_tape(
+            [entries[place] for place in self.varying], uniform, [*varying, *multipliers]
+        )
+        self.constants_tape = build_tape([entries[place] for place in self.constant], uniform, self.data)
 
 
 _derived: dict[tuple[object, ...], dict[str, Any]] = {}
@@ -140,11 +160,13 @@ def _changes(key: object) -> bool:
     return isinstance(key, VariableRef | ParameterRef | MultiplierRef)
 
 
+def _varies(key: object) -> bool:
+    """Whether a symbol's value changes while a program with its numbers is in use."""
+    return _changes(key) or isinstance(key, ObjectiveFactor)
+
+
 def _is_zero(e: Expr) -> bool:
     return e.op == "num" and e.payload == 0.0
-
-
-GRADIENT, JACOBIAN, HESSIAN = 1, 2, 3
 
 
 class _Outputs:
@@ -167,6 +189,23 @@ class _Outputs:
             if rest:
                 of_kernel[whole, output, :rest] = values[size - rest :]
 
+    def add_all(self, group: Group, derivatives: Sequence[Derivative], start: int) -> None:
+        """All outputs of a group's kernel at ``start``."""
+        width = len(derivatives)
+        for k, (matrix, row, column) in enumerate(derivatives):
+            cols = group.positions[column]
+            if matrix == GRADIENT:
+                self.add(matrix, np.zeros(group.size, np.int64), cols, start, width, k)
+            elif matrix == JACOBIAN:
+                self.add(matrix, group.row_ids[row], cols, start, width, k)
+            else:
+                rows = group.positions[row]
+                self.add(matrix, np.maximum(rows, cols), np.minimum(rows, cols), start, width, k)
+                if (
+                    row != column
+                ):  # two inputs that are one unknown at a node: the entry and its mirror count there
+                    self.double(rows == cols, start, width, k)
+
     def double(self, where: NDArray[np.bool_], start: int, width: int, output: int) -> None:
         """Let an output count twice at some nodes; ``where`` (nodes,)."""
         nodes = np.flatnonzero(where)
@@ -177,18 +216,20 @@ class _Outputs:
 class Sparsity:
     """Entries of a sparse matrix in coordinate form, and where in a kernels' buffer they come from.
 
-    ``rows``, ``cols``, ``first`` (nnz,) int32: entry e is at ``buffer[first[e]]`` after ``folding``.  The entries
-    are in the order of the buffer, so that most come from consecutive places.
+    ``rows``, ``cols``, ``first`` (nnz,) int32: entry e is at ``buffer[first[e]]`` after ``folding``, which is made
+    of each evaluation, and ``constant_folding``, which is made once.  The entries are in the order of the buffer, so
+    that most come from consecutive places, and the constants among them last.
     """
 
     rows: NDArray[np.int32]
     cols: NDArray[np.int32]
     first: NDArray[np.int32]
     folding: Folding
+    constant_folding: Folding
 
     @classmethod
-    def of(cls, outputs: _Outputs, matrix: int) -> Sparsity:
-        """One of the matrices, each place of it once."""
+    def of(cls, outputs: _Outputs, matrix: int, constants: int) -> Sparsity:
+        """One of the matrices, each place of it once; from ``constants`` on the buffer's places are constants."""
         held = np.flatnonzero(outputs.matrix == matrix)
         r, c, place = outputs.rows[held], outputs.cols[held], held.astype(np.int32)
         code = r * (np.int64(c.max(initial=0)) + 1) + c
@@ -198,17 +239,34 @@ class Sparsity:
         np.not_equal(code[1:], code[:-1], out=new[1:])
         twice = np.concatenate([held[:0], *(outputs.doubled if matrix == HESSIAN else ())])
         if new.all():
-            return cls(r, c, place, Folding.of(np.zeros(1, np.int64), held[:0], twice))
+            return cls(r, c, place, *_foldings(np.zeros(1, np.int64), held[:0], twice, constants))
         count = np.diff(np.flatnonzero(new), append=len(code))
         several = count > 1
         start = np.concatenate([[0], np.cumsum(count[several])])
-        folding = Folding.of(start, held[order[np.repeat(several, count)]], twice)
+        foldings = _foldings(start, held[order[np.repeat(several, count)]], twice, constants)
         first = np.zeros(len(place), bool)
         first[order[new]] = True
-        return cls(r[first], c[first], place[first], folding)
+        return cls(r[first], c[first], place[first], *foldings)
 
     def __len__(self) -> int:
         return len(self.rows)
+
+
+def _foldings(
+    start: IntArray, source: IntArray, doubled: IntArray, constants: int
+) -> tuple[Folding, Folding]:
+    """What is folded at each evaluation, and what once.
+
+    An entry's places are in the order of the buffer: its sum goes to one that varies, if any does.
+    """
+    once = source[start[:-1]] >= constants
+    count = np.diff(start)
+
+    def those(wanted: NDArray[np.bool_], twice: NDArray[np.bool_]) -> Folding:
+        begins = np.concatenate([[0], np.cumsum(count[wanted])])
+        return Folding.of(begins, source[np.repeat(wanted, count)], doubled[twice])
+
+    return those(~once, doubled < constants), those(once, doubled >= constants)
 
 
 @dataclass(slots=True)
@@ -216,9 +274,13 @@ class Program:
     """The nonlinear program's structure: groups, tables and sparsity.
 
     Attributes:
-        index_values, index_derivatives: per group (blocks, inputs, LANES) int32 positions in the workspace.
+        index_values, index_derivatives, index_constants: per group (blocks, inputs, LANES) int32 positions in the
+            workspace.
         data_start: per group where its node data begins in the workspace.
         row_group, row_number, row_instance: (m,) where each row comes from.
+        values_start, derivatives_start, constants_start: per group where its outputs begin in a buffer.
+        values_size, derivatives_size: of the two buffers; constants take what is left of the second one.
+        varying_size: where in the second one constants begin.
         row_source: (m,) int32 where each row is in the values kernels' buffer.
         objective_source: int32 places there that add up to the objective.
         fixed_curvature: (size,) variables by which all second derivatives are constants.
@@ -237,9 +299,12 @@ class Program:
     data_start: list[int]
     index_values: list[NDArray[np.int32]]
     index_derivatives: list[NDArray[np.int32]]
+    index_constants: list[NDArray[np.int32]]
     values_start: list[int]
     derivatives_start: list[int]
+    constants_start: list[int]
     values_size: int
+    varying_size: int
     derivatives_size: int
     row_source: NDArray[np.int32]
     objective_source: NDArray[np.int32]
@@ -278,7 +343,7 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
     row_stage, row_group, row_number, row_instance, row_linear = _number_rows(groups)
     m, n = len(row_stage), layout.size
     at = n + m
-    data_start, index_values, index_derivatives = [], [], []
+    data_start, index_values, index_derivatives, index_constants = [], [], [], []
     for group in groups:
         data_start.append(at)
         data = at + np.arange(len(group.data) * group.size).reshape(len(group.data), group.size)
@@ -286,30 +351,23 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
         values = np.concatenate([group.positions, data])
         index_values.append(blocks(values))
         index_derivatives.append(blocks(np.concatenate([values, n + group.row_ids])))
+        index_constants.append(blocks(data))
     values_start, values_size = _starts(groups, [_tape(g.values_tape) for g in groups])
-    derivatives_start, derivatives_size = _starts(groups, [_tape(g.derivatives_tape) for g in groups])
+    derivatives_start, varying_size = _starts(groups, [_tape(g.derivatives_tape) for g in groups])
+    constants_start, derivatives_size = _starts(
+        groups, [_tape(g.constants_tape) for g in groups], varying_size
+    )
     row_source = np.zeros(m, np.int32)
     objective_source: list[IntArray] = []
     outputs = _Outputs(derivatives_size)
-    for group, start, dstart in zip(groups, values_start, derivatives_start, strict=True):
-        width, dwidth = len(_tape(group.values_tape).outputs), len(_tape(group.derivatives_tape).outputs)
+    for k, (group, start) in enumerate(zip(groups, values_start, strict=True)):
+        width = len(_tape(group.values_tape).outputs)
         for r in range(len(group.rows)):
             row_source[group.row_ids[r]] = outputs_at(start, width, r, group.size)
         if group.objective is not None:
             objective_source.append(outputs_at(start, width, len(group.rows), group.size))
-        out = 0
-        for k in group.gradient:
-            outputs.add(GRADIENT, np.zeros(group.size, np.int64), group.positions[k], dstart, dwidth, out)
-            out += 1
-        for r, k in group.jacobian:
-            outputs.add(JACOBIAN, group.row_ids[r], group.positions[k], dstart, dwidth, out)
-            out += 1
-        for a, b in group.hessian:
-            pa, pb = group.positions[a], group.positions[b]
-            outputs.add(HESSIAN, np.maximum(pa, pb), np.minimum(pa, pb), dstart, dwidth, out)
-            if a != b:  # two inputs that are one unknown at a node: the entry and its mirror both count there
-                outputs.double(pa == pb, dstart, dwidth, out)
-            out += 1
+        outputs.add_all(group, group.varying, derivatives_start[k])
+        outputs.add_all(group, group.constant, constants_start[k])
     fixed = np.ones(n, bool)
     for group in groups:
         fixed[group.positions[group.bent]] = False
@@ -328,15 +386,18 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
         data_start=data_start,
         index_values=index_values,
         index_derivatives=index_derivatives,
+        index_constants=index_constants,
         values_start=values_start,
         derivatives_start=derivatives_start,
+        constants_start=constants_start,
         values_size=values_size,
+        varying_size=varying_size,
         derivatives_size=derivatives_size,
         row_source=row_source,
         objective_source=np.concatenate([np.zeros(0, np.int32), *objective_source]).astype(np.int32),
-        gradient=Sparsity.of(outputs, GRADIENT),
-        jacobian=Sparsity.of(outputs, JACOBIAN),
-        hessian=Sparsity.of(outputs, HESSIAN),
+        gradient=Sparsity.of(outputs, GRADIENT, varying_size),
+        jacobian=Sparsity.of(outputs, JACOBIAN, varying_size),
+        hessian=Sparsity.of(outputs, HESSIAN, varying_size),
         objective_degree=max(degrees, default=0),
         fixed_curvature=fixed,
     )
@@ -361,9 +422,9 @@ def blocks(table: IntArray) -> NDArray[np.int32]:
     return np.ascontiguousarray(padded.reshape(inputs, count, LANES).transpose(1, 0, 2), np.int32)
 
 
-def _starts(groups: Sequence[Group], tapes: Sequence[Tape]) -> tuple[list[int], int]:
-    """Where each group's outputs begin in a buffer, and the buffer's size."""
-    starts, at = [], 0
+def _starts(groups: Sequence[Group], tapes: Sequence[Tape], at: int = 0) -> tuple[list[int], int]:
+    """Where each group's outputs begin in a buffer, from ``at`` on, and where all end."""
+    starts = []
     for group, tape in zip(groups, tapes, strict=True):
         starts.append(at)
         at += -(-group.size // LANES) * LANES * len(tape.outputs)

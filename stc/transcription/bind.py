@@ -21,7 +21,7 @@ from stc.solver.evaluator import Evaluator, Part, Scaling
 from stc.solver.keeping import Keeper
 from stc.symbolic.expr import Expr, evaluate, symbols
 from stc.transcription.assemble import Program
-from stc.transcription.evaluation import evaluator, kernel_calls
+from stc.transcription.evaluation import evaluator, fill_constants, kernel_calls
 from stc.transcription.grid import Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import DataRef, data_values
@@ -205,6 +205,7 @@ class BoundProgram:
         self.kernels = kernels
         self.values_buffer = aligned_zeros(program.values_size)
         self.derivatives_buffer = aligned_zeros(program.derivatives_size)
+        fill_constants(program, self.workspace, self.uniform, self.derivatives_buffer)
         #: The kernels alone: what is at ``workspace`` in, their buffers out.
         common = program, kernels, self.workspace, self.uniform
         self.values_kernels = chain([c for c, _, _ in kernel_calls(*common, self.values_buffer, values=True)])

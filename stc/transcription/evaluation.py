@@ -5,6 +5,7 @@ Where that is much work, each step is cut into pieces that two threads share; re
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from stc.codegen import threads
 from stc.codegen.calls import Bound, chain
-from stc.codegen.kernel import KernelSet
+from stc.codegen.kernel import Kernel, KernelSet
 from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Part, Places, Scaling
 from stc.transcription.assemble import Program, Sparsity
@@ -66,6 +67,26 @@ def kernel_calls(
     return calls
 
 
+def fill_constants(program: Program, workspace: FloatArray, uniform: FloatArray, buffer: FloatArray) -> None:
+    """Evaluates the derivatives that are constants, where they belong in ``buffer``, and adds up what is one entry.
+
+    That is done once, with which compiled code would not keep up.
+    """
+    for group, index, start in zip(
+        program.groups, program.index_constants, program.constants_start, strict=True
+    ):
+        assert group.constants_tape is not None
+        blocks, _, lanes = index.shape
+        shape = blocks, len(group.constants_tape.outputs), lanes
+        if size := math.prod(shape):
+            Kernel(group.constants_tape)(
+                workspace, uniform, index, buffer[start : start + size].reshape(shape)
+            )
+    for matrix in (program.gradient, program.jacobian, program.hessian):
+        for call in matrix.constant_folding.bind(buffer):
+            call()
+
+
 def _pieces(count: int, pieces: float, multiple: int = 8) -> Iterator[slice]:
     """Cuts a range into slices of whole multiples."""
     if count <= multiple or pieces <= 1:
@@ -80,7 +101,7 @@ def _effort(program: Program, kernels: KernelSet, values: bool) -> float:
     """How many pieces there would be."""
     first = 0 if values else len(program.groups)
     operations = sum(group.size * len(kernels.tapes[first + k].ops) for k, group in enumerate(program.groups))
-    numbers = program.values_size if values else program.derivatives_size
+    numbers = program.values_size if values else program.varying_size
     return operations / OPERATIONS + (program.size + program.row_count + numbers) / NUMBERS
 
 
@@ -238,9 +259,8 @@ def _derivatives_call(
     )
     steps = _Steps(result.derivatives_status, nlp.counts[1:], _shared(nlp, values=False), nlp.paces[1])
 
-    def copied(begin: int, end: int) -> Iterator[Bound]:
+    def copied(begin: int, end: int, status: FloatArray) -> Iterator[Bound]:
         """Copies the outputs at these places of the buffer to where they belong."""
-        status = steps.cell()
         ends = np.array(
             [begin, end], np.int32
         )  # of the type of what is searched, which is not converted then
@@ -268,6 +288,15 @@ def _derivatives_call(
                 into = at.astype(np.int32) if place_of is None else place_of[at]
                 yield scatter(buffer, part.first[at], into, scale[at], out, status)
 
+    def constants() -> list[Bound]:
+        """What of the constants remains to be done at each evaluation: to tell that they are not finite."""
+        status = np.zeros(1)
+        for call in copied(program.varying_size, program.derivatives_size, status):
+            call()
+        if status[0] == 0.0:
+            return []
+        return list(copied(program.varying_size, program.derivatives_size, steps.cell()))
+
     steps.phases = [
         [
             *steps.place_variables(result.x, scaling.variable, its.part, nlp.workspace[:n]),
@@ -275,10 +304,13 @@ def _derivatives_call(
             place(result.weight, objective, nlp.uniform[-1:]),
         ],
         [
-            chain([call, *copied(begin, end)])
-            for call, begin, end in kernel_calls(
-                program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, values=False, cut=True
-            )
+            *constants(),
+            *(
+                chain([call, *copied(begin, end, steps.cell())])
+                for call, begin, end in kernel_calls(
+                    program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, values=False, cut=True
+                )
+            ),
         ],
         [chain(calls)] if (calls := list(folded())) else [],
     ]
