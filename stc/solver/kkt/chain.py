@@ -124,12 +124,6 @@ class ChainKKT(PlannedKKT):
         first = Prepared(0, (), nothing, nothing, (nothing, nothing), self._equilibrate, 0, False)
         self._plans = Plans(size, first)
 
-    def restart(self) -> None:
-        """See ``PlannedKKT.restart``."""
-        super().restart()
-        for plan in self._plans:
-            plan.state[chain_elimination.UNWATCHED] = 0.0
-
     @property
     def nbytes(self) -> int:
         """Memory held, about."""

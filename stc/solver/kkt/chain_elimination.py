@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
 from stc.codegen.native_vector import abs8, expand8, largest8, load8, max8, splat8, store8
-from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, LARGEST, ask_ahead
+from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, LARGEST, ask_ahead, is_watched, note_watched
 from stc.solver.kkt.segmented_passes import REFUSED, STALE, STALE_SCALE
 from stc.solver.kkt.values import spread_of
 
@@ -50,7 +50,6 @@ __all__ = [
     "ROWS_AT",
     "SIZE",
     "SOURCES",
-    "UNWATCHED",
     "WHERE",
     "eliminate",
     "entries_at",
@@ -83,12 +82,9 @@ PLACES_AT = 14
 #: ... and how many unknowns of B it leaves.
 BORDER, PROGRAM = 15, 16
 #: Places in ``state``: the largest entries on the diagonal of D^-1 so far, in groups of eight; the largest products due
-#: to these, the same; a sum that is finite if all pivots are; negative pivots; matrices until the scale is tested
-#: again; the largest entry of D^-1 beside the diagonal; the square of the largest product due to one. Others are as in
-#: lane_panel.
-INVERSE, PRODUCT, CHECK, NEGATIVE, UNWATCHED, BESIDE, MIXED = 0, 8, 19, 20, 21, 22, 23
-#: The scale is tested with one matrix in so many and one more.
-SELDOM = 3.0
+#: to these, the same; a sum that is finite if all pivots are; negative pivots; the largest entry of D^-1 beside the
+#: diagonal; the square of the largest product due to one. Others are as in lane_panel.
+INVERSE, PRODUCT, CHECK, NEGATIVE, BESIDE, MIXED = 0, 8, 19, 20, 21, 22
 #: Of a panel's factors, behind those of the corner: the first terms of the largest products.
 FIRST_PRODUCTS = 12
 
@@ -642,10 +638,8 @@ def eliminate(
     state[NEGATIVE] = 0.0
     state[BESIDE] = 0.0
     state[MIXED] = 0.0
-    state[UNWATCHED] -= 1.0
-    watched = state[UNWATCHED] < 0.0
-    if watched:
-        state[UNWATCHED] = SELDOM
+    watched = is_watched(state)
+    if watched != 0:
         for k in range(border_base + border):
             most[k] = 0.0
     for k in range(border * (border + 1) // 2):
@@ -670,7 +664,7 @@ def eliminate(
             source, index, given, diagonal, scale, matrix[following[MATRIX] :],
             windows[(s + 1) % 2 * stride * stride :], state,
         )  # fmt: skip
-        if watched:
+        if watched != 0:
             _measure(program, border_base, stage[BASE], kept, peaks, most)
         worst = _worst(growth, suspect, state)
         if not (worst < 1.0):
@@ -678,6 +672,9 @@ def eliminate(
         state[LARGEST] = worst
         _leave(program, stride, window, left)
     state[COUNTED] = state[NEGATIVE]
-    if watched and spread_of(border_base + border, most) > STALE:
-        return STALE_SCALE
+    if watched != 0:
+        spread = spread_of(border_base + border, most)
+        note_watched(spread, state)
+        if spread > STALE:
+            return STALE_SCALE
     return 0

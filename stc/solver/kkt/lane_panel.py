@@ -20,10 +20,14 @@ __all__ = [
     "LARGEST",
     "NEGATIVE",
     "PANEL",
+    "RARELY",
     "STATE",
     "TRUSTED",
+    "UNWATCHED",
     "WORST",
     "ask_ahead",
+    "is_watched",
+    "note_watched",
     "panel_vectors",
     "take_panel",
 ]
@@ -32,16 +36,35 @@ __all__ = [
 PANEL = 4
 #: Places in ``state``: what tests a pivot, the largest so far in each lane, should be below 1; pivots that are
 #: negative; the largest test of all groups; negative pivots of all together; the largest test up to which factors are
-#: trusted; how far ahead memory is asked for, 0 where it is near.
+#: trusted; how far ahead memory is asked for, 0 where it is near; matrices until the scale is tested again.
 WORST = 0
 NEGATIVE = 8
 LARGEST = 16
 COUNTED = 17
 TRUSTED = 18
 DISTANCE = 24
+UNWATCHED = 25
 STATE = 32
+#: The scale is tested with one matrix in so many and one more, or, where it was far from not serving, with fewer.
+SELDOM = 3.0
+RARELY = 11.0
+#: Largest entries of rows so far from 1 are not far from that.
+UNEASY = 32.0
 #: Makes any number nothing, but not infinity.
 NO_SHARE = 1e-200
+
+
+@native(inline=True)
+def is_watched(state: f64s) -> i64:
+    """Whether the scale is to be tested with the matrix at hand."""
+    state[UNWATCHED] -= 1.0
+    return 1 if state[UNWATCHED] < 0.0 else 0
+
+
+@native(inline=True)
+def note_watched(spread: f64, state: f64s) -> None:
+    """Note how far from 1 the largest entries of rows were when the scale was tested."""
+    state[UNWATCHED] = RARELY if spread < UNEASY else SELDOM
 
 
 @native(inline=True)
@@ -314,10 +337,6 @@ def _scale_four(
     most1 = splat8(0.0)
     most2 = splat8(0.0)
     most3 = splat8(0.0)
-    high0 = splat8(0.0)
-    high1 = splat8(0.0)
-    high2 = splat8(0.0)
-    high3 = splat8(0.0)
     for e in range(count):
         at = 8 * e
         source = 4 + e
@@ -344,10 +363,11 @@ def _scale_four(
         most1 = max8(abs8(c1), most1)
         most2 = max8(abs8(c2), most2)
         most3 = max8(abs8(c3), most3)
-        high0 = max8(abs8(f0), high0)
-        high1 = max8(abs8(f1), high1)
-        high2 = max8(abs8(f2), high2)
-        high3 = max8(abs8(f3), high3)
+    # What D^-1 makes of the largest of C is no less than the largest factor.
+    high0 = abs8(d0) * most0 + abs8(o01) * most1
+    high1 = abs8(d1) * most1 + abs8(o01) * most0 + abs8(o12) * most2
+    high2 = abs8(d2) * most2 + abs8(o12) * most1 + abs8(o23) * most3
+    high3 = abs8(d3) * most3 + abs8(o23) * most2
     worst = max8(max8(most0 * high0, most1 * high1), max8(most2 * high2, most3 * high3))
     store8(state, WORST, max8(worst * growth, load8(state, WORST)))
 
@@ -369,8 +389,6 @@ def _scale_two(
         l01 = splat8(0.0)
     most0 = splat8(0.0)
     most1 = splat8(0.0)
-    high0 = splat8(0.0)
-    high1 = splat8(0.0)
     for e in range(count):
         at = 8 * e
         c0 = load8(work, 8 * sources[2 + e])
@@ -383,8 +401,8 @@ def _scale_two(
         store8(factors, at + far, f1)
         most0 = max8(abs8(c0), most0)
         most1 = max8(abs8(c1), most1)
-        high0 = max8(abs8(f0), high0)
-        high1 = max8(abs8(f1), high1)
+    high0 = abs8(d0) * most0 + abs8(o01) * most1
+    high1 = abs8(d1) * most1 + abs8(o01) * most0
     store8(state, WORST, max8(max8(most0 * high0, most1 * high1) * growth, load8(state, WORST)))
 
 

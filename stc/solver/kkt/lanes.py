@@ -95,8 +95,8 @@ def note_outside(group: i64s, index: i32s, part: f64s, most: f64s) -> None:
 
 @native(fast=True, inline=True)
 def _load_entries(
-    distance: i64, added: i64, count: i64, sources: i32s, places: i32s, given: f64s, scales: f64s, matrix: f64s,
-    most: f64s, work: f64s,
+    distance: i64, watched: i64, added: i64, count: i64, sources: i32s, places: i32s, given: f64s, scales: f64s,
+    matrix: f64s, most: f64s, work: f64s,
 ) -> None:  # fmt: skip
     """Add or store scaled entries in the triangle, keep them, and note their magnitudes in both of their rows."""
     i = 0
@@ -104,10 +104,12 @@ def _load_entries(
     most_i = load8(most, 0)
     for k in range(count):
         if 8 * places[3 * k + 1] != i:
-            store8(most, i, most_i)
+            if watched != 0:
+                store8(most, i, most_i)
             i = 8 * places[3 * k + 1]
             scale_i = load8(scales, i)
-            most_i = load8(most, i)
+            if watched != 0:
+                most_i = load8(most, i)
         j = 8 * places[3 * k + 2]
         value = gather8(given, sources, 8 * k) * scale_i * load8(scales, j)
         store8(matrix, 8 * k, value)
@@ -117,16 +119,38 @@ def _load_entries(
             store8(work, at, load8(work, at) + value)
         else:
             store8(work, at, value)
-        size = abs8(value)
-        most_i = max8(size, most_i)
-        store8(most, j, max8(size, load8(most, j)))
-    store8(most, i, most_i)
+        if watched != 0:
+            size = abs8(value)
+            most_i = max8(size, most_i)
+            store8(most, j, max8(size, load8(most, j)))
+    if watched != 0:
+        store8(most, i, most_i)
+
+
+@native(fast=True, inline=True)
+def _watch_step(step: i64, group: i64s, following: i32s, most: f64s, spread: f64s) -> None:
+    """Note how far the largest entries of a step's own rows are from 1, and carry over the others."""
+    own = group[OWN]
+    high = load8(spread, 0)
+    low = load8(spread, 8)
+    for k in range(own):
+        size = load8(most, 8 * k)
+        size += negative8(size - NOTHING)
+        high = max8(high, size)
+        low = max8(low, -size)
+        store8(most, 8 * k, 0.0)
+    store8(spread, 0, high)
+    store8(spread, 8, low)
+    if step < group[STEPS] - 1:
+        for k in range(group[NEXT]):
+            store8(most, 8 * following[k], load8(most, 8 * (own + k)))
+            store8(most, 8 * (own + k), 0.0)
 
 
 @native(fast=True)
 def _load_step(
-    distance: i64, step: i64, group: i64s, index: i32s, code: i32s, diagonal: f64s, given: f64s, scale: f64s,
-    work: f64s, scales: f64s, matrix: f64s, most: f64s, spread: f64s,
+    distance: i64, watched: i64, step: i64, group: i64s, index: i32s, code: i32s, diagonal: f64s, given: f64s,
+    scale: f64s, work: f64s, scales: f64s, matrix: f64s, most: f64s, spread: f64s,
 ) -> None:  # fmt: skip
     """Carry over what the step before has left, and add the scaled entries of the matrix."""
     own = group[OWN]
@@ -155,6 +179,7 @@ def _load_step(
             store8(most, 8 * k, 0.0)
         _load_entries(
             distance,
+            watched,
             1,
             group[FIRST],
             index[group[FIRST_INDEX] :],
@@ -175,14 +200,16 @@ def _load_step(
         ask_ahead(distance, 1, 0, 8 * k, kept)
         at = 4 * k * (k + 3)
         store8(work, at, load8(work, at) + value)
-        store8(most, 8 * k, max8(abs8(value), load8(most, 8 * k)))
+        if watched != 0:
+            store8(most, 8 * k, max8(abs8(value), load8(most, 8 * k)))
     added = group[ADDED]
     sources = index[group[ENTRY_INDEX] + 8 * step * count :]
     places = code[group[ENTRY_CODE] :]
     kept = kept[8 * own :]
-    _load_entries(distance, 1, added, sources, places, given, scales, kept, most, work)
+    _load_entries(distance, watched, 1, added, sources, places, given, scales, kept, most, work)
     _load_entries(
         distance,
+        watched,
         0,
         count - added,
         sources[8 * added :],
@@ -193,20 +220,8 @@ def _load_step(
         most,
         work,
     )
-    high = load8(spread, 0)
-    low = load8(spread, 8)
-    for k in range(own):
-        size = load8(most, 8 * k)
-        size += negative8(size - NOTHING)
-        high = max8(high, size)
-        low = max8(low, -size)
-        store8(most, 8 * k, 0.0)
-    store8(spread, 0, high)
-    store8(spread, 8, low)
-    if step < group[STEPS] - 1:
-        for k in range(group[NEXT]):
-            store8(most, 8 * following[k], load8(most, 8 * (own + k)))
-            store8(most, 8 * (own + k), 0.0)
+    if watched != 0:
+        _watch_step(step, group, following, most, spread)
 
 
 @native(fast=True)
@@ -225,6 +240,7 @@ def eliminate(
     scales: f64s,
     columns: f64s,
     matrix: f64s,
+    watched: i64,
     most: f64s,
     outer_most: f64s,
     spread: f64s,
@@ -244,6 +260,7 @@ def eliminate(
         result: where the entries are added that are left, as ``index`` tells.
         work, scales, columns, most: work space.
         matrix: the scaled entries, for products with the matrix.
+        watched: 1 where ``outer_most`` and ``spread`` are asked for.
         spread: largest entry of the row that has the largest one, and the negative of the least, of the rows in
             segments: the maximum with what is there, eight of each.
         factors: the factors; ``state``: see stc.solver.kkt.lane_panel.
@@ -261,8 +278,9 @@ def eliminate(
         at = 8 * group[FACTORS]
         for step in range(group[STEPS]):
             _load_step(
-                distance, step, group, index, code, diagonal, given, scale, work, scales, matrix, most, spread
-            )
+                distance, watched, step, group, index, code, diagonal, given, scale, work, scales, matrix, most,
+                spread,
+            )  # fmt: skip
             panel = code[group[PANEL_CODE] :]
             for _panel in range(group[PANELS]):
                 members = panel[0]
@@ -288,5 +306,6 @@ def eliminate(
                     result[target] += value
                 else:
                     result[-1 - target] -= value
-        note_outside(group, index, most, outer_most)
+        if watched != 0:
+            note_outside(group, index, most, outer_most)
     return int(negative)

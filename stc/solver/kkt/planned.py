@@ -21,7 +21,7 @@ from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, FrontalKKT
-from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, LARGEST, STATE, TRUSTED
+from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, LARGEST, STATE, TRUSTED, UNWATCHED
 from stc.solver.kkt.plan_choice import PLANS, Plans, Prepared
 from stc.solver.kkt.segmented_passes import diagonal_of
 from stc.solver.kkt.substitution import REPORT
@@ -191,7 +191,7 @@ class PlannedKKT(ByCopies):
         self._scale[:] = 1.0
         self._plans.restart()
         for plan in self._plans:
-            plan.state[TRUSTED] = SUSPECT
+            plan.state[TRUSTED], plan.state[UNWATCHED] = SUSPECT, 0.0
         self._factorized = False
         self._rest.restart()
         if self._whole is not None:

@@ -8,7 +8,7 @@ tables of stc.solver.kkt.lanes say.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
-from stc.solver.kkt.lane_panel import COUNTED
+from stc.solver.kkt.lane_panel import COUNTED, is_watched, note_watched
 from stc.solver.kkt.lane_rows import largest_in_segments, subtract_segments
 from stc.solver.kkt.lane_solve import backward, forward
 from stc.solver.kkt.lanes import eliminate
@@ -176,16 +176,20 @@ def eliminate_all(
     )  # fmt: skip
     for k in range(16):
         spread[k] = -STALE
+    watched = is_watched(state)
     negative = eliminate(
         groups, table, index, code, growth, suspect, given, diagonal, scale, result, work, scales, columns,
-        matrix, row_most, most, spread, factors, state,
+        matrix, watched, row_most, most, spread, factors, state,
     )  # fmt: skip
     state[COUNTED] = 1.0 * negative
     if negative < 0:
         return REFUSED
+    if watched == 0:
+        return 0
     highest = spread_of(rest, most[outer:])
     for lane in range(8):
         highest = max(highest, max(spread[lane], -1.0 / spread[8 + lane]))
+    note_watched(highest, state)
     return STALE_SCALE if highest > STALE else 0
 
 
