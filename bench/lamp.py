@@ -3,9 +3,10 @@
     python bench/lamp.py [--rounds 15] [--fineness 1]
 
 All kernels of ``luxo_jump`` (60 intervals per unit of fineness), called as the solver calls them, on data that fits
-the cache.  Beside them, for the largest kernel, CasADi's C code of the same functions and of its own derivatives
-(common subexpressions eliminated, ``gcc -O3 -march=native``), looped over the same nodes in C.  The two run
-alternately; medians of processor time.  Prints a Markdown table.
+the cache; derivatives that are constants are there before, as in a solve.  Beside them, for the largest kernel,
+CasADi's C code of the same functions and of its own derivatives (common subexpressions eliminated, ``gcc -O3
+-march=native``), looped over the same nodes in C.  The two run alternately; medians of processor time.  Prints a
+Markdown table.
 """
 
 from __future__ import annotations

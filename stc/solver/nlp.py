@@ -98,5 +98,6 @@ class NLP(Protocol):
         self, x: Floats, multipliers: Floats, objective_factor: float
     ) -> tuple[Floats, Floats, Floats]:
         """Gradient (n,), Jacobian entries (nnz_J,) and the entries (nnz_H,) of the Hessian of
-        ``objective_factor * f + multipliers . r``.  The arrays may be buffers that the next call overwrites.
+        ``objective_factor * f + multipliers . r``.  The arrays may be buffers that the next call overwrites, and that
+        nobody else does.
         """

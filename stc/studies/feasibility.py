@@ -69,15 +69,13 @@ class FeasibilityProblem:
         y = multipliers.copy()
         y[self.left_out] = 0.0
         _, jac, hess = self._bound.derivatives(x, y, 0.0)
-        self.masked(jac)
         if len(self.left_out):
-            np.nan_to_num(hess, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
-        return np.zeros(self.n), jac, hess
+            hess = np.nan_to_num(hess, nan=0.0, posinf=0.0, neginf=0.0)
+        return np.zeros(self.n), self.masked(jac), hess
 
     def masked(self, jac: FloatArray) -> FloatArray:
-        """The Jacobian's entries, 0 in rows left out; in place."""
-        jac[self._entry_left_out] = 0.0
-        return jac
+        """The Jacobian's entries, 0 in rows left out."""
+        return np.where(self._entry_left_out, 0.0, jac)
 
 
 class ElasticProblem:

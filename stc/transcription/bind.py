@@ -265,13 +265,20 @@ class BoundProgram:
     def derivatives(
         self, x: FloatArray, multipliers: FloatArray, objective_factor: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Objective gradient, Jacobian values and Hessian values of the Lagrangian; arrays are reused."""
+        """Objective gradient, Jacobian values and Hessian values of the Lagrangian; arrays are reused and read-only."""
         stated = self._as_stated or self.as_stated()
         stated.x[:] = x
         stated.y[:] = multipliers
         stated.weight[0] = objective_factor
         stated.derivatives_call()
-        return stated.gradient, stated.jac, stated.hess
+        # Nobody else may write to them: constants among them are not written again.
+        return _read_only(stated.gradient), _read_only(stated.jac), _read_only(stated.hess)
+
+
+def _read_only(array: FloatArray) -> FloatArray:
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def _row_bounds(program: Program, numbers: Numbers) -> tuple[FloatArray, FloatArray]:

@@ -70,7 +70,7 @@ def kernel_calls(
 def fill_constants(program: Program, workspace: FloatArray, uniform: FloatArray, buffer: FloatArray) -> None:
     """Evaluates the derivatives that are constants, where they belong in ``buffer``, and adds up what is one entry.
 
-    That is done once, with which compiled code would not keep up.
+    That is done once, and takes less time than compiling it would.
     """
     for group, index, start in zip(
         program.groups, program.index_constants, program.constants_start, strict=True

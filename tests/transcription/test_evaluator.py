@@ -220,6 +220,73 @@ def test_fixed_curvature_is_the_same_everywhere(name: str) -> None:
     assert not fixed[program.hess_rows[changes]].any()
 
 
+SUMS = """
+    constants: n = 4, c = 2;
+    variables: x;
+    parameters: T;
+    guess: T = 1; x = 1 + t;
+    constraints: [0, n]: 3*x + x[n - i]*T + x[n - i]/c >= 0;
+    objective: [0, n]: 5*x + x[n - i] + x^2;
+"""
+
+
+def program_of(text: str, backend: str = "auto"):
+    transcription = transcribe(elaborate(parse(Source("sums", text)), {}))
+    transcription.compile(backend=backend)
+    return transcription.bind(check=False)
+
+
+@pytest.mark.parametrize("backend", ["auto", "numpy"])
+def test_constants_and_what_varies_add_up(backend) -> None:
+    """In the middle, the mirrored unknown is the node's own: 3 + 1/c, a constant, and T are one entry."""
+    nlp = program_of(SUMS, backend)
+    scaling = Scaling(
+        np.full(nlp.n, 2.0), np.full(nlp.m, 0.5), 3.0, np.ones(nlp.n, bool), np.ones(nlp.m, bool)
+    )
+    evaluator = nlp.evaluator(scaling)
+    parameter = int(np.flatnonzero(np.bincount(nlp.jac_cols, minlength=nlp.n) == nlp.m)[0])
+    x_at = np.delete(np.arange(nlp.n), parameter)
+    for again in range(3):
+        x = nlp.x0 + again
+        evaluator.x[:] = x / 2.0
+        evaluator.derivatives_call()
+        jac, expected = np.zeros((nlp.m, nlp.n)), np.zeros((nlp.m, nlp.n))
+        jac[nlp.jac_rows, nlp.jac_cols] = evaluator.jac
+        for i in range(5):
+            expected[i, x_at[i]] += 3.0
+            expected[i, x_at[4 - i]] += x[parameter] + 0.5
+            expected[i, parameter] += x[x_at[4 - i]]
+        np.testing.assert_allclose(jac, expected, rtol=1e-14)
+        gradient = np.zeros(nlp.n)
+        gradient[x_at] = 6.0 + 2.0 * x[x_at]
+        np.testing.assert_allclose(evaluator.gradient, 6.0 * gradient, rtol=1e-14)
+        assert evaluator.derivatives_status[0] == 0.0
+
+
+def test_constants_that_are_none_are_told_of_each_time() -> None:
+    nlp = program_of(SUMS.replace("c = 2", "c = 0"))
+    evaluator = nlp.evaluator(Scaling.none(nlp.n, nlp.m))
+    for _ in range(2):
+        evaluator.x[:] = nlp.x0
+        evaluator.derivatives_call()
+        assert np.isnan(evaluator.derivatives_status[0])
+
+
+@pytest.mark.parametrize("name", ["mirrored", *SPECS])
+def test_constants_are_what_never_changes(name: str) -> None:
+    """No kernel computes an entry of the Jacobian again that is the same everywhere."""
+    nlp = bound_program(name)
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(4):
+        x = np.abs(nlp.x0) + rng.uniform(0.5, 1.5, nlp.n)
+        found.append(nlp.derivatives(x, rng.standard_normal(nlp.m), rng.random())[1].copy())
+    never = np.abs(np.array(found) - found[0]).max(axis=0) == 0.0
+    constant = nlp.program.jacobian.first >= nlp.program.varying_size
+    assert constant.any() == (name != "mirrored")  # all steps of which are a parameter's
+    np.testing.assert_array_equal(never, constant)
+
+
 def test_torques_have_a_fixed_curvature() -> None:
     """The equations of a chain are affine in them, and their squares are the objective."""
     spec = PROBLEMS.parent / "speed" / "p3_chain5.stc"

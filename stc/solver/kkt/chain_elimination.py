@@ -21,8 +21,16 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
 from stc.codegen.native_vector import abs8, expand8, largest8, load8, max8, splat8, store8
-from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, LARGEST, ask_ahead, is_watched, note_watched
-from stc.solver.kkt.segmented_passes import REFUSED, STALE, STALE_SCALE
+from stc.solver.kkt.lane_panel import (
+    COUNTED,
+    DISTANCE,
+    LARGEST,
+    ask_ahead,
+    is_doubtful,
+    is_watched,
+    note_watched,
+)
+from stc.solver.kkt.segmented_passes import DOUBTED_SCALE, REFUSED, STALE, STALE_SCALE
 from stc.solver.kkt.values import spread_of
 
 __all__ = [
@@ -629,8 +637,9 @@ def eliminate(
         factors, state: the results.
 
     Returns:
-        0, ``REFUSED`` when a pivot was not accepted, ``STALE_SCALE`` when the scale does not serve the matrix;
-        ``state[COUNTED]`` becomes the number of negative pivots, ``state[LARGEST]`` what the test was.
+        0, ``REFUSED`` when a pivot was not accepted, ``STALE_SCALE`` when the scale does not serve the matrix,
+        ``DOUBTED_SCALE`` when it was not tested but perhaps does not; ``state[COUNTED]`` becomes the number of negative
+        pivots, ``state[LARGEST]`` what the test was.
     """
     for k in range(LARGEST):
         state[k] = 0.0
@@ -675,6 +684,5 @@ def eliminate(
     if watched != 0:
         spread = spread_of(border_base + border, most)
         note_watched(spread, state)
-        if spread > STALE:
-            return STALE_SCALE
-    return 0
+        return STALE_SCALE if spread > STALE else 0
+    return DOUBTED_SCALE if is_doubtful(state) != 0 else 0

@@ -26,6 +26,7 @@ __all__ = [
     "UNWATCHED",
     "WORST",
     "ask_ahead",
+    "is_doubtful",
     "is_watched",
     "note_watched",
     "panel_vectors",
@@ -65,6 +66,15 @@ def is_watched(state: f64s) -> i64:
 def note_watched(spread: f64, state: f64s) -> None:
     """Note how far from 1 the largest entries of rows were when the scale was tested."""
     state[UNWATCHED] = RARELY if spread < UNEASY else SELDOM
+
+
+@native(inline=True)
+def is_doubtful(state: f64s) -> i64:
+    """Whether factors that were not watched are not to be trusted, so that the scale has to be tested after all."""
+    if state[LARGEST] <= state[TRUSTED]:
+        return 0
+    state[UNWATCHED] = 0.0
+    return 1
 
 
 @native(inline=True)

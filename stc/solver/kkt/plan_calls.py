@@ -12,6 +12,7 @@ from stc.codegen.native import f64, f64s, i64, i64s, native
 from stc.solver.kkt.attempts import MADE, has_served, note_waste
 from stc.solver.kkt.lane_panel import COUNTED, LARGEST, TRUSTED
 from stc.solver.kkt.pivots import NEGATIVE, POSITIVE, ZERO
+from stc.solver.kkt.segmented_passes import DOUBTED_SCALE
 
 __all__ = [
     "ALLOWED",
@@ -96,7 +97,8 @@ def eliminate_by(calls: i64s, plan: i64) -> i64:
     ended = invoke(calls, own + ELIMINATE)
     if ended != 0 and invoke(calls, own + EQUILIBRATE) != 0:
         ended = invoke(calls, own + ELIMINATE)
-    return ended
+    # A scale that has been doubted serves, or there is a new one.
+    return 0 if ended == DOUBTED_SCALE else ended
 
 
 @native(shared=True)

@@ -8,7 +8,7 @@ tables of stc.solver.kkt.lanes say.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
-from stc.solver.kkt.lane_panel import COUNTED, is_watched, note_watched
+from stc.solver.kkt.lane_panel import COUNTED, is_doubtful, is_watched, note_watched
 from stc.solver.kkt.lane_rows import largest_in_segments, subtract_segments
 from stc.solver.kkt.lane_solve import backward, forward
 from stc.solver.kkt.lanes import eliminate
@@ -22,6 +22,7 @@ STALE = 1024.0
 #: Results of ``eliminate_all``.
 REFUSED = 1
 STALE_SCALE = 2
+DOUBTED_SCALE = 3
 
 
 @native(fast=True)
@@ -167,8 +168,9 @@ def eliminate_all(
     """Load the rest, eliminate the segments (see ``eliminate``) and add what they leave to the rest, ``result``.
 
     Returns:
-        0, ``REFUSED`` when a pivot was not accepted, ``STALE_SCALE`` when the scale does not serve the matrix;
-        ``state[COUNTED]`` becomes the number of negative pivots.
+        0, ``REFUSED`` when a pivot was not accepted, ``STALE_SCALE`` when the scale does not serve the matrix,
+        ``DOUBTED_SCALE`` when it was not tested but perhaps does not; ``state[COUNTED]`` becomes the number of negative
+        pivots.
     """
     _load_rest(
         index, outer, rest, entries, target, first, second, source, variables, filled, given, diagonal, scale, most,
@@ -185,7 +187,7 @@ def eliminate_all(
     if negative < 0:
         return REFUSED
     if watched == 0:
-        return 0
+        return DOUBTED_SCALE if is_doubtful(state) != 0 else 0
     highest = spread_of(rest, most[outer:])
     for lane in range(8):
         highest = max(highest, max(spread[lane], -1.0 / spread[8 + lane]))
