@@ -129,7 +129,7 @@ def _nearly(share: float) -> str:
 
 
 def tape(model: Model, method: str | None) -> str:
-    """The straight-line programs that are compiled: one pair per group of nodes."""
+    """The straight-line programs of each group of nodes: values, derivatives, and those of them that are constants."""
     found = model.transcription(method)[1]
     uniform = [_name(key) for key in found.program.uniform]
     parts = []
