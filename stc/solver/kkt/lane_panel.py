@@ -26,6 +26,7 @@ __all__ = [
     "UNWATCHED",
     "WORST",
     "ask_ahead",
+    "ask_behind",
     "is_doubtful",
     "is_watched",
     "note_watched",
@@ -89,6 +90,14 @@ def ask_ahead(distance: i64, vectors: i64, far: i64, at: i64, x: f64s) -> None:
     if distance > 0:
         for k in range(vectors):
             prefetch8(x, at + distance + k * far)
+
+
+@native(inline=True)
+def ask_behind(distance: i64, vectors: i64, at: i64, x: f64s) -> None:
+    """Ask for what is so far behind some vectors of ``x``, the last one first: processors foresee a steady descent."""
+    if distance > 0:
+        for k in range(vectors):
+            prefetch8(x, at - distance + 8 * (vectors - 1 - k))
 
 
 @native(fused=True, inline=True)

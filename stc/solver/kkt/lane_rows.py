@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, splat8, store8, sum8
+from stc.solver.kkt.lane_panel import ask_ahead
 from stc.solver.kkt.lanes import (
     BORDER,
     ENTRIES,
@@ -123,7 +124,7 @@ def largest_in_segments(
 
 @native(fast=True, inline=True)
 def _subtract(
-    both: i64, count: i64, places: i32s, matrix: f64s, x: f64s, y: f64s, other_x: f64s, other_y: f64s
+    both: i64, distance: i64, count: i64, places: i32s, matrix: f64s, x: f64s, y: f64s, other_x: f64s, other_y: f64s
 ) -> None:  # fmt: skip
     """Subtract the products of entries from both of their rows."""
     i = 0
@@ -144,6 +145,7 @@ def _subtract(
                 other_y_i = load8(other_y, i)
         j = 8 * places[3 * k + 2]
         value = load8(matrix, 8 * k)
+        ask_ahead(distance, 1, 0, 8 * k, matrix)
         y_i -= value * load8(x, j)
         store8(y, j, load8(y, j) - value * x_i)
         if both != 0:
@@ -157,6 +159,7 @@ def _subtract(
 @native(fast=True, inline=True)
 def subtract_segments(
     both: i64,
+    distance: i64,
     groups: i64,
     table: i64s,
     index: i32s,
@@ -176,6 +179,7 @@ def subtract_segments(
 
     Args:
         both: 1 to do the same with ``other_x``, ``other_y``, ``other_z`` in the same pass; a constant.
+        distance: how far ahead memory is asked for, 0 where it is near.
         groups, table, index, code, matrix: see ``eliminate``.
         work, part: work space, for two vectors each when ``both``.
         norms: largest magnitudes in segments of x, z, other_x, other_z; of the z nan when not all are finite.
@@ -203,6 +207,9 @@ def subtract_segments(
                 store8(other_part, 8 * k, 0.0)
         for step in range(group[STEPS]):
             here = group[UNKNOWNS] + 8 * step * own
+            ask_ahead(distance, own, 8, here, x)
+            ask_ahead(distance, own, 8, here, y)
+            ask_ahead(distance, own, 8, here, z)
             collect_following(step, group, index, code, x, work)
             diagonal = values[0:]
             if step == 0:
@@ -213,6 +220,9 @@ def subtract_segments(
                 store8(work, 8 * k, value)
                 store8(part, 8 * k, load8(y, here + 8 * k) - load8(diagonal, 8 * k) * value)
             if both != 0:
+                ask_ahead(distance, own, 8, here, other_x)
+                ask_ahead(distance, own, 8, here, other_y)
+                ask_ahead(distance, own, 8, here, other_z)
                 collect_following(step, group, index, code, other_x, other_work)
                 for k in range(own):
                     value = load8(other_x, here + 8 * k)
@@ -225,11 +235,27 @@ def subtract_segments(
                     add_following(group, code, other_part)
             else:
                 _subtract(
-                    both, group[FIRST], code[group[FIRST_CODE] :], values, work, part, other_work, other_part
+                    both,
+                    distance,
+                    group[FIRST],
+                    code[group[FIRST_CODE] :],
+                    values,
+                    work,
+                    part,
+                    other_work,
+                    other_part,
                 )
             values = diagonal[8 * own :]
             _subtract(
-                both, group[ENTRIES], code[group[ENTRY_CODE] :], values, work, part, other_work, other_part
+                both,
+                distance,
+                group[ENTRIES],
+                code[group[ENTRY_CODE] :],
+                values,
+                work,
+                part,
+                other_work,
+                other_part,
             )
             values = values[8 * group[ENTRIES] :]
             for k in range(own):

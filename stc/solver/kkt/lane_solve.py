@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import load8, store8
-from stc.solver.kkt.lane_panel import panel_vectors
+from stc.solver.kkt.lane_panel import ask_ahead, ask_behind, panel_vectors
 from stc.solver.kkt.lane_rows import add_following, add_outside
 from stc.solver.kkt.lanes import (
     BORDER,
@@ -188,13 +188,14 @@ def _backward_panel(
 
 @native(fast=True, inline=True)
 def forward(
-    both: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, y: f64s, other_x: f64s,
-    other_y: f64s, part: f64s,
+    both: i64, distance: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, y: f64s,
+    other_x: f64s, other_y: f64s, part: f64s,
 ) -> None:  # fmt: skip
     """Forward substitution and division by D from ``x`` to ``y``, whose entries outside the segments change.
 
     Args:
         both: 1 to do the same from ``other_x`` to ``other_y`` in the same pass; a constant.
+        distance: how far ahead memory is asked for, 0 where it is near.
         groups, table, index, code, factors: see ``eliminate``.
         part: work space, for two vectors when ``both``.
     """
@@ -210,8 +211,12 @@ def forward(
                 store8(other, 8 * k, 0.0)
         for step in range(group[STEPS]):
             here = group[UNKNOWNS] + 8 * step * own
+            ask_ahead(distance, own, 8, here, x)
+            ask_ahead(distance, own, 8, here, y)
             collect_own(step, group, x, part)
             if both != 0:
+                ask_ahead(distance, own, 8, here, other_x)
+                ask_ahead(distance, own, 8, here, other_y)
                 collect_own(step, group, other_x, other)
             if step > 0:
                 add_following(group, code, part)
@@ -222,6 +227,7 @@ def forward(
                 members = panel[0]
                 count = panel[1]
                 rows = panel[2 + 2 * members :]
+                ask_ahead(distance, panel_vectors(members, count), 8, at, factors)
                 _forward_panel(
                     both, members, count, panel[2:], panel[2 + members :], rows, factors[at:], part, other
                 )
@@ -238,8 +244,8 @@ def forward(
 
 @native(fast=True, inline=True)
 def backward(
-    both: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, y: f64s, other_x: f64s,
-    other_y: f64s, part: f64s,
+    both: i64, distance: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, y: f64s,
+    other_x: f64s, other_y: f64s, part: f64s,
 ) -> None:  # fmt: skip
     """Back substitution from ``x`` to ``y``, in which the solution outside the segments is; arguments as above."""
     for g in range(groups):
@@ -254,9 +260,13 @@ def backward(
         for back in range(group[STEPS]):
             step = group[STEPS] - 1 - back
             here = group[UNKNOWNS] + 8 * step * own
+            ask_behind(distance, own, here, x)
+            ask_behind(distance, own, here, y)
             collect_own(step, group, x, part)
             collect_following(step, group, index, code, y, part)
             if both != 0:
+                ask_behind(distance, own, here, other_x)
+                ask_behind(distance, own, here, other_y)
                 collect_own(step, group, other_x, other)
                 collect_following(step, group, index, code, other_y, other)
             for last in range(group[PANELS]):
@@ -264,6 +274,7 @@ def backward(
                 members = panel[0]
                 count = panel[1]
                 at -= 8 * panel_vectors(members, count)
+                ask_behind(distance, panel_vectors(members, count), at, factors)
                 _backward_panel(
                     both, members, count, panel[2:], panel[2 + members :], panel[2 + 2 * members :], factors[at:], part,
                     other,

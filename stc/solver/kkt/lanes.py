@@ -19,7 +19,7 @@ What belongs to a group of eight segments is found by way of a table, FIELDS num
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
-from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, negative8, store8
+from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, negative8, prefetch8, store8
 from stc.solver.kkt.lane_panel import DISTANCE, LARGEST, NEGATIVE, WORST, ask_ahead, panel_vectors, take_panel
 
 __all__ = ["FIELDS", "collect_ends", "collect_following", "collect_own", "eliminate", "note_outside"]
@@ -45,6 +45,9 @@ RESULTS, RESULT_CODE, RESULT_INDEX = 22, 23, 24
 #: scaled entries begin: those of L with the first stage, then the diagonal and the entries of each step.
 FACTORS, FACTOR_STEP, SEGMENTS, FOLLOWING, PANEL_STARTS, MATRIX, ADDED = 25, 26, 27, 28, 29, 30, 31
 FIELDS = 32
+#: Entries of the matrix are asked for so many steps ahead; a line of memory has those of a lane for so many or more.
+STEPS_AHEAD = 8
+STEPS_OF_LINE = 4
 #: Magnitudes below this are zeros.
 NOTHING = 1e-300
 
@@ -147,6 +150,24 @@ def _watch_step(step: i64, group: i64s, following: i32s, most: f64s, spread: f64
             store8(most, 8 * (own + k), 0.0)
 
 
+@native(fast=True, inline=True)
+def _ask_for_step(
+    step: i64, group: i64s, index: i32s, diagonal: f64s, given: f64s
+) -> None:  # fmt: skip
+    """Ask for the entries of a later step; some lanes take their turn with each step, since lines last for several."""
+    if step + STEPS_AHEAD < group[STEPS]:
+        own = group[OWN]
+        count = group[ENTRIES]
+        lane = 8 // STEPS_OF_LINE * (step % STEPS_OF_LINE)
+        sources = index[group[ENTRY_INDEX] + 8 * (step + STEPS_AHEAD) * count + lane :]
+        diagonals = index[group[UNKNOWNS] + 8 * (step + STEPS_AHEAD) * own + lane :]
+        for turn in range(8 // STEPS_OF_LINE):
+            for k in range(count):
+                prefetch8(given, sources[8 * k + turn])
+            for k in range(own):
+                prefetch8(diagonal, diagonals[8 * k + turn])
+
+
 @native(fast=True)
 def _load_step(
     distance: i64, watched: i64, step: i64, group: i64s, index: i32s, code: i32s, diagonal: f64s, given: f64s,
@@ -190,6 +211,8 @@ def _load_step(
             most,
             work,
         )
+    if distance > 0:
+        _ask_for_step(step, group, index, diagonal, given)
     count = group[ENTRIES]
     kept = kept[8 * (group[FIRST] + step * (own + count)) :]
     diagonals = index[here:]

@@ -17,7 +17,7 @@ from stc.solver.kkt import lanes, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import SWEEPS, FrontalKKT
-from stc.solver.kkt.lane_panel import PANEL
+from stc.solver.kkt.lane_panel import DISTANCE, PANEL
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import code_of, lay_out
 from stc.solver.kkt.lane_values import sizes_of
@@ -138,8 +138,8 @@ class SegmentedKKT(PlannedKKT):
         """See ``PlannedKKT``."""
         layout, rest_factors = self._layout, self._rest_system.factors_in_order()
         common = (
-            self.accuracy, *plan.tables, layout.outer, layout.rest.unknowns.size, layout.rest.entry.size,
-            *self._rest_entries[:2], plan.factors, self._matrix, self._rest_matrix, self._scale, *plan.space,
-            np.zeros(4), *rest_factors,
+            self.accuracy, int(plan.state[DISTANCE]), *plan.tables, layout.outer, layout.rest.unknowns.size,
+            layout.rest.entry.size, *self._rest_entries[:2], plan.factors, self._matrix, self._rest_matrix,
+            self._scale, *plan.space, np.zeros(4), *rest_factors,
         )  # fmt: skip
         return solve_all, common

@@ -227,7 +227,7 @@ def _return(outer: i64, rest: i64, order: i32s, scale: f64s, rest_x: f64s, x: f6
 
 @native(inline=True)
 def _substitute(
-    both: i64, groups: i64, table: i64s, index: i32s, code: i32s, outer: i64, rest: i64, factors: f64s,
+    both: i64, distance: i64, groups: i64, table: i64s, index: i32s, code: i32s, outer: i64, rest: i64, factors: f64s,
     lane_part: f64s, rest_order: i32s, rest_scale: f64s, pivot_count: i64s, columns: i32s, rest_values: f64s,
     pivots: i32s, starts: i32s, indices: i32s, rest_factors: f64s, inverse: f64s, rest_x: f64s, part: f64s,
     other_rest_x: f64s, other_part: f64s, x: f64s, between: f64s, y: f64s, other_x: f64s, other_between: f64s,
@@ -238,7 +238,9 @@ def _substitute(
         between[k] = x[k]
         if both != 0:
             other_between[k] = other_x[k]
-    forward(both, groups, table, index, code, factors, x, between, other_x, other_between, lane_part)
+    forward(
+        both, distance, groups, table, index, code, factors, x, between, other_x, other_between, lane_part
+    )
     _collect(outer, rest, rest_order, rest_scale, between, rest_x)
     if both != 0:
         _collect(outer, rest, rest_order, rest_scale, other_between, other_rest_x)
@@ -249,7 +251,9 @@ def _substitute(
     if both != 0:
         _return(outer, rest, rest_order, rest_scale, other_rest_x, other_y)
     _return(outer, rest, rest_order, rest_scale, rest_x, y)
-    backward(both, groups, table, index, code, factors, between, y, other_between, other_y, lane_part)
+    backward(
+        both, distance, groups, table, index, code, factors, between, y, other_between, other_y, lane_part
+    )
 
 
 @native(fast=True, inline=True)
@@ -281,16 +285,31 @@ def _largest_outside(outer: i64, rest: i64, most: f64, x: f64s) -> f64:
 
 @native(inline=True)
 def _subtract(
-    both: i64, groups: i64, table: i64s, index: i32s, code: i32s, outer: i64, rest: i64, entries: i64, first: i32s,
-    second: i32s, matrix: f64s, rest_matrix: f64s, work: f64s, lane_part: f64s, norms: f64s, x: f64s, y: f64s,
-    z: f64s, other_x: f64s, other_y: f64s, other_z: f64s,
+    both: i64, distance: i64, groups: i64, table: i64s, index: i32s, code: i32s, outer: i64, rest: i64, entries: i64,
+    first: i32s, second: i32s, matrix: f64s, rest_matrix: f64s, work: f64s, lane_part: f64s, norms: f64s, x: f64s,
+    y: f64s, z: f64s, other_x: f64s, other_y: f64s, other_z: f64s,
 ) -> None:  # fmt: skip
     """``z = y - K x``; ``norms`` become those of x and z, and of the other ones when ``both``."""
     _subtract_rest(outer, rest, entries, first, second, rest_matrix, x, y, z)
     if both != 0:
         _subtract_rest(outer, rest, entries, first, second, rest_matrix, other_x, other_y, other_z)
     subtract_segments(
-        both, groups, table, index, code, matrix, x, y, z, other_x, other_y, other_z, work, lane_part, norms
+        both,
+        distance,
+        groups,
+        table,
+        index,
+        code,
+        matrix,
+        x,
+        y,
+        z,
+        other_x,
+        other_y,
+        other_z,
+        work,
+        lane_part,
+        norms,
     )
     norms[0] = _largest_outside(outer, rest, norms[0], x)
     norms[1] = _largest_outside(outer, rest, norms[1], z)
@@ -301,13 +320,14 @@ def _subtract(
 
 @native(inline=True)
 def _solve(
-    both: i64, refinements: i64, accuracy: f64s, groups: i64, table: i64s, index: i32s, code: i32s, outer: i64,
-    rest: i64, entries: i64, first: i32s, second: i32s, factors: f64s, matrix: f64s, rest_matrix: f64s, scale: f64s,
-    work: f64s, lane_part: f64s, norms: f64s, rest_order: i32s, rest_scale: f64s, pivot_count: i64s, columns: i32s,
-    rest_values: f64s, pivots: i32s, starts: i32s, indices: i32s, rest_factors: f64s, inverse: f64s, rest_x: f64s,
-    part: f64s, other_rest_x: f64s, other_part: f64s, rhs: f64s, scaled_rhs: f64s, solution: f64s, change: f64s,
-    between: f64s, kept: f64s, result: f64s, other_rhs: f64s, other_scaled_rhs: f64s, other_solution: f64s,
-    other_change: f64s, other_between: f64s, other_kept: f64s, other_result: f64s, report: f64s, other_report: f64s,
+    both: i64, refinements: i64, accuracy: f64s, distance: i64, groups: i64, table: i64s, index: i32s, code: i32s,
+    outer: i64, rest: i64, entries: i64, first: i32s, second: i32s, factors: f64s, matrix: f64s, rest_matrix: f64s,
+    scale: f64s, work: f64s, lane_part: f64s, norms: f64s, rest_order: i32s, rest_scale: f64s, pivot_count: i64s,
+    columns: i32s, rest_values: f64s, pivots: i32s, starts: i32s, indices: i32s, rest_factors: f64s, inverse: f64s,
+    rest_x: f64s, part: f64s, other_rest_x: f64s, other_part: f64s, rhs: f64s, scaled_rhs: f64s, solution: f64s,
+    change: f64s, between: f64s, kept: f64s, result: f64s, other_rhs: f64s, other_scaled_rhs: f64s,
+    other_solution: f64s, other_change: f64s, other_between: f64s, other_kept: f64s, other_result: f64s,
+    report: f64s, other_report: f64s,
 ) -> None:  # fmt: skip
     """See ``solve_all``; ``both`` is a constant here."""
     size = outer + rest
@@ -323,13 +343,13 @@ def _solve(
     other_report[0] = 1.0 * other_active
     # The first solution needs no vector for the change, nor one that was there before.
     _substitute(
-        both, groups, table, index, code, outer, rest, factors, lane_part, rest_order, rest_scale, pivot_count, columns,
-        rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x, other_part,
-        scaled_rhs, between, solution, other_scaled_rhs, other_between, other_solution,
+        both, distance, groups, table, index, code, outer, rest, factors, lane_part, rest_order, rest_scale,
+        pivot_count, columns, rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part,
+        other_rest_x, other_part, scaled_rhs, between, solution, other_scaled_rhs, other_between, other_solution,
     )  # fmt: skip
     _subtract(
-        both, groups, table, index, code, outer, rest, entries, first, second, matrix, rest_matrix, work, lane_part,
-        norms, solution, scaled_rhs, change, other_solution, other_scaled_rhs, other_change,
+        both, distance, groups, table, index, code, outer, rest, entries, first, second, matrix, rest_matrix, work,
+        lane_part, norms, solution, scaled_rhs, change, other_solution, other_scaled_rhs, other_change,
     )  # fmt: skip
     if active != 0:
         report[2] = norms[0] / length
@@ -348,9 +368,9 @@ def _solve(
         if active + other_active > 0:
             steps += 1
             _substitute(
-                both, groups, table, index, code, outer, rest, factors, lane_part, rest_order, rest_scale, pivot_count,
-                columns, rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x,
-                other_part, change, between, kept, other_change, other_between, other_kept,
+                both, distance, groups, table, index, code, outer, rest, factors, lane_part, rest_order, rest_scale,
+                pivot_count, columns, rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part,
+                other_rest_x, other_part, change, between, kept, other_change, other_between, other_kept,
             )  # fmt: skip
             if active != 0:
                 for k in range(size):
@@ -359,8 +379,8 @@ def _solve(
                 for k in range(size):
                     other_solution[k] += other_kept[k]
             _subtract(
-                both, groups, table, index, code, outer, rest, entries, first, second, matrix, rest_matrix, work,
-                lane_part, norms, solution, scaled_rhs, change, other_solution, other_scaled_rhs, other_change,
+                both, distance, groups, table, index, code, outer, rest, entries, first, second, matrix, rest_matrix,
+                work, lane_part, norms, solution, scaled_rhs, change, other_solution, other_scaled_rhs, other_change,
             )  # fmt: skip
     return_scaled(size, index, scale, solution, result)
     if both != 0:
@@ -373,6 +393,7 @@ def solve_all(
     both: i64,
     refinements: i64,
     accuracy: f64s,
+    distance: i64,
     groups: i64,
     table: i64s,
     index: i32s,
@@ -424,6 +445,7 @@ def solve_all(
 
     Args:
         both: whether to do the same for ``other_rhs``, in common passes; ``report`` then tells of the less accurate.
+        distance: how far ahead memory is asked for, 0 where it is near.
         groups, table, index, code, factors, matrix, scale: see ``eliminate``.
         rest_matrix: what ``eliminate_all`` has kept of the rest.
         rest_order ... inverse: the rest, see ``FrontalKKT.factors_in_order``.
@@ -431,17 +453,17 @@ def solve_all(
     """
     if both != 0:
         _solve(
-            1, refinements, accuracy, groups, table, index, code, outer, rest, entries, first, second, factors,
-            matrix, rest_matrix, scale, work, lane_part, norms, rest_order, rest_scale, pivot_count, columns,
-            rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x, other_part, rhs,
-            scaled_rhs, solution, change, between, kept, result, other_rhs, other_scaled_rhs, other_solution,
-            other_change, other_between, other_kept, other_result, report, other_report,
+            1, refinements, accuracy, distance, groups, table, index, code, outer, rest, entries, first, second,
+            factors, matrix, rest_matrix, scale, work, lane_part, norms, rest_order, rest_scale, pivot_count,
+            columns, rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x,
+            other_part, rhs, scaled_rhs, solution, change, between, kept, result, other_rhs, other_scaled_rhs,
+            other_solution, other_change, other_between, other_kept, other_result, report, other_report,
         )  # fmt: skip
     else:
         _solve(
-            0, refinements, accuracy, groups, table, index, code, outer, rest, entries, first, second, factors,
-            matrix, rest_matrix, scale, work, lane_part, norms, rest_order, rest_scale, pivot_count, columns,
-            rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x, other_part, rhs,
-            scaled_rhs, solution, change, between, kept, result, other_rhs, other_scaled_rhs, other_solution,
-            other_change, other_between, other_kept, other_result, report, other_report,
+            0, refinements, accuracy, distance, groups, table, index, code, outer, rest, entries, first, second,
+            factors, matrix, rest_matrix, scale, work, lane_part, norms, rest_order, rest_scale, pivot_count,
+            columns, rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x,
+            other_part, rhs, scaled_rhs, solution, change, between, kept, result, other_rhs, other_scaled_rhs,
+            other_solution, other_change, other_between, other_kept, other_result, report, other_report,
         )  # fmt: skip
