@@ -18,12 +18,15 @@ from stc.transcription.bind import BoundProgram
 from stc.transcription.grid import AFTER, BEFORE, IntArray, Nodes
 from stc.transcription.multipliers import bound_nodes, rows_by_statement
 from stc.transcription.statements import LINK
-from stc.transcription.transcription import Transcription
+from stc.transcription.transcription import LARGEST_KEPT, Transcription
 
 FloatArray = NDArray[np.float64]
 
 #: How far, as a share of the motion, the two sides of a jump are held apart for interpolation.
 APART = 1e-9
+
+#: Ways from one motion to another that are known for each.
+KEPT = 4
 
 SAME, MOST_OFF = 0.2, 1e3
 """Objectives whose logarithms differ by less count as equal; a ratio beyond the other says nothing."""
@@ -43,32 +46,14 @@ def resample_multipliers(
         lengths: (n,) duration of every step there.
         alignment: which frames of the solution are which there.
     """
-    n, program = transcription.grid.n, transcription.program
-    rows, bounds = np.zeros(program.row_count), np.zeros(program.size)
-    if not n or not solution.n:
-        return rows, bounds
-    several = np.array([r.range.first < r.range.last for r in transcription.problem.relations] + [False])
-    before = _Before(alignment, n, np.diff(solution.time))
-    earlier = {(block.kind, block.label): before.strands(block) for block in solution.multipliers}
-    after = _After(n, lengths)
-    for (kind, label), (nodes, ids, owner) in rows_by_statement(transcription).items():
-        strands = earlier.get((kind, label), [])
-        if not strands:
-            continue
-        turn = occurrence(nodes)
-        wide = _of_owners(several, owner)
-        for k, strand in enumerate(strands):
-            mine = turn == k
-            density = np.full(mine.sum(), k > 0) if kind == "link" else wide[mine]
-            rows[ids[mine]] = after.values(strand, nodes[mine], density)
-    for label, nodes, position in bound_nodes(transcription):
-        strands = earlier.get(("bound", label), [])
-        if strands:
-            owner = np.maximum(bound.bounds.lower_from[position], bound.bounds.upper_from[position])
-            wide = _of_owners(several, owner) & (len(nodes) > 1)
-            bounds[position] = after.values(strands[0], nodes, wide)
-    factor = _objective_ratio(solution, bound)
-    return factor * rows, factor * bounds
+    row_count = transcription.program.row_count
+    if not transcription.grid.n or not solution.n or not solution.multipliers:
+        return np.zeros(row_count), np.zeros(transcription.program.size)
+    values = np.concatenate([block.values for block in solution.multipliers])
+    way = _way_of(solution, transcription, bound, alignment)
+    found = way.follow(values, np.diff(solution.time), lengths)
+    found *= _objective_ratio(solution, bound)
+    return found[:row_count], found[row_count:]
 
 
 def _objective_ratio(solution: Solution, bound: BoundProgram) -> float:
@@ -90,16 +75,54 @@ def occurrence(nodes: Nodes) -> IntArray:
     return np.arange(len(code)) - first
 
 
-def node_weights(nodes: Nodes, lengths: FloatArray) -> FloatArray:
-    """The time that each node stands for by the trapezoid rule, or Simpson's with its midpoints. (k,)"""
-    frame, n = nodes.frame, len(lengths)
-    edge = 1.0 / 6.0 if nodes.is_midpoint.any() else 0.5
-    left = np.where((frame > 0) & (nodes.side != AFTER), lengths[np.clip(frame - 1, 0, n - 1)], 0.0)
-    right = np.where((frame < n) & (nodes.side != BEFORE), lengths[np.clip(frame, 0, n - 1)], 0.0)
-    weights = np.where(
-        nodes.is_midpoint, (4.0 / 6.0) * lengths[np.clip(frame, 0, n - 1)], edge * (left + right)
-    )
-    return np.maximum(weights, 1e-300)
+@dataclass(frozen=True, slots=True)
+class _Weights:
+    """The time that each of some nodes stands for, from the durations of steps.
+
+    It is ``share`` of that of step ``left`` where there is ``before``, and of step ``right`` where there is ``after``.
+    Everything has the shape (k,).
+    """
+
+    share: FloatArray
+    left: IntArray
+    before: FloatArray
+    right: IntArray
+    after: FloatArray
+
+    @classmethod
+    def of(cls, nodes: Nodes, n: int) -> _Weights:
+        """By the trapezoid rule, or Simpson's where there are midpoints, in a motion of n steps."""
+        frame, middle = nodes.frame, nodes.is_midpoint
+        edge = 1.0 / 6.0 if middle.any() else 0.5
+        return cls(
+            np.where(middle, 4.0 / 6.0, edge),
+            np.clip(frame - 1, 0, n - 1),
+            1.0 * (~middle & (frame > 0) & (nodes.side != AFTER)),
+            np.clip(frame, 0, n - 1),
+            1.0 * (middle | ((frame < n) & (nodes.side != BEFORE))),
+        )
+
+    @classmethod
+    def joined(cls, parts: list[_Weights]) -> _Weights:
+        """Those of several lists of nodes, one after the other."""
+        return cls(
+            np.concatenate([part.share for part in parts]),
+            np.concatenate([part.left for part in parts]),
+            np.concatenate([part.before for part in parts]),
+            np.concatenate([part.right for part in parts]),
+            np.concatenate([part.after for part in parts]),
+        )
+
+    def among(self, which: NDArray[np.bool_] | IntArray) -> _Weights:
+        """Those of some of the nodes."""
+        return _Weights(
+            self.share[which], self.left[which], self.before[which], self.right[which], self.after[which]
+        )
+
+    def __call__(self, lengths: FloatArray) -> FloatArray:
+        """The times, for durations (n,) of the steps. (k,)"""
+        sum_ = self.before * lengths[self.left] + self.after * lengths[self.right]
+        return np.maximum(self.share * sum_, 1e-300)
 
 
 def _shares(nodes: Nodes, n: int, alignment: Alignment | None = None) -> FloatArray:
@@ -112,89 +135,206 @@ def _shares(nodes: Nodes, n: int, alignment: Alignment | None = None) -> FloatAr
 
 @dataclass(frozen=True, slots=True)
 class _Strand:
-    """The multipliers of one row of a statement along the motion.
+    """One row of a statement along the earlier motion: where its multipliers are among all, and in the new motion.
 
-    ``share`` (k,) where they stand, ``value`` (k,) and ``density`` (k,) the same per unit of time.
+    ``place`` (k,) and ``share`` (k,), from 0 to 1; ``key`` is equal where the shares are.
     """
 
+    place: IntArray
     share: FloatArray
-    value: FloatArray
-    density: FloatArray
+    key: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """How multipliers of one motion are made from those of another, whatever the numbers.
+
+    Attributes:
+        known_by: what it depends on but the bounds.
+        bounds: of the program that is to be started.
+        old: time that the old multipliers stand for, all of them.
+        new: the same of those found by density.
+        dense: which those are, of the entries below.
+        target: where each entry goes, rows and then bounds.
+        left, right: between which old multipliers it is; those per unit of time are behind all others.
+        part: how far it is from one to the other.
+        beside: whether it is where the one at the right is.
+        size: numbers of rows and bounds.
+    """
+
+    known_by: tuple[object, ...]
+    bounds: object
+    old: _Weights
+    new: _Weights
+    dense: IntArray
+    target: IntArray
+    left: IntArray
+    right: IntArray
+    part: FloatArray
+    beside: NDArray[np.bool_]
+    size: int
+
+    def follow(self, values: FloatArray, old_lengths: FloatArray, new_lengths: FloatArray) -> FloatArray:
+        """Linear between the old multipliers (k,), where dense those per unit of time; 0 where there are none.
+
+        They are 0 beside a node without a multiplier: what holds on one frame holds there alone.
+        """
+        both = np.concatenate([values, values / self.old(old_lengths)])
+        after, before = both[self.right], both[self.left]
+        between = before + self.part * (after - before)
+        between[(after == 0.0) | (before == 0.0)] = 0.0
+        entries = np.where(self.beside, after, between)
+        entries[self.dense] *= self.new(new_lengths)
+        found = np.zeros(self.size)
+        found[self.target] = entries
+        return found
+
+
+def _way_of(
+    solution: Solution, transcription: Transcription, bound: BoundProgram, alignment: Alignment
+) -> _Way:
+    """The way from a solution to a program; for programs that are kept, the last ways are known."""
+    nodes = [(b.kind, b.label, b.nodes.tobytes(), b.sides.tobytes()) for b in solution.multipliers]
+    known_by = solution.n, alignment.old.tobytes(), alignment.new.tobytes(), *nodes
+    ways: list[_Way] = transcription.remembered("ways of multipliers", lambda _: [])
+    for way in ways:
+        if way.bounds is bound.bounds and way.known_by == known_by:
+            return way
+    way = _new_way(known_by, solution, transcription, bound, alignment)
+    if bound.n + bound.m <= LARGEST_KEPT:
+        ways[:] = [way, *ways[: KEPT - 1]]
+    return way
+
+
+def _new_way(
+    known_by: tuple[object, ...],
+    solution: Solution,
+    transcription: Transcription,
+    bound: BoundProgram,
+    alignment: Alignment,
+) -> _Way:
+    n, program = transcription.grid.n, transcription.program
+    several = np.array([r.range.first < r.range.last for r in transcription.problem.relations] + [False])
+    before = _Before(alignment, n, solution)
+    after = _After(n, before.count)
+    for (kind, label), (nodes, ids, owner) in rows_by_statement(transcription).items():
+        strands = before.strands.get((kind, label), [])
+        if not strands:
+            continue
+        turn = occurrence(nodes)
+        wide = _of_owners(several, owner)
+        for k, strand in enumerate(strands):
+            mine = turn == k
+            density = np.full(mine.sum(), k > 0) if kind == "link" else wide[mine]
+            after.add(strand, nodes[mine], density, ids[mine])
+    for label, nodes, position in bound_nodes(transcription):
+        strands = before.strands.get(("bound", label), [])
+        if strands:
+            owner = np.maximum(bound.bounds.lower_from[position], bound.bounds.upper_from[position])
+            wide = _of_owners(several, owner) & (len(nodes) > 1)
+            after.add(strands[0], nodes, wide, program.row_count + position)
+    target, left, right, part, beside, dense = after.joined()
+    new = _Weights.joined(after.weights)
+    size = program.row_count + program.size
+    return _Way(known_by, bound.bounds, before.weights, new, dense, target, left, right, part, beside, size)
 
 
 class _Before:
-    """The earlier multipliers by strands.
+    """The rows of the earlier motion.
 
     Most statements stand on the same nodes: where these are in the motion is found once.
+
+    Attributes:
+        strands: by statement, one for every row that it has on a node.
+        weights: time that the multipliers of all blocks stand for.
+        count: how many these are.
     """
 
-    def __init__(self, alignment: Alignment, n: int, lengths: FloatArray) -> None:
-        self._alignment, self._n, self._lengths = alignment, n, lengths
-        self._known: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+    def __init__(self, alignment: Alignment, n: int, solution: Solution) -> None:
+        self._alignment, self._n, self._old_n = alignment, n, solution.n
+        self._known: dict[bytes, tuple[FloatArray, bytes, _Weights]] = {}
+        self.strands: dict[tuple[str, str], list[_Strand]] = {}
+        self.count = 0
+        weights: list[_Weights] = []
+        for block in solution.multipliers:
+            self.strands[block.kind, block.label] = self._of_block(block, weights)
+            self.count += len(block.values)
+        self.weights = _Weights.joined(weights)
 
-    def strands(self, block: MultiplierBlock) -> list[_Strand]:
-        """One for every row that the block has on a node."""
+    def _of_block(self, block: MultiplierBlock, weights: list[_Weights]) -> list[_Strand]:
         nodes = Nodes(
             np.rint(2.0 * block.nodes).astype(np.int64),
             np.array([0, AFTER, BEFORE])[block.sides.astype(int)],
         )
         turn = occurrence(nodes)
+        rows = [np.flatnonzero(turn == k) for k in range(int(turn.max(initial=-1)) + 1)]
         found = []
-        for k in range(int(turn.max(initial=-1)) + 1):
-            mine = turn == k
-            share, weights = self._places(nodes[mine])
-            found.append(_Strand(share, block.values[mine], block.values[mine] / weights))
+        parts: list[_Weights] = []
+        for own in rows:
+            share, key, part = self._places(nodes[own])
+            found.append(_Strand(self.count + own, share, key))
+            parts.append(part)
+        if len(parts) == 1:
+            weights.extend(parts)
+        elif parts:
+            weights.append(_Weights.joined(parts).among(np.argsort(np.concatenate(rows))))
         return found
 
-    def _places(self, nodes: Nodes) -> tuple[FloatArray, FloatArray]:
+    def _places(self, nodes: Nodes) -> tuple[FloatArray, bytes, _Weights]:
         key = nodes.key()
         if key not in self._known:
-            weights = node_weights(nodes, self._lengths)
-            self._known[key] = _shares(nodes, self._n, self._alignment), weights
+            share = _shares(nodes, self._n, self._alignment)
+            self._known[key] = share, share.tobytes(), _Weights.of(nodes, self._old_n)
         return self._known[key]
 
 
 class _After:
-    """Multipliers at other nodes: between which of a strand's they are is found once for all that stand alike."""
+    """What multipliers of the new motion are made from; between which they are is found once for all that stand alike.
 
-    def __init__(self, n: int, lengths: FloatArray) -> None:
-        self._n, self._lengths = n, lengths
+    Attributes:
+        weights: time that those found by density stand for.
+    """
+
+    def __init__(self, n: int, count: int) -> None:
+        self._n, self._count = n, count
         self._known: dict[tuple[bytes, bytes], tuple[IntArray, IntArray, FloatArray, NDArray[np.bool_]]] = {}
-        self._weights: dict[bytes, FloatArray] = {}
+        self._times: dict[bytes, _Weights] = {}
+        none = np.zeros(0, np.int64)
+        self._entries: list[tuple[NDArray[np.generic], ...]] = [
+            (none, none, none, np.zeros(0), np.zeros(0, bool), np.zeros(0, bool))
+        ]
+        self.weights: list[_Weights] = [_Weights.of(Nodes(none, none), n)]
 
-    def values(self, strand: _Strand, nodes: Nodes, density: NDArray[np.bool_]) -> FloatArray:
-        """The multipliers at ``nodes``: linear between those of the strand, where ``density`` (len(nodes),) is True
-        those per unit of time. (len(nodes),)
-
-        They are 0 beside a node without a multiplier: what holds on one frame holds there alone.
-        """
-        if not strand.value.any():
-            return np.zeros(len(nodes))
+    def add(self, strand: _Strand, nodes: Nodes, density: NDArray[np.bool_], target: IntArray) -> None:
+        """Let multipliers at ``nodes`` follow a strand, where ``density`` (len(nodes),) is True by unit of time."""
+        if not len(strand.place):
+            return
         key = nodes.key()
-        left, right, part, beside = self._between(strand.share, nodes, key)
-        mixed = bool(density.any()) and not density.all()
-        given = strand.density if density.any() else strand.value
-        value, before = given[right], given[left]
-        if mixed:
-            value = np.where(density, value, strand.value[right])
-            before = np.where(density, before, strand.value[left])
-        between = np.where((value == 0.0) | (before == 0.0), 0.0, before + part * (value - before))
-        result = np.where(beside, value, between)
+        left, right, part, beside = self._between(strand, nodes, key)
+        behind = np.where(density, self._count, 0)
+        self._entries.append(
+            (target, strand.place[left] + behind, strand.place[right] + behind, part, beside, density)
+        )
         if density.any():
-            weights = self._weights.get(key)
-            if weights is None:
-                weights = node_weights(nodes, self._lengths)
-                self._weights[key] = weights
-            result *= np.where(density, weights, 1.0) if mixed else weights
-        return result
+            if key not in self._times:
+                self._times[key] = _Weights.of(nodes, self._n)
+            weights = self._times[key]
+            self.weights.append(weights if density.all() else weights.among(density))
+
+    def joined(self) -> tuple[IntArray, IntArray, IntArray, FloatArray, NDArray[np.bool_], IntArray]:
+        """Targets, places before and after, how far between them, whether at the end; which are found by density."""
+        target, left, right, part, beside, density = (
+            np.concatenate([entry[k] for entry in self._entries]) for k in range(6)
+        )
+        return target, left, right, part, beside, np.flatnonzero(density)
 
     def _between(
-        self, share: FloatArray, nodes: Nodes, key: bytes
+        self, strand: _Strand, nodes: Nodes, key: bytes
     ) -> tuple[IntArray, IntArray, FloatArray, NDArray[np.bool_]]:
         """Places before and after each node, how far it is from one to the other, and whether it is at the end."""
-        both = share.tobytes(), key
+        both = strand.key, key
         if both not in self._known:
-            own = _shares(nodes, self._n)
+            own, share = _shares(nodes, self._n), strand.share
             right = np.minimum(np.searchsorted(share, own), len(share) - 1)
             left = np.maximum(right - 1, 0)
             gap = share[right] - share[left]
