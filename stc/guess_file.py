@@ -30,7 +30,7 @@ __all__ = ["CoverageWarning", "GivenValues", "SolutionValues", "TableValues", "r
 
 FloatArray = NDArray[np.float64]
 NodeValues = tuple[FloatArray, FloatArray, FloatArray]
-"""Values at the frames before (n+1,) and after (n+1,) a jump there, and at midpoints (n,); NaN is no value."""
+"""Values at frames before (n+1,) and after (n+1,) a jump, and at midpoints (n,) or none there; NaN is no value."""
 
 #: Names of the columns that say where a row stands.
 PLACES = ("t", "time", "frame")
@@ -57,11 +57,12 @@ class GivenValues(Protocol):
     def parameter(self, name: str) -> float | None:
         """One number, or None where there is none of this name."""
 
-    def values(self, name: str, order: int, time: FloatArray) -> NodeValues | None:
+    def values(self, name: str, order: int, time: FloatArray, midpoints: bool = True) -> NodeValues | None:
         """A variable (or derivative of it) at the frames of a motion.
 
         Args:
             time: (n+1,) of each frame, in seconds.
+            midpoints: whether those between the frames are wanted; else there may be none.
         """
 
 
@@ -91,7 +92,7 @@ class TableValues:
         known = column[np.isfinite(column)] if column is not None else np.zeros(0)
         return float(known[0]) if len(known) else None
 
-    def values(self, name: str, order: int, time: FloatArray) -> NodeValues | None:
+    def values(self, name: str, order: int, time: FloatArray, midpoints: bool = True) -> NodeValues | None:
         column = self.columns.get(name + "'" * order)
         if column is None:
             return None
@@ -154,7 +155,8 @@ class SolutionValues:
     solution: Solution
     alignment: Alignment | None = None
     strict: bool = False
-    _sampled: dict[int, tuple[dict[str, Any], ...]] = field(default_factory=dict, repr=False)
+    _sampled: dict[int, tuple[dict[str, Any], dict[str, Any]]] = field(default_factory=dict, repr=False)
+    _between: dict[int, dict[str, Any]] = field(default_factory=dict, repr=False)
 
     def names(self) -> Iterable[str]:
         return self.solution.names
@@ -162,24 +164,32 @@ class SolutionValues:
     def parameter(self, name: str) -> float | None:
         return self.solution.parameters.get(name)
 
-    def values(self, name: str, order: int, time: FloatArray) -> NodeValues | None:
+    def values(self, name: str, order: int, time: FloatArray, midpoints: bool = True) -> NodeValues | None:
         if (name, order) not in self.solution.trajectories:
             return None
         n = len(time) - 1
-        if n not in self._sampled:
-            self._sampled[n] = self._at_nodes(n)
         key = name + "'" * order
-        before, after, middle = (np.asarray(values[key]) for values in self._sampled[n])
-        return before, after, middle
+        before, after = (np.asarray(values[key]) for values in self._at_frames(n))
+        return before, after, np.asarray(self._at_midpoints(n)[key]) if midpoints else np.zeros(0)
 
-    def _at_nodes(self, n: int) -> tuple[dict[str, Any], ...]:
-        """All curves before and after the frames of a motion of n steps, and halfway between them."""
-        alignment = self.alignment or Alignment.even(self.solution.n, n)
-        frames, mids = alignment.to_old(np.arange(n + 1)), alignment.to_old(np.arange(n) + 0.5)
-        after = self.solution.at_frame(frames, "after")
-        jumps = self.solution.frames_that_jump().size > 0
-        before = self.solution.at_frame(frames, "before") if jumps else after
-        return before, after, self.solution.at_frame(mids)
+    def _aligned(self, n: int) -> Alignment:
+        return self.alignment or Alignment.even(self.solution.n, n)
+
+    def _at_frames(self, n: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        """All curves before and after the frames of a motion of n steps."""
+        if n not in self._sampled:
+            frames = self._aligned(n).to_old(np.arange(n + 1))
+            after = self.solution.at_frame(frames, "after")
+            jumps = self.solution.frames_that_jump().size > 0
+            before = self.solution.at_frame(frames, "before") if jumps else after
+            self._sampled[n] = before, after
+        return self._sampled[n]
+
+    def _at_midpoints(self, n: int) -> dict[str, Any]:
+        """All curves halfway between those frames."""
+        if n not in self._between:
+            self._between[n] = self.solution.at_frame(self._aligned(n).to_old(np.arange(n) + 0.5))
+        return self._between[n]
 
 
 def read_guess(path: str | os.PathLike[str]) -> GivenValues:

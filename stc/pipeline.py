@@ -330,11 +330,21 @@ class Model:
         return self.follow(earlier, transcription, problem)[0]
 
     def follow(
-        self, earlier: Solution, transcription: Transcription, problem: Problem
+        self,
+        earlier: Solution,
+        transcription: Transcription,
+        problem: Problem,
+        before: Problem | None = None,
     ) -> tuple[Start, BoundProgram | None]:
-        """As :meth:`_start`, and the program that was bound for it."""
+        """As :meth:`_start`, and the program that was bound for it.
+
+        Args:
+            earlier: the solution to start from.
+            transcription, problem: to be solved.
+            before: the problem that was, where it is at hand.
+        """
         program = transcription.program
-        alignment = self._alignment(earlier, problem)
+        alignment = self._alignment(earlier, problem, before)
         same = (
             len(earlier.x) == program.size
             and len(earlier.row_multipliers) == program.row_count
@@ -355,20 +365,22 @@ class Model:
             bound.x0, *resample_multipliers(earlier, transcription, bound, lengths, alignment)
         ), bound
 
-    def _alignment(self, earlier: Solution, problem: Problem) -> Alignment:
-        """Which frames of an earlier solution are which of a problem's."""
+    def _alignment(self, earlier: Solution, problem: Problem, before: Problem | None) -> Alignment:
+        """Which frames of an earlier solution are which of a problem's; ``before`` is the one that was, if known."""
         numbers = earlier.constants
         even = Alignment.even(earlier.n, problem.n)
         if earlier.source != self.text or all(
             numbers.get(k) == problem.constants[k] for k in problem.structural
         ):
             return even
-        known = self._known(earlier.method, earlier.overrides)
-        try:
-            # By its own numbers alone: this model may have been given others.
-            old = elaborate(self.tree, earlier.overrides, earlier.method) if known is None else known[0]
-        except StcError:
-            return even
+        old = before
+        if old is None:
+            known = self._known(earlier.method, earlier.overrides)
+            try:
+                # By its own numbers alone: this model may have been given others.
+                old = elaborate(self.tree, earlier.overrides, earlier.method) if known is None else known[0]
+            except StcError:
+                return even
         return even if old.n != earlier.n else Alignment.of(named_cuts(old), named_cuts(problem))
 
 

@@ -37,9 +37,13 @@ class Motions(Protocol):
         """The problem for some constants, ready to be solved."""
 
     def follow(
-        self, earlier: Solution, transcription: Transcription, problem: Problem
+        self,
+        earlier: Solution,
+        transcription: Transcription,
+        problem: Problem,
+        before: Problem | None = None,
     ) -> tuple[Start, BoundProgram | None]:
-        """Where to start from a solution, and the program that was bound for it."""
+        """Where to start from a solution (of the problem ``before``), and the program that was bound for it."""
 
 
 def solve(
@@ -128,6 +132,7 @@ class ColdSolve:
     seconds: dict[str, float] = field(
         default_factory=lambda: dict.fromkeys(("derive", "compile", "solve"), 0.0)
     )
+    _known: dict[Fineness, tuple[Problem, Transcription, Mapping[str, float]]] = field(default_factory=dict)
     _reduced: tuple[Problem, Transcription, Mapping[str, float]] | None = None
     _followed: BoundProgram | None = None
 
@@ -147,9 +152,11 @@ class ColdSolve:
         if fewer is None:
             return None
         begin = time.perf_counter()
-        given = {**self.given, **fewer.constants}
-        small, reduced = self.model.compiled(self.problem.method, given)
-        self._reduced = small, reduced, given
+        if fineness not in self._known:
+            given = {**self.given, **fewer.constants}
+            self._known[fineness] = *self.model.compiled(self.problem.method, given), given
+        self._reduced = self._known[fineness]
+        reduced = self._reduced[1]
         seconds = self.seconds
         seconds["solve"] -= time.perf_counter() - begin
         seconds["derive"] += reduced.seconds.pop("derive", 0.0)
@@ -165,7 +172,8 @@ class ColdSolve:
 
     def _follow(self, motion: Solution) -> Start:
         """Where it leads to on all frames."""
-        found, self._followed = self.model.follow(motion, self.transcription, self.problem)
+        before = None if self._reduced is None else self._reduced[0]
+        found, self._followed = self.model.follow(motion, self.transcription, self.problem, before)
         return found
 
     def _fine(self, options: Options, start: Start | None, told: Callback | None) -> Result:

@@ -304,5 +304,5 @@ class _Start:
     def parameter(self, name: str) -> float | None:
         return self.numbers.get(name)
 
-    def values(self, name: str, order: int, time: FloatArray) -> NodeValues | None:
+    def values(self, name: str, order: int, time: FloatArray, midpoints: bool = True) -> NodeValues | None:
         return self.columns.get(name) if order == 0 else None

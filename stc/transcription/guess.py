@@ -67,18 +67,24 @@ def starting_point(
         message = f"the step from frame {bad} to {bad + 1} starts at {h[bad]:g}; it must be positive"
         raise SpecError([Diagnostic("error", message, problem.step_span, hint)])
     time = np.concatenate([[0.0], np.cumsum(h)])
-    outside = {name: None if given is None else given.values(name, 0, time) for name in problem.variables}
+    halfway = grid.has_midpoints
+    outside = {
+        name: None if given is None else given.values(name, 0, time, halfway) for name in problem.variables
+    }
     written = _written(problem, grid, values, time, outside)
     for name, order, before, after, middle in layout.slots():
         if order == 0:
             known = _known(written.get(name), outside[name])
             frames, mids = _start_of(before, after, middle, lower, upper, known, time)
         else:
-            frames, mids = _slope(frames, mids, time, grid.jump)
-            known = None if given is None else given.values(name, order, time)
-            if known is not None:
-                frames = _over(frames[0], known[0]), _over(frames[1], known[1])
-                mids = _over(mids, known[2])
+            known = None if given is None else given.values(name, order, time, halfway)
+            if known is not None and _is_whole(known):
+                frames, mids = known[:2], known[2]
+            else:
+                frames, mids = _slope(frames, time, grid.jump)
+                if known is not None:
+                    frames = _over(frames[0], known[0]), _over(frames[1], known[1])
+                    mids = _over(mids, known[2])
         x[before], x[after] = frames[0], frames[1]
         if len(middle):
             x[middle] = mids
@@ -151,8 +157,8 @@ def _known(written: tuple[FloatArray, FloatArray] | None, outside: NodeValues | 
 
 
 def _over(values: FloatArray, better: FloatArray) -> FloatArray:
-    """The better values where they are numbers."""
-    return np.where(np.isnan(better), values, better)
+    """The better values where they are numbers; there may be none at midpoints."""
+    return np.where(np.isnan(better), values, better) if len(better) else values
 
 
 def _start_of(
@@ -165,15 +171,17 @@ def _start_of(
     time: FloatArray,
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
     """Values of a variable: ((before, after) at frames, at midpoints)."""
-    n = len(time) - 1
     pinned_before, pinned_after = lower[before] == upper[before], lower[after] == upper[after]
-    pins = np.flatnonzero(pinned_before | pinned_after)
-    value = np.where(pinned_before, lower[before], np.where(pinned_after, lower[after], 0.0))
-    line = np.interp(time, time[pins], value[pins]) if len(pins) else np.zeros(n + 1)
-    left, right, line_mids = line, line, 0.5 * (line[:-1] + line[1:])
-    if known is not None:
-        left, right = _over(line, known[0]), _over(line, known[1])
-        line_mids = _over(0.5 * (right[:-1] + left[1:]), known[2])
+    if known is not None and _is_whole(known):
+        left, right, line_mids = known
+    else:
+        pins = np.flatnonzero(pinned_before | pinned_after)
+        value = np.where(pinned_before, lower[before], np.where(pinned_after, lower[after], 0.0))
+        line = np.interp(time, time[pins], value[pins]) if len(pins) else np.zeros(len(time))
+        left, right, line_mids = line, line, 0.5 * (line[:-1] + line[1:])
+        if known is not None:
+            left, right = _over(line, known[0]), _over(line, known[1])
+            line_mids = _over(0.5 * (right[:-1] + left[1:]), known[2])
     frames = np.where(pinned_before, lower[before], left), np.where(pinned_after, lower[after], right)
     if len(middle):
         pinned = lower[middle] == upper[middle]
@@ -182,7 +190,7 @@ def _start_of(
 
 
 def _slope(
-    frames: tuple[FloatArray, FloatArray], mids: FloatArray, time: FloatArray, jump: NDArray[np.bool_]
+    frames: tuple[FloatArray, FloatArray], time: FloatArray, jump: NDArray[np.bool_]
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
     """Differences of values: centred inside, one-sided at the ends and on either side of a jump."""
     n = len(time) - 1

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,11 +110,16 @@ class Stencil:
 
 
 class Lowering:
-    """Everything that tells what an expression means at a node."""
+    """Everything that tells what an expression means at a node.
+
+    Attributes:
+        known_forms: of expressions at all nodes, which :mod:`stc.transcription.recover` keeps here.
+    """
 
     def __init__(self, problem: Problem, grid: Grid, layout: Layout, steps: Steps) -> None:
         self.problem, self.grid, self.layout, self.steps = problem, grid, layout, steps
         self.expand = Expander(problem, grid)
+        self.known_forms: dict[Any, Any] = {}
         self.central = grid.method == "central"
 
     def lower(self, body: Expr, nodes: Nodes) -> list[tuple[Expr, Nodes]]:

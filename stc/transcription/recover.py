@@ -9,14 +9,54 @@ from numpy.typing import NDArray
 
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef, VariableRef
 from stc.rates import time_derivative
+from stc.records import dataclass
 from stc.symbolic.expr import Expr, evaluate, sym, symbols
 from stc.trajectory import Channel
-from stc.transcription.grid import AFTER, BEFORE, Grid, Nodes
+from stc.transcription.grid import AFTER, BEFORE, Grid, IntArray, Nodes
 from stc.transcription.layout import Layout
-from stc.transcription.lower import Lowering, data_values
+from stc.transcription.lower import DataRef, Lowering, data_values
 from stc.transcription.steps import Steps
 
 FloatArray = NDArray[np.float64]
+
+#: Where, besides the sides of frames, expressions are wanted.
+MIDPOINTS = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What an expression is at some nodes, in terms of the decision vector.
+
+    Attributes:
+        body: of decision variables, constants and data.
+        nodes: which those are, (k,).
+        positions: of each variable, (k,).
+        data: the numbers of nodes that it refers to.
+    """
+
+    body: Expr
+    nodes: Nodes
+    positions: dict[VariableRef, IntArray]
+    data: tuple[DataRef, ...]
+
+
+def forms_of(lowering: Lowering, body: Expr, where: int) -> list[Form]:
+    """The forms of an expression at all frames, of the side ``where``, or at all midpoints; found once."""
+    known: dict[tuple[Expr, int], list[Form]] = lowering.known_forms
+    if (body, where) not in known:
+        grid, layout = lowering.grid, lowering.layout
+        if where == MIDPOINTS:
+            nodes = Nodes(2 * np.arange(grid.n) + 1, np.zeros(grid.n, np.int64))
+        else:
+            nodes = Nodes(2 * np.arange(grid.n + 1), np.where(grid.jump, where, 0))
+        found = []
+        for lowered, at in lowering.lower(body, nodes):
+            keys = symbols(lowered)
+            positions = {key: layout.position(key, at) for key in keys if isinstance(key, VariableRef)}
+            data = tuple(key for key in keys if isinstance(key, DataRef))
+            found.append(Form(lowered, at, positions, data))
+        known[body, where] = found
+    return known[body, where]
 
 
 class Recovery:
@@ -70,29 +110,26 @@ class Recovery:
             A channel of n+1 frame values before and after, and n midpoint values for hermite-simpson.
         """
         n = self.grid.n
-        before, after = np.full(n + 1, np.nan), np.full(n + 1, np.nan)
-        mid = np.full(n, np.nan) if self.grid.has_midpoints else None
-        frames = 2 * np.arange(n + 1)
-        for side, into in ((BEFORE, before), (AFTER, after)):
-            nodes = Nodes(frames, np.where(self.grid.jump, side, 0))
-            self._fill(body, nodes, into)
-        if mid is not None:
-            self._fill(body, Nodes(2 * np.arange(n) + 1, np.zeros(n, np.int64)), mid)
+        before = self._filled(body, BEFORE, n + 1)
+        after = self._filled(body, AFTER, n + 1) if self.grid.any_jump else before
+        mid = self._filled(body, MIDPOINTS, n) if self.grid.has_midpoints else None
         held = np.flatnonzero(np.isfinite(before))
         channel = Channel(before, after, mid)
         if self.grid.method == "central" and 0 < len(held) <= n:
             return channel.held_outside(int(held[0]), int(held[-1]))
         return channel
 
-    def _fill(self, body: Expr, nodes: Nodes, into: FloatArray) -> None:
-        for lowered, where in self.lowering.lower(body, nodes):
+    def _filled(self, body: Expr, where: int, count: int) -> FloatArray:
+        """Values at all frames, of the side ``where``, or at all midpoints; nan where there are none. (count,)"""
+        into = np.full(count, np.nan)
+        for form in forms_of(self.lowering, body, where):
             values = dict(self._values)
-            for key in symbols(lowered):
-                if isinstance(key, VariableRef):
-                    values[key] = self.x[self.layout.position(key, where)]
-                elif key not in values:
-                    values[key] = data_values(key, where, self.steps, self.coefficients, {})
-            into[where.frame] = np.asarray(evaluate(lowered, values), float)
+            for key, position in form.positions.items():
+                values[key] = self.x[position]
+            for datum in form.data:
+                values[datum] = data_values(datum, form.nodes, self.steps, self.coefficients, {})
+            into[form.nodes.frame] = np.asarray(evaluate(form.body, values), float)
+        return into
 
     def rate(self, body: Expr, order: int = 1) -> Channel | None:
         """A total time derivative of an expression at every node; None where an unknown of it is missing."""
