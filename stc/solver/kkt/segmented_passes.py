@@ -341,20 +341,36 @@ def _solve(
     report[1] = 0.0
     report[2] = 0.0
     other_report[0] = 1.0 * other_active
-    # The first solution needs no vector for the change, nor one that was there before.
-    _substitute(
-        both, distance, groups, table, index, code, outer, rest, factors, lane_part, rest_order, rest_scale,
-        pivot_count, columns, rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part,
-        other_rest_x, other_part, scaled_rhs, between, solution, other_scaled_rhs, other_between, other_solution,
-    )  # fmt: skip
-    _subtract(
-        both, distance, groups, table, index, code, outer, rest, entries, first, second, matrix, rest_matrix, work,
-        lane_part, norms, solution, scaled_rhs, change, other_solution, other_scaled_rhs, other_change,
-    )  # fmt: skip
-    if active != 0:
-        report[2] = norms[0] / length
     steps = 0
-    while active + other_active > 0:
+    going = 1
+    while going != 0:
+        # The first solution needs no vector for the change, nor one that was there before.
+        source = change[0:]
+        target = kept[0:]
+        other_source = other_change[0:]
+        other_target = other_kept[0:]
+        if steps == 0:
+            source = scaled_rhs[0:]
+            target = solution[0:]
+            other_source = other_scaled_rhs[0:]
+            other_target = other_solution[0:]
+        _substitute(
+            both, distance, groups, table, index, code, outer, rest, factors, lane_part, rest_order, rest_scale,
+            pivot_count, columns, rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part,
+            other_rest_x, other_part, source, between, target, other_source, other_between, other_target,
+        )  # fmt: skip
+        if steps > 0 and active != 0:
+            for k in range(size):
+                solution[k] += kept[k]
+        if steps > 0 and other_active != 0:
+            for k in range(size):
+                other_solution[k] += other_kept[k]
+        _subtract(
+            both, distance, groups, table, index, code, outer, rest, entries, first, second, matrix, rest_matrix, work,
+            lane_part, norms, solution, scaled_rhs, change, other_solution, other_scaled_rhs, other_change,
+        )  # fmt: skip
+        if steps == 0 and active != 0:
+            report[2] = norms[0] / length
         report[1] = 1.0 * steps
         if active != 0:
             active = improves(
@@ -365,23 +381,8 @@ def _solve(
                 size, steps, refinements, accuracy[0], norms[3], other_length, norms[2], other_report, other_kept,
                 other_solution,
             )  # fmt: skip
-        if active + other_active > 0:
-            steps += 1
-            _substitute(
-                both, distance, groups, table, index, code, outer, rest, factors, lane_part, rest_order, rest_scale,
-                pivot_count, columns, rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part,
-                other_rest_x, other_part, change, between, kept, other_change, other_between, other_kept,
-            )  # fmt: skip
-            if active != 0:
-                for k in range(size):
-                    solution[k] += kept[k]
-            if other_active != 0:
-                for k in range(size):
-                    other_solution[k] += other_kept[k]
-            _subtract(
-                both, distance, groups, table, index, code, outer, rest, entries, first, second, matrix, rest_matrix,
-                work, lane_part, norms, solution, scaled_rhs, change, other_solution, other_scaled_rhs, other_change,
-            )  # fmt: skip
+        steps += 1
+        going = active + other_active
     return_scaled(size, index, scale, solution, result)
     if both != 0:
         return_scaled(size, index, scale, other_solution, other_result)
