@@ -56,8 +56,12 @@ SAME = 1e-8
 
 
 def project(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
-    """The projected optimality conditions at ``(x, y)``; None where a function is undefined."""
-    point = Projection(form)
+    """The projected optimality conditions at ``(x, y)``, whose arrays serve the next call; None where a function is
+    undefined.
+    """
+    if form.projection is None:
+        form.projection = Projection(form)
+    point = form.projection
     point.x[:], point.y[:] = x, y
     return point if point.evaluate() else None
 
@@ -192,5 +196,6 @@ def smaller_multipliers(form: ScaledProblem, x: Floats, y: Floats) -> Floats:
     form.kkt.factorize(np.zeros_like(point.hess), jac, np.ones(form.n), np.where(active, DUAL_SHIFT, 1.0))
     _, smaller = form.kkt.solve(np.where(free, -point.gradient, 0.0), np.zeros(form.m))
     smaller = np.where(active, smaller, 0.0)
+    error = point.error
     new = project(form, x, smaller)
-    return smaller if new is not None and new.error <= max(point.error, SAME) else y
+    return smaller if new is not None and new.error <= max(error, SAME) else y

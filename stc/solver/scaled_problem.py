@@ -22,7 +22,7 @@ from stc.solver.products import Indices
 
 if TYPE_CHECKING:
     from stc.solver.kkt.contract import KKTSystem
-    from stc.solver.projection import ProjectionPair
+    from stc.solver.projection import Projection, ProjectionPair
 
 __all__ = ["ScaledProblem", "relative_violation"]
 
@@ -47,6 +47,7 @@ class ScaledProblem(Formulation):
     """``objective_scale * f(D x)`` with rows ``row_scale * r(D x)``; ``x_scale`` is the diagonal of D."""
 
     projections: ProjectionPair | None = None  # of Newton's method on active sets, one at a time
+    projection: Projection | None = None  # of any point, one at a time
 
     def __init__(
         self,
