@@ -116,7 +116,7 @@ class ChainKKT(PlannedKKT):
         self._units = np.zeros(UNITS)
         self._units[ONE] = 1.0
         self._equilibrate = equilibrate_all.bind(
-            SWEEPS, 0, np.zeros(1, dtype=np.int64), self._index, np.zeros(1, dtype=np.int32), 0, size,
+            SWEEPS, 0, 0, np.zeros(1, dtype=np.int64), self._index, np.zeros(1, dtype=np.int32), 0, size,
             chain.edges.size, self._place[couplings.first[chain.edges]], self._place[couplings.second[chain.edges]],
             self._sources, arrays.given, self._diagonal, self._scale, self._most, np.zeros(1), np.zeros(1),
         )  # fmt: skip

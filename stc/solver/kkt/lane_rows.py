@@ -26,6 +26,7 @@ from stc.solver.kkt.lanes import (
     SEGMENTS,
     STEPS,
     UNKNOWNS,
+    ask_for_step,
     collect_ends,
     collect_following,
     collect_own,
@@ -71,6 +72,7 @@ def _largest(
 
 @native(fast=True)
 def largest_in_segments(
+    distance: i64,
     groups: i64,
     table: i64s,
     index: i32s,
@@ -85,6 +87,7 @@ def largest_in_segments(
     """Largest entry of each row of S K S in the segments; ``most`` has those outside as far as they are known.
 
     Args:
+        distance: 0 where memory is near.
         groups, table, index, code: see ``eliminate``.
         diagonal: that of the matrix, (N,).
         scales, part: work space.
@@ -100,6 +103,8 @@ def largest_in_segments(
             store8(part, 8 * k, 0.0)
         for step in range(group[STEPS]):
             here = group[UNKNOWNS] + 8 * step * own
+            if distance > 0:
+                ask_for_step(step, group, index, diagonal, given)
             collect_own(step, group, scale, scales)
             collect_following(step, group, index, code, scale, scales)
             for k in range(own):

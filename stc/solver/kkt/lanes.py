@@ -22,7 +22,15 @@ from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, negative8, prefetch8, store8
 from stc.solver.kkt.lane_panel import DISTANCE, LARGEST, NEGATIVE, WORST, ask_ahead, panel_vectors, take_panel
 
-__all__ = ["FIELDS", "collect_ends", "collect_following", "collect_own", "eliminate", "note_outside"]
+__all__ = [
+    "FIELDS",
+    "ask_for_step",
+    "collect_ends",
+    "collect_following",
+    "collect_own",
+    "eliminate",
+    "note_outside",
+]
 
 #: The numbers of a group: how many steps; unknowns of U, of F, L and B; ...
 STEPS, OWN, NEXT, LEFT, BORDER = range(5)
@@ -151,7 +159,7 @@ def _watch_step(step: i64, group: i64s, following: i32s, most: f64s, spread: f64
 
 
 @native(fast=True, inline=True)
-def _ask_for_step(
+def ask_for_step(
     step: i64, group: i64s, index: i32s, diagonal: f64s, given: f64s
 ) -> None:  # fmt: skip
     """Ask for the entries of a later step; some lanes take their turn with each step, since lines last for several."""
@@ -212,7 +220,7 @@ def _load_step(
             work,
         )
     if distance > 0:
-        _ask_for_step(step, group, index, diagonal, given)
+        ask_for_step(step, group, index, diagonal, given)
     count = group[ENTRIES]
     kept = kept[8 * (group[FIRST] + step * (own + count)) :]
     diagonals = index[here:]

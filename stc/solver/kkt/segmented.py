@@ -116,6 +116,7 @@ class SegmentedKKT(PlannedKKT):
         )  # fmt: skip
         equilibrate = equilibrate_all.bind(
             SWEEPS,
+            int(state[DISTANCE]),
             *tables,
             *outside,
             *self._rest_entries,
