@@ -32,6 +32,8 @@ SLIGHT = 1e-3
 ROWS_SHARE = 0.4
 #: The least centring parameter where steps are short.
 CENTRED = 1.0
+#: Gaps that are looked at for one trial after the other, so that they stay at hand.
+BLOCK = 512
 #: What equality rows are softened by against dependent ones, relative to the square of the largest gradient entry.
 SOFT = 1e-8
 
@@ -209,56 +211,132 @@ def combine(count: i64, factor: f64s, one: f64s, other: f64s, out: f64s) -> None
         out[i] = one[i] + factor[0] * other[i]
 
 
+@native(fast=True, inline=True)
+def _steps_to_bounds(
+    begin: i64, end: i64, count: i64, index: i64s, sign: f64s, grid: f64s, gap: f64s, z: f64s, affine: f64s,
+    affine_z: f64s, centring: f64s, centring_z: f64s, gap_1: f64s, gap_2: f64s, fall: f64s, falls: f64s, falls_z: f64s,
+) -> None:  # fmt: skip
+    """Collect what some gaps change by, and by which share of them at most, for each of ``grid`` (count,)."""
+    fall_1 = fall[0:]
+    fall_2 = fall[BLOCK:]
+    fall_z1 = fall[2 * BLOCK :]
+    fall_z2 = fall[3 * BLOCK :]
+    for k in range(begin, end):
+        gap_1[k] = sign[k] * affine[index[k]]
+        gap_2[k] = sign[k] * centring[index[k]]
+    for k in range(begin, end):
+        inverse = -1.0 / gap[k]
+        fall_1[k - begin] = gap_1[k] * inverse
+        fall_2[k - begin] = gap_2[k] * inverse
+        inverse_z = -1.0 / z[k]
+        fall_z1[k - begin] = affine_z[k] * inverse_z
+        fall_z2[k - begin] = centring_z[k] * inverse_z
+    for trial in range(count):
+        sigma = grid[trial]
+        most = falls[trial]
+        most_z = falls_z[trial]
+        for k in range(end - begin):
+            most = max(most, fall_1[k] + sigma * fall_2[k])
+            most_z = max(most_z, fall_z1[k] + sigma * fall_z2[k])
+        falls[trial] = most
+        falls_z[trial] = most_z
+
+
+@native(fast=True, inline=True)
+def _squares(
+    begin: i64, end: i64, sigma: f64, a: f64, b: f64, gap: f64s, z: f64s, affine_z: f64s, centring_z: f64s,
+    gap_1: f64s, gap_2: f64s,
+) -> f64:  # fmt: skip
+    """The sum of the squares of products of some gaps and multipliers after a step."""
+    squares = 0.0
+    for k in range(begin, end):
+        product = (gap[k] + a * (gap_1[k] + sigma * gap_2[k])) * (
+            z[k] + b * (affine_z[k] + sigma * centring_z[k])
+        )
+        squares += product * product
+    return squares
+
+
 @native(fast=True)
 def choose_centring(
     gaps: i64, count: i64, moving: f64, rows: f64, smallest_tau: f64, short: f64, index: i64s, sign: f64s, grid: f64s,
     gap: f64s, z: f64s, affine: f64s, affine_z: f64s, centring: f64s, centring_z: f64s, gap_1: f64s, gap_2: f64s,
-    fall_1: f64s, fall_2: f64s, fall_z1: f64s, fall_z2: f64s, s: f64s,
+    fall: f64s, trials: f64s, s: f64s,
 ) -> None:  # fmt: skip
     """The centring parameter of those in ``grid`` (count,) whose step is predicted to leave the smallest squared error.
 
     A step for sigma is ``affine + sigma * centring``; ``moving`` and ``rows`` are the numbers of dual and primal
     conditions.  Where even the best step is less than ``short``, bounds are in its way: products are not made smaller.
+
+    Args:
+        gap_1, gap_2: room, (gaps,); fall: room, (4 BLOCK,); trials: room, (4 count,).
     """
     average = s[PRODUCTS] / gaps
-    for k in range(gaps):
-        gap_1[k] = sign[k] * affine[index[k]]
-        gap_2[k] = sign[k] * centring[index[k]]
-    for k in range(gaps):
-        inverse = -1.0 / gap[k]
-        fall_1[k] = gap_1[k] * inverse
-        fall_2[k] = gap_2[k] * inverse
-        inverse_z = -1.0 / z[k]
-        fall_z1[k] = affine_z[k] * inverse_z
-        fall_z2[k] = centring_z[k] * inverse_z
-    best = 1.0
-    least = 0.0
-    reach = 1.0
+    # First by how much gaps and multipliers fall at most, then how far to go; then the error without products, and
+    # with them.
+    reaches = trials[0:]
+    reaches_z = trials[count:]
+    errors = trials[2 * count :]
+    squares = trials[3 * count :]
     for trial in range(count):
-        sigma = grid[trial]
-        tau = max(smallest_tau, 1.0 - sigma * average)
-        fall = 1e-300
-        fall_z = 1e-300
-        for k in range(gaps):
-            fall = max(fall, fall_1[k] + sigma * fall_2[k])
-            fall_z = max(fall_z, fall_z1[k] + sigma * fall_z2[k])
-        a = min(1.0, tau / fall)
-        b = min(1.0, tau / fall_z)
-        error = (1.0 - b) ** 2 * s[DUAL_SQUARED] / moving + (1.0 - a) ** 2 * s[PRIMAL_SQUARED] / rows
-        if trial > 0 and error >= least:
-            continue
-        squares = 0.0
-        for k in range(gaps):
-            product = (gap[k] + a * (gap_1[k] + sigma * gap_2[k])) * (
-                z[k] + b * (affine_z[k] + sigma * centring_z[k])
-            )
-            squares += product * product
-        error += squares / gaps
-        if trial == 0 or error < least:
-            best = sigma
-            least = error
-            reach = a
-    s[SIGMA] = best if reach >= short else max(best, CENTRED)
+        reaches[trial] = 1e-300
+        reaches_z[trial] = 1e-300
+        squares[trial] = 0.0
+    begin = 0
+    while begin < gaps:
+        end = min(begin + BLOCK, gaps)
+        _steps_to_bounds(
+            begin, end, count, index, sign, grid, gap, z, affine, affine_z, centring, centring_z, gap_1, gap_2, fall,
+            reaches, reaches_z,
+        )  # fmt: skip
+        begin = end
+    likely = 0
+    for trial in range(count):
+        tau = max(smallest_tau, 1.0 - grid[trial] * average)
+        reaches[trial] = min(1.0, tau / reaches[trial])
+        reaches_z[trial] = min(1.0, tau / reaches_z[trial])
+        dual = (1.0 - reaches_z[trial]) ** 2 * s[DUAL_SQUARED] / moving
+        errors[trial] = dual + (1.0 - reaches[trial]) ** 2 * s[PRIMAL_SQUARED] / rows
+        if errors[trial] < errors[likely]:
+            likely = trial
+    # Those whose error is no less without products than the likeliest one's with them are out of the question.
+    begin = 0
+    while begin < gaps:
+        end = min(begin + BLOCK, gaps)
+        squares[likely] += _squares(
+            begin,
+            end,
+            grid[likely],
+            reaches[likely],
+            reaches_z[likely],
+            gap,
+            z,
+            affine_z,
+            centring_z,
+            gap_1,
+            gap_2,
+        )
+        begin = end
+    enough = errors[likely] + squares[likely] / gaps
+    begin = 0
+    while begin < gaps:
+        end = min(begin + BLOCK, gaps)
+        for trial in range(count):
+            if trial != likely and errors[trial] < enough:
+                squares[trial] += _squares(
+                    begin, end, grid[trial], reaches[trial], reaches_z[trial], gap, z, affine_z, centring_z, gap_1,
+                    gap_2,
+                )  # fmt: skip
+        begin = end
+    best = likely
+    least = enough
+    for trial in range(count):
+        if trial != likely and errors[trial] < enough:
+            error = errors[trial] + squares[trial] / gaps
+            if error < least or (error == least and trial < best):
+                best = trial
+                least = error
+    s[SIGMA] = grid[best] if reaches[best] >= short else max(grid[best], CENTRED)
 
 
 @native(fast=True)

@@ -163,7 +163,7 @@ class Workspace:
         step = self.step
         affine, centring = self.affine, self.centring
         self._mean_centre_call = step_passes.mean_centre.bind(gaps, it.gap, self.centre, s)
-        scratch = [np.zeros(gaps) for _ in range(6)]
+        scratch = np.zeros(gaps), np.zeros(gaps), np.zeros(4 * step_passes.BLOCK), np.zeros(4 * CENTRING.size)
         self._choose_call = step_passes.choose_centring.bind(
             gaps,
             CENTRING.size,
