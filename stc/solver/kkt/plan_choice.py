@@ -14,6 +14,7 @@ import numpy as np
 
 from stc.codegen.calls import Bound
 from stc.records import dataclass, field
+from stc.solver.kkt.lane_panel import LARGEST
 from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
@@ -29,6 +30,9 @@ MATRICES = 40
 #: operations at most: once early, and once more where that was in vain.
 SETTLED = (6, 30)
 FEWER = 0.97
+#: It is given up at once where its factors have to be tried on a right-hand side, and what tests its pivots is so many
+#: times larger than it was before: to refine solutions takes longer then than fewer operations save.
+DOUBTED = 3.0
 #: How much the last matrix counts in the share of matrices that a plan suits, and the share that makes a trial worth
 #: its while.
 RECENT = 0.3
@@ -109,6 +113,8 @@ class Plans:
         self._choose_at = 0  # the matrix from which on the plan to begin with is to be chosen anew
         self._settle_at = SETTLED[0]  # matrices that a plan is to serve before another one is made, or FAR
         self._begun_at = 0  # the number of matrices before the last restart
+        # One made for its few operations and not yet tried, and what tested the pivots of that before it.
+        self._frugal: tuple[Prepared, float] | None = None
         self._is_irregular = False
         self._irregular = 0  # such matrices
         self._irregular_won = 0.5  # the share of those that plans suited
@@ -234,6 +240,21 @@ class Plans:
         self._note_first(plan, self.tried)
         plan.suited()
 
+    def disappoints(self, plan: Prepared) -> bool:
+        """Whether a plan that the last matrix suited was made for its few operations, but is less accurate.
+
+        It is given up then.
+        """
+        if self._frugal is None or self._frugal[0] is not plan:
+            return False
+        largest = self._frugal[1]
+        self._frugal = None
+        if plan.probed[0] == 0.0 or plan.state[LARGEST] <= DOUBTED * largest:
+            return False
+        self._plans = [other for other in self._plans if other is not plan]
+        self._known_cheaper.clear()
+        return True  # and so would be the next one
+
     def _note_first(self, plan: Prepared, number: int) -> None:
         if not plan.suited_from:
             plan.suited_from = number - self._begun_at
@@ -272,6 +293,7 @@ class Plans:
             self._settle_at = next((at for at in SETTLED if at > now.served and not found), FAR)
             if found and len(self._plans) < PLANS:
                 self._keep(other)
+                self._frugal = other, float(now.state[LARGEST])
                 return other
         return now
 

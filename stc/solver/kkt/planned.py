@@ -339,6 +339,9 @@ class PlannedKKT(ByCopies):
                 if rest.zero > 0:
                     return None
                 if self._has_proved(plan):
+                    if plans.disappoints(plan):
+                        rest = None
+                        continue
                     plans.suited(plan)
                     break
                 if plan.probed[2] >= plan_calls.SINGULAR:
