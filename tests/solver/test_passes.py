@@ -172,3 +172,35 @@ def test_the_slack_of_a_row_without_entries_makes_up_for_its_residual() -> None:
     assert dw.tolist() == [0.125, -0.25, 0.0]
     assert dy.tolist() == [7.0, 8.0]
     assert dz.tolist() == [0.5 - 2.0 * -0.25 - 1.0]
+
+
+@pytest.mark.parametrize("gaps", [1, 7, step_passes.BLOCK, 3 * step_passes.BLOCK + 5])
+@pytest.mark.parametrize("short", [0.0, 2.0])
+def test_the_centring_parameter_leaves_the_smallest_error(gaps, short):
+    """Against every one of them tried."""
+    rng = np.random.default_rng(gaps)
+    index = rng.integers(0, gaps + 3, gaps)
+    sign = rng.choice([-1.0, 1.0], gaps)
+    gap, z = rng.uniform(0.1, 2.0, gaps), rng.uniform(0.1, 2.0, gaps)
+    affine, centring = 0.3 * rng.normal(size=gaps + 3), 0.1 * rng.normal(size=gaps + 3)
+    affine_z, centring_z = -z + 0.1 * rng.normal(size=gaps), 0.5 * rng.uniform(size=gaps)
+    grid = np.array([1e-3, 0.03, 0.2, 0.6, 1.0, 5.0])
+    s = np.zeros(places.NUMBERS)
+    s[[places.PRODUCTS, places.DUAL_SQUARED, places.PRIMAL_SQUARED]] = gap @ z, 0.3, 0.2
+    step_passes.choose_centring(
+        gaps, grid.size, 11.0, 7.0, 0.99, short, index, sign, grid, gap, z, affine, affine_z, centring, centring_z,
+        np.zeros(gaps), np.zeros(gaps), np.zeros(4 * step_passes.BLOCK), np.zeros(4 * grid.size), s,
+    )  # fmt: skip
+    errors, reaches = [], []
+    for sigma in grid:
+        change = sign * (affine + sigma * centring)[index]
+        change_z = affine_z + sigma * centring_z
+        tau = max(0.99, 1.0 - sigma * (gap @ z) / gaps)
+        a = min(1.0, tau / max(1e-300, np.max(-change / gap)))
+        b = min(1.0, tau / max(1e-300, np.max(-change_z / z)))
+        products = (gap + a * change) * (z + b * change_z)
+        errors.append((1 - b) ** 2 * 0.3 / 11.0 + (1 - a) ** 2 * 0.2 / 7.0 + products @ products / gaps)
+        reaches.append(a)
+    best = int(np.argmin(errors))
+    expected = grid[best] if reaches[best] >= short else max(grid[best], step_passes.CENTRED)
+    assert s[places.SIGMA] == expected

@@ -11,7 +11,7 @@ from solver.kkt.motions import chain_of, motion, system_of
 from solver.kkt.test_contract import check
 
 from stc.codegen.calls import Bound, CallTable
-from stc.solver.kkt import DenseKKT, chain, plan_calls, plan_choice, planned, segmented
+from stc.solver.kkt import DenseKKT, chain, lane_panel, plan_calls, plan_choice, planned, segmented
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.lane_program import plan_panels
 from stc.solver.kkt.plan_choice import SETTLED
@@ -35,6 +35,45 @@ def test_a_settled_plan_takes_no_more_operations():
         for effort in (False, True)
     )
     assert thorough.operations <= plain.operations
+
+
+@pytest.mark.parametrize(
+    ("growth", "residual", "given_up"), [(1e-5, 1e-9, True), (1e-5, 0.0, False), (1e-8, 1e-9, False)]
+)
+def test_fewer_operations_are_not_worth_less_accuracy(growth, residual, given_up):
+    """A plan whose pivots are larger, and so doubtful that its factors had to be tried, goes as it came."""
+    nothing = np.zeros(0)
+
+    def plan(slot, operations):
+        state = np.zeros(lane_panel.STATE)
+        call = Bound.of_python(lambda: 0, ())
+        return plan_choice.Prepared(slot, (), nothing, state, (nothing, nothing), call, operations, True)
+
+    one, other = plan(0, 100), plan(1, 80)
+    plans = plan_choice.Plans(1000, plan(0, 0))
+    plans.paused(False)
+    for candidate in plans.candidates(True, lambda thorough: one):
+        assert candidate is one
+        break
+    one.state[lane_panel.LARGEST] = 1e-7
+    assert not plans.disappoints(one)
+    plans.suited(one)
+    for _ in range(SETTLED[0] - 1):
+        plans.went_well(1)
+    plans.paused(False)
+    tried = []
+    for candidate in plans.candidates(True, lambda thorough: other):
+        tried.append(candidate)
+        if candidate is other:
+            other.state[lane_panel.LARGEST] = growth
+            other.probed[0] = residual
+            if plans.disappoints(other):
+                continue
+        plans.suited(candidate)
+        break
+    assert tried == ([other, one] if given_up else [other])
+    assert (other in list(plans)) != given_up
+    assert plans.now is (one if given_up else other)
 
 
 def test_factors_that_are_tried_once_are_trusted(monkeypatch):
