@@ -160,7 +160,9 @@ class Plans:
             first = self._first(curved, make)
             self._take_up(first, self.tried)
         yield first
-        others = (plan for plan in self._plans if plan is not first and plan.won > UNLIKELY)
+        # Those for matrices of the other kind do not suit this one.
+        alike = (plan for plan in self._plans if plan is not first and plan.curved == curved)
+        others = (plan for plan in alike if plan.won > UNLIKELY)
         for plan in sorted(others, key=lambda plan: -plan.won):
             self._take_up(plan, self.tried)
             yield plan
