@@ -44,6 +44,9 @@ ROOM = 1.25
 #: for. Any distance from 800 to 1600 serves as well; with 400 it comes too late.
 NEAR = 3 * 2**19
 AHEAD = 1200
+#: Substitutions, which read them in order, wait for memory only where factors of so many bytes leave what processors
+#: share as well.
+DISTANT = 2**23
 
 
 class Rest(Protocol):
@@ -92,6 +95,11 @@ def new_state(factors: Floats) -> Floats:
     state[TRUSTED] = SUSPECT
     state[DISTANCE] = AHEAD if factors.nbytes > NEAR else 0
     return state
+
+
+def reading_distance(factors: Floats) -> int:
+    """How far ahead substitutions ask for memory, 0 where it is near."""
+    return AHEAD if factors.nbytes > DISTANT else 0
 
 
 class PlannedKKT(ByCopies):

@@ -22,7 +22,7 @@ from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import code_of, lay_out
 from stc.solver.kkt.lane_values import sizes_of
 from stc.solver.kkt.plan_choice import Plans, Prepared
-from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, PlannedKKT, new_state
+from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, PlannedKKT, new_state, reading_distance
 from stc.solver.kkt.seams import sew
 from stc.solver.kkt.segmented_passes import eliminate_all, equilibrate_all, solve_all
 from stc.solver.kkt.segments import LANES, Segmentation
@@ -139,7 +139,7 @@ class SegmentedKKT(PlannedKKT):
         """See ``PlannedKKT``."""
         layout, rest_factors = self._layout, self._rest_system.factors_in_order()
         common = (
-            self.accuracy, int(plan.state[DISTANCE]), *plan.tables, layout.outer, layout.rest.unknowns.size,
+            self.accuracy, reading_distance(plan.factors), *plan.tables, layout.outer, layout.rest.unknowns.size,
             layout.rest.entry.size, *self._rest_entries[:2], plan.factors, self._matrix, self._rest_matrix,
             self._scale, *plan.space, np.zeros(4), *rest_factors,
         )  # fmt: skip

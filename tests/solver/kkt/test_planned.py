@@ -56,13 +56,14 @@ def test_any_values(system, seed, frames, softness, curvature):
 @SYSTEMS
 @pytest.mark.parametrize("parameters", [0, 2])
 def test_memory_that_is_asked_for_changes_nothing(system, parameters, monkeypatch):
-    """Factors that are written to distant memory are the same."""
+    """Factors that are written to distant memory are the same, and so is what is solved with them."""
     rng = np.random.default_rng(31)
     pattern = motion(rng, 40, parameters=parameters)
     values, rhs = generic(rng, pattern), (rng.normal(size=pattern.n), rng.normal(size=pattern.m))
     solutions = []
     for near in (2**40, 0):
         monkeypatch.setattr(planned, "NEAR", near)
+        monkeypatch.setattr(planned, "DISTANT", near)
         kkt = system(pattern)
         for _ in range(2):
             kkt.factorize(*values.arguments())
