@@ -11,6 +11,7 @@ from typing import Any
 from stc.codegen.native_blocks import Value
 from stc.codegen.native_expressions import DECLARATIONS, Callee, ExpressionEmitter
 from stc.codegen.native_types import Signature, Type, type_of_annotation
+from stc.codegen.vector import PAST_CACHES_NODE
 
 #: Vectors of sums and extrema that a loop keeps side by side: each waits for its last operation.
 _CHAINS = 4
@@ -319,4 +320,4 @@ def module_text(functions: list[str]) -> str:
     code = re.sub(_REDUCTION, lambda _: f"!{next(numbers)}", code)
     hints = [f"!{k} = distinct !{{!{k}, !0}}" for k in range(1, next(numbers))]
     chains = f'!0 = !{{!"llvm.loop.interleave.count", i32 {_CHAINS}}}'
-    return "\n".join([DECLARATIONS, code, chains, *hints]) + "\n"
+    return "\n".join([DECLARATIONS, code, PAST_CACHES_NODE, chains, *hints]) + "\n"

@@ -27,6 +27,7 @@ __all__ = [
     "scatter8",
     "splat8",
     "store8",
+    "stream8",
     "sum8",
 ]
 
@@ -41,6 +42,14 @@ def load8(x: NDArray[np.float64], k: int) -> Vector:
 
 def store8(x: NDArray[np.float64], k: int, vector: Vector) -> None:
     """Write a vector to ``x[k]`` to ``x[k + 7]``."""
+    x[k : k + 8] = vector
+
+
+def stream8(x: NDArray[np.float64], k: int, vector: Vector) -> None:
+    """``store8`` that goes past the caches, for what is read much later: memory need not be read to be written.
+
+    ``x[k]`` must begin a line of 64 bytes (see ``stc.arrays.aligned_zeros``).
+    """
     x[k : k + 8] = vector
 
 

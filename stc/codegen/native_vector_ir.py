@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from stc.codegen import native_vector
 from stc.codegen.native_blocks import Value
 from stc.codegen.native_types import Type
-from stc.codegen.vector import prefetch
+from stc.codegen.vector import PAST_CACHES, prefetch
 
 if TYPE_CHECKING:
     from stc.codegen.native_expressions import ExpressionEmitter
@@ -19,8 +19,8 @@ __all__ = ["vector_call"]
 def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: str) -> Value:
     """A call of one of the functions of stc.codegen.native_vector."""
     vector = Type.F64V.ir
-    if target in (native_vector.load8, native_vector.store8):
-        stores = target is native_vector.store8
+    if target in (native_vector.load8, native_vector.store8, native_vector.stream8):
+        stores = target is not native_vector.load8
         if len(node.args) != 2 + stores:
             raise emitter.error(node, f"{name}() takes {2 + stores} arguments, not {len(node.args)}")
         type_, address = emitter.element_address(
@@ -31,7 +31,8 @@ def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: s
         if not stores:
             return emitter.compute(Type.F64V, f"load {vector}, ptr {address}, align 8")
         value = emitter.convert(emitter.number(node.args[2]), Type.F64V, node)
-        emitter.emit(f"store {vector} {value.text}, ptr {address}, align 8")
+        how = f"align 64{PAST_CACHES}" if target is native_vector.stream8 else "align 8"
+        emitter.emit(f"store {vector} {value.text}, ptr {address}, {how}")
         return Value(Type.NONE, "")
     if target is native_vector.prefetch8:
         return _prefetched(emitter, node, name)

@@ -12,7 +12,7 @@ have no factor there.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, native
-from stc.codegen.native_vector import abs8, load8, max8, negative8, prefetch8, splat8, store8
+from stc.codegen.native_vector import abs8, load8, max8, negative8, prefetch8, splat8, store8, stream8
 
 __all__ = [
     "COUNTED",
@@ -22,6 +22,7 @@ __all__ = [
     "PANEL",
     "RARELY",
     "STATE",
+    "STREAMED",
     "TRUSTED",
     "UNWATCHED",
     "WORST",
@@ -31,6 +32,7 @@ __all__ = [
     "is_watched",
     "note_watched",
     "panel_vectors",
+    "put_vectors",
     "take_panel",
 ]
 
@@ -38,7 +40,8 @@ __all__ = [
 PANEL = 4
 #: Places in ``state``: what tests a pivot, the largest so far in each lane, should be below 1; pivots that are
 #: negative; the largest test of all groups; negative pivots of all together; the largest test up to which factors are
-#: trusted; how far ahead memory is asked for, 0 where it is near; matrices until the scale is tested again.
+#: trusted; how far ahead memory is asked for, 0 where it is near; matrices until the scale is tested again; whether
+#: factors are written past the caches.
 WORST = 0
 NEGATIVE = 8
 LARGEST = 16
@@ -46,6 +49,7 @@ COUNTED = 17
 TRUSTED = 18
 DISTANCE = 24
 UNWATCHED = 25
+STREAMED = 26
 STATE = 32
 #: The scale is tested with one matrix in so many and one more, or, where it was far from not serving, with fewer.
 SELDOM = 3.0
@@ -98,6 +102,17 @@ def ask_behind(distance: i64, vectors: i64, at: i64, x: f64s) -> None:
     if distance > 0:
         for k in range(vectors):
             prefetch8(x, at - distance + 8 * (vectors - 1 - k))
+
+
+@native(inline=True)
+def put_vectors(streamed: i64, vectors: i64, part: f64s, at: i64, x: f64s) -> None:
+    """Copy some vectors of ``part`` to ``x`` from ``at`` on, past the caches when ``streamed``."""
+    if streamed != 0:
+        for k in range(vectors):
+            stream8(x, at + 8 * k, load8(part, 8 * k))
+    else:
+        for k in range(vectors):
+            store8(x, at + 8 * k, load8(part, 8 * k))
 
 
 @native(fused=True, inline=True)

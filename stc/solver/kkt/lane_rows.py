@@ -6,7 +6,7 @@ Both leave to the caller what is outside the segments, entries and diagonal.  Ve
 from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
-from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, splat8, store8, sum8
+from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, splat8, store8, stream8, sum8
 from stc.solver.kkt.lane_panel import ask_ahead
 from stc.solver.kkt.lanes import (
     BORDER,
@@ -184,7 +184,7 @@ def subtract_segments(
 
     Args:
         both: 1 to do the same with ``other_x``, ``other_y``, ``other_z`` in the same pass; a constant.
-        distance: how far ahead memory is asked for, 0 where it is near.
+        distance: how far ahead memory is asked for, which is written past the caches then; 0 where it is near.
         groups, table, index, code, matrix: see ``eliminate``.
         work, part: work space, for two vectors each when ``both``.
         norms: largest magnitudes in segments of x, z, other_x, other_z; of the z nan when not all are finite.
@@ -214,7 +214,6 @@ def subtract_segments(
             here = group[UNKNOWNS] + 8 * step * own
             ask_ahead(distance, own, 8, here, x)
             ask_ahead(distance, own, 8, here, y)
-            ask_ahead(distance, own, 8, here, z)
             collect_following(step, group, index, code, x, work)
             diagonal = values[0:]
             if step == 0:
@@ -227,7 +226,6 @@ def subtract_segments(
             if both != 0:
                 ask_ahead(distance, own, 8, here, other_x)
                 ask_ahead(distance, own, 8, here, other_y)
-                ask_ahead(distance, own, 8, here, other_z)
                 collect_following(step, group, index, code, other_x, other_work)
                 for k in range(own):
                     value = load8(other_x, here + 8 * k)
@@ -267,12 +265,18 @@ def subtract_segments(
                 value = load8(part, 8 * k)
                 high_z = max8(high_z, abs8(value))
                 check += value * 0.0
-                store8(z, here + 8 * k, value)
+                if distance > 0:
+                    stream8(z, here + 8 * k, value)
+                else:
+                    store8(z, here + 8 * k, value)
                 if both != 0:
                     value = load8(other_part, 8 * k)
                     high_other_z = max8(high_other_z, abs8(value))
                     other_check += value * 0.0
-                    store8(other_z, here + 8 * k, value)
+                    if distance > 0:
+                        stream8(other_z, here + 8 * k, value)
+                    else:
+                        store8(other_z, here + 8 * k, value)
         add_outside(group, index, part, z)
         if both != 0:
             add_outside(group, index, other_part, other_z)

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import load8, store8
-from stc.solver.kkt.lane_panel import ask_ahead, ask_behind, panel_vectors
+from stc.solver.kkt.lane_panel import ask_ahead, ask_behind, panel_vectors, put_vectors
 from stc.solver.kkt.lane_rows import add_following, add_outside
 from stc.solver.kkt.lanes import (
     BORDER,
     FACTOR_STEP,
     FACTORS,
     FIELDS,
+    FOLLOWING,
     LEFT,
     NEXT,
     OWN,
@@ -187,6 +188,18 @@ def _backward_panel(
 
 
 @native(fast=True, inline=True)
+def _carry_back(back: i64, step: i64, group: i64s, index: i32s, code: i32s, y: f64s, part: f64s) -> None:
+    """Move the solution for a step's F, which is what has just been found for the next step's U, to its place."""
+    if back > 0:
+        own = group[OWN]
+        following = code[group[FOLLOWING] :]
+        for k in range(group[NEXT]):
+            store8(part, 8 * (own + k), load8(part, 8 * following[k]))
+    else:
+        collect_following(step, group, index, code, y, part)
+
+
+@native(fast=True, inline=True)
 def forward(
     both: i64, distance: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, y: f64s,
     other_x: f64s, other_y: f64s, part: f64s,
@@ -195,7 +208,7 @@ def forward(
 
     Args:
         both: 1 to do the same from ``other_x`` to ``other_y`` in the same pass; a constant.
-        distance: how far ahead memory is asked for, 0 where it is near.
+        distance: how far ahead memory is asked for, which is written past the caches then; 0 where it is near.
         groups, table, index, code, factors: see ``eliminate``.
         part: work space, for two vectors when ``both``.
     """
@@ -212,11 +225,9 @@ def forward(
         for step in range(group[STEPS]):
             here = group[UNKNOWNS] + 8 * step * own
             ask_ahead(distance, own, 8, here, x)
-            ask_ahead(distance, own, 8, here, y)
             collect_own(step, group, x, part)
             if both != 0:
                 ask_ahead(distance, own, 8, here, other_x)
-                ask_ahead(distance, own, 8, here, other_y)
                 collect_own(step, group, other_x, other)
             if step > 0:
                 add_following(group, code, part)
@@ -233,10 +244,9 @@ def forward(
                 )
                 panel = rows[count + members * (members + count) :]
                 at += 8 * panel_vectors(members, count)
-            for k in range(own):
-                store8(y, here + 8 * k, load8(part, 8 * k))
-                if both != 0:
-                    store8(other_y, here + 8 * k, load8(other, 8 * k))
+            put_vectors(distance, own, part, here, y)
+            if both != 0:
+                put_vectors(distance, own, other, here, other_y)
         add_outside(group, index, part, y)
         if both != 0:
             add_outside(group, index, other, other_y)
@@ -261,14 +271,12 @@ def backward(
             step = group[STEPS] - 1 - back
             here = group[UNKNOWNS] + 8 * step * own
             ask_behind(distance, own, here, x)
-            ask_behind(distance, own, here, y)
+            _carry_back(back, step, group, index, code, y, part)
             collect_own(step, group, x, part)
-            collect_following(step, group, index, code, y, part)
             if both != 0:
                 ask_behind(distance, own, here, other_x)
-                ask_behind(distance, own, here, other_y)
+                _carry_back(back, step, group, index, code, other_y, other)
                 collect_own(step, group, other_x, other)
-                collect_following(step, group, index, code, other_y, other)
             for last in range(group[PANELS]):
                 panel = code[starts[group[PANELS] - 1 - last] :]
                 members = panel[0]
@@ -279,7 +287,6 @@ def backward(
                     both, members, count, panel[2:], panel[2 + members :], panel[2 + 2 * members :], factors[at:], part,
                     other,
                 )  # fmt: skip
-            for k in range(own):
-                store8(y, here + 8 * k, load8(part, 8 * k))
-                if both != 0:
-                    store8(other_y, here + 8 * k, load8(other, 8 * k))
+            put_vectors(distance, own, part, here, y)
+            if both != 0:
+                put_vectors(distance, own, other, here, other_y)

@@ -19,8 +19,28 @@ What belongs to a group of eight segments is found by way of a table, FIELDS num
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
-from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, negative8, prefetch8, store8
-from stc.solver.kkt.lane_panel import DISTANCE, LARGEST, NEGATIVE, WORST, ask_ahead, panel_vectors, take_panel
+from stc.codegen.native_vector import (
+    abs8,
+    gather8,
+    largest8,
+    load8,
+    max8,
+    negative8,
+    prefetch8,
+    store8,
+    stream8,
+)
+from stc.solver.kkt.lane_panel import (
+    DISTANCE,
+    LARGEST,
+    NEGATIVE,
+    STREAMED,
+    WORST,
+    ask_ahead,
+    panel_vectors,
+    put_vectors,
+    take_panel,
+)
 
 __all__ = [
     "FIELDS",
@@ -106,8 +126,8 @@ def note_outside(group: i64s, index: i32s, part: f64s, most: f64s) -> None:
 
 @native(fast=True, inline=True)
 def _load_entries(
-    distance: i64, watched: i64, added: i64, count: i64, sources: i32s, places: i32s, given: f64s, scales: f64s,
-    matrix: f64s, most: f64s, work: f64s,
+    distance: i64, streamed: i64, watched: i64, added: i64, count: i64, sources: i32s, places: i32s, given: f64s,
+    scales: f64s, matrix: f64s, most: f64s, work: f64s,
 ) -> None:  # fmt: skip
     """Add or store scaled entries in the triangle, keep them, and note their magnitudes in both of their rows."""
     i = 0
@@ -123,8 +143,11 @@ def _load_entries(
                 most_i = load8(most, i)
         j = 8 * places[3 * k + 2]
         value = gather8(given, sources, 8 * k) * scale_i * load8(scales, j)
-        store8(matrix, 8 * k, value)
-        ask_ahead(distance, 1, 0, 8 * k, matrix)
+        if streamed != 0:
+            stream8(matrix, 8 * k, value)
+        else:
+            store8(matrix, 8 * k, value)
+            ask_ahead(distance, 1, 0, 8 * k, matrix)
         at = 8 * places[3 * k]
         if added != 0:
             store8(work, at, load8(work, at) + value)
@@ -178,8 +201,8 @@ def ask_for_step(
 
 @native(fast=True)
 def _load_step(
-    distance: i64, watched: i64, step: i64, group: i64s, index: i32s, code: i32s, diagonal: f64s, given: f64s,
-    scale: f64s, work: f64s, scales: f64s, matrix: f64s, most: f64s, spread: f64s,
+    distance: i64, streamed: i64, watched: i64, step: i64, group: i64s, index: i32s, code: i32s, diagonal: f64s,
+    given: f64s, scale: f64s, work: f64s, scales: f64s, matrix: f64s, most: f64s, spread: f64s,
 ) -> None:  # fmt: skip
     """Carry over what the step before has left, and add the scaled entries of the matrix."""
     own = group[OWN]
@@ -208,6 +231,7 @@ def _load_step(
             store8(most, 8 * k, 0.0)
         _load_entries(
             distance,
+            streamed,
             watched,
             1,
             group[FIRST],
@@ -227,8 +251,11 @@ def _load_step(
     for k in range(own):
         s = load8(scales, 8 * k)
         value = s * s * gather8(diagonal, diagonals, 8 * k)
-        store8(kept, 8 * k, value)
-        ask_ahead(distance, 1, 0, 8 * k, kept)
+        if streamed != 0:
+            stream8(kept, 8 * k, value)
+        else:
+            store8(kept, 8 * k, value)
+            ask_ahead(distance, 1, 0, 8 * k, kept)
         at = 4 * k * (k + 3)
         store8(work, at, load8(work, at) + value)
         if watched != 0:
@@ -237,9 +264,10 @@ def _load_step(
     sources = index[group[ENTRY_INDEX] + 8 * step * count :]
     places = code[group[ENTRY_CODE] :]
     kept = kept[8 * own :]
-    _load_entries(distance, watched, 1, added, sources, places, given, scales, kept, most, work)
+    _load_entries(distance, streamed, watched, 1, added, sources, places, given, scales, kept, most, work)
     _load_entries(
         distance,
+        streamed,
         watched,
         0,
         count - added,
@@ -270,6 +298,7 @@ def eliminate(
     work: f64s,
     scales: f64s,
     columns: f64s,
+    made: f64s,
     matrix: f64s,
     watched: i64,
     most: f64s,
@@ -289,7 +318,7 @@ def eliminate(
         scale: of the unknowns, a vector in the order of the segments, and so is ``outer_most``: largest entries so
             far of the rows outside of segments, which are updated.
         result: where the entries are added that are left, as ``index`` tells.
-        work, scales, columns, most: work space.
+        work, scales, columns, most: work space; made: the same, for the factors of a panel.
         matrix: the scaled entries, for products with the matrix.
         watched: 1 where ``outer_most`` and ``spread`` are asked for.
         spread: largest entry of the row that has the largest one, and the negative of the least, of the rows in
@@ -301,6 +330,8 @@ def eliminate(
     """
     negative = 0.0
     distance = int(state[DISTANCE])
+    streamed = int(state[STREAMED])
+    writing = 0 if streamed != 0 else distance
     state[LARGEST] = 0.0
     for g in range(groups):
         group = table[g * FIELDS :]
@@ -309,20 +340,26 @@ def eliminate(
         at = 8 * group[FACTORS]
         for step in range(group[STEPS]):
             _load_step(
-                distance, watched, step, group, index, code, diagonal, given, scale, work, scales, matrix, most,
-                spread,
+                distance, streamed, watched, step, group, index, code, diagonal, given, scale, work, scales, matrix,
+                most, spread,
             )  # fmt: skip
             panel = code[group[PANEL_CODE] :]
             for _panel in range(group[PANELS]):
                 members = panel[0]
                 count = panel[1]
                 rows = panel[2 + 2 * members :]
+                vectors = panel_vectors(members, count)
+                kept = factors[at:]
+                if streamed != 0:
+                    kept = made[0:]
                 take_panel(
-                    distance, members, count, panel[2:], rows, rows[count:], growth, suspect, work, columns,
-                    factors[at:], state,
+                    writing, members, count, panel[2:], rows, rows[count:], growth, suspect, work, columns,
+                    kept, state,
                 )  # fmt: skip
+                if streamed != 0:
+                    put_vectors(1, vectors, made, at, factors)
                 panel = rows[count + members * (members + count) :]
-                at += 8 * panel_vectors(members, count)
+                at += 8 * vectors
             if not (largest8(load8(state, WORST)) < 1.0):
                 return -1
         state[LARGEST] = max(state[LARGEST], largest8(load8(state, WORST)))

@@ -21,7 +21,7 @@ from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, FrontalKKT
-from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, LARGEST, STATE, TRUSTED, UNWATCHED
+from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, LARGEST, STATE, STREAMED, TRUSTED, UNWATCHED
 from stc.solver.kkt.plan_choice import PLANS, Plans, Prepared
 from stc.solver.kkt.segmented_passes import diagonal_of
 from stc.solver.kkt.substitution import REPORT
@@ -44,8 +44,8 @@ ROOM = 1.25
 #: for. Any distance from 800 to 1600 serves as well; with 400 it comes too late.
 NEAR = 3 * 2**19
 AHEAD = 1200
-#: Substitutions, which read them in order, wait for memory only where factors of so many bytes leave what processors
-#: share as well.
+#: Factors of so many bytes leave what processors share as well: they are written past it, and substitutions, which read
+#: them in order, wait for memory only there.
 DISTANT = 2**23
 
 
@@ -94,6 +94,7 @@ def new_state(factors: Floats) -> Floats:
     state = aligned_zeros(STATE)
     state[TRUSTED] = SUSPECT
     state[DISTANCE] = AHEAD if factors.nbytes > NEAR else 0
+    state[STREAMED] = 1.0 if factors.nbytes > DISTANT else 0.0
     return state
 
 

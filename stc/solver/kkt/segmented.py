@@ -110,9 +110,9 @@ class SegmentedKKT(PlannedKKT):
         eliminate = eliminate_all.bind(
             *tables, 1.0 / GROWTH, 1.0 / INVERSE, given, self._diagonal, self._scale, self._rest_system.given,
             aligned_zeros(4 * widest * (widest + 1)), work,
-            aligned_zeros(16 * PANEL * (widest + PANEL)), self._matrix, part, self._most, aligned_zeros(2 * LANES),
-            factors, state, *outside, rest.target, *self._rest_entries, rest.couplings.n, rest.couplings.jac_count,
-            self._rest_matrix,
+            aligned_zeros(16 * PANEL * (widest + PANEL)), aligned_zeros(8 * PANEL * (widest + PANEL)), self._matrix,
+            part, self._most, aligned_zeros(2 * LANES), factors, state, *outside, rest.target, *self._rest_entries,
+            rest.couplings.n, rest.couplings.jac_count, self._rest_matrix,
         )  # fmt: skip
         equilibrate = equilibrate_all.bind(
             SWEEPS,

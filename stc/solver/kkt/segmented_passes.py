@@ -149,6 +149,7 @@ def eliminate_all(
     work: f64s,
     scales: f64s,
     columns: f64s,
+    made: f64s,
     matrix: f64s,
     row_most: f64s,
     most: f64s,
@@ -182,7 +183,7 @@ def eliminate_all(
     watched = is_watched(state)
     negative = eliminate(
         groups, table, index, code, growth, suspect, given, diagonal, scale, result, work, scales, columns,
-        matrix, watched, row_most, most, spread, factors, state,
+        made, matrix, watched, row_most, most, spread, factors, state,
     )  # fmt: skip
     state[COUNTED] = 1.0 * negative
     if negative < 0:
@@ -447,7 +448,7 @@ def solve_all(
 
     Args:
         both: whether to do the same for ``other_rhs``, in common passes; ``report`` then tells of the less accurate.
-        distance: how far ahead memory is asked for, 0 where it is near.
+        distance: how far ahead memory is asked for, which is written past the caches then; 0 where it is near.
         groups, table, index, code, factors, matrix, scale: see ``eliminate``.
         rest_matrix: what ``eliminate_all`` has kept of the rest.
         rest_order ... inverse: the rest, see ``FrontalKKT.factors_in_order``.
