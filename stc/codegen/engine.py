@@ -17,6 +17,7 @@ from typing import Any
 
 from stc.codegen import cache
 from stc.codegen import machine as this_machine
+from stc.codegen.copying import COPY_IR, REPLACED, SYMBOL
 from stc.codegen.image import MAGIC, MappedImage, image_of, map_image, supported
 from stc.digests import blake2b
 from stc.records import dataclass
@@ -263,6 +264,27 @@ def _linker() -> Any:
     return llvm.create_lljit_compiler(_target_machine(1, host()), use_jit_link=True)
 
 
+@lru_cache(maxsize=1)
+def _stand_ins() -> dict[str, int]:
+    """Addresses of what images get instead of functions of the C library (see :mod:`stc.codegen.copying`)."""
+    key = cache.key_of("copying", host().fingerprint(), COPY_IR)
+    kept = cache.load(key)
+    try:
+        mapped = map_image(kept or b"", [SYMBOL], {})
+    except RuntimeError:
+        made = image_of(compile_ir(COPY_IR, level=1, optimise=False))
+        if made is None:
+            return {}
+        cache.store(key, made)
+        mapped = map_image(made, [SYMBOL], {})
+    _kept_mapped.append(mapped)
+    return dict.fromkeys(REPLACED, mapped.address(SYMBOL))
+
+
+#: Never unmapped: whatever is loaded later refers to it.
+_kept_mapped: list[MappedImage] = []
+
+
 def load_object(code: bytes, symbols: Sequence[str]) -> LoadedObject:
     """Map object code, or the image of an object, into the process and resolve ``symbols``.
 
@@ -272,7 +294,7 @@ def load_object(code: bytes, symbols: Sequence[str]) -> LoadedObject:
     if supported():
         image = code if code.startswith(MAGIC) else image_of(code)
         if image is not None:
-            return map_image(image, symbols)
+            return map_image(image, symbols, _stand_ins())
     import llvmlite.binding as llvm
 
     with compiler_lock:

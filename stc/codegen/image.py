@@ -16,7 +16,7 @@ import ctypes
 import mmap
 import struct
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 #: Leads every image; an ELF object starts with another one.
@@ -181,12 +181,13 @@ class MappedImage:
         return self._start + self._symbols[symbol]
 
 
-def map_image(image: bytes, symbols: Sequence[str]) -> MappedImage:
+def map_image(image: bytes, symbols: Sequence[str], instead: Mapping[str, int]) -> MappedImage:
     """Copy an image into memory and make it executable (and no longer writable).
 
     Args:
         image: from :func:`image_of`.
         symbols: what must be in it.
+        instead: addresses of functions that it gets instead of those of the C library.
 
     Raises:
         RuntimeError: not an image, a symbol is missing, or the system does not allow it.
@@ -221,11 +222,14 @@ def map_image(image: bytes, symbols: Sequence[str]) -> MappedImage:
     memory[:size] = image[end:]
     library, protect = _process()
     for name, place in wanted:
-        try:
-            function = library[name]
-        except AttributeError as error:
-            raise RuntimeError(f"the machine code wants {name}, which this process lacks") from error
-        struct.pack_into("<Q", memory, place, ctypes.cast(function, ctypes.c_void_p).value or 0)
+        address = instead.get(name)
+        if address is None:
+            try:
+                function = library[name]
+            except AttributeError as error:
+                raise RuntimeError(f"the machine code wants {name}, which this process lacks") from error
+            address = ctypes.cast(function, ctypes.c_void_p).value or 0
+        struct.pack_into("<Q", memory, place, address)
     start = ctypes.addressof(ctypes.c_char.from_buffer(memory))
     if protect(start, len(memory), _PROT_READ | _PROT_EXEC):
         raise RuntimeError("this system does not let memory be made executable")

@@ -96,7 +96,7 @@ def test_memory_is_given_back() -> None:
     made = image.image_of(compiled())
     assert made is not None
     before = mappings()
-    held = [image.map_image(made, SYMBOLS) for _ in range(3)]
+    held = [image.map_image(made, SYMBOLS, {}) for _ in range(3)]
     assert mappings() > before or len(held) == 3  # neighbours may be shown as one
     del held
     gc.collect()
@@ -133,14 +133,14 @@ def test_damaged_images_are_errors() -> None:
     assert made is not None
     for cut in range(0, len(made), 5):
         with pytest.raises(RuntimeError):
-            image.map_image(made[:cut], SYMBOLS)
+            image.map_image(made[:cut], SYMBOLS, {})
     with pytest.raises(RuntimeError, match="missing"):
-        image.map_image(made, ["f", "missing"])
+        image.map_image(made, ["f", "missing"], {})
     named, _ = struct.unpack_from("<II", made, len(image.MAGIC))
     assert named > 0
     other = made.replace(b"memmove", b"nomove!")
     with pytest.raises(RuntimeError, match="nomove!"):
-        image.map_image(other, SYMBOLS)
+        image.map_image(other, SYMBOLS, {})
 
 
 def test_the_machine_is_described_without_the_compiler(

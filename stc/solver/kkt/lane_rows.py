@@ -62,12 +62,20 @@ def _largest(
     count: i64, sources: i32s, places: i32s, given: f64s, scales: f64s, most: f64s
 ) -> None:  # fmt: skip
     """Note the magnitudes of entries in both of their rows."""
+    i = 0
+    scale_i = load8(scales, 0)
+    most_i = load8(most, 0)
     for k in range(count):
-        i = 8 * places[3 * k + 1]
+        if 8 * places[3 * k + 1] != i:
+            store8(most, i, most_i)
+            i = 8 * places[3 * k + 1]
+            scale_i = load8(scales, i)
+            most_i = load8(most, i)
         j = 8 * places[3 * k + 2]
-        value = abs8(gather8(given, sources, 8 * k)) * load8(scales, i) * load8(scales, j)
-        store8(most, i, max8(value, load8(most, i)))
+        value = abs8(gather8(given, sources, 8 * k)) * scale_i * load8(scales, j)
+        most_i = max8(value, most_i)
         store8(most, j, max8(value, load8(most, j)))
+    store8(most, i, most_i)
 
 
 @native(fast=True)

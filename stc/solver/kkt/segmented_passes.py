@@ -95,16 +95,20 @@ def equilibrate_all(
         distance, groups, table, index, code, outer, rest, entries, first, second, source, given, diagonal, scale, most,
         scales, part,
     )  # fmt: skip
-    if not (spread_of(outer + rest, most) > STALE):
+    size = outer + rest
+    if not (spread_of(size, most) > STALE):
         return 0
-    for k in range(outer + rest):
+    far = 0.0
+    for k in range(size):
+        far = max(far, fabs(scale[k] - 1.0))
         scale[k] = 1.0
-    for _sweep in range(sweeps):
-        _largest_of_rows(
-            distance, groups, table, index, code, outer, rest, entries, first, second, source, given, diagonal, scale,
-            most, scales, part,
-        )  # fmt: skip
-        if find_scale(outer + rest, most, scale) == 0:
+    for sweep in range(sweeps):
+        if sweep > 0 or far != 0.0:
+            _largest_of_rows(
+                distance, groups, table, index, code, outer, rest, entries, first, second, source, given, diagonal,
+                scale, most, scales, part,
+            )  # fmt: skip
+        if find_scale(size, most, scale) == 0:
             break
     return 1
 
