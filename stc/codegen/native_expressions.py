@@ -64,7 +64,7 @@ declare <8 x double> @llvm.fabs.v8f64(<8 x double>)
 """
     + PREFETCH
     + """
-declare <8 x double> @llvm.masked.expandload.v8f64(ptr, <8 x i1>, <8 x double>)
+declare <8 x double> @llvm.masked.load.v8f64.p0(ptr, i32 immarg, <8 x i1>, <8 x double>)
 declare double @llvm.vector.reduce.fmax.v8f64(<8 x double>)
 declare double @llvm.vector.reduce.fadd.v8f64(double, <8 x double>)
 declare double @exp(double) nounwind willreturn memory(none)

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 __all__ = [
     "abs8",
-    "expand8",
     "gather8",
     "largest8",
     "load8",
+    "masked8",
     "max8",
     "negative8",
     "prefetch8",
@@ -29,6 +29,7 @@ __all__ = [
     "store8",
     "stream8",
     "sum8",
+    "sums8",
 ]
 
 #: A local vector: it is never an argument, nor a result.
@@ -57,11 +58,12 @@ def prefetch8(x: NDArray[np.float64], k: int) -> None:
     """Ask for the memory of ``x[k]`` to be near soon; it need not exist."""
 
 
-def expand8(x: NDArray[np.float64], k: int, mask: int) -> Vector:
-    """The next elements of ``x`` from ``x[k]`` on where bits of ``mask`` are 1, the lowest first, and 0 elsewhere."""
+def masked8(x: NDArray[np.float64], k: int, mask: int) -> Vector:
+    """``x[k]`` to ``x[k + 7]`` where bits of ``mask`` are 1, the lowest first, and 0 elsewhere, where nothing is read."""
     vector = np.zeros(8)
-    lanes = [lane for lane in range(8) if mask >> lane & 1]
-    vector[lanes] = x[k : k + len(lanes)]
+    for lane in range(8):
+        if mask >> lane & 1:
+            vector[lane] = x[k + lane]
     return vector
 
 
@@ -103,3 +105,8 @@ def largest8(vector: Vector) -> float:
 def sum8(vector: Vector) -> float:
     """Sum of the eight, in any order."""
     return float(vector.sum())
+
+
+def sums8(x: NDArray[np.float64], k: int) -> Vector:
+    """The sums of eight vectors that follow one another from ``x[k]`` on, in any order of their terms."""
+    return x[k : k + 64].reshape(8, 8).sum(axis=1)

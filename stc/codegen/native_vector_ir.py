@@ -36,8 +36,10 @@ def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: s
         return Value(Type.NONE, "")
     if target is native_vector.prefetch8:
         return _prefetched(emitter, node, name)
-    if target is native_vector.expand8:
-        return _expanded(emitter, node, name)
+    if target is native_vector.masked8:
+        return _masked(emitter, node, name)
+    if target is native_vector.sums8:
+        return _sums(emitter, node, name)
     if target in (native_vector.gather8, native_vector.scatter8):
         return _by_places(emitter, node, name, stores=target is native_vector.scatter8)
     arguments = emitter.arguments(node, 2 if target is native_vector.max8 else 1, name, Type.F64V)
@@ -71,8 +73,8 @@ def _prefetched(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
     return Value(Type.NONE, "")
 
 
-def _expanded(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
-    """expand8: one instruction where a processor has it."""
+def _masked(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
+    """masked8: nothing is read where the mask is 0, so that only the others need to exist."""
     if len(node.args) != 3:
         raise emitter.error(node, f"{name}() takes 3 arguments, not {len(node.args)}")
     type_, address = emitter.element_address(
@@ -83,8 +85,43 @@ def _expanded(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
     bits = emitter.compute(Type.I64, f"trunc i64 {emitter.integer(node.args[2], 'mask').text} to i8").text
     mask = emitter.compute(Type.BOOL, f"bitcast i8 {bits} to <8 x i1>").text
     vector = Type.F64V.ir
-    arguments = f"ptr {address}, <8 x i1> {mask}, {vector} zeroinitializer"
-    return emitter.compute(Type.F64V, f"call {vector} @llvm.masked.expandload.v8f64({arguments})")
+    arguments = f"ptr {address}, i32 8, <8 x i1> {mask}, {vector} zeroinitializer"
+    return emitter.compute(Type.F64V, f"call {vector} @llvm.masked.load.v8f64.p0({arguments})")
+
+
+#: What to add of two vectors each: neighbours, then pairs of these, then halves.
+_FOLDS = (
+    ((0, 8, 2, 10, 4, 12, 6, 14), (1, 9, 3, 11, 5, 13, 7, 15)),
+    ((0, 1, 8, 9, 4, 5, 12, 13), (2, 3, 10, 11, 6, 7, 14, 15)),
+    ((0, 1, 2, 3, 8, 9, 10, 11), (4, 5, 6, 7, 12, 13, 14, 15)),
+)
+
+
+def _sums(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
+    """sums8: a transposition that adds as it goes."""
+    if len(node.args) != 2:
+        raise emitter.error(node, f"{name}() takes 2 arguments, not {len(node.args)}")
+    type_, address = emitter.element_address(
+        ast.copy_location(ast.Subscript(node.args[0], node.args[1], ast.Load()), node)
+    )
+    if type_ is not Type.F64S:
+        raise emitter.error(node, f"{name}() needs an array of floats")
+    vector = Type.F64V.ir
+    rows = []
+    for k in range(8):
+        at = emitter.compute(Type.F64S, f"getelementptr inbounds double, ptr {address}, i64 {8 * k}").text
+        rows.append(emitter.compute(Type.F64V, f"load {vector}, ptr {at}, align 8").text)
+    for fold in _FOLDS:
+        pairs = list(zip(rows[::2], rows[1::2], strict=True))
+        rows = []
+        for one, other in pairs:
+            halves = []
+            for lanes in fold:
+                order = ", ".join(f"i32 {lane}" for lane in lanes)
+                shuffle = f"shufflevector {vector} {one}, {vector} {other}, <8 x i32> <{order}>"
+                halves.append(emitter.compute(Type.F64V, shuffle).text)
+            rows.append(emitter.compute(Type.F64V, f"fadd {vector} {halves[0]}, {halves[1]}").text)
+    return Value(Type.F64V, rows[0])
 
 
 def _by_places(emitter: ExpressionEmitter, node: ast.Call, name: str, stores: bool) -> Value:

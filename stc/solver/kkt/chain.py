@@ -92,7 +92,7 @@ class ChainKKT(PlannedKKT):
     """
 
     def __init__(self, couplings: Couplings, stage: NDArray[np.int64], chain: Chain) -> None:
-        arrays = Arrays.of(couplings)
+        arrays = Arrays.of(couplings, numbers=(0.0,))
         super().__init__(couplings, stage, arrays, _Nothing(), 0)
         self._chain = chain
         size = couplings.size
@@ -142,32 +142,43 @@ class ChainKKT(PlannedKKT):
         """See ``PlannedKKT``."""
         chain = self._chain
         kinds, which = programs
-        factors, matrix, operations, lengths = (
+        factors, matrix, entries, operations, lengths = (
             np.array(numbers, dtype=np.int64)
             for numbers in zip(
-                *((kind.factors, kind.matrix, kind.operations, kind.code.size) for kind in kinds), strict=True
+                *(
+                    (kind.factors, kind.matrix, kind.entries.size, kind.operations, kind.code.size)
+                    for kind in kinds
+                ),
+                strict=True,
             )
         )
         table = np.zeros((which.size, chain_elimination.FIELDS), dtype=np.int64)
         table[:, chain_elimination.CODE] = (np.cumsum(lengths) - lengths)[which]
         table[:, chain_elimination.BASE] = chain.base[:-1]
-        table[:, chain_elimination.SOURCES] = chain.begin[:-1]
-        for field, sizes in ((chain_elimination.FACTORS, factors), (chain_elimination.MATRIX, matrix)):
+        for field, sizes in (
+            (chain_elimination.FACTORS, factors),
+            (chain_elimination.MATRIX, matrix),
+            (chain_elimination.SOURCES, entries),
+        ):
             table[:, field] = np.cumsum(sizes[which]) - sizes[which]
         needed = int(factors[which].sum())
         if self._factors.size < needed:
             self._factors = aligned_zeros(int(ROOM * needed))
-        entries = int(matrix[which].sum())
-        if self._matrix.size < entries:
-            self._matrix = aligned_zeros(int(ROOM * entries))
+        numbers = int(matrix[which].sum())
+        if self._matrix.size < numbers:
+            self._matrix = aligned_zeros(int(ROOM * numbers))
         kept = self._matrix
         state = new_state(self._factors[:needed])
         tables = which.size, table.reshape(-1), np.concatenate([kind.code for kind in kinds])
-        sources = np.empty_like(self._sources)
-        for number, kind in enumerate(kinds):
-            begins = chain.begin[:-1][which == number][:, None]
-            sources[begins + np.arange(kind.entries.size)] = self._sources[begins + kind.entries]
         arrays, border = self._arrays, chain.kinds[0].border
+        zero = arrays.given.size - 1
+        sources = np.full(int(entries[which].sum()), zero, dtype=np.int32)
+        for number, kind in enumerate(kinds):
+            here = np.flatnonzero(which == number)[:, None]
+            held = np.flatnonzero(kind.entries >= 0)
+            sources[table[here, chain_elimination.SOURCES] + held] = self._sources[
+                chain.begin[:-1][here] + kind.entries[held]
+            ]
         left, peaks, windows = self._spaces
         bound = eliminate.bind(
             *tables, border, self._index.size - border, self._stride, 1.0 / GROWTH, 1.0 / INVERSE, self._masks,

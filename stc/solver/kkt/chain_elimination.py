@@ -20,7 +20,7 @@ counted from there.  Each stage has FIELDS numbers in a table.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
-from stc.codegen.native_vector import abs8, expand8, largest8, load8, max8, splat8, store8
+from stc.codegen.native_vector import abs8, gather8, largest8, load8, masked8, max8, splat8, store8
 from stc.solver.kkt.chain_panel import NEGATIVE, begin_tests, invert_corner, take_panel, worst_test
 from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, LARGEST, is_doubtful, is_watched, note_watched
 from stc.solver.kkt.segmented_passes import DOUBTED_SCALE, REFUSED, STALE, STALE_SCALE
@@ -67,9 +67,10 @@ CODE, BASE, SOURCES, MATRIX, FACTORS, FIELDS = 0, 1, 2, 3, 4, 5
 #: Of a program: rows of the window; unknowns of U; where the unknowns of F and U are in vectors, counted from BASE, in
 #: the order of the window; ...
 SIZE, INSIDE, WHERE = 0, 1, 2
-#: ... blocks without entries to be cleared first, by their places in the window; entries off the diagonal; blocks with
-#: entries, row by row: the column where each begins, its row, which of its numbers are entries, bit by bit, and the
-#: first one of these; rows with blocks, each with how many; ...
+#: ... blocks without entries to be cleared first, by their places in the window; entries off the diagonal, with the
+#: zeros between those of a block, and behind the last one up to whole vectors; blocks with entries, row by row: the
+#: column where each begins, its row, which of its numbers are among these, bit by bit, and where its first number
+#: would be; rows with blocks, each with how many; ...
 CLEARED, CLEARED_AT, ENTRIES, BLOCKS, BLOCKS_AT, ROWS, ROWS_AT = 3, 4, 5, 6, 7, 8, 9
 RECORD = 4
 #: ... how many rows the stage before has left, and where its triangle goes, entry by entry; ...
@@ -132,7 +133,7 @@ def _measure(program: i32s, border_base: i64, base: i64, kept: f64s, peaks: f64s
     for b in range(program[BLOCKS]):
         j = blocks[RECORD * b]
         i = blocks[RECORD * b + 1]
-        value = abs8(expand8(entries, blocks[RECORD * b + 3], blocks[RECORD * b + 2]))
+        value = abs8(masked8(entries, blocks[RECORD * b + 3], blocks[RECORD * b + 2]))
         value = value * (load8(kept, j) * kept[i])
         store8(peaks, j, max8(value, load8(peaks, j)))
         store8(by_row, BLOCK * i, max8(value, load8(by_row, BLOCK * i)))
@@ -164,11 +165,11 @@ def _begin(
         own[k - inside] = diagonal[unknowns[where[k - border]]]
 
 
-@native(small=True)
+@native(fast=True)
 def _copy(first: i64, last: i64, sources: i32s, given: f64s, entries: f64s) -> None:
-    """Copy entries, one by one: gathered in vectors they would take longer."""
-    for e in range(first, last):
-        entries[e] = given[sources[e]]
+    """Copy entries, whole blocks of them."""
+    for e in range(first, last, BLOCK):
+        store8(entries, e, gather8(given, sources, e))
 
 
 @native(fast=True)
@@ -186,7 +187,7 @@ def _place(
     for b in range(first, last):
         j = blocks[RECORD * b]
         i = blocks[RECORD * b + 1]
-        value = expand8(entries, blocks[RECORD * b + 3], blocks[RECORD * b + 2])
+        value = masked8(entries, blocks[RECORD * b + 3], blocks[RECORD * b + 2])
         store8(window, i * stride + j, value * (load8(scales, j) * scales[i]))
 
 
@@ -229,7 +230,7 @@ def _take_panels(
     half = max(count // 2, 1)
     rest = max(count - half, 1)
     clears = share_of(last_clear, half)
-    copies = share_of(last_copy, half)
+    copies = padded(share_of(last_copy, half))
     placings = share_of(last_place, rest)
     at_clear = 0
     at_copy = 0
@@ -302,7 +303,7 @@ def eliminate(
         growth, suspect: pivots are accepted as long as no product that is subtracted exceeds 1 / growth, and no
             entry of D^-1 1 / suspect, in the scaled matrix.
         masks: k ones and 8 - k zeros, for k from 0 to 8.
-        source: of each entry in ``given``, stage by stage, in the order of the blocks; index: which unknown is at each
+        source: of each entry in ``given``, where there is a zero as well, stage by stage, in the order of the blocks; index: which unknown is at each
             place of vectors.
         given: entries of the matrix: H, J, p and d; diagonal: that of the matrix, (N,).
         scale, most: of the unknowns, vectors; the latter become the largest entries of all rows.

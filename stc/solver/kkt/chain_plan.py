@@ -94,7 +94,7 @@ class ChainProgram:
 
     Attributes:
         code: see chain_elimination.
-        entries: the order of a stage's entries, (E,).
+        entries: the order of a stage's entries, -1 for zeros between them and behind them, (E,).
         factors, matrix: numbers that a stage needs.
         operations: additions and multiplications of a stage.
     """
@@ -303,7 +303,13 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
     is_new[1:] = (np.diff(to_low // BLOCK) != 0) | (np.diff(to_high) != 0)
     begin = np.flatnonzero(is_new)
     block_rows, block_columns = to_high[begin], BLOCK * (to_low[begin] // BLOCK)
-    bits = np.add.reduceat(1 << to_low % BLOCK, begin) if begin.size else begin
+    last = np.append(begin[1:], entries.size) - 1
+    low_lane, high_lane = to_low[begin] % BLOCK, to_low[last] % BLOCK
+    bits = (2 << high_lane) - (1 << low_lane)
+    spans = high_lane - low_lane + 1
+    starts = np.cumsum(spans) - spans
+    spread = np.full(chain.padded(int(spans.sum())), -1, dtype=np.int64)
+    spread[np.repeat(starts - low_lane, last - begin + 1) + to_low % BLOCK] = entries
     filled = np.zeros((size, stride // BLOCK), dtype=bool)
     arrived = np.concatenate([slot[own + following :], slot[kind.arrived]])
     a, b = np.tril_indices(arrived.size)
@@ -348,18 +354,18 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
         length += part.size
 
     header[chain.SIZE], header[chain.INSIDE], header[chain.BORDER] = size, own, border
-    header[chain.CLEARED], header[chain.ENTRIES] = cleared_rows.size, entries.size
+    header[chain.CLEARED], header[chain.ENTRIES] = cleared_rows.size, spread.size
     header[chain.BLOCKS], header[chain.ROWS] = begin.size, row.size
     header[chain.CARRIED], header[chain.PANELS] = arrived.size, len(panels)
     put(chain.WHERE, where[border:])
     put(chain.CLEARED_AT, cleared_rows * stride + BLOCK * cleared_blocks)
-    put(chain.BLOCKS_AT, np.stack([block_columns, block_rows, bits, begin], axis=1).reshape(-1))
+    put(chain.BLOCKS_AT, np.stack([block_columns, block_rows, bits, starts - low_lane], axis=1).reshape(-1))
     put(chain.ROWS_AT, np.stack([row, count], axis=1).reshape(-1))
     put(chain.CARRIED_TO, to_high * stride + to_low)
     put(chain.PANELS_AT, np.concatenate([np.zeros(0, dtype=np.int64), *listed]))
     put(chain.PLACES_AT, np.array(places, dtype=np.int64))
-    matrix = sum(chain.padded(count) for count in (size, own, entries.size))
-    return ChainProgram(np.concatenate(parts).astype(np.int32), entries, factors, matrix, operations)
+    matrix = sum(chain.padded(count) for count in (size, own, spread.size))
+    return ChainProgram(np.concatenate(parts).astype(np.int32), spread, factors, matrix, operations)
 
 
 def _panels(

@@ -6,7 +6,7 @@ For one vector or for two, which share the reading of the factors and of the mat
 from __future__ import annotations
 
 from stc.codegen.native import f64s, fabs, i32s, i64, i64s, native
-from stc.codegen.native_vector import expand8, load8, splat8, store8, sum8
+from stc.codegen.native_vector import load8, masked8, splat8, store8, sum8, sums8
 from stc.solver.kkt.chain_elimination import (
     BASE,
     BLOCK,
@@ -38,8 +38,9 @@ __all__ = ["ONE", "UNITS", "VECTORS", "solve"]
 #: Blocks with a single 1 are cut out of a row of UNITS numbers that has it here.
 ONE, UNITS = 11, 24
 #: Vectors of a stage in the work space, for each of two: the part of x that belongs to its rows; what is held back
-#: meanwhile; the part once it is scaled; sums of products with the matrix, by columns and by rows.
-HELD, SCALED, SUMS, DOTS, VECTORS = 1, 2, 3, 4, 5
+#: meanwhile; the part once it is scaled; sums of products with the matrix, by columns and by rows, of which there are
+#: eight for each row first.
+HELD, SCALED, SUMS, TOTALS, DOTS, VECTORS = 1, 2, 3, 4, 5, 13
 
 
 @native(fast=True, inline=True)
@@ -252,16 +253,16 @@ def _subtract_rows(
         other_x_i = other_x[i]
         while block < end:
             j = blocks[RECORD * block]
-            value = expand8(entries, blocks[RECORD * block + 3], blocks[RECORD * block + 2])
+            value = masked8(entries, blocks[RECORD * block + 3], blocks[RECORD * block + 2])
             dot += value * load8(x, j)
             store8(sums, j, load8(sums, j) + value * x_i)
             if both != 0:
                 other_dot += value * load8(other_x, j)
                 store8(other_sums, j, load8(other_sums, j) + value * other_x_i)
             block += 1
-        dots[i] = sum8(dot)
+        store8(dots, BLOCK * r, dot)
         if both != 0:
-            other_dots[i] = sum8(other_dot)
+            store8(other_dots, BLOCK * r, other_dot)
     return block
 
 
@@ -274,12 +275,10 @@ def _begin_products(program: i32s, kept: f64s, stride: i64, work: f64s) -> None:
     diagonal = kept[padded(size) :]
     x = work[SCALED * stride :]
     sums = work[SUMS * stride :]
-    dots = work[DOTS * stride :]
     for k in range(size, padded(size)):
         work[k] = 0.0
     for k in range(0, size, BLOCK):
         store8(x, k, load8(work, k) * load8(kept, k))
-        store8(dots, k, splat8(0.0))
         store8(sums, k, splat8(0.0))
     for k in range(own):
         sums[inside + k] = diagonal[k] * x[inside + k]
@@ -295,9 +294,16 @@ def _end_products(
     base = stage[BASE]
     where = program[program[WHERE] :]
     sums = work[SUMS * stride :]
+    totals = work[TOTALS * stride :]
     dots = work[DOTS * stride :]
+    count = program[ROWS]
+    rows = program[program[ROWS_AT] :]
+    for r in range(0, count, BLOCK):
+        store8(totals, r, sums8(dots, BLOCK * r))
+    for r in range(count):
+        sums[rows[2 * r]] += totals[r]
     for k in range(0, size, BLOCK):
-        store8(sums, k, (load8(sums, k) + load8(dots, k)) * load8(kept, k))
+        store8(sums, k, load8(sums, k) * load8(kept, k))
     for k in range(border):
         z[border_base + k] -= sums[k]
     own = z[base:]
