@@ -59,7 +59,7 @@ def prefetch8(x: NDArray[np.float64], k: int) -> None:
 
 
 def masked8(x: NDArray[np.float64], k: int, mask: int) -> Vector:
-    """``x[k]`` to ``x[k + 7]`` where bits of ``mask`` are 1, the lowest first, and 0 elsewhere, where nothing is read."""
+    """``x[k]`` to ``x[k + 7]`` where bits of ``mask``, the lowest first, are 1; 0 elsewhere, where nothing is read."""
     vector = np.zeros(8)
     for lane in range(8):
         if mask >> lane & 1:

@@ -130,13 +130,21 @@ def _measure(program: i32s, border_base: i64, base: i64, kept: f64s, peaks: f64s
     for k in range(own):
         peaks[inside + k] = fabs(diagonal[k]) * kept[inside + k] * kept[inside + k]
     blocks = program[program[BLOCKS_AT] :]
-    for b in range(program[BLOCKS]):
-        j = blocks[RECORD * b]
-        i = blocks[RECORD * b + 1]
-        value = abs8(masked8(entries, blocks[RECORD * b + 3], blocks[RECORD * b + 2]))
-        value = value * (load8(kept, j) * kept[i])
-        store8(peaks, j, max8(value, load8(peaks, j)))
-        store8(by_row, BLOCK * i, max8(value, load8(by_row, BLOCK * i)))
+    rows = program[program[ROWS_AT] :]
+    b = 0
+    for r in range(program[ROWS]):
+        i = rows[2 * r]
+        end = b + rows[2 * r + 1]
+        scale_i = kept[i]
+        high = splat8(0.0)
+        while b < end:
+            j = blocks[RECORD * b]
+            value = abs8(masked8(entries, blocks[RECORD * b + 3], blocks[RECORD * b + 2]))
+            value = value * (load8(kept, j) * scale_i)
+            store8(peaks, j, max8(value, load8(peaks, j)))
+            high = max8(value, high)
+            b += 1
+        store8(by_row, BLOCK * i, high)
     for k in range(border):
         high_k = max(peaks[k], largest8(load8(by_row, BLOCK * k)))
         most[border_base + k] = max(most[border_base + k], high_k)
@@ -303,8 +311,8 @@ def eliminate(
         growth, suspect: pivots are accepted as long as no product that is subtracted exceeds 1 / growth, and no
             entry of D^-1 1 / suspect, in the scaled matrix.
         masks: k ones and 8 - k zeros, for k from 0 to 8.
-        source: of each entry in ``given``, where there is a zero as well, stage by stage, in the order of the blocks; index: which unknown is at each
-            place of vectors.
+        source: of each entry in ``given``, where there is a zero as well, stage by stage, in the order of the blocks;
+            index: which unknown is at each place of vectors.
         given: entries of the matrix: H, J, p and d; diagonal: that of the matrix, (N,).
         scale, most: of the unknowns, vectors; the latter become the largest entries of all rows.
         left, peaks, windows: work space, the latter for two windows.
