@@ -5,20 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stc.arrays import aligned_zeros
 from stc.codegen.native import NativeError, f64, f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import (
     abs8,
-    expand8,
     gather8,
     largest8,
     load8,
+    masked8,
     max8,
     negative8,
     prefetch8,
     scatter8,
     splat8,
     store8,
+    stream8,
     sum8,
+    sums8,
 )
 
 
@@ -76,38 +79,75 @@ def test_gathering_scattering_dividing_and_signs(plain):
 
 
 @native
-def expansions(masks: i32s, x: f64s, out: f64s) -> None:
-    begin = 0
+def picked(masks: i32s, x: f64s, out: f64s) -> None:
     for k in range(4):
-        store8(out, 8 * k, expand8(x, begin, masks[2 * k]))
-        begin += masks[2 * k + 1]
+        store8(out, 8 * k, masked8(x, masks[2 * k], masks[2 * k + 1]))
 
 
 @pytest.mark.parametrize("plain", [False, True])
-def test_expanding_what_stands_close_together(plain):
+def test_where_the_mask_is_0_nothing_needs_to_be(plain):
     rng = np.random.default_rng(5)
-    held = rng.random((4, 8)) < 0.4
-    held[1], held[2] = True, False
-    x, out = rng.normal(size=held.sum()), np.full(32, np.nan)
-    masks = np.stack([held @ (1 << np.arange(8)), held.sum(axis=1)], axis=1).reshape(-1).astype(np.int32)
+    x, out = rng.normal(size=13), np.full(32, np.nan)
+    masks = np.array([[-3, 0b00111000], [8, 0b00011111], [2, 0], [1, 255]], dtype=np.int32)
     expected = np.zeros((4, 8))
-    expected[held] = x
-    (expansions.python if plain else expansions)(masks, x, out)
+    expected[0, 3:6], expected[1, :5], expected[3] = x[:3], x[8:], x[1:9]
+    (picked.python if plain else picked)(masks.reshape(-1), x, out)
     np.testing.assert_array_equal(out, expected.reshape(-1))
 
 
-def test_what_is_expanded_are_floats():
+@native(fast=True)
+def summed(x: f64s, out: f64s) -> None:
+    store8(out, 1, sums8(x, 3))
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_sums_of_eight_vectors(plain):
+    x, out = np.random.default_rng(6).normal(size=70), np.zeros(10)
+    (summed.python if plain else summed)(x, out)
+    np.testing.assert_allclose(out[1:9], x[3:67].reshape(8, 8).sum(axis=1), rtol=1e-13)
+    assert out[0] == out[9] == 0.0
+
+
+def test_what_is_picked_and_summed_are_floats():
     @native
     def wrong(x: i64s) -> f64:
-        return sum8(expand8(x, 0, 255))
+        return sum8(masked8(x, 0, 255))
 
     @native
     def too_few(x: f64s) -> f64:
-        return sum8(expand8(x, 0))
+        return sum8(masked8(x, 0))
 
-    for function, message in ((wrong, "needs an array of floats"), (too_few, "takes 3 arguments")):
+    @native
+    def wrong_sums(x: i64s) -> f64:
+        return sum8(sums8(x, 0))
+
+    @native
+    def too_many(x: f64s) -> f64:
+        return sum8(sums8(x, 0, 1))
+
+    for function, message in (
+        (wrong, "needs an array of floats"),
+        (too_few, "takes 3 arguments"),
+        (wrong_sums, "needs an array of floats"),
+        (too_many, "takes 2 arguments"),
+    ):
         with pytest.raises(NativeError, match=message):
-            function(np.zeros(8, dtype=np.int64))
+            function(np.zeros(64, dtype=np.int64))
+
+
+@native
+def doubled_past_caches(count: i64, x: f64s, out: f64s) -> f64:
+    for k in range(count):
+        stream8(out, 8 * k, 2.0 * load8(x, 8 * k))
+    return out[8 * count - 1]
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_what_is_written_past_the_caches_is_there(plain):
+    x, out = np.arange(80.0), aligned_zeros(88)
+    last = (doubled_past_caches.python if plain else doubled_past_caches)(10, x, out)
+    assert last == 158.0
+    np.testing.assert_array_equal(out, np.concatenate([2.0 * x, np.zeros(8)]))
 
 
 @native

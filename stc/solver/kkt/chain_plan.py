@@ -287,6 +287,30 @@ def _ordered(
     return _Ordered(kinds, slot, *_panels(size, kinds, coupled), sizes[np.ix_(outer, outer)])
 
 
+def _blocks(high: Int64s, low: Int64s) -> tuple[Int64s, Int64s]:
+    """The blocks of the window that have entries, row by row, and the order of these.
+
+    Args:
+        high, low: row and column of each entry, (E,).
+
+    Returns:
+        Of each block RECORD numbers, see chain_elimination; of each place there the entry, -1 where there is none.
+    """
+    order = np.lexsort((low, high))
+    row, column = high[order], low[order]
+    is_new = np.ones(order.size, dtype=bool)
+    is_new[1:] = (np.diff(column // BLOCK) != 0) | (np.diff(row) != 0)
+    begin = np.flatnonzero(is_new)
+    counts = np.diff(begin, append=order.size)
+    first, last = column[begin] % BLOCK, column[begin + counts - 1] % BLOCK
+    spans = last - first + 1
+    places = np.cumsum(spans) - spans - first
+    entries = np.full(chain.padded(int(spans.sum())), -1, dtype=np.int64)
+    entries[np.repeat(places, counts) + column % BLOCK] = order
+    records = column[begin] - first, row[begin], (2 << last) - (1 << first), places
+    return np.stack(records, axis=1), entries
+
+
 def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
     """Everything for a kind whose pivots are taken in this order."""
     own, following, border = kind.own, kind.following.size, kind.border
@@ -297,19 +321,8 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
         np.maximum(slot[kind.rows], slot[kind.columns]),
         np.minimum(slot[kind.rows], slot[kind.columns]),
     )
-    entries = np.lexsort((low, high))
-    to_high, to_low = high[entries], low[entries]
-    is_new = np.ones(entries.size, dtype=bool)
-    is_new[1:] = (np.diff(to_low // BLOCK) != 0) | (np.diff(to_high) != 0)
-    begin = np.flatnonzero(is_new)
-    block_rows, block_columns = to_high[begin], BLOCK * (to_low[begin] // BLOCK)
-    last = np.append(begin[1:], entries.size) - 1
-    low_lane, high_lane = to_low[begin] % BLOCK, to_low[last] % BLOCK
-    bits = (2 << high_lane) - (1 << low_lane)
-    spans = high_lane - low_lane + 1
-    starts = np.cumsum(spans) - spans
-    spread = np.full(chain.padded(int(spans.sum())), -1, dtype=np.int64)
-    spread[np.repeat(starts - low_lane, last - begin + 1) + to_low % BLOCK] = entries
+    blocks_held, entries = _blocks(high, low)
+    block_columns, block_rows = blocks_held[:, 0], blocks_held[:, 1]
     filled = np.zeros((size, stride // BLOCK), dtype=bool)
     arrived = np.concatenate([slot[own + following :], slot[kind.arrived]])
     a, b = np.tril_indices(arrived.size)
@@ -354,18 +367,18 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
         length += part.size
 
     header[chain.SIZE], header[chain.INSIDE], header[chain.BORDER] = size, own, border
-    header[chain.CLEARED], header[chain.ENTRIES] = cleared_rows.size, spread.size
-    header[chain.BLOCKS], header[chain.ROWS] = begin.size, row.size
+    header[chain.CLEARED], header[chain.ENTRIES] = cleared_rows.size, entries.size
+    header[chain.BLOCKS], header[chain.ROWS] = block_rows.size, row.size
     header[chain.CARRIED], header[chain.PANELS] = arrived.size, len(panels)
     put(chain.WHERE, where[border:])
     put(chain.CLEARED_AT, cleared_rows * stride + BLOCK * cleared_blocks)
-    put(chain.BLOCKS_AT, np.stack([block_columns, block_rows, bits, starts - low_lane], axis=1).reshape(-1))
+    put(chain.BLOCKS_AT, blocks_held.reshape(-1))
     put(chain.ROWS_AT, np.stack([row, count], axis=1).reshape(-1))
     put(chain.CARRIED_TO, to_high * stride + to_low)
     put(chain.PANELS_AT, np.concatenate([np.zeros(0, dtype=np.int64), *listed]))
     put(chain.PLACES_AT, np.array(places, dtype=np.int64))
-    matrix = sum(chain.padded(count) for count in (size, own, spread.size))
-    return ChainProgram(np.concatenate(parts).astype(np.int32), spread, factors, matrix, operations)
+    matrix = sum(chain.padded(count) for count in (size, own, entries.size))
+    return ChainProgram(np.concatenate(parts).astype(np.int32), entries, factors, matrix, operations)
 
 
 def _panels(
