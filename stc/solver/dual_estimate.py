@@ -88,8 +88,9 @@ def possible_gain(nlp: NLP, x: Floats, y: Floats, z: Floats) -> float:
     f, r = nlp.values(x)
     away_r = np.where(y > 0.0, nlp.row_upper - r, r - nlp.row_lower)
     away_x = np.where(z > 0.0, nlp.x_upper - x, x - nlp.x_lower)
-    gain = float(np.abs(np.where(y != 0.0, y * away_r, 0.0)).sum())
-    gain += float(np.abs(np.where(z != 0.0, z * away_x, 0.0)).sum())
+    # A multiplier without a bound on its side is an error of the slope, which counts below.
+    gain = float(np.abs(y * np.where(np.isfinite(away_r), away_r, 0.0)).sum())
+    gain += float(np.abs(z * np.where(np.isfinite(away_x), away_x, 0.0)).sum())
     gradient, jac, _ = nlp.derivatives(x, y, 0.0)
     lagrangian = gradient + np.bincount(nlp.jac_cols, weights=jac * y[nlp.jac_rows], minlength=nlp.n) + z
     gain += float(np.abs(lagrangian * x).sum())

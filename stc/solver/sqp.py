@@ -8,6 +8,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.solver.active_set import newton_on_active_set, newton_point, smaller_multipliers
+from stc.solver.dual_estimate import possible_gain
 from stc.solver.interior import feasible_first, optimise
 from stc.solver.keeping import give_back, kept_form, key_of, once
 from stc.solver.kkt import KKTSystem, structured_kkt
@@ -36,6 +37,7 @@ NEIGHBOUR_STEPS, PATIENCE = 8, 2
 UNCHANGED = 1e-9
 LARGE_MULTIPLIER = 1e6
 LARGEST_MULTIPLIER = 1e12
+LARGEST_GAIN = 1e-6
 ROUNDING = 1e-12
 DISPROOF = 0.1
 SOON = 150
@@ -285,7 +287,7 @@ class _Solve:
             point = self._stated(outcome)
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
                 judged = self._assess(point)
-                if self._confirms(point, outcome.y):
+                if self._confirms(point, outcome.y) and not self._stalled_short(outcome, point):
                     outcome.end = End.CONVERGED
                     return outcome
             if outcome.end is End.STUCK:
@@ -301,6 +303,15 @@ class _Solve:
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome
+
+    def _stalled_short(self, outcome: Outcome, point: _Point) -> bool:
+        """Whether the iteration stalled where the objective may still gain.
+
+        A barrier that holds a point off many bounds leaves each of them a product too small to count: together they do.
+        """
+        if outcome.end is not End.STUCK:
+            return False
+        return possible_gain(self.nlp, point.x, point.y, self._assess(point).bound_multipliers) > LARGEST_GAIN
 
     def _confirms(self, point: _Point, y: Floats) -> bool:
         """Whether the problem as stated confirms a point, with multipliers ``y`` that can be believed."""
