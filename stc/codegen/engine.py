@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -267,26 +267,25 @@ def _linker() -> Any:
 @lru_cache(maxsize=1)
 def _stand_ins() -> dict[str, int]:
     """Addresses of what images get instead of functions of the C library (see :mod:`stc.codegen.copying`)."""
-    key = cache.key_of("copying", host().fingerprint(), COPY_IR)
-    kept = cache.load(key)
-    try:
-        mapped = map_image(kept or b"", [SYMBOL], {})
-    except RuntimeError:
-        made = image_of(compile_ir(COPY_IR, level=1, optimise=False))
-        if made is None:
-            return {}
-        cache.store(key, made)
-        mapped = map_image(made, [SYMBOL], {})
-    _kept_mapped.append(mapped)
-    return dict.fromkeys(REPLACED, mapped.address(SYMBOL))
+    loaded, _ = cached_object(
+        cache.key_of("copying", host().fingerprint(), COPY_IR),
+        [SYMBOL],
+        lambda: compile_ir(COPY_IR, level=1, optimise=False),
+        instead={},
+    )
+    _never_unmapped.append(loaded)  # whatever is loaded later refers to it
+    return dict.fromkeys(REPLACED, loaded.address(SYMBOL))
 
 
-#: Never unmapped: whatever is loaded later refers to it.
-_kept_mapped: list[MappedImage] = []
+_never_unmapped: list[LoadedObject] = []
 
 
-def load_object(code: bytes, symbols: Sequence[str]) -> LoadedObject:
+def load_object(
+    code: bytes, symbols: Sequence[str], instead: Mapping[str, int] | None = None
+) -> LoadedObject:
     """Map object code, or the image of an object, into the process and resolve ``symbols``.
+
+    ``instead`` is for images (see ``map_image``); the functions of :mod:`stc.codegen.copying` when None.
 
     Raises:
         RuntimeError: neither of them, or a symbol is missing from it.
@@ -294,7 +293,7 @@ def load_object(code: bytes, symbols: Sequence[str]) -> LoadedObject:
     if supported():
         image = code if code.startswith(MAGIC) else image_of(code)
         if image is not None:
-            return map_image(image, symbols, _stand_ins())
+            return map_image(image, symbols, _stand_ins() if instead is None else instead)
     import llvmlite.binding as llvm
 
     with compiler_lock:
@@ -311,6 +310,7 @@ def cached_object(
     *,
     use_cache: bool = True,
     shipped: Callable[[], bytes | None] = lambda: None,
+    instead: Mapping[str, int] | None = None,
 ) -> tuple[LoadedObject, bool]:
     """Load object code from the cache, or make, keep and load it.
 
@@ -320,6 +320,7 @@ def cached_object(
         make: compiles.
         use_cache: False neither looks nor keeps.
         shipped: what to load where the cache has nothing; None for nothing.
+        instead: see :func:`load_object`.
 
     Returns:
         The loaded code, and whether it was found and not made.
@@ -327,11 +328,11 @@ def cached_object(
     code = (cache.load(key) or shipped()) if use_cache else None
     if code is not None:
         try:
-            return load_object(code, symbols), True
+            return load_object(code, symbols, instead), True
         except RuntimeError:
             pass  # whole by its checksum, and yet not linkable: replace it
     code = make()
     code = (image_of(code) if supported() else None) or code
     if use_cache:
         cache.store(key, code)
-    return load_object(code, symbols), False
+    return load_object(code, symbols, instead), False

@@ -21,13 +21,7 @@ def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: s
     vector = Type.F64V.ir
     if target in (native_vector.load8, native_vector.store8, native_vector.stream8):
         stores = target is not native_vector.load8
-        if len(node.args) != 2 + stores:
-            raise emitter.error(node, f"{name}() takes {2 + stores} arguments, not {len(node.args)}")
-        type_, address = emitter.element_address(
-            ast.copy_location(ast.Subscript(node.args[0], node.args[1], ast.Load()), node)
-        )
-        if type_ is not Type.F64S:
-            raise emitter.error(node, f"{name}() needs an array of floats")
+        address = _address(emitter, node, name, 2 + stores)
         if not stores:
             return emitter.compute(Type.F64V, f"load {vector}, ptr {address}, align 8")
         value = emitter.convert(emitter.number(node.args[2]), Type.F64V, node)
@@ -60,6 +54,18 @@ def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: s
     return emitter.compute(Type.F64V, f"select <8 x i1> {larger.text}, {', '.join(texts)}")
 
 
+def _address(emitter: ExpressionEmitter, node: ast.Call, name: str, count: int) -> str:
+    """The address that the first two of ``count`` arguments mean: an array of floats, and a place in it."""
+    if len(node.args) != count:
+        raise emitter.error(node, f"{name}() takes {count} arguments, not {len(node.args)}")
+    type_, address = emitter.element_address(
+        ast.copy_location(ast.Subscript(node.args[0], node.args[1], ast.Load()), node)
+    )
+    if type_ is not Type.F64S:
+        raise emitter.error(node, f"{name}() needs an array of floats")
+    return address
+
+
 def _prefetched(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
     """prefetch8: no address is outside here, since nothing is read."""
     if len(node.args) != 2:
@@ -75,13 +81,7 @@ def _prefetched(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
 
 def _masked(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
     """masked8: nothing is read where the mask is 0, so that only the others need to exist."""
-    if len(node.args) != 3:
-        raise emitter.error(node, f"{name}() takes 3 arguments, not {len(node.args)}")
-    type_, address = emitter.element_address(
-        ast.copy_location(ast.Subscript(node.args[0], node.args[1], ast.Load()), node)
-    )
-    if type_ is not Type.F64S:
-        raise emitter.error(node, f"{name}() needs an array of floats")
+    address = _address(emitter, node, name, 3)
     bits = emitter.compute(Type.I64, f"trunc i64 {emitter.integer(node.args[2], 'mask').text} to i8").text
     mask = emitter.compute(Type.BOOL, f"bitcast i8 {bits} to <8 x i1>").text
     vector = Type.F64V.ir
@@ -99,13 +99,7 @@ _FOLDS = (
 
 def _sums(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
     """sums8: a transposition that adds as it goes."""
-    if len(node.args) != 2:
-        raise emitter.error(node, f"{name}() takes 2 arguments, not {len(node.args)}")
-    type_, address = emitter.element_address(
-        ast.copy_location(ast.Subscript(node.args[0], node.args[1], ast.Load()), node)
-    )
-    if type_ is not Type.F64S:
-        raise emitter.error(node, f"{name}() needs an array of floats")
+    address = _address(emitter, node, name, 2)
     vector = Type.F64V.ir
     rows = []
     for k in range(8):
