@@ -29,7 +29,6 @@ class Bound(functools.partial[Any]):
     """
 
     integers: ctypes.Array[ctypes.c_int64]
-    floats: ctypes.Array[ctypes.c_double]
     keep: Any
     native: bool = False
     entry: int | None = None
@@ -42,7 +41,7 @@ class Bound(functools.partial[Any]):
         """
         integers = (ctypes.c_int64 * max(len(cells), 1))(*cells)
         bound = cls(entry, ctypes.addressof(integers))
-        bound._adopt(integers)
+        bound.integers = integers
         bound.keep = keep
         bound.native = True
         return bound
@@ -56,11 +55,12 @@ class Bound(functools.partial[Any]):
 
     def allocate(self, cells: Sequence[int]) -> None:
         """Cells for a call that keeps its scalars there without being machine code."""
-        self._adopt((ctypes.c_int64 * max(len(cells), 1))(*cells))
+        self.integers = (ctypes.c_int64 * max(len(cells), 1))(*cells)
 
-    def _adopt(self, integers: ctypes.Array[ctypes.c_int64]) -> None:
-        self.integers = integers
-        self.floats = (ctypes.c_double * len(integers)).from_buffer(integers)
+    @functools.cached_property
+    def floats(self) -> ctypes.Array[ctypes.c_double]:
+        """The cells as numbers; a view that most calls never need."""
+        return (ctypes.c_double * len(self.integers)).from_buffer(self.integers)
 
 
 def chain(calls: Sequence[Bound]) -> Bound:

@@ -7,6 +7,7 @@ or to link: a process that finds all its code on disk does without.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import os
 import threading
@@ -319,20 +320,19 @@ def cached_object(
         symbols: what to resolve.
         make: compiles.
         use_cache: False neither looks nor keeps.
-        shipped: what to load where the cache has nothing; None for nothing.
+        shipped: what to load instead; None where the cache has to be asked.
         instead: see :func:`load_object`.
 
     Returns:
         The loaded code, and whether it was found and not made.
     """
-    code = (cache.load(key) or shipped()) if use_cache else None
-    if code is not None:
-        try:
-            return load_object(code, symbols, instead), True
-        except RuntimeError:
-            pass  # whole by its checksum, and yet not linkable: replace it
-    code = make()
-    code = (image_of(code) if supported() else None) or code
+    for find in (shipped, lambda: cache.load(key)) if use_cache else ():
+        code = find()
+        if code is not None:
+            with contextlib.suppress(RuntimeError):  # whole by its checksum, and yet not linkable: replace it
+                return load_object(code, symbols, instead), True
+    made = make()
+    code = (image_of(made) if supported() else None) or made
     if use_cache:
         cache.store(key, code)
     return load_object(code, symbols, instead), False

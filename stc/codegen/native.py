@@ -31,6 +31,7 @@ same functions run as plain Python.  The interpreter lock is released while comp
 from __future__ import annotations
 
 import ast
+import contextlib
 import ctypes
 import functools
 import linecache
@@ -58,6 +59,7 @@ from stc.codegen.native_types import (
     location,
     signature_of,
 )
+from stc.digests import blake2b
 
 __all__ = [
     "Bound",
@@ -170,6 +172,13 @@ class NativeFunction(Generic[P, R]):
 
     def __repr__(self) -> str:
         return f"<native {self.function.__module__}.{self.function.__qualname__}>"
+
+    def described(self) -> str:
+        """What its code depends on besides its source and what that names."""
+        return (
+            f"{self!r} line {self.function.__code__.co_firstlineno} "
+            f"flags={self.flags} inline={self.inline} small={self.small} shared={self.shared}"
+        )
 
     @property
     def _is_global(self) -> bool:
@@ -286,17 +295,27 @@ class NativeFunction(Generic[P, R]):
         return names["call"]
 
 
+#: What a function's code can name from outside.
+_COMPILED = (bool, int, float, NativeFunction)
+
+
 def _source_of(filename: str) -> str:
-    """A file's text as it is on disk, or of what was never in a file; no need to find out how it is encoded."""
-    if filename.startswith("<"):
-        return _text_of(filename)
-    try:
-        return Path(filename).read_bytes().decode("latin-1")
-    except OSError:
-        return _text_of(filename)
+    """Hash of a file's text as it is on disk, or of what was never in a file."""
+    if not filename.startswith("<"):
+        with contextlib.suppress(OSError):
+            status = Path(filename).stat()
+            return _file_digest(filename, status.st_mtime_ns, status.st_size)
+    return cache.key_of(_text_of(filename))
+
+
+@functools.lru_cache(maxsize=256)
+def _file_digest(filename: str, changed: int, size: int) -> str:
+    """Hash of a file's content, which is another one when it ``changed``."""
+    return blake2b(Path(filename).read_bytes(), digest_size=32).hexdigest()
 
 
 def _text_of(filename: str) -> str:
+    """A file's text, or what was never in a file."""
     return "".join(linecache.getlines(filename))
 
 
@@ -338,46 +357,39 @@ def _resolver(function: Callable[..., Any]) -> Callable[[str], Any]:
 
 def _dependencies(function: Callable[..., Any]) -> Iterator[tuple[str, Any]]:
     """Numbers and compiled functions that a function's code names, directly or as attribute of a module."""
-    code = function.__code__
-    resolve = _resolver(function)
+    code, scope = function.__code__, function.__globals__
+    resolve = _resolver(function) if code.co_freevars else scope.get
     names = (*code.co_names, *code.co_freevars)
     for name in names:
         found = resolve(name)
-        candidates = [(name, found)]
-        if isinstance(found, types.ModuleType):
-            candidates = [(f"{name}.{inner}", getattr(found, inner, None)) for inner in names]
-        for path, value in candidates:
-            if isinstance(value, (bool, int, float, NativeFunction)):
-                yield path, value
+        if isinstance(found, _COMPILED):
+            yield name, found
+        elif isinstance(found, types.ModuleType):
+            for inner in names:
+                value = getattr(found, inner, None)
+                if isinstance(value, _COMPILED):
+                    yield f"{name}.{inner}", value
 
 
 def _reachable(roots: list[NativeFunction[..., Any]]) -> tuple[list[NativeFunction[..., Any]], list[str]]:
     """All functions to compile along with ``roots``, and a description of everything the code depends on."""
-    functions: list[NativeFunction[..., Any]] = []
+    functions = dict.fromkeys(roots)  # the roots come first, whatever they call
     described: list[str] = []
     files: set[str] = set()
-    waiting = list(roots)  # a queue: the roots come first in the result, whatever they call
-    while waiting:
-        current = waiting.pop(0)
-        if any(current is known for known in functions):
-            continue
-        functions.append(current)
+    waiting = list(functions)
+    for current in waiting:
         inner = current.function
-        code = inner.__code__
-        described.append(
-            f"{inner.__module__}.{inner.__qualname__} line {code.co_firstlineno} "
-            f"flags={current.flags} inline={current.inline} small={current.small} shared={current.shared}"
-        )
-        if code.co_filename not in files:
-            files.add(code.co_filename)
-            described.append(_source_of(code.co_filename))
+        described.append(current.described())
+        filename = inner.__code__.co_filename
+        if filename not in files:
+            files.add(filename)
+            described.append(_source_of(filename))
         for path, value in _dependencies(inner):
-            if isinstance(value, NativeFunction):
-                described.append(f"{path} is {value!r}")
+            described.append(f"{path} = {value!r}")
+            if isinstance(value, NativeFunction) and value not in functions:
+                functions[value] = None
                 waiting.append(value)
-            else:
-                described.append(f"{path} = {value!r}")
-    return functions, described
+    return waiting, described
 
 
 def _symbols(functions: list[NativeFunction[..., Any]]) -> list[str]:
@@ -420,12 +432,13 @@ class Unit:
     Attributes:
         roots: those that Python calls, in order.
         functions: with those that they call, roots first.
-        described: everything that the code depends on but the machine and the code generator.
+        key: hash of everything that the code depends on but the machine and the code generator.
     """
 
     def __init__(self, roots: list[NativeFunction[..., Any]]) -> None:
         self.roots = roots
-        self.functions, self.described = _reachable(roots)
+        self.functions, described = _reachable(roots)
+        self.key = cache.key_of(*described)
 
     def ir(self) -> str:
         """The LLVM module."""
@@ -436,10 +449,10 @@ class Unit:
         host = engine.host()
         symbols = _symbols(self.functions)[: len(self.roots)]
         loaded, _ = engine.cached_object(
-            cache.key_of("native", host.fingerprint(), *self.described),
+            cache.key_of("native", host.fingerprint(), self.key),
             [name for symbol in symbols for name in (symbol, symbol + ".packed")],
             lambda: engine.compile_ir(self.ir(), level=1, optimise=True),
-            shipped=lambda: shipped.find(self.described, host, engine.own_digest()),
+            shipped=lambda: shipped.find(self.key, host, engine.own_digest()),
         )
         for native_function, symbol in zip(self.roots, symbols, strict=True):
             native_function.install(loaded, symbol)

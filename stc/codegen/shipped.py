@@ -58,22 +58,22 @@ _V4 = _V3 | _features("avx512f avx512bw avx512cd avx512dq avx512vl")
 LEVELS = (Level("x86-64-v4", "", _V4), Level("x86-64-v3", "", _V3))
 
 
-def find(described: list[str], host: Host, own_digest: str) -> bytes | None:
+def find(unit: str, host: Host, own_digest: str) -> bytes | None:
     """The shipped image of the best level that this machine can execute.
 
     Args:
-        described: everything that the code depends on but the machine and the code generator.
+        unit: hash of everything that the code depends on but the machine and the code generator.
         host: this machine.
         own_digest: of the code generator.
     """
     for level in LEVELS:
         if level.runs_on(host):
-            return cache.load_from(FOLDER, _key(level, described, own_digest))
+            return cache.load_from(FOLDER, _key(level, unit, own_digest))
     return None
 
 
-def _key(level: Level, described: list[str], own_digest: str) -> str:
-    return cache.key_of("shipped", level.name, level.tuning, own_digest, *described)
+def _key(level: Level, unit: str, own_digest: str) -> str:
+    return cache.key_of("shipped", level.name, level.tuning, own_digest, unit)
 
 
 def build(folder: Path) -> int:
@@ -95,7 +95,7 @@ def build(folder: Path) -> int:
             code = engine.compile_ir(ir, level=1, optimise=True, machine=level.machine())
             image = image_of(code)
             if image is not None:
-                key = _key(level, unit.described, engine.own_digest())
+                key = _key(level, unit.key, engine.own_digest())
                 count += cache.store_in(folder, key, image)
     for path in folder.glob("*" + cache.SUFFIX):
         path.chmod(0o644)  # whoever can read the package

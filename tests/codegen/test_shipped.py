@@ -115,16 +115,16 @@ def test_objects_with_other_contents_are_compiled_anew(box: Box) -> None:
 
 def test_code_runs_on_machines_of_its_level_only(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     v4, v3 = shipped.LEVELS
-    described = ["a function"]
+    unit = cache.key_of("a function")
     for level in shipped.LEVELS:
-        cache_key = shipped._key(level, described, "digest")
+        cache_key = shipped._key(level, unit, "digest")
         tmp_path.joinpath("objects").mkdir(exist_ok=True)
         cache.store_in(tmp_path / "objects", cache_key, level.name.encode())
     monkeypatch.setattr(shipped, "FOLDER", tmp_path / "objects")
 
     def found(features: set[str], triple: str = "x86_64-unknown-linux-gnu") -> bytes | None:
         with_features(monkeypatch, ",".join(sorted(features)), triple)
-        return shipped.find(described, engine.host(), "digest")
+        return shipped.find(unit, engine.host(), "digest")
 
     more = {"+sse2", "-avx10.1"}
     assert found(set(v4.needs) | more) == b"x86-64-v4"
@@ -135,7 +135,7 @@ def test_code_runs_on_machines_of_its_level_only(monkeypatch: pytest.MonkeyPatch
     for missing in v4.needs - v3.needs:
         assert found(set(v4.needs) - {missing}) == b"x86-64-v3"
     assert found(set(v4.needs), "aarch64-unknown-linux-gnu") is None
-    assert shipped.find(described, engine.host(), "another digest") is None
+    assert shipped.find(unit, engine.host(), "another digest") is None
 
 
 def test_features_are_named_as_llvm_names_them() -> None:
