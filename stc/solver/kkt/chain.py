@@ -19,12 +19,13 @@ from stc.solver.kkt import attempts, chain_elimination, pivots, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.chain_elimination import eliminate
 from stc.solver.kkt.chain_plan import Chain, ChainProgram, lay_out_chain, plan_chain
-from stc.solver.kkt.chain_solve import ONE, UNITS, VECTORS, solve
+from stc.solver.kkt.chain_rows import VECTORS
+from stc.solver.kkt.chain_solve import ONE, UNITS, solve
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import SWEEPS
 from stc.solver.kkt.plan_choice import Plans, Prepared
-from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, PlannedKKT, new_state
+from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, PlannedKKT, new_state, reading_distance
 from stc.solver.kkt.segmented_passes import equilibrate_all
 from stc.solver.kkt.segments import Numbered
 
@@ -197,7 +198,8 @@ class ChainKKT(PlannedKKT):
         chain = self._chain
         kept, work = plan.space
         common = (
-            self.accuracy, *plan.tables, self._index.size - chain.kinds[0].border, self._index.size, self._stride,
-            self._index, kept, plan.factors, self._scale, self._units, work, np.zeros(2),
+            self.accuracy, reading_distance(plan.factors), *plan.tables, self._index.size - chain.kinds[0].border,
+            self._index.size, self._stride, self._index, kept, plan.factors, self._scale, self._units, work,
+            np.zeros(2),
         )  # fmt: skip
         return solve, common

@@ -1,16 +1,15 @@
-"""Substitutions with the factors of a chain (see stc.solver.kkt.chain_elimination), and products with its matrix.
+"""Substitutions with the factors of a chain (see stc.solver.kkt.chain_elimination).
 
-For one vector or for two, which share the reading of the factors and of the matrix.
+For one vector or for two, which share the reading of the factors.
 """
 
 from __future__ import annotations
 
 from stc.codegen.native import f64s, fabs, i32s, i64, i64s, native
-from stc.codegen.native_vector import load8, masked8, splat8, store8, sum8, sums8
+from stc.codegen.native_vector import load8, store8, sum8
 from stc.solver.kkt.chain_elimination import (
     BASE,
     BLOCK,
-    BLOCKS_AT,
     BORDER,
     CODE,
     FACTORS,
@@ -20,27 +19,21 @@ from stc.solver.kkt.chain_elimination import (
     PANELS,
     PANELS_AT,
     PLACES_AT,
-    RECORD,
     ROWS,
-    ROWS_AT,
     SIZE,
     WHERE,
-    entries_at,
     gather_rows,
-    padded,
     share_of,
 )
+from stc.solver.kkt.chain_rows import HELD, VECTORS, begin_products, end_products, subtract, subtract_rows
+from stc.solver.kkt.lane_panel import ask_ahead, ask_behind
 from stc.solver.kkt.segmented_passes import bring_scaled, return_scaled
 from stc.solver.kkt.substitution import improves
 
-__all__ = ["ONE", "UNITS", "VECTORS", "solve"]
+__all__ = ["ONE", "UNITS", "solve"]
 
 #: Blocks with a single 1 are cut out of a row of UNITS numbers that has it here.
 ONE, UNITS = 11, 24
-#: Vectors of a stage in the work space, for each of two: the part of x that belongs to its rows; what is held back
-#: meanwhile; the part once it is scaled; sums of products with the matrix, by columns and by rows, of which there are
-#: eight for each row first.
-HELD, SCALED, SUMS, TOTALS, DOTS, VECTORS = 1, 2, 3, 4, 5, 13
 
 
 @native(fast=True, inline=True)
@@ -53,6 +46,13 @@ def _return(
     own = x[base:]
     for k in range(max(first, border), size):
         own[where[k - border]] = part[k]
+
+
+@native(inline=True)
+def _vectors_of(panel: i32s) -> i64:
+    """How many vectors the factors of a panel are, the corner's first."""
+    members = panel[0]
+    return (2 if members == 4 else 1) + members * panel[4]
 
 
 @native(fast=True, inline=True)
@@ -177,8 +177,8 @@ def _backward_one(panel: i32s, factors: f64s, units: f64s, part: f64s, held: f64
 
 @native(fast=True, inline=True)
 def _forward(
-    both: i64, stage: i64s, program: i32s, border_base: i64, stride: i64, factors: f64s, work: f64s, x: f64s,
-    other_x: f64s,
+    both: i64, distance: i64, stage: i64s, program: i32s, border_base: i64, stride: i64, factors: f64s, work: f64s,
+    x: f64s, other_x: f64s,
 ) -> None:  # fmt: skip
     """L and D of one stage, in place."""
     part = work
@@ -197,7 +197,9 @@ def _forward(
     places = program[program[PLACES_AT] :]
     for p in range(program[PANELS]):
         panel = panels[places[2 * p] :]
-        own = factors[stage[FACTORS] + places[2 * p + 1] :]
+        at = stage[FACTORS] + places[2 * p + 1]
+        own = factors[at:]
+        ask_ahead(distance, _vectors_of(panel), 8, at, factors)
         if panel[0] == 4:
             _forward_four(panel, own, part, held)
             if both != 0:
@@ -229,92 +231,9 @@ def _gather_inside(
 
 
 @native(fast=True, inline=True)
-def _subtract_rows(
-    both: i64, first: i64, last: i64, program: i32s, kept: f64s, at: i64, stride: i64, work: f64s
-) -> i64:
-    """Add products of rows of a stage's entries, from the row ``first`` on; where the next row's blocks are."""
-    entries = kept[entries_at(program) :]
-    blocks = program[program[BLOCKS_AT] :]
-    rows = program[program[ROWS_AT] :]
-    x = work[SCALED * stride :]
-    sums = work[SUMS * stride :]
-    dots = work[DOTS * stride :]
-    other = work[VECTORS * stride :]
-    other_x = other[SCALED * stride :]
-    other_sums = other[SUMS * stride :]
-    other_dots = other[DOTS * stride :]
-    block = at
-    for r in range(first, last):
-        i = rows[2 * r]
-        end = block + rows[2 * r + 1]
-        dot = splat8(0.0)
-        other_dot = splat8(0.0)
-        x_i = x[i]
-        other_x_i = other_x[i]
-        while block < end:
-            j = blocks[RECORD * block]
-            value = masked8(entries, blocks[RECORD * block + 3], blocks[RECORD * block + 2])
-            dot += value * load8(x, j)
-            store8(sums, j, load8(sums, j) + value * x_i)
-            if both != 0:
-                other_dot += value * load8(other_x, j)
-                store8(other_sums, j, load8(other_sums, j) + value * other_x_i)
-            block += 1
-        store8(dots, BLOCK * r, dot)
-        if both != 0:
-            store8(other_dots, BLOCK * r, other_dot)
-    return block
-
-
-@native(fast=True, inline=True)
-def _begin_products(program: i32s, kept: f64s, stride: i64, work: f64s) -> None:
-    """Scale what is in ``part``, and begin with the products of the diagonal."""
-    size = program[SIZE]
-    own = program[INSIDE]
-    inside = size - own
-    diagonal = kept[padded(size) :]
-    x = work[SCALED * stride :]
-    sums = work[SUMS * stride :]
-    for k in range(size, padded(size)):
-        work[k] = 0.0
-    for k in range(0, size, BLOCK):
-        store8(x, k, load8(work, k) * load8(kept, k))
-        store8(sums, k, splat8(0.0))
-    for k in range(own):
-        sums[inside + k] = diagonal[k] * x[inside + k]
-
-
-@native(fast=True, inline=True)
-def _end_products(
-    stage: i64s, program: i32s, border_base: i64, kept: f64s, stride: i64, work: f64s, z: f64s
-) -> None:
-    """Subtract the products of a stage from ``z``."""
-    size = program[SIZE]
-    border = program[BORDER]
-    base = stage[BASE]
-    where = program[program[WHERE] :]
-    sums = work[SUMS * stride :]
-    totals = work[TOTALS * stride :]
-    dots = work[DOTS * stride :]
-    count = program[ROWS]
-    rows = program[program[ROWS_AT] :]
-    for r in range(0, count, BLOCK):
-        store8(totals, r, sums8(dots, BLOCK * r))
-    for r in range(count):
-        sums[rows[2 * r]] += totals[r]
-    for k in range(0, size, BLOCK):
-        store8(sums, k, load8(sums, k) * load8(kept, k))
-    for k in range(border):
-        z[border_base + k] -= sums[k]
-    own = z[base:]
-    for k in range(border, size):
-        own[where[k - border]] -= sums[k]
-
-
-@native(fast=True, inline=True)
 def _backward(
-    both: i64, checked: i64, stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, units: f64s,
-    factors: f64s, matrix: f64s, work: f64s, x: f64s, other_x: f64s, z: f64s, other_z: f64s,
+    both: i64, checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64,
+    units: f64s, factors: f64s, matrix: f64s, work: f64s, x: f64s, other_x: f64s, z: f64s, other_z: f64s,
 ) -> None:  # fmt: skip
     """L^T of all stages, in place; where it is ``checked``, ``z -= K x`` as well.
 
@@ -351,7 +270,9 @@ def _backward(
         for q in range(count):
             p = count - 1 - q
             panel = panels[places[2 * p] :]
-            own = factors[stage[FACTORS] + places[2 * p + 1] :]
+            at = stage[FACTORS] + places[2 * p + 1]
+            own = factors[at:]
+            ask_behind(distance, _vectors_of(panel), at, factors)
             if panel[0] == 4:
                 _backward_four(panel, own, units, part, held)
                 if both != 0:
@@ -366,53 +287,71 @@ def _backward(
                     _backward_one(panel, own, units, other, other_held)
             if row < rows:
                 last = min(row + share, rows)
-                block = _subtract_rows(both, row, last, behind, kept, block, stride, work)
+                block = subtract_rows(both, row, last, behind, kept, block, stride, work)
                 row = last
         _return(inside, size, border, border_base, base, where, part, x)
         if both != 0:
             _return(inside, size, border, border_base, base, where, other, other_x)
         if checked != 0:
             if k > 0:
-                _subtract_rows(both, row, rows, behind, kept, block, stride, work)
-                _end_products(done, behind, border_base, kept, stride, work, z)
+                subtract_rows(both, row, rows, behind, kept, block, stride, work)
+                end_products(done, behind, border_base, kept, stride, work, z)
                 if both != 0:
-                    _end_products(done, behind, border_base, kept, stride, other, other_z)
-            _begin_products(program, matrix[stage[MATRIX] :], stride, work)
+                    end_products(done, behind, border_base, kept, stride, other, other_z)
+            begin_products(program, matrix[stage[MATRIX] :], stride, work)
             if both != 0:
-                _begin_products(program, matrix[stage[MATRIX] :], stride, other)
+                begin_products(program, matrix[stage[MATRIX] :], stride, other)
     if checked != 0:
         first = code[table[CODE] :]
         kept = matrix[table[MATRIX] :]
-        _subtract_rows(both, 0, first[ROWS], first, kept, 0, stride, work)
-        _end_products(table[0:], first, border_base, kept, stride, work, z)
+        subtract_rows(both, 0, first[ROWS], first, kept, 0, stride, work)
+        end_products(table[0:], first, border_base, kept, stride, work, z)
         if both != 0:
-            _end_products(table[0:], first, border_base, kept, stride, other, other_z)
+            end_products(table[0:], first, border_base, kept, stride, other, other_z)
 
 
 @native(fast=True)
 def _substitute_one(
-    checked: i64, stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, units: f64s, factors: f64s,
-    matrix: f64s, work: f64s, x: f64s, z: f64s,
+    checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, units: f64s,
+    factors: f64s, matrix: f64s, work: f64s, x: f64s, z: f64s,
 ) -> None:  # fmt: skip
     """Solve with the factors, in place; where it is ``checked``, ``z -= K x`` as well."""
     for s in range(stages):
         stage = table[s * FIELDS :]
-        _forward(0, stage, code[stage[CODE] :], border_base, stride, factors, work, x, x)
-    _backward(0, checked, stages, table, code, border_base, stride, units, factors, matrix, work, x, x, z, z)
+        _forward(0, distance, stage, code[stage[CODE] :], border_base, stride, factors, work, x, x)
+    _backward(
+        0,
+        checked,
+        distance,
+        stages,
+        table,
+        code,
+        border_base,
+        stride,
+        units,
+        factors,
+        matrix,
+        work,
+        x,
+        x,
+        z,
+        z,
+    )
 
 
 @native(fast=True)
 def _substitute_both(
-    checked: i64, stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, units: f64s, factors: f64s,
-    matrix: f64s, work: f64s, x: f64s, other_x: f64s, z: f64s, other_z: f64s,
+    checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, units: f64s,
+    factors: f64s, matrix: f64s, work: f64s, x: f64s, other_x: f64s, z: f64s, other_z: f64s,
 ) -> None:  # fmt: skip
     """The same for two."""
     for s in range(stages):
         stage = table[s * FIELDS :]
-        _forward(1, stage, code[stage[CODE] :], border_base, stride, factors, work, x, other_x)
+        _forward(1, distance, stage, code[stage[CODE] :], border_base, stride, factors, work, x, other_x)
     _backward(
         1,
         checked,
+        distance,
         stages,
         table,
         code,
@@ -427,25 +366,6 @@ def _substitute_both(
         z,
         other_z,
     )
-
-
-@native(fast=True)
-def _subtract(
-    stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, matrix: f64s, work: f64s, size: i64, x: f64s,
-    y: f64s, z: f64s,
-) -> None:  # fmt: skip
-    """``z = y - K x``."""
-    for k in range(size):
-        z[k] = y[k]
-    for s in range(stages):
-        stage = table[s * FIELDS :]
-        program = code[stage[CODE] :]
-        kept = matrix[stage[MATRIX] :]
-        where = program[program[WHERE] :]
-        gather_rows(program[SIZE], program[BORDER], border_base, stage[BASE], where, x, work)
-        _begin_products(program, kept, stride, work)
-        _subtract_rows(0, 0, program[ROWS], program, kept, 0, stride, work)
-        _end_products(stage, program, border_base, kept, stride, work, z)
 
 
 @native(fast=True)
@@ -467,6 +387,7 @@ def solve(
     both: i64,
     refinements: i64,
     accuracy: f64s,
+    distance: i64,
     stages: i64,
     table: i64s,
     code: i32s,
@@ -499,6 +420,7 @@ def solve(
 
     Args:
         both: whether to do the same for ``other_rhs``, in common passes; ``report`` then tells of the less accurate.
+        distance: how far ahead substitutions ask for memory, 0 where it is near.
         stages ... factors, scale: see ``chain_elimination.eliminate``; size: N.
         units: zeros, with 1 at ONE.
         rhs, result: (N,); report: see ``substitution.REPORT``; the other arrays are work space.
@@ -521,19 +443,31 @@ def solve(
             other_solution[k] = other_scaled_rhs[k]
             other_change[k] = other_scaled_rhs[k]
         _substitute_both(
-            1, stages, table, code, border_base, stride, units, factors, matrix, work, solution, other_solution, change,
-            other_change,
+            1, distance, stages, table, code, border_base, stride, units, factors, matrix, work, solution,
+            other_solution, change, other_change,
         )  # fmt: skip
     else:
         _substitute_one(
-            1, stages, table, code, border_base, stride, units, factors, matrix, work, solution, change
+            1,
+            distance,
+            stages,
+            table,
+            code,
+            border_base,
+            stride,
+            units,
+            factors,
+            matrix,
+            work,
+            solution,
+            change,
         )
     steps = 0
     while active + other_active > 0:
         report[1] = 1.0 * steps
         if active != 0:
             if steps > 0:
-                _subtract(
+                subtract(
                     stages, table, code, border_base, stride, matrix, work, size, solution, scaled_rhs, change
                 )
             _norms(size, solution, change, norms)
@@ -544,7 +478,7 @@ def solve(
             )
         if other_active != 0:
             if steps > 0:
-                _subtract(
+                subtract(
                     stages, table, code, border_base, stride, matrix, work, size, other_solution, other_scaled_rhs,
                     other_change,
                 )  # fmt: skip
@@ -556,16 +490,29 @@ def solve(
         steps += 1
         if active != 0 and other_active != 0:
             _substitute_both(
-                0, stages, table, code, border_base, stride, units, factors, matrix, work, change, other_change, change,
-                other_change,
+                0, distance, stages, table, code, border_base, stride, units, factors, matrix, work, change,
+                other_change, change, other_change,
             )  # fmt: skip
         elif active != 0:
             _substitute_one(
-                0, stages, table, code, border_base, stride, units, factors, matrix, work, change, change
+                0,
+                distance,
+                stages,
+                table,
+                code,
+                border_base,
+                stride,
+                units,
+                factors,
+                matrix,
+                work,
+                change,
+                change,
             )
         elif other_active != 0:
             _substitute_one(
                 0,
+                distance,
                 stages,
                 table,
                 code,
