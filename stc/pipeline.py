@@ -40,7 +40,6 @@ from stc.transcription import Transcription
 from stc.transcription import transcribe as _transcribe
 from stc.transcription.bind import BoundProgram
 from stc.transcription.guess import check_names
-from stc.transcription.resample import resample_multipliers
 from stc.transcription.schemes import METHODS
 
 if TYPE_CHECKING:
@@ -360,6 +359,8 @@ class Model:
         bound = transcription.bind(problem.constants, guess=SolutionValues(earlier, alignment), check=False)
         if not optimal or not earlier.multipliers:
             return Start(bound.x0), bound
+        from stc.transcription.resample import resample_multipliers
+
         lengths = transcription.recovery(bound.x0, problem.constants).lengths
         return Start(
             bound.x0, *resample_multipliers(earlier, transcription, bound, lengths, alignment)

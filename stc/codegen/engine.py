@@ -23,6 +23,9 @@ from stc.codegen.image import MAGIC, MappedImage, image_of, map_image, supported
 from stc.digests import blake2b
 from stc.records import dataclass
 
+#: Instances per block of kernels: the unit of the memory layout on every machine.
+LANES = 4
+
 #: Back-end switches, measured on kernels of up to 50,000 operations.  LLVM is to keep the order in which we emit
 #: instructions, which halves the time to compile and gives faster code than its scheduling of basic blocks of
 #: thousands of operations; and it is not to join the blocks that kernels are cut into (preparation pass).

@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from stc.codegen import cache as object_cache
 from stc.codegen import engine, reference
 from stc.codegen.calls import Bound
-from stc.codegen.compiling import compile_modules
-from stc.codegen.llvm import LANES, module_ir
+from stc.codegen.engine import LANES
 from stc.codegen.tape import Tape
 from stc.memory import without_collection
 
@@ -148,11 +147,15 @@ class KernelSet:
 
     def llvm_ir(self) -> str:
         """One LLVM module with all of these kernels, as text."""
+        from stc.codegen.llvm import module_ir
+
         return module_ir(self.tapes) if self.backend == "numpy" else _own_ir(self.tapes)
 
 
 def _own_ir(tapes: Sequence[Tape]) -> str:
     """The LLVM module for this machine."""
+    from stc.codegen.llvm import module_ir  # which a process that finds all its code does without
+
     return module_ir(
         tapes, width=engine.vector_width(), registers=engine.vector_registers(), fused=engine.has_fma()
     )
@@ -221,6 +224,8 @@ def _load_or_compile(kernels: KernelSet, cache: bool) -> None:
 
     def make(number: int) -> bytes:
         if number not in made:  # nor will the later ones be found
+            from stc.codegen.compiling import compile_modules
+
             wanted = range(number, len(groups))
             codes = compile_modules([partial(_own_ir, groups[k]) for k in wanted], level)
             made.update(zip(wanted, codes, strict=True))

@@ -19,13 +19,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from stc.codegen.engine import LANES
 from stc.codegen.operations import WRITTEN_OUT, MathFunctions, Operations, function_length
 from stc.codegen.residency import Residency, operands
 from stc.codegen.tape import Tape
 from stc.codegen.vector import PREFETCH, Vector, hexadecimal, prefetch
-
-#: Instances per block: the unit of the memory layout on every machine.
-LANES: Final = 4
 
 #: Operations per basic block.
 _PART: Final = 128

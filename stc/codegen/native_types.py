@@ -73,6 +73,9 @@ DTYPES: dict[Type, np.dtype[Any]] = {
 }
 
 _BY_NAME = {kind.value: kind for kind in Type if kind is not Type.F64V} | {"float": Type.F64, "int": Type.I64}
+#: Types as most parameters and results have them, of hundreds of functions that are defined when a program starts.
+_PLAIN = {kind.value: kind for kind in (Type.F64, Type.I64, Type.F64S, Type.I32S, Type.I64S)}
+_PLAIN_RESULTS = {kind.value: kind for kind in (Type.F64, Type.I64, Type.NONE)}
 _BY_OBJECT: tuple[tuple[Any, Type], ...] = (
     (float, Type.F64),
     (int, Type.I64),
@@ -122,6 +125,9 @@ def signature_of(function: Callable[..., Any]) -> Signature:
         raise NativeError(f"{location(function)}: {function.__name__}: parameters cannot have defaults")
     annotations = function.__annotations__
     names = code.co_varnames[: code.co_argcount]
+    if annotations.get("return") in _PLAIN_RESULTS and all(annotations.get(name) in _PLAIN for name in names):
+        plain = tuple([_PLAIN[annotations[name]] for name in names])
+        return Signature(names, plain, _PLAIN_RESULTS[annotations["return"]])
     types: list[Type] = []
     for name in names:
         kind = type_of_annotation(annotations[name]) if name in annotations else None

@@ -12,7 +12,6 @@ from pathlib import PurePath
 
 from stc.errors import Span, SpecError, UsageError
 from stc.language import checks, syntax
-from stc.language.contact import without_contacts
 from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
@@ -71,7 +70,10 @@ def elaborate_with_recovery(
             f"there is no method `{method}`",
             did_you_mean(method, METHODS) or f"methods are {', '.join(METHODS)}",
         )
-    tree = without_contacts(tree, overrides, diagnostics)
+    if any(section.kind == "contact" for section in tree.sections):
+        from stc.language.contact import without_contacts
+
+        tree = without_contacts(tree, overrides, diagnostics)
     return _Elaborator(tree, overrides, method, diagnostics).problem()
 
 

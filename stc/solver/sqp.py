@@ -25,7 +25,6 @@ from stc.solver.residuals import Assessment, assess
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 from stc.solver.status import Status, advice, sentence
-from stc.solver.warm_start import from_neighbour
 
 __all__ = ["minimize"]
 
@@ -165,6 +164,8 @@ class _Solve:
                 return outcome
             if not form.gaps:  # no other active set to be found
                 return self._barrier(form, x * form.x_scale, Tactics())
+        from stc.solver.warm_start import from_neighbour
+
         point = from_neighbour(form, x, y, z, self.options, self.monitor)
         it = warm_iterate(form, x, y)
         if point is not None:

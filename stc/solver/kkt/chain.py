@@ -31,29 +31,12 @@ from stc.solver.kkt.segments import Numbered
 
 __all__ = ["ChainKKT", "find_chain"]
 
-#: A chain is faster than segments where stages have so many unknowns, the middle one of them all, ...
-WIDE = 60
-#: ... or so many, as long as its factors and scaled entries stay in a processor's own memory: so many bytes in all, and
-#: so many for each unknown of a stage and each other one of it, about.
-NARROW = 30
-NEAR = 2**21
-BYTES = 8.2
-#: For each unknown there should be so many entries off the diagonal, for each unknown of a stage: what is sparser takes
-#: less time in lanes, which waste no operation on zeros. Transcriptions with midpoints have half as many.
-DENSE = 0.1
 #: Kinds of stages at most: each is planned for.
 KINDS = 64
 
 
 def find_chain(couplings: Couplings, numbered: Numbered) -> Chain | None:
-    """Lay out a chain, or None where segments or a window take less time."""
-    width = np.diff(numbered.stages.pointers)
-    middle = np.median(width)
-    border = numbered.stages.border.size
-    near = BYTES * float(((width + border) ** 2.0).sum()) <= NEAR
-    dense = couplings.first.size >= DENSE * middle * couplings.size
-    if middle < max(NARROW, border) or not dense or (middle < WIDE and not near):
-        return None
+    """Lay out a chain, or None where it would have too many kinds of stages."""
     chain = lay_out_chain(numbered, couplings.n, couplings.first, couplings.second)
     return chain if len(chain.kinds) <= KINDS else None
 

@@ -15,14 +15,11 @@ from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound
 from stc.digests import blake2b
-from stc.solver.kkt.arrangement import Couplings
-from stc.solver.kkt.chain import ChainKKT, find_chain
+from stc.solver.kkt.choice import new_system
 from stc.solver.kkt.contract import Inertia
-from stc.solver.kkt.entries import Arrays, ByCopies
+from stc.solver.kkt.entries import ByCopies
 from stc.solver.kkt.frontal import FrontalKKT
 from stc.solver.kkt.planned import PlannedKKT
-from stc.solver.kkt.segmented import SegmentedKKT
-from stc.solver.kkt.segments import find_segments, number_stages
 from stc.solver.nlp import Floats, Ints
 
 __all__ = ["StructuredKKT", "forget"]
@@ -76,7 +73,7 @@ class StructuredKKT(ByCopies):
             with _lock:
                 system = _kept.pop(key, None)
         if system is None:
-            system = _new_system(n, m, *arrays)
+            system = new_system(n, m, *arrays)
         else:
             system.restart()
         self.system = system
@@ -193,30 +190,6 @@ class StructuredKKT(ByCopies):
     def check_solution(self) -> bool:
         """See ``AttachedKKT.check_solution``."""
         return self.system.check_solution()
-
-
-def _new_system(
-    n: int,
-    m: int,
-    jac_rows: Ints,
-    jac_cols: Ints,
-    hess_rows: Ints,
-    hess_cols: Ints,
-    var_stage: Ints,
-    row_stage: Ints,
-    held: NDArray[np.bool_],
-) -> FrontalKKT | PlannedKKT:
-    couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
-    stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
-    numbered = number_stages(couplings, stage, held)
-    if numbered is not None:
-        chain = find_chain(couplings, numbered)
-        if chain is not None:
-            return ChainKKT(couplings, stage, chain)
-        found = find_segments(numbered)
-        if found is not None:
-            return SegmentedKKT(couplings, stage, found)
-    return FrontalKKT.of_couplings(couplings, stage, Arrays.of(couplings))
 
 
 def forget() -> None:

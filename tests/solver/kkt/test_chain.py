@@ -9,9 +9,10 @@ from solver.kkt.kkt_problems import Builder, Pattern, generic
 from solver.kkt.motions import chain_of, holding, motion
 from solver.kkt.test_contract import check
 
-from stc.solver.kkt import chain
+from stc.solver.kkt import chain, choice
 from stc.solver.kkt.chain import ChainKKT, find_chain
 from stc.solver.kkt.chain_elimination import FACTORS, FIELDS
+from stc.solver.kkt.choice import suits_chain
 from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.kkt.segments import number_stages
 
@@ -79,9 +80,11 @@ def test_who_is_chosen(monkeypatch):
     couplings, stage = system._couplings, system._stage
     numbered = number_stages(couplings, stage)
     assert numbered is not None
-    monkeypatch.setattr(chain, "NEAR", 1000)
-    assert find_chain(couplings, numbered) is None  # too large for narrow stages
-    monkeypatch.setattr(chain, "WIDE", 40)
+    assert suits_chain(couplings, numbered)
+    monkeypatch.setattr(choice, "NEAR", 1000)
+    assert not suits_chain(couplings, numbered)  # too large for narrow stages
+    monkeypatch.setattr(choice, "WIDE", 40)
+    assert suits_chain(couplings, numbered)
     assert find_chain(couplings, numbered) is not None
     monkeypatch.setattr(chain, "KINDS", 2)
     assert find_chain(couplings, numbered) is None

@@ -1,0 +1,69 @@
+"""Which factorisation suits a sparsity: stages one after the other, segments side by side, or a window that slides."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.entries import Arrays
+from stc.solver.kkt.frontal import FrontalKKT
+from stc.solver.kkt.planned import PlannedKKT
+from stc.solver.kkt.segments import Numbered, find_segments, number_stages
+from stc.solver.nlp import Ints
+
+__all__ = ["new_system", "suits_chain"]
+
+#: A chain is faster than segments where stages have so many unknowns, the middle one of them all, ...
+WIDE = 60
+#: ... or so many, as long as its factors and scaled entries stay in a processor's own memory: so many bytes in all, and
+#: so many for each unknown of a stage and each other one of it, about.
+NARROW = 30
+NEAR = 2**21
+BYTES = 8.2
+#: For each unknown there should be so many entries off the diagonal, for each unknown of a stage: what is sparser takes
+#: less time in lanes, which waste no operation on zeros. Transcriptions with midpoints have half as many.
+DENSE = 0.1
+
+
+def suits_chain(couplings: Couplings, numbered: Numbered) -> bool:
+    """Whether a chain takes less time than segments or a window."""
+    width = np.diff(numbered.stages.pointers)
+    middle = np.median(width)
+    border = numbered.stages.border.size
+    near = BYTES * float(((width + border) ** 2.0).sum()) <= NEAR
+    dense = couplings.first.size >= DENSE * middle * couplings.size
+    return bool(middle >= max(NARROW, border) and dense and (middle >= WIDE or near))
+
+
+def new_system(
+    n: int,
+    m: int,
+    jac_rows: Ints,
+    jac_cols: Ints,
+    hess_rows: Ints,
+    hess_cols: Ints,
+    var_stage: Ints,
+    row_stage: Ints,
+    held: NDArray[np.bool_],
+) -> FrontalKKT | PlannedKKT:
+    """The linear algebra for a sparsity that takes the least time; arguments as for ``StructuredKKT``."""
+    couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
+    stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
+    numbered = number_stages(couplings, stage, held)
+    if numbered is not None:
+        if suits_chain(couplings, numbered):
+            from stc.solver.kkt.chain import (
+                ChainKKT,
+                find_chain,
+            )  # most sparsities need only one of two families
+
+            chain = find_chain(couplings, numbered)
+            if chain is not None:
+                return ChainKKT(couplings, stage, chain)
+        found = find_segments(numbered)
+        if found is not None:
+            from stc.solver.kkt.segmented import SegmentedKKT
+
+            return SegmentedKKT(couplings, stage, found)
+    return FrontalKKT.of_couplings(couplings, stage, Arrays.of(couplings))
