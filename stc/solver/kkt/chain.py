@@ -83,7 +83,10 @@ class ChainKKT(PlannedKKT):
         widest = max(kind.own + kind.outer for kind in chain.kinds)
         # An odd number of blocks, with one to spare, so that columns do not fall on the same lines of a cache.
         self._stride = chain_elimination.BLOCK * ((widest + 7) // 8 + 1 | 1)
-        self._scale, self._most, *self._vectors = (aligned_zeros(size) for _ in range(10))
+        self._scale, self._most, *self._vectors = (
+            aligned_zeros(size + chain_elimination.BLOCK) for _ in range(10)
+        )
+        self._scale = self._scale[:size]
         self._scale[:] = 1.0
         self._place = np.empty(size, dtype=np.int32)
         self._place[chain.order] = np.arange(size)
@@ -136,9 +139,19 @@ class ChainKKT(PlannedKKT):
                 strict=True,
             )
         )
+        base = chain.base[:-1]
+        places = np.empty(chain.order.size, dtype=np.int32)
+        for number, kind in enumerate(kinds):
+            here = base[which == number][:, None]
+            places[here + kind.rows] = here + np.arange(kind.rows.size)
+        index = np.zeros(places.size + chain_elimination.BLOCK, dtype=np.int32)
+        index[: places.size] = chain.order[places]
+        outer, outer_at = _outer_places(kinds, which)
         table = np.zeros((which.size, chain_elimination.FIELDS), dtype=np.int64)
-        table[:, chain_elimination.CODE] = (np.cumsum(lengths) - lengths)[which]
-        table[:, chain_elimination.BASE] = chain.base[:-1]
+        ends = base[-1] + kinds[which[-1]].rows[: chain.kinds[0].border]
+        table[:, chain_elimination.OUTER] = ends.size + lengths.sum() + outer_at
+        table[:, chain_elimination.CODE] = ends.size + (np.cumsum(lengths) - lengths)[which]
+        table[:, chain_elimination.BASE] = base
         for field, sizes in (
             (chain_elimination.FACTORS, factors),
             (chain_elimination.MATRIX, matrix),
@@ -153,7 +166,9 @@ class ChainKKT(PlannedKKT):
             self._matrix = aligned_zeros(int(ROOM * numbers))
         kept = self._matrix
         state = new_state(self._factors[:needed])
-        tables = which.size, table.reshape(-1), np.concatenate([kind.code for kind in kinds])
+        codes = np.concatenate([ends, *(kind.code for kind in kinds), outer]).astype(np.int32)
+        tables = which.size, table.reshape(-1), codes, index
+        scale = aligned_zeros(index.size)
         arrays, border = self._arrays, chain.kinds[0].border
         zero = arrays.given.size - 1
         sources = np.full(int(entries[which].sum()), zero, dtype=np.int32)
@@ -165,24 +180,34 @@ class ChainKKT(PlannedKKT):
             ]
         left, peaks, windows = self._spaces
         bound = eliminate.bind(
-            *tables, border, self._index.size - border, self._stride, 1.0 / GROWTH, 1.0 / INVERSE, self._masks,
-            sources, self._index, arrays.given, self._diagonal, self._scale, left, peaks, kept, self._most, windows,
+            *tables, border, self._index.size, self._stride, 1.0 / GROWTH, 1.0 / INVERSE, self._masks,
+            sources, arrays.given, self._diagonal, places, self._scale, scale, left, peaks, kept, self._most, windows,
             self._factors, state,
         )  # fmt: skip
         self._calls.put(plan_calls.CALLS * slot + plan_calls.ELIMINATE, bound)
         self._calls.put(plan_calls.CALLS * slot + plan_calls.EQUILIBRATE, self._equilibrate)
         return Prepared(
-            slot, tables, self._factors[:needed], state, (kept, self._work), self._equilibrate,
+            slot, tables, self._factors[:needed], state, (kept, scale), self._equilibrate,
             int(operations[which].sum()), bool(self._curvatures[0]),
         )  # fmt: skip
 
     def _solver(self, plan: Prepared) -> tuple[NativeFunction[..., None], tuple[Any, ...]]:
         """See ``PlannedKKT``."""
-        chain = self._chain
-        kept, work = plan.space
+        kept, scale = plan.space
         common = (
-            self.accuracy, reading_distance(plan.factors), *plan.tables, self._index.size - chain.kinds[0].border,
-            self._index.size, self._stride, self._index, kept, plan.factors, self._scale, self._units, work,
-            np.zeros(2),
+            self.accuracy, reading_distance(plan.factors), *plan.tables, self._index.size, self._stride, kept,
+            plan.factors, scale, self._units, self._work, np.zeros(2),
         )  # fmt: skip
         return solve, common
+
+
+def _outer_places(
+    kinds: list[ChainProgram], which: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where the unknowns of F are in vectors, in lists for all pairs of programs, and which list each stage has."""
+    pairs, list_of = np.unique(np.stack([which, np.append(which[1:], 0)]), axis=1, return_inverse=True)
+    lists = [
+        kinds[one].rows.size + kinds[other].rows[kinds[one].following] for one, other in pairs.T.tolist()
+    ]
+    lengths = np.array([places.size for places in lists])
+    return np.concatenate(lists), (np.cumsum(lengths) - lengths)[list_of.reshape(-1)]

@@ -13,6 +13,9 @@ the left of it in its own row, and rows are read and written in blocks of eight 
 
 What is right of the diagonal is never read as a number that counts, but is finite where all else is.
 
+In vectors, too, the unknowns of U follow one another as in the window, stage by stage, and B comes last; there is room
+for seven more numbers, which are read but do not count.
+
 Programs are lists of numbers, one for all stages of a kind.  They begin with PROGRAM numbers, places of lists being
 counted from there.  Each stage has FIELDS numbers in a table.
 """
@@ -42,6 +45,7 @@ __all__ = [
     "FIELDS",
     "INSIDE",
     "MATRIX",
+    "OUTER",
     "PANELS",
     "PANELS_AT",
     "PLACES_AT",
@@ -51,22 +55,22 @@ __all__ = [
     "ROWS_AT",
     "SIZE",
     "SOURCES",
-    "WHERE",
     "eliminate",
     "entries_at",
-    "gather_rows",
+    "gather_outer",
     "padded",
+    "put_own",
     "share_of",
+    "take_own",
 ]
 
 #: Numbers that are read and written together.
 BLOCK = 8
 #: Of a stage: where its program begins, and its unknowns in vectors, the sources of its entries, what is kept of its
-#: matrix and its factors.
-CODE, BASE, SOURCES, MATRIX, FACTORS, FIELDS = 0, 1, 2, 3, 4, 5
-#: Of a program: rows of the window; unknowns of U; where the unknowns of F and U are in vectors, counted from BASE, in
-#: the order of the window; ...
-SIZE, INSIDE, WHERE = 0, 1, 2
+#: matrix and its factors; where in the programs the places of F in vectors are, counted from BASE.
+CODE, BASE, SOURCES, MATRIX, FACTORS, OUTER, FIELDS = 0, 1, 2, 3, 4, 5, 6
+#: Of a program: rows of the window; unknowns of U, and of B; ...
+SIZE, INSIDE, BORDER = 0, 1, 2
 #: ... blocks without entries to be cleared first, by their places in the window; entries off the diagonal, with the
 #: zeros between those of a block, and behind the last one up to whole vectors; blocks with entries, row by row: the
 #: column where each begins, its row, which of its numbers are among these, bit by bit, and where its first number
@@ -78,9 +82,7 @@ CARRIED, CARRIED_TO = 10, 11
 #: ... panels (see stc.solver.kkt.chain_panel); ...
 PANELS, PANELS_AT = 12, 13
 #: ... where each panel begins, counted from PANELS_AT, and its factors.
-PLACES_AT = 14
-#: ... and how many unknowns of B it leaves.
-BORDER, PROGRAM = 15, 16
+PLACES_AT, PROGRAM = 14, 15
 
 
 @native(inline=True)
@@ -102,25 +104,39 @@ def entries_at(program: i32s) -> i64:
 
 
 @native(fast=True, inline=True)
-def gather_rows(
-    size: i64, border: i64, border_base: i64, base: i64, where: i32s, x: f64s, part: f64s
-) -> None:
-    """Bring what a vector has for the rows of a window to ``part``."""
+def gather_outer(inside: i64, border: i64, ends: i32s, base: i64, outer: i32s, x: f64s, part: f64s) -> None:
+    """Bring what a vector has for B and F to ``part``; ``inside`` is the first row of U."""
     for k in range(border):
-        part[k] = x[border_base + k]
+        part[k] = x[ends[k]]
     own = x[base:]
-    for k in range(border, size):
-        part[k] = own[where[k - border]]
+    for k in range(border, inside):
+        part[k] = own[outer[k - border]]
+
+
+@native(inline=True)
+def take_own(count: i64, base: i64, inside: i64, x: f64s, part: f64s) -> None:
+    """The same for the ``count`` unknowns of U; up to seven numbers behind them change as well."""
+    for k in range(0, count, BLOCK):
+        store8(part, inside + k, load8(x, base + k))
+
+
+@native(inline=True)
+def put_own(count: i64, base: i64, inside: i64, part: f64s, x: f64s) -> None:
+    """The opposite, where nothing else changes."""
+    whole = count // BLOCK * BLOCK
+    for k in range(0, whole, BLOCK):
+        store8(x, base + k, load8(part, inside + k))
+    for k in range(whole, count):
+        x[base + k] = part[inside + k]
 
 
 @native(fast=True, inline=True)
-def _measure(program: i32s, border_base: i64, base: i64, kept: f64s, peaks: f64s, most: f64s) -> None:
+def _measure(program: i32s, outer: i32s, ends: i32s, base: i64, kept: f64s, peaks: f64s, most: f64s) -> None:
     """Raise ``most`` to the largest magnitudes of the rows of a stage; ``peaks`` is room for nine times its rows."""
     size = program[SIZE]
     border = program[BORDER]
     own = program[INSIDE]
     inside = size - own
-    where = program[program[WHERE] :]
     by_row = peaks[padded(size + 1) :]
     diagonal = kept[padded(size) :]
     entries = kept[entries_at(program) :]
@@ -147,30 +163,31 @@ def _measure(program: i32s, border_base: i64, base: i64, kept: f64s, peaks: f64s
         store8(by_row, BLOCK * i, high)
     for k in range(border):
         high_k = max(peaks[k], largest8(load8(by_row, BLOCK * k)))
-        most[border_base + k] = max(most[border_base + k], high_k)
-    outside = most[base:]
-    for k in range(border, size):
-        to = where[k - border]
-        outside[to] = max(outside[to], max(peaks[k], largest8(load8(by_row, BLOCK * k))))
+        most[ends[k]] = max(most[ends[k]], high_k)
+    beyond = most[base:]
+    for k in range(border, inside):
+        to = outer[k - border]
+        beyond[to] = max(beyond[to], max(peaks[k], largest8(load8(by_row, BLOCK * k))))
+    for k in range(inside, size):
+        to = base + k - inside
+        most[to] = max(most[to], max(peaks[k], largest8(load8(by_row, BLOCK * k))))
 
 
 @native(fast=True)
 def _begin(
-    stage: i64s, program: i32s, border_base: i64, index: i32s, diagonal: f64s, scale: f64s, kept: f64s
-) -> None:
+    stage: i64s, program: i32s, outer: i32s, ends: i32s, index: i32s, diagonal: f64s, scale: f64s, kept: f64s
+) -> None:  # fmt: skip
     """Keep the scale and the diagonal of a stage."""
     size = program[SIZE]
-    border = program[BORDER]
+    count = program[INSIDE]
     base = stage[BASE]
-    where = program[program[WHERE] :]
-    gather_rows(size, border, border_base, base, where, scale, kept)
+    gather_outer(size - count, program[BORDER], ends, base, outer, scale, kept)
+    take_own(count, base, size - count, scale, kept)
     for k in range(size, padded(size)):
         kept[k] = 0.0
     own = kept[padded(size) :]
-    inside = size - program[INSIDE]
-    unknowns = index[base:]
-    for k in range(inside, size):
-        own[k - inside] = diagonal[unknowns[where[k - border]]]
+    for k in range(0, count, BLOCK):
+        store8(own, k, gather8(diagonal, index, base + k))
 
 
 @native(fast=True)
@@ -216,8 +233,8 @@ def _complete(program: i32s, stride: i64, kept: f64s, left: f64s, window: f64s) 
 @native(fast=True, inline=True)
 def _take_panels(
     stage: i64s, program: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, more: i64, following: i64s,
-    coming: i32s, border_base: i64, source: i32s, index: i32s, given: f64s, diagonal: f64s, scale: f64s, ahead: f64s,
-    beside: f64s, state: f64s,
+    coming: i32s, outer: i32s, ends: i32s, source: i32s, index: i32s, given: f64s, diagonal: f64s, scale: f64s,
+    ahead: f64s, beside: f64s, state: f64s,
 ) -> None:  # fmt: skip
     """Take the unknowns of a stage out of the window, while the ``following`` one comes to that ``beside``.
 
@@ -248,7 +265,7 @@ def _take_panels(
         own = factors[stage[FACTORS] + places[2 * p + 1] :]
         invert_corner(panel, stride, window, own, state)
         if p == 0 and more != 0:
-            _begin(following, coming, border_base, index, diagonal, scale, ahead)
+            _begin(following, coming, outer, ends, index, diagonal, scale, ahead)
         if p < half:
             to_clear = min(at_clear + clears, last_clear)
             to_copy = min(at_copy + copies, last_copy)
@@ -262,7 +279,7 @@ def _take_panels(
             at_place = to_place
         take_panel(distance, panel, stride, masks, window, own, state)
     if count == 0 and more != 0:
-        _begin(following, coming, border_base, index, diagonal, scale, ahead)
+        _begin(following, coming, outer, ends, index, diagonal, scale, ahead)
     _clear(at_clear, last_clear, cleared, beside)
     _copy(at_copy, last_copy, sources, given, entries)
     _place(at_place, last_place, blocks, stride, ahead, entries, beside)
@@ -282,17 +299,19 @@ def eliminate(
     stages: i64,
     table: i64s,
     code: i32s,
+    index: i32s,
     border: i64,
-    border_base: i64,
+    size: i64,
     stride: i64,
     growth: f64,
     suspect: f64,
     masks: f64s,
     source: i32s,
-    index: i32s,
     given: f64s,
     diagonal: f64s,
+    places: i32s,
     scale: f64s,
+    own_scale: f64s,
     left: f64s,
     peaks: f64s,
     matrix: f64s,
@@ -306,15 +325,17 @@ def eliminate(
     Pivots wait for one another; meanwhile the next stage is loaded, into the other one of two windows.
 
     Args:
-        stages, table, code: FIELDS numbers for each stage, and the programs they refer to.
-        border, border_base: unknowns of B, and where they are in vectors.
+        stages, table, code: FIELDS numbers for each stage, and the places of B in vectors, then the programs, that
+            stages refer to.
+        index: which unknown is at each place of vectors.
+        border, size: unknowns of B, and all of them.
         growth, suspect: pivots are accepted as long as no product that is subtracted exceeds 1 / growth, and no
             entry of D^-1 1 / suspect, in the scaled matrix.
         masks: k ones and 8 - k zeros, for k from 0 to 8.
-        source: of each entry in ``given``, where there is a zero as well, stage by stage, in the order of the blocks;
-            index: which unknown is at each place of vectors.
+        source: of each entry in ``given``, where there is a zero as well, stage by stage, in the order of the blocks.
         given: entries of the matrix: H, J, p and d; diagonal: that of the matrix, (N,).
-        scale, most: of the unknowns, vectors; the latter become the largest entries of all rows.
+        places: where ``scale`` (N,) has that of each place of vectors; own_scale becomes the vector.
+        most: becomes the largest entries of all rows, a vector.
         left, peaks, windows: work space, the latter for two windows.
         matrix: what is kept of each stage for products with the matrix: the scale of its rows, the diagonal of U,
             the entries in the order of the blocks.
@@ -328,14 +349,16 @@ def eliminate(
     begin_tests(state)
     watched = is_watched(state)
     if watched != 0:
-        for k in range(border_base + border):
+        for k in range(size):
             most[k] = 0.0
     for k in range(border * (border + 1) // 2):
         left[k] = 0.0
+    for k in range(size):
+        own_scale[k] = scale[places[k]]
     first = code[table[CODE] :]
     kept = matrix[table[MATRIX] :]
     entries = kept[entries_at(first) :]
-    _begin(table, first, border_base, index, diagonal, scale, kept)
+    _begin(table, first, code[table[OUTER] :], code, index, diagonal, own_scale, kept)
     _clear(0, first[CLEARED], first[first[CLEARED_AT] :], windows)
     _copy(0, first[ENTRIES], source[table[SOURCES] :], given, entries)
     _place(0, first[BLOCKS], first[first[BLOCKS_AT] :], stride, kept, entries, windows)
@@ -348,12 +371,12 @@ def eliminate(
         more = 1 if s + 1 < stages else 0
         following = table[(s + more) * FIELDS :]
         _take_panels(
-            stage, program, stride, masks, window, factors, more, following, code[following[CODE] :], border_base,
-            source, index, given, diagonal, scale, matrix[following[MATRIX] :],
-            windows[(s + 1) % 2 * stride * stride :], state,
+            stage, program, stride, masks, window, factors, more, following, code[following[CODE] :],
+            code[following[OUTER] :], code, source, index, given, diagonal, own_scale,
+            matrix[following[MATRIX] :], windows[(s + 1) % 2 * stride * stride :], state,
         )  # fmt: skip
         if watched != 0:
-            _measure(program, border_base, stage[BASE], kept, peaks, most)
+            _measure(program, code[stage[OUTER] :], code, stage[BASE], kept, peaks, most)
         worst = worst_test(growth, suspect, state)
         if not (worst < 1.0):
             return REFUSED
@@ -361,7 +384,7 @@ def eliminate(
         _leave(program, stride, window, left)
     state[COUNTED] = state[NEGATIVE]
     if watched != 0:
-        spread = spread_of(border_base + border, most)
+        spread = spread_of(size, most)
         note_watched(spread, state)
         return STALE_SCALE if spread > STALE else 0
     return DOUBTED_SCALE if is_doubtful(state) != 0 else 0

@@ -76,7 +76,7 @@ class Chain:
 
     Attributes:
         kinds: what there is; kind: of each stage, (S,).
-        order: the unknown at each place of vectors, (N,); base: where those of each stage are, (S + 1,).
+        order: the unknowns stage by stage, B last, (N,); base: where those of each stage are, (S + 1,).
         edges: the couplings by stage, then by code, (E,); begin: where those of each stage are, (S + 1,).
     """
 
@@ -94,12 +94,15 @@ class ChainProgram:
 
     Attributes:
         code: see chain_elimination.
+        rows: where each unknown of U is among these in the window, (U,); following: see ``ChainKind``.
         entries: the order of a stage's entries, -1 for zeros between them and behind them, (E,).
         factors, matrix: numbers that a stage needs.
         operations: additions and multiplications of a stage.
     """
 
     code: Int32s
+    rows: Int64s
+    following: Int64s
     entries: Int64s
     factors: int
     matrix: int
@@ -313,7 +316,7 @@ def _blocks(high: Int64s, low: Int64s) -> tuple[Int64s, Int64s]:
 
 def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
     """Everything for a kind whose pivots are taken in this order."""
-    own, following, border = kind.own, kind.following.size, kind.border
+    own, following = kind.own, kind.following.size
     outer, size = kind.outer, own + kind.outer
     kinds, slot, panels = ordered.kinds, ordered.slot, ordered.panels
     blocks_of = np.arange(size) // BLOCK
@@ -353,9 +356,6 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
     filled[block_rows, block_columns // BLOCK] = False  # entries take their places
     cleared_rows, cleared_blocks = np.nonzero(filled)
     row, count = np.unique(block_rows, return_counts=True)
-    where = np.empty(size, dtype=np.int64)
-    where[slot[:own]] = np.arange(own)
-    where[slot[own : own + following]] = own + kind.following
     header = np.zeros(chain.PROGRAM, dtype=np.int64)
     parts: list[Int64s] = [header]
     length = header.size
@@ -366,11 +366,10 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
         parts.append(part)
         length += part.size
 
-    header[chain.SIZE], header[chain.INSIDE], header[chain.BORDER] = size, own, border
+    header[chain.SIZE], header[chain.INSIDE], header[chain.BORDER] = size, own, kind.border
     header[chain.CLEARED], header[chain.ENTRIES] = cleared_rows.size, entries.size
     header[chain.BLOCKS], header[chain.ROWS] = block_rows.size, row.size
     header[chain.CARRIED], header[chain.PANELS] = arrived.size, len(panels)
-    put(chain.WHERE, where[border:])
     put(chain.CLEARED_AT, cleared_rows * stride + BLOCK * cleared_blocks)
     put(chain.BLOCKS_AT, blocks_held.reshape(-1))
     put(chain.ROWS_AT, np.stack([row, count], axis=1).reshape(-1))
@@ -378,7 +377,8 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
     put(chain.PANELS_AT, np.concatenate([np.zeros(0, dtype=np.int64), *listed]))
     put(chain.PLACES_AT, np.array(places, dtype=np.int64))
     matrix = sum(chain.padded(count) for count in (size, own, entries.size))
-    return ChainProgram(np.concatenate(parts).astype(np.int32), entries, factors, matrix, operations)
+    code, rows = np.concatenate(parts).astype(np.int32), slot[:own] - outer
+    return ChainProgram(code, rows, kind.following, entries, factors, matrix, operations)
 
 
 def _panels(

@@ -16,14 +16,15 @@ from stc.solver.kkt.chain_elimination import (
     FIELDS,
     INSIDE,
     MATRIX,
+    OUTER,
     RECORD,
     ROWS,
     ROWS_AT,
     SIZE,
-    WHERE,
     entries_at,
-    gather_rows,
+    gather_outer,
     padded,
+    take_own,
 )
 
 __all__ = ["HELD", "VECTORS", "begin_products", "end_products", "subtract", "subtract_rows"]
@@ -92,13 +93,14 @@ def begin_products(program: i32s, kept: f64s, stride: i64, work: f64s) -> None:
 
 @native(fast=True, inline=True)
 def end_products(
-    stage: i64s, program: i32s, border_base: i64, kept: f64s, stride: i64, work: f64s, z: f64s
+    stage: i64s, program: i32s, outer: i32s, ends: i32s, kept: f64s, stride: i64, work: f64s, z: f64s
 ) -> None:
     """Subtract the products of a stage from ``z``."""
     size = program[SIZE]
     border = program[BORDER]
     base = stage[BASE]
-    where = program[program[WHERE] :]
+    own = program[INSIDE]
+    inside = size - own
     sums = work[SUMS * stride :]
     totals = work[TOTALS * stride :]
     dots = work[DOTS * stride :]
@@ -111,15 +113,20 @@ def end_products(
     for k in range(0, size, BLOCK):
         store8(sums, k, load8(sums, k) * load8(kept, k))
     for k in range(border):
-        z[border_base + k] -= sums[k]
-    own = z[base:]
-    for k in range(border, size):
-        own[where[k - border]] -= sums[k]
+        z[ends[k]] -= sums[k]
+    beyond = z[base:]
+    for k in range(border, inside):
+        beyond[outer[k - border]] -= sums[k]
+    whole = own // BLOCK * BLOCK
+    for k in range(0, whole, BLOCK):
+        store8(z, base + k, load8(z, base + k) - load8(sums, inside + k))
+    for k in range(whole, own):
+        z[base + k] -= sums[inside + k]
 
 
 @native(fast=True)
 def subtract(
-    stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, matrix: f64s, work: f64s, size: i64, x: f64s,
+    stages: i64, table: i64s, code: i32s, stride: i64, matrix: f64s, work: f64s, size: i64, x: f64s,
     y: f64s, z: f64s,
 ) -> None:  # fmt: skip
     """``z = y - K x``."""
@@ -129,8 +136,12 @@ def subtract(
         stage = table[s * FIELDS :]
         program = code[stage[CODE] :]
         kept = matrix[stage[MATRIX] :]
-        where = program[program[WHERE] :]
-        gather_rows(program[SIZE], program[BORDER], border_base, stage[BASE], where, x, work)
+        outer = code[stage[OUTER] :]
+        base = stage[BASE]
+        own = program[INSIDE]
+        inside = program[SIZE] - own
+        gather_outer(inside, program[BORDER], code, base, outer, x, work)
+        take_own(own, base, inside, x, work)
         begin_products(program, kept, stride, work)
         subtract_rows(0, 0, program[ROWS], program, kept, 0, stride, work)
-        end_products(stage, program, border_base, kept, stride, work, z)
+        end_products(stage, program, outer, code, kept, stride, work, z)

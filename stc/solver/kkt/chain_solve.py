@@ -6,7 +6,7 @@ For one vector or for two, which share the reading of the factors.
 from __future__ import annotations
 
 from stc.codegen.native import f64s, fabs, i32s, i64, i64s, native
-from stc.codegen.native_vector import load8, store8, sum8
+from stc.codegen.native_vector import load8, splat8, store8, sum8
 from stc.solver.kkt.chain_elimination import (
     BASE,
     BLOCK,
@@ -16,14 +16,16 @@ from stc.solver.kkt.chain_elimination import (
     FIELDS,
     INSIDE,
     MATRIX,
+    OUTER,
     PANELS,
     PANELS_AT,
     PLACES_AT,
     ROWS,
     SIZE,
-    WHERE,
-    gather_rows,
+    gather_outer,
+    put_own,
     share_of,
+    take_own,
 )
 from stc.solver.kkt.chain_rows import HELD, VECTORS, begin_products, end_products, subtract, subtract_rows
 from stc.solver.kkt.lane_panel import ask_ahead, ask_behind
@@ -37,15 +39,13 @@ ONE, UNITS = 11, 24
 
 
 @native(fast=True, inline=True)
-def _return(
-    first: i64, size: i64, border: i64, border_base: i64, base: i64, where: i32s, part: f64s, x: f64s
-) -> None:
-    """The opposite, from the row ``first`` on."""
-    for k in range(first, border):
-        x[border_base + k] = part[k]
+def _return_outer(inside: i64, border: i64, ends: i32s, base: i64, outer: i32s, part: f64s, x: f64s) -> None:
+    """The opposite of ``gather_outer``."""
+    for k in range(border):
+        x[ends[k]] = part[k]
     own = x[base:]
-    for k in range(max(first, border), size):
-        own[where[k - border]] = part[k]
+    for k in range(border, inside):
+        own[outer[k - border]] = part[k]
 
 
 @native(inline=True)
@@ -177,22 +177,23 @@ def _backward_one(panel: i32s, factors: f64s, units: f64s, part: f64s, held: f64
 
 @native(fast=True, inline=True)
 def _forward(
-    both: i64, distance: i64, stage: i64s, program: i32s, border_base: i64, stride: i64, factors: f64s, work: f64s,
-    x: f64s, other_x: f64s,
+    both: i64, distance: i64, stage: i64s, program: i32s, outer: i32s, ends: i32s, stride: i64, factors: f64s,
+    work: f64s, x: f64s, other_x: f64s,
 ) -> None:  # fmt: skip
     """L and D of one stage, in place."""
     part = work
     held = work[HELD * stride :]
     other_part = work[VECTORS * stride :]
     other_held = other_part[HELD * stride :]
-    where = program[program[WHERE] :]
     border = program[BORDER]
-    size = program[SIZE]
-    inside = size - program[INSIDE]
+    count = program[INSIDE]
+    inside = program[SIZE] - count
     base = stage[BASE]
-    gather_rows(size, border, border_base, base, where, x, part)
+    gather_outer(inside, border, ends, base, outer, x, part)
+    take_own(count, base, inside, x, part)
     if both != 0:
-        gather_rows(size, border, border_base, base, where, other_x, other_part)
+        gather_outer(inside, border, ends, base, outer, other_x, other_part)
+        take_own(count, base, inside, other_x, other_part)
     panels = program[program[PANELS_AT] :]
     places = program[program[PLACES_AT] :]
     for p in range(program[PANELS]):
@@ -212,27 +213,22 @@ def _forward(
             _forward_one(panel, own, part, held)
             if both != 0:
                 _forward_one(panel, own, other_part, other_held)
-    _return(0, inside, border, border_base, base, where, part, x)
-    _return(inside, size, border, border_base, base, where, held, x)
+    _return_outer(inside, border, ends, base, outer, part, x)
+    put_own(count, base, inside, held, x)
     if both != 0:
-        _return(0, inside, border, border_base, base, where, other_part, other_x)
-        _return(inside, size, border, border_base, base, where, other_held, other_x)
+        _return_outer(inside, border, ends, base, outer, other_part, other_x)
+        put_own(count, base, inside, other_held, other_x)
 
 
-@native(fast=True, inline=True)
-def _gather_inside(
-    inside: i64, size: i64, border: i64, base: i64, where: i32s, x: f64s, part: f64s, held: f64s
-) -> None:
-    """Bring a stage's own to ``held``; ``part`` is cleared there."""
-    own = x[base:]
-    for k in range(inside, size):
-        held[k] = own[where[k - border]]
-        part[k] = 0.0
+@native(inline=True)
+def _clear_own(count: i64, inside: i64, part: f64s) -> None:
+    for k in range(0, count, BLOCK):
+        store8(part, inside + k, splat8(0.0))
 
 
 @native(fast=True, inline=True)
 def _backward(
-    both: i64, checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64,
+    both: i64, checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, stride: i64,
     units: f64s, factors: f64s, matrix: f64s, work: f64s, x: f64s, other_x: f64s, z: f64s, other_z: f64s,
 ) -> None:  # fmt: skip
     """L^T of all stages, in place; where it is ``checked``, ``z -= K x`` as well.
@@ -247,16 +243,18 @@ def _backward(
         s = stages - 1 - k
         stage = table[s * FIELDS :]
         program = code[stage[CODE] :]
-        where = program[program[WHERE] :]
+        outer = code[stage[OUTER] :]
         border = program[BORDER]
-        size = program[SIZE]
-        inside = size - program[INSIDE]
+        inner = program[INSIDE]
+        inside = program[SIZE] - inner
         base = stage[BASE]
-        gather_rows(inside, border, border_base, base, where, x, part)
-        _gather_inside(inside, size, border, base, where, x, part, held)
+        gather_outer(inside, border, code, base, outer, x, part)
+        take_own(inner, base, inside, x, held)
+        _clear_own(inner, inside, part)
         if both != 0:
-            gather_rows(inside, border, border_base, base, where, other_x, other)
-            _gather_inside(inside, size, border, base, where, other_x, other, other_held)
+            gather_outer(inside, border, code, base, outer, other_x, other)
+            take_own(inner, base, inside, other_x, other_held)
+            _clear_own(inner, inside, other)
         done = table[min(s + 1, stages - 1) * FIELDS :]
         behind = code[done[CODE] :]
         kept = matrix[done[MATRIX] :]
@@ -289,15 +287,15 @@ def _backward(
                 last = min(row + share, rows)
                 block = subtract_rows(both, row, last, behind, kept, block, stride, work)
                 row = last
-        _return(inside, size, border, border_base, base, where, part, x)
+        put_own(inner, base, inside, part, x)
         if both != 0:
-            _return(inside, size, border, border_base, base, where, other, other_x)
+            put_own(inner, base, inside, other, other_x)
         if checked != 0:
             if k > 0:
                 subtract_rows(both, row, rows, behind, kept, block, stride, work)
-                end_products(done, behind, border_base, kept, stride, work, z)
+                end_products(done, behind, code[done[OUTER] :], code, kept, stride, work, z)
                 if both != 0:
-                    end_products(done, behind, border_base, kept, stride, other, other_z)
+                    end_products(done, behind, code[done[OUTER] :], code, kept, stride, other, other_z)
             begin_products(program, matrix[stage[MATRIX] :], stride, work)
             if both != 0:
                 begin_products(program, matrix[stage[MATRIX] :], stride, other)
@@ -305,20 +303,22 @@ def _backward(
         first = code[table[CODE] :]
         kept = matrix[table[MATRIX] :]
         subtract_rows(both, 0, first[ROWS], first, kept, 0, stride, work)
-        end_products(table[0:], first, border_base, kept, stride, work, z)
+        end_products(table[0:], first, code[table[OUTER] :], code, kept, stride, work, z)
         if both != 0:
-            end_products(table[0:], first, border_base, kept, stride, other, other_z)
+            end_products(table[0:], first, code[table[OUTER] :], code, kept, stride, other, other_z)
 
 
 @native(fast=True)
 def _substitute_one(
-    checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, units: f64s,
+    checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, stride: i64, units: f64s,
     factors: f64s, matrix: f64s, work: f64s, x: f64s, z: f64s,
 ) -> None:  # fmt: skip
     """Solve with the factors, in place; where it is ``checked``, ``z -= K x`` as well."""
     for s in range(stages):
         stage = table[s * FIELDS :]
-        _forward(0, distance, stage, code[stage[CODE] :], border_base, stride, factors, work, x, x)
+        _forward(
+            0, distance, stage, code[stage[CODE] :], code[stage[OUTER] :], code, stride, factors, work, x, x
+        )
     _backward(
         0,
         checked,
@@ -326,7 +326,6 @@ def _substitute_one(
         stages,
         table,
         code,
-        border_base,
         stride,
         units,
         factors,
@@ -341,13 +340,25 @@ def _substitute_one(
 
 @native(fast=True)
 def _substitute_both(
-    checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, border_base: i64, stride: i64, units: f64s,
+    checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, stride: i64, units: f64s,
     factors: f64s, matrix: f64s, work: f64s, x: f64s, other_x: f64s, z: f64s, other_z: f64s,
 ) -> None:  # fmt: skip
     """The same for two."""
     for s in range(stages):
         stage = table[s * FIELDS :]
-        _forward(1, distance, stage, code[stage[CODE] :], border_base, stride, factors, work, x, other_x)
+        _forward(
+            1,
+            distance,
+            stage,
+            code[stage[CODE] :],
+            code[stage[OUTER] :],
+            code,
+            stride,
+            factors,
+            work,
+            x,
+            other_x,
+        )
     _backward(
         1,
         checked,
@@ -355,7 +366,6 @@ def _substitute_both(
         stages,
         table,
         code,
-        border_base,
         stride,
         units,
         factors,
@@ -391,10 +401,9 @@ def solve(
     stages: i64,
     table: i64s,
     code: i32s,
-    border_base: i64,
+    index: i32s,
     size: i64,
     stride: i64,
-    index: i32s,
     matrix: f64s,
     factors: f64s,
     scale: f64s,
@@ -443,7 +452,7 @@ def solve(
             other_solution[k] = other_scaled_rhs[k]
             other_change[k] = other_scaled_rhs[k]
         _substitute_both(
-            1, distance, stages, table, code, border_base, stride, units, factors, matrix, work, solution,
+            1, distance, stages, table, code, stride, units, factors, matrix, work, solution,
             other_solution, change, other_change,
         )  # fmt: skip
     else:
@@ -453,7 +462,6 @@ def solve(
             stages,
             table,
             code,
-            border_base,
             stride,
             units,
             factors,
@@ -467,9 +475,7 @@ def solve(
         report[1] = 1.0 * steps
         if active != 0:
             if steps > 0:
-                subtract(
-                    stages, table, code, border_base, stride, matrix, work, size, solution, scaled_rhs, change
-                )
+                subtract(stages, table, code, stride, matrix, work, size, solution, scaled_rhs, change)
             _norms(size, solution, change, norms)
             if steps == 0:
                 report[2] = norms[0] / length
@@ -479,7 +485,7 @@ def solve(
         if other_active != 0:
             if steps > 0:
                 subtract(
-                    stages, table, code, border_base, stride, matrix, work, size, other_solution, other_scaled_rhs,
+                    stages, table, code, stride, matrix, work, size, other_solution, other_scaled_rhs,
                     other_change,
                 )  # fmt: skip
             _norms(size, other_solution, other_change, norms)
@@ -490,7 +496,7 @@ def solve(
         steps += 1
         if active != 0 and other_active != 0:
             _substitute_both(
-                0, distance, stages, table, code, border_base, stride, units, factors, matrix, work, change,
+                0, distance, stages, table, code, stride, units, factors, matrix, work, change,
                 other_change, change, other_change,
             )  # fmt: skip
         elif active != 0:
@@ -500,7 +506,6 @@ def solve(
                 stages,
                 table,
                 code,
-                border_base,
                 stride,
                 units,
                 factors,
@@ -516,7 +521,6 @@ def solve(
                 stages,
                 table,
                 code,
-                border_base,
                 stride,
                 units,
                 factors,

@@ -42,6 +42,17 @@ def test_stages_of_any_width(states):
         assert kkt._by_plan
 
 
+@pytest.mark.parametrize("parameters", [1, 2, 5, 9])
+def test_unknowns_that_couple_with_every_stage(parameters):
+    """They come last, in an order of their own."""
+    rng = np.random.default_rng(parameters)
+    pattern = motion(rng, 24, parameters=parameters)
+    kkt = chain_of(pattern)
+    for _ in range(2):
+        check(kkt, pattern, generic(rng, pattern), rng)
+        assert kkt._by_plan
+
+
 def test_stages_have_nothing_in_common_but_what_they_leave():
     """The first frame's fixed state leaves nothing: what the others pivot on is not there yet."""
     rng = np.random.default_rng(5)
