@@ -232,6 +232,20 @@ def test_a_solve_that_does_not_get_on_is_started_from_fewer_frames(monkeypatch: 
     assert solution.iterations > 3 + 5
 
 
+@pytest.mark.parametrize(("lately", "expected"), [(3, ["near"]), (50, ["near", "far", "near"])])
+def test_a_solve_that_converges_when_its_steps_are_used_up_goes_on(
+    lately: int, expected: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = PENDULUM.replace("n = 400", "n = 48")
+    direct = stc.load(text).solve(fewer_first=False)
+    monkeypatch.setattr("stc.solver.sqp.SOON", direct.iterations - 2)
+    monkeypatch.setattr("stc.solver.interior.LATELY", lately)
+    places, solution = started(text)
+    assert places == expected
+    assert solution.status == "optimal"
+    assert solution.objective == pytest.approx(direct.objective, rel=1e-8)
+
+
 def test_where_fewer_frames_do_not_help_the_solve_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     text = PENDULUM.replace("n = 400", "n = 24")  # no fewer will do
     direct = stc.load(text).solve(fewer_first=False)

@@ -74,6 +74,8 @@ TOO_LITTLE = 0.99
 NEARLY_MET = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 LONG_PATIENCE = 100
+LATELY, MUCH_NEARER = 25, 0.1
+"""An attempt whose steps are used up gets so many more as long as its error has gone down so much in as many."""
 SHORTEST_FRACTION = 2e-3
 SHORTER = (10.0, 10.0, 1e3, 1e8)
 SAME_SIZE = 0.8
@@ -279,7 +281,18 @@ class _Loop:
         return self.s[PRODUCTS] > GAP * max(1.0, abs(self.it.f))
 
     def _stalled(self) -> bool:
-        return self.stall.stalled or self.nearest.waited or self.monitor.iterations >= self.last
+        return self.stall.stalled or self.nearest.waited or self._is_over()
+
+    def _is_over(self) -> bool:
+        """Whether the attempt has used up its steps; while it converges it gets more."""
+        monitor = self.monitor
+        if monitor.iterations < self.last:
+            return False
+        lately = monitor.history[-1 - LATELY :]
+        if self.tactics.budget < LATELY or not self.error <= MUCH_NEARER * lately[0].optimality:
+            return True
+        self.last = monitor.iterations + LATELY
+        return False
 
     def _outcome(self, end: End) -> Outcome:
         it = self.it

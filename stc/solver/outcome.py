@@ -32,7 +32,7 @@ class Tactics:
     Attributes:
         adaptive: choose the barrier parameter freely while that makes progress.
         largest_theta: admissible violation, relative to that of the start or to 1.
-        budget: steps after which the attempt ends.
+        budget: steps after which the attempt ends, unless it converges by then.
     """
 
     adaptive: bool = True
