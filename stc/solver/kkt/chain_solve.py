@@ -320,22 +320,8 @@ def _substitute_one(
             0, distance, stage, code[stage[CODE] :], code[stage[OUTER] :], code, stride, factors, work, x, x
         )
     _backward(
-        0,
-        checked,
-        distance,
-        stages,
-        table,
-        code,
-        stride,
-        units,
-        factors,
-        matrix,
-        work,
-        x,
-        x,
-        z,
-        z,
-    )
+        0, checked, distance, stages, table, code, stride, units, factors, matrix, work, x, x, z, z
+    )  # fmt: skip
 
 
 @native(fast=True)
@@ -347,35 +333,11 @@ def _substitute_both(
     for s in range(stages):
         stage = table[s * FIELDS :]
         _forward(
-            1,
-            distance,
-            stage,
-            code[stage[CODE] :],
-            code[stage[OUTER] :],
-            code,
-            stride,
-            factors,
-            work,
-            x,
-            other_x,
-        )
+            1, distance, stage, code[stage[CODE] :], code[stage[OUTER] :], code, stride, factors, work, x, other_x
+        )  # fmt: skip
     _backward(
-        1,
-        checked,
-        distance,
-        stages,
-        table,
-        code,
-        stride,
-        units,
-        factors,
-        matrix,
-        work,
-        x,
-        other_x,
-        z,
-        other_z,
-    )
+        1, checked, distance, stages, table, code, stride, units, factors, matrix, work, x, other_x, z, other_z
+    )  # fmt: skip
 
 
 @native(fast=True)
@@ -457,19 +419,8 @@ def solve(
         )  # fmt: skip
     else:
         _substitute_one(
-            1,
-            distance,
-            stages,
-            table,
-            code,
-            stride,
-            units,
-            factors,
-            matrix,
-            work,
-            solution,
-            change,
-        )
+            1, distance, stages, table, code, stride, units, factors, matrix, work, solution, change
+        )  # fmt: skip
     steps = 0
     while active + other_active > 0:
         report[1] = 1.0 * steps
@@ -501,34 +452,12 @@ def solve(
             )  # fmt: skip
         elif active != 0:
             _substitute_one(
-                0,
-                distance,
-                stages,
-                table,
-                code,
-                stride,
-                units,
-                factors,
-                matrix,
-                work,
-                change,
-                change,
-            )
+                0, distance, stages, table, code, stride, units, factors, matrix, work, change, change
+            )  # fmt: skip
         elif other_active != 0:
             _substitute_one(
-                0,
-                distance,
-                stages,
-                table,
-                code,
-                stride,
-                units,
-                factors,
-                matrix,
-                work,
-                other_change,
-                other_change,
-            )
+                0, distance, stages, table, code, stride, units, factors, matrix, work, other_change, other_change
+            )  # fmt: skip
         if active != 0:
             for k in range(size):
                 kept[k] = change[k]

@@ -53,6 +53,32 @@ def test_unknowns_that_couple_with_every_stage(parameters):
         assert kkt._by_plan
 
 
+@pytest.mark.parametrize("parameters", [0, 3])
+def test_solutions_are_refined(parameters):
+    """With factors that are a little wrong, of one vector or of two."""
+    rng = np.random.default_rng(parameters)
+    pattern = motion(rng, 24, parameters=parameters)
+    kkt = chain_of(pattern)
+    kkt.factorize(*generic(rng, pattern).arguments())
+    kkt._factors *= 1.0 + 1e-5 * rng.uniform(-1.0, 1.0, kkt._factors.size)
+    one, other = rng.normal(size=(2, kkt.rhs.size))
+    kkt.rhs[:] = one
+    kkt.solve_call()
+    assert kkt.report[0] < 1e-12
+    assert kkt.report[1] >= 2
+    alone = kkt.solution.copy()
+    kkt.second_rhs[:] = other
+    kkt.solve_both_call()
+    assert kkt.report[0] < 1e-12
+    np.testing.assert_allclose(kkt.solution, alone, rtol=1e-9, atol=1e-9 * np.abs(alone).max())
+    kkt.rhs[:], both = other, kkt.second_solution.copy()
+    kkt.solve_call()
+    np.testing.assert_allclose(kkt.solution, both, rtol=1e-9, atol=1e-9 * np.abs(both).max())
+    kkt.rhs[:] = 0.0
+    kkt.solve_both_call()
+    np.testing.assert_allclose(kkt.second_solution, both, rtol=1e-9, atol=1e-9 * np.abs(both).max())
+
+
 def test_stages_have_nothing_in_common_but_what_they_leave():
     """The first frame's fixed state leaves nothing: what the others pivot on is not there yet."""
     rng = np.random.default_rng(5)
