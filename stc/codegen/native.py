@@ -299,7 +299,7 @@ class NativeFunction(Generic[P, R]):
 _COMPILED = (bool, int, float, NativeFunction)
 
 
-def _source_of(filename: str) -> str:
+def _source_digest(filename: str) -> str:
     """Hash of a file's text as it is on disk, or of what was never in a file."""
     if not filename.startswith("<"):
         with contextlib.suppress(OSError):
@@ -383,7 +383,7 @@ def _reachable(roots: list[NativeFunction[..., Any]]) -> tuple[list[NativeFuncti
         filename = inner.__code__.co_filename
         if filename not in files:
             files.add(filename)
-            described.append(_source_of(filename))
+            described.append(_source_digest(filename))
         for path, value in _dependencies(inner):
             described.append(f"{path} = {value!r}")
             if isinstance(value, NativeFunction) and value not in functions:

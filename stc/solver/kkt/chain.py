@@ -83,11 +83,8 @@ class ChainKKT(PlannedKKT):
         widest = max(kind.own + kind.outer for kind in chain.kinds)
         # An odd number of blocks, with one to spare, so that columns do not fall on the same lines of a cache.
         self._stride = chain_elimination.BLOCK * ((widest + 7) // 8 + 1 | 1)
-        self._scale, self._most, *self._vectors = (
-            aligned_zeros(size + chain_elimination.BLOCK) for _ in range(10)
-        )
-        self._scale = self._scale[:size]
-        self._scale[:] = 1.0
+        self._vectors = [aligned_zeros(size + chain_elimination.BLOCK) for _ in range(8)]
+        self._scale, self._most = np.ones(size), np.zeros(size)
         self._place = np.empty(size, dtype=np.int32)
         self._place[chain.order] = np.arange(size)
         self._index = chain.order.astype(np.int32)

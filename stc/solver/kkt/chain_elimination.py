@@ -58,6 +58,7 @@ __all__ = [
     "eliminate",
     "entries_at",
     "gather_outer",
+    "gather_rows",
     "padded",
     "put_own",
     "share_of",
@@ -104,25 +105,34 @@ def entries_at(program: i32s) -> i64:
 
 
 @native(fast=True, inline=True)
-def gather_outer(inside: i64, border: i64, ends: i32s, base: i64, outer: i32s, x: f64s, part: f64s) -> None:
-    """Bring what a vector has for B and F to ``part``; ``inside`` is the first row of U."""
+def gather_outer(stage: i64s, code: i32s, x: f64s, part: f64s) -> None:
+    """Bring what a vector has for B and F to ``part``."""
+    program = code[stage[CODE] :]
+    outer = code[stage[OUTER] :]
+    own = x[stage[BASE] :]
+    border = program[BORDER]
     for k in range(border):
-        part[k] = x[ends[k]]
-    own = x[base:]
-    for k in range(border, inside):
+        part[k] = x[code[k]]
+    for k in range(border, program[SIZE] - program[INSIDE]):
         part[k] = own[outer[k - border]]
 
 
 @native(inline=True)
-def take_own(count: i64, base: i64, inside: i64, x: f64s, part: f64s) -> None:
-    """The same for the ``count`` unknowns of U; up to seven numbers behind them change as well."""
-    for k in range(0, count, BLOCK):
-        store8(part, inside + k, load8(x, base + k))
+def take_own(stage: i64s, code: i32s, x: f64s, part: f64s) -> None:
+    """The same for U; up to seven numbers behind change as well."""
+    program = code[stage[CODE] :]
+    inside = program[SIZE] - program[INSIDE]
+    for k in range(0, program[INSIDE], BLOCK):
+        store8(part, inside + k, load8(x, stage[BASE] + k))
 
 
 @native(inline=True)
-def put_own(count: i64, base: i64, inside: i64, part: f64s, x: f64s) -> None:
+def put_own(stage: i64s, code: i32s, part: f64s, x: f64s) -> None:
     """The opposite, where nothing else changes."""
+    program = code[stage[CODE] :]
+    base = stage[BASE]
+    count = program[INSIDE]
+    inside = program[SIZE] - count
     whole = count // BLOCK * BLOCK
     for k in range(0, whole, BLOCK):
         store8(x, base + k, load8(part, inside + k))
@@ -131,8 +141,18 @@ def put_own(count: i64, base: i64, inside: i64, part: f64s, x: f64s) -> None:
 
 
 @native(fast=True, inline=True)
-def _measure(program: i32s, outer: i32s, ends: i32s, base: i64, kept: f64s, peaks: f64s, most: f64s) -> None:
+def gather_rows(stage: i64s, code: i32s, x: f64s, part: f64s) -> None:
+    """Bring what a vector has for all rows of a window to ``part``; up to seven numbers behind change as well."""
+    gather_outer(stage, code, x, part)
+    take_own(stage, code, x, part)
+
+
+@native(fast=True, inline=True)
+def _measure(stage: i64s, code: i32s, kept: f64s, peaks: f64s, most: f64s) -> None:
     """Raise ``most`` to the largest magnitudes of the rows of a stage; ``peaks`` is room for nine times its rows."""
+    program = code[stage[CODE] :]
+    outer = code[stage[OUTER] :]
+    base = stage[BASE]
     size = program[SIZE]
     border = program[BORDER]
     own = program[INSIDE]
@@ -163,7 +183,7 @@ def _measure(program: i32s, outer: i32s, ends: i32s, base: i64, kept: f64s, peak
         store8(by_row, BLOCK * i, high)
     for k in range(border):
         high_k = max(peaks[k], largest8(load8(by_row, BLOCK * k)))
-        most[ends[k]] = max(most[ends[k]], high_k)
+        most[code[k]] = max(most[code[k]], high_k)
     beyond = most[base:]
     for k in range(border, inside):
         to = outer[k - border]
@@ -174,20 +194,16 @@ def _measure(program: i32s, outer: i32s, ends: i32s, base: i64, kept: f64s, peak
 
 
 @native(fast=True)
-def _begin(
-    stage: i64s, program: i32s, outer: i32s, ends: i32s, index: i32s, diagonal: f64s, scale: f64s, kept: f64s
-) -> None:  # fmt: skip
+def _begin(stage: i64s, code: i32s, index: i32s, diagonal: f64s, scale: f64s, kept: f64s) -> None:
     """Keep the scale and the diagonal of a stage."""
+    program = code[stage[CODE] :]
     size = program[SIZE]
-    count = program[INSIDE]
-    base = stage[BASE]
-    gather_outer(size - count, program[BORDER], ends, base, outer, scale, kept)
-    take_own(count, base, size - count, scale, kept)
+    gather_rows(stage, code, scale, kept)
     for k in range(size, padded(size)):
         kept[k] = 0.0
     own = kept[padded(size) :]
-    for k in range(0, count, BLOCK):
-        store8(own, k, gather8(diagonal, index, base + k))
+    for k in range(0, program[INSIDE], BLOCK):
+        store8(own, k, gather8(diagonal, index, stage[BASE] + k))
 
 
 @native(fast=True)
@@ -232,15 +248,16 @@ def _complete(program: i32s, stride: i64, kept: f64s, left: f64s, window: f64s) 
 
 @native(fast=True, inline=True)
 def _take_panels(
-    stage: i64s, program: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, more: i64, following: i64s,
-    coming: i32s, outer: i32s, ends: i32s, source: i32s, index: i32s, given: f64s, diagonal: f64s, scale: f64s,
-    ahead: f64s, beside: f64s, state: f64s,
+    stage: i64s, code: i32s, stride: i64, masks: f64s, window: f64s, factors: f64s, more: i64, following: i64s,
+    source: i32s, index: i32s, given: f64s, diagonal: f64s, scale: f64s, ahead: f64s, beside: f64s, state: f64s,
 ) -> None:  # fmt: skip
     """Take the unknowns of a stage out of the window, while the ``following`` one comes to that ``beside``.
 
     It does, but for its diagonal, where there is one ``more``.  A slice of this goes between the corner of each panel
     and its rows: in the first half of the panels entries are copied, in the second one they are brought to the window.
     """
+    program = code[stage[CODE] :]
+    coming = code[following[CODE] :]
     entries = ahead[entries_at(coming) :]
     sources = source[following[SOURCES] :]
     cleared = coming[coming[CLEARED_AT] :]
@@ -265,7 +282,7 @@ def _take_panels(
         own = factors[stage[FACTORS] + places[2 * p + 1] :]
         invert_corner(panel, stride, window, own, state)
         if p == 0 and more != 0:
-            _begin(following, coming, outer, ends, index, diagonal, scale, ahead)
+            _begin(following, code, index, diagonal, scale, ahead)
         if p < half:
             to_clear = min(at_clear + clears, last_clear)
             to_copy = min(at_copy + copies, last_copy)
@@ -279,7 +296,7 @@ def _take_panels(
             at_place = to_place
         take_panel(distance, panel, stride, masks, window, own, state)
     if count == 0 and more != 0:
-        _begin(following, coming, outer, ends, index, diagonal, scale, ahead)
+        _begin(following, code, index, diagonal, scale, ahead)
     _clear(at_clear, last_clear, cleared, beside)
     _copy(at_copy, last_copy, sources, given, entries)
     _place(at_place, last_place, blocks, stride, ahead, entries, beside)
@@ -358,7 +375,7 @@ def eliminate(
     first = code[table[CODE] :]
     kept = matrix[table[MATRIX] :]
     entries = kept[entries_at(first) :]
-    _begin(table, first, code[table[OUTER] :], code, index, diagonal, own_scale, kept)
+    _begin(table, code, index, diagonal, own_scale, kept)
     _clear(0, first[CLEARED], first[first[CLEARED_AT] :], windows)
     _copy(0, first[ENTRIES], source[table[SOURCES] :], given, entries)
     _place(0, first[BLOCKS], first[first[BLOCKS_AT] :], stride, kept, entries, windows)
@@ -371,12 +388,11 @@ def eliminate(
         more = 1 if s + 1 < stages else 0
         following = table[(s + more) * FIELDS :]
         _take_panels(
-            stage, program, stride, masks, window, factors, more, following, code[following[CODE] :],
-            code[following[OUTER] :], code, source, index, given, diagonal, own_scale,
+            stage, code, stride, masks, window, factors, more, following, source, index, given, diagonal, own_scale,
             matrix[following[MATRIX] :], windows[(s + 1) % 2 * stride * stride :], state,
         )  # fmt: skip
         if watched != 0:
-            _measure(program, code[stage[OUTER] :], code, stage[BASE], kept, peaks, most)
+            _measure(stage, code, kept, peaks, most)
         worst = worst_test(growth, suspect, state)
         if not (worst < 1.0):
             return REFUSED

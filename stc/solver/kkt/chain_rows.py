@@ -22,9 +22,8 @@ from stc.solver.kkt.chain_elimination import (
     ROWS_AT,
     SIZE,
     entries_at,
-    gather_outer,
+    gather_rows,
     padded,
-    take_own,
 )
 
 __all__ = ["HELD", "VECTORS", "begin_products", "end_products", "subtract", "subtract_rows"]
@@ -92,10 +91,10 @@ def begin_products(program: i32s, kept: f64s, stride: i64, work: f64s) -> None:
 
 
 @native(fast=True, inline=True)
-def end_products(
-    stage: i64s, program: i32s, outer: i32s, ends: i32s, kept: f64s, stride: i64, work: f64s, z: f64s
-) -> None:
+def end_products(stage: i64s, code: i32s, kept: f64s, stride: i64, work: f64s, z: f64s) -> None:
     """Subtract the products of a stage from ``z``."""
+    program = code[stage[CODE] :]
+    outer = code[stage[OUTER] :]
     size = program[SIZE]
     border = program[BORDER]
     base = stage[BASE]
@@ -113,7 +112,7 @@ def end_products(
     for k in range(0, size, BLOCK):
         store8(sums, k, load8(sums, k) * load8(kept, k))
     for k in range(border):
-        z[ends[k]] -= sums[k]
+        z[code[k]] -= sums[k]
     beyond = z[base:]
     for k in range(border, inside):
         beyond[outer[k - border]] -= sums[k]
@@ -136,12 +135,7 @@ def subtract(
         stage = table[s * FIELDS :]
         program = code[stage[CODE] :]
         kept = matrix[stage[MATRIX] :]
-        outer = code[stage[OUTER] :]
-        base = stage[BASE]
-        own = program[INSIDE]
-        inside = program[SIZE] - own
-        gather_outer(inside, program[BORDER], code, base, outer, x, work)
-        take_own(own, base, inside, x, work)
+        gather_rows(stage, code, x, work)
         begin_products(program, kept, stride, work)
         subtract_rows(0, 0, program[ROWS], program, kept, 0, stride, work)
-        end_products(stage, program, outer, code, kept, stride, work, z)
+        end_products(stage, code, kept, stride, work, z)

@@ -23,6 +23,7 @@ from stc.solver.kkt.chain_elimination import (
     ROWS,
     SIZE,
     gather_outer,
+    gather_rows,
     put_own,
     share_of,
     take_own,
@@ -39,12 +40,15 @@ ONE, UNITS = 11, 24
 
 
 @native(fast=True, inline=True)
-def _return_outer(inside: i64, border: i64, ends: i32s, base: i64, outer: i32s, part: f64s, x: f64s) -> None:
+def _return_outer(stage: i64s, code: i32s, part: f64s, x: f64s) -> None:
     """The opposite of ``gather_outer``."""
+    program = code[stage[CODE] :]
+    outer = code[stage[OUTER] :]
+    own = x[stage[BASE] :]
+    border = program[BORDER]
     for k in range(border):
-        x[ends[k]] = part[k]
-    own = x[base:]
-    for k in range(border, inside):
+        x[code[k]] = part[k]
+    for k in range(border, program[SIZE] - program[INSIDE]):
         own[outer[k - border]] = part[k]
 
 
@@ -177,23 +181,17 @@ def _backward_one(panel: i32s, factors: f64s, units: f64s, part: f64s, held: f64
 
 @native(fast=True, inline=True)
 def _forward(
-    both: i64, distance: i64, stage: i64s, program: i32s, outer: i32s, ends: i32s, stride: i64, factors: f64s,
-    work: f64s, x: f64s, other_x: f64s,
+    both: i64, distance: i64, stage: i64s, code: i32s, stride: i64, factors: f64s, work: f64s, x: f64s, other_x: f64s
 ) -> None:  # fmt: skip
     """L and D of one stage, in place."""
     part = work
     held = work[HELD * stride :]
     other_part = work[VECTORS * stride :]
     other_held = other_part[HELD * stride :]
-    border = program[BORDER]
-    count = program[INSIDE]
-    inside = program[SIZE] - count
-    base = stage[BASE]
-    gather_outer(inside, border, ends, base, outer, x, part)
-    take_own(count, base, inside, x, part)
+    program = code[stage[CODE] :]
+    gather_rows(stage, code, x, part)
     if both != 0:
-        gather_outer(inside, border, ends, base, outer, other_x, other_part)
-        take_own(count, base, inside, other_x, other_part)
+        gather_rows(stage, code, other_x, other_part)
     panels = program[program[PANELS_AT] :]
     places = program[program[PLACES_AT] :]
     for p in range(program[PANELS]):
@@ -213,16 +211,21 @@ def _forward(
             _forward_one(panel, own, part, held)
             if both != 0:
                 _forward_one(panel, own, other_part, other_held)
-    _return_outer(inside, border, ends, base, outer, part, x)
-    put_own(count, base, inside, held, x)
+    _return_outer(stage, code, part, x)
+    put_own(stage, code, held, x)
     if both != 0:
-        _return_outer(inside, border, ends, base, outer, other_part, other_x)
-        put_own(count, base, inside, other_held, other_x)
+        _return_outer(stage, code, other_part, other_x)
+        put_own(stage, code, other_held, other_x)
 
 
-@native(inline=True)
-def _clear_own(count: i64, inside: i64, part: f64s) -> None:
-    for k in range(0, count, BLOCK):
+@native(fast=True, inline=True)
+def _hold_own(stage: i64s, code: i32s, x: f64s, part: f64s, held: f64s) -> None:
+    """Bring what a vector has for B and F to ``part``, which is 0 for U, and U's to ``held``."""
+    program = code[stage[CODE] :]
+    inside = program[SIZE] - program[INSIDE]
+    gather_outer(stage, code, x, part)
+    take_own(stage, code, x, held)
+    for k in range(0, program[INSIDE], BLOCK):
         store8(part, inside + k, splat8(0.0))
 
 
@@ -243,18 +246,9 @@ def _backward(
         s = stages - 1 - k
         stage = table[s * FIELDS :]
         program = code[stage[CODE] :]
-        outer = code[stage[OUTER] :]
-        border = program[BORDER]
-        inner = program[INSIDE]
-        inside = program[SIZE] - inner
-        base = stage[BASE]
-        gather_outer(inside, border, code, base, outer, x, part)
-        take_own(inner, base, inside, x, held)
-        _clear_own(inner, inside, part)
+        _hold_own(stage, code, x, part, held)
         if both != 0:
-            gather_outer(inside, border, code, base, outer, other_x, other)
-            take_own(inner, base, inside, other_x, other_held)
-            _clear_own(inner, inside, other)
+            _hold_own(stage, code, other_x, other, other_held)
         done = table[min(s + 1, stages - 1) * FIELDS :]
         behind = code[done[CODE] :]
         kept = matrix[done[MATRIX] :]
@@ -287,15 +281,15 @@ def _backward(
                 last = min(row + share, rows)
                 block = subtract_rows(both, row, last, behind, kept, block, stride, work)
                 row = last
-        put_own(inner, base, inside, part, x)
+        put_own(stage, code, part, x)
         if both != 0:
-            put_own(inner, base, inside, other, other_x)
+            put_own(stage, code, other, other_x)
         if checked != 0:
             if k > 0:
                 subtract_rows(both, row, rows, behind, kept, block, stride, work)
-                end_products(done, behind, code[done[OUTER] :], code, kept, stride, work, z)
+                end_products(done, code, kept, stride, work, z)
                 if both != 0:
-                    end_products(done, behind, code[done[OUTER] :], code, kept, stride, other, other_z)
+                    end_products(done, code, kept, stride, other, other_z)
             begin_products(program, matrix[stage[MATRIX] :], stride, work)
             if both != 0:
                 begin_products(program, matrix[stage[MATRIX] :], stride, other)
@@ -303,9 +297,9 @@ def _backward(
         first = code[table[CODE] :]
         kept = matrix[table[MATRIX] :]
         subtract_rows(both, 0, first[ROWS], first, kept, 0, stride, work)
-        end_products(table[0:], first, code[table[OUTER] :], code, kept, stride, work, z)
+        end_products(table[0:], code, kept, stride, work, z)
         if both != 0:
-            end_products(table[0:], first, code[table[OUTER] :], code, kept, stride, other, other_z)
+            end_products(table[0:], code, kept, stride, other, other_z)
 
 
 @native(fast=True)
@@ -316,9 +310,7 @@ def _substitute_one(
     """Solve with the factors, in place; where it is ``checked``, ``z -= K x`` as well."""
     for s in range(stages):
         stage = table[s * FIELDS :]
-        _forward(
-            0, distance, stage, code[stage[CODE] :], code[stage[OUTER] :], code, stride, factors, work, x, x
-        )
+        _forward(0, distance, stage, code, stride, factors, work, x, x)
     _backward(
         0, checked, distance, stages, table, code, stride, units, factors, matrix, work, x, x, z, z
     )  # fmt: skip
@@ -332,9 +324,7 @@ def _substitute_both(
     """The same for two."""
     for s in range(stages):
         stage = table[s * FIELDS :]
-        _forward(
-            1, distance, stage, code[stage[CODE] :], code[stage[OUTER] :], code, stride, factors, work, x, other_x
-        )  # fmt: skip
+        _forward(1, distance, stage, code, stride, factors, work, x, other_x)
     _backward(
         1, checked, distance, stages, table, code, stride, units, factors, matrix, work, x, other_x, z, other_z
     )  # fmt: skip

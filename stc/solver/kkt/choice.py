@@ -52,11 +52,9 @@ def new_system(
     stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
     numbered = number_stages(couplings, stage, held)
     if numbered is not None:
+        # Each family is loaded where it is needed: hardly a process needs both.
         if suits_chain(couplings, numbered):
-            from stc.solver.kkt.chain import (
-                ChainKKT,
-                find_chain,
-            )  # most sparsities need only one of two families
+            from stc.solver.kkt.chain import ChainKKT, find_chain
 
             chain = find_chain(couplings, numbered)
             if chain is not None:
