@@ -7,14 +7,11 @@ for one; in wide ones the vectors can be filled by rows of a stage instead.  Wha
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
 from stc.codegen.calls import Bound
-from stc.codegen.native import NativeFunction
 from stc.solver.kkt import attempts, chain_elimination, pivots, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.chain_elimination import eliminate
@@ -28,6 +25,7 @@ from stc.solver.kkt.plan_choice import Plans, Prepared
 from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, PlannedKKT, new_state, reading_distance
 from stc.solver.kkt.segmented_passes import equilibrate_all
 from stc.solver.kkt.segments import Numbered
+from stc.solver.nlp import Floats
 
 __all__ = ["ChainKKT", "find_chain"]
 
@@ -188,14 +186,21 @@ class ChainKKT(PlannedKKT):
             int(operations[which].sum()), bool(self._curvatures[0]),
         )  # fmt: skip
 
-    def _solver(self, plan: Prepared) -> tuple[NativeFunction[..., None], tuple[Any, ...]]:
+    def _prepare_solve(
+        self,
+        plan: Prepared,
+        place: int,
+        refinements: int,
+        vectors: tuple[Floats, ...],
+        reports: tuple[Floats, Floats],
+    ) -> Bound:
         """See ``PlannedKKT``."""
         kept, scale = plan.space
-        common = (
-            self.accuracy, reading_distance(plan.factors), *plan.tables, self._index.size, self._stride, kept,
-            plan.factors, scale, self._units, self._work, np.zeros(2),
+        return solve.bind(
+            int(place == plan_calls.SOLVE_BOTH), refinements, self.accuracy, reading_distance(plan.factors),
+            *plan.tables, self._index.size, self._stride, kept, plan.factors, scale, self._units, self._work,
+            np.zeros(2), *vectors, *reports,
         )  # fmt: skip
-        return solve, common
 
 
 def _outer_places(

@@ -30,7 +30,7 @@ from stc.solver.kkt.chain_elimination import (
 )
 from stc.solver.kkt.chain_rows import HELD, VECTORS, begin_products, end_products, subtract, subtract_rows
 from stc.solver.kkt.lane_panel import ask_ahead, ask_behind
-from stc.solver.kkt.segmented_passes import bring_scaled, return_scaled
+from stc.solver.kkt.segmented_parts import bring_scaled, return_scaled
 from stc.solver.kkt.substitution import improves
 
 __all__ = ["ONE", "UNITS", "solve"]

@@ -181,14 +181,16 @@ def subtract_segments(
     x: f64s,
     y: f64s,
     z: f64s,
+    left: f64s,
     other_x: f64s,
     other_y: f64s,
     other_z: f64s,
+    other_left: f64s,
     work: f64s,
     part: f64s,
     norms: f64s,
 ) -> None:
-    """``z = y - K x`` for the rows of segments; from the other rows of z, their entries' part is subtracted.
+    """``z = y - K x`` for the rows of segments; from other rows, those of ``left``, their entries' part is subtracted.
 
     Args:
         both: 1 to do the same with ``other_x``, ``other_y``, ``other_z`` in the same pass; a constant.
@@ -285,9 +287,9 @@ def subtract_segments(
                         stream8(other_z, here + 8 * k, value)
                     else:
                         store8(other_z, here + 8 * k, value)
-        add_outside(group, index, part, z)
+        add_outside(group, index, part, left)
         if both != 0:
-            add_outside(group, index, other_part, other_z)
+            add_outside(group, index, other_part, other_left)
     norms[0] = largest8(high_x)
     norms[1] = largest8(high_z) + sum8(check)
     norms[2] = largest8(high_other_x)

@@ -202,12 +202,12 @@ def _carry_back(back: i64, step: i64, group: i64s, index: i32s, code: i32s, y: f
 @native(fast=True, inline=True)
 def forward(
     both: i64, distance: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, x: f64s, y: f64s,
-    other_x: f64s, other_y: f64s, part: f64s,
+    left: f64s, other_x: f64s, other_y: f64s, other_left: f64s, part: f64s,
 ) -> None:  # fmt: skip
-    """Forward substitution and division by D from ``x`` to ``y``, whose entries outside the segments change.
+    """Forward substitution and division by D from ``x`` to ``y``; what is left for others is added to ``left``.
 
     Args:
-        both: 1 to do the same from ``other_x`` to ``other_y`` in the same pass; a constant.
+        both: 1 to do the same from ``other_x`` to ``other_y`` and ``other_left`` in the same pass; a constant.
         distance: how far ahead memory is asked for, which is written past the caches then; 0 where it is near.
         groups, table, index, code, factors: see ``eliminate``.
         part: work space, for two vectors when ``both``.
@@ -247,9 +247,9 @@ def forward(
             put_vectors(distance, own, part, here, y)
             if both != 0:
                 put_vectors(distance, own, other, here, other_y)
-        add_outside(group, index, part, y)
+        add_outside(group, index, part, left)
         if both != 0:
-            add_outside(group, index, other, other_y)
+            add_outside(group, index, other, other_left)
 
 
 @native(fast=True, inline=True)

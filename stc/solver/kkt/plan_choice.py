@@ -61,7 +61,7 @@ class Prepared:
     tables: tuple[Any, ...]
     factors: Floats
     state: Floats
-    space: tuple[Floats, Floats]
+    space: tuple[Floats, ...]
     equilibrate: Bound
     operations: int
     curved: bool  # whether H was not zero when it was made

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros, scattered
 from stc.codegen.calls import Bound, CallTable, chain_until
-from stc.codegen.native import NativeFunction
 from stc.solver.kkt import plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
@@ -27,7 +26,7 @@ from stc.solver.kkt.segmented_passes import diagonal_of
 from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
-__all__ = ["GROWTH", "INVERSE", "ROOM", "PlannedKKT", "Rest", "new_state"]
+__all__ = ["GROWTH", "INVERSE", "ROOM", "WHOLE", "PlannedKKT", "Rest", "new_state"]
 
 #: No product that is subtracted may exceed this, nor any entry of an inverted pivot, in the equilibrated matrix.
 GROWTH = 1e16
@@ -175,8 +174,21 @@ class PlannedKKT(ByCopies):
         """Prepare the calls that depend on the plan; ``slot`` is its place in the table."""
 
     @abstractmethod
-    def _solver(self, plan: Prepared) -> tuple[NativeFunction[..., None], tuple[Any, ...]]:
-        """What solves by a plan, and its arguments between ``refinements`` and the right-hand sides."""
+    def _prepare_solve(
+        self,
+        plan: Prepared,
+        place: int,
+        refinements: int,
+        vectors: tuple[Floats, ...],
+        reports: tuple[Floats, Floats],
+    ) -> Bound:
+        """Prepare a solve by a plan.
+
+        Args:
+            place: PROBE, SOLVE or SOLVE_BOTH, which is for two right-hand sides.
+            vectors: for either right-hand side: itself, ``_vectors``, the solution.
+            reports: of either; see ``substitution.REPORT``.
+        """
 
     def _own_diagonal(self) -> Floats:
         """The diagonal of H and -d, of all unknowns but those added."""
@@ -416,18 +428,19 @@ class PlannedKKT(ByCopies):
             FINE, self.inertia, self.accuracy, self._tally,
         )  # fmt: skip
         plan.is_accurate = plan_calls.is_accurate.bind(cells, plan.slot, report, plan.state)
-        solver, common = self._solver(plan)
         half = len(self._vectors) // 2
         one, other, arrays = self._vectors[:half], self._vectors[half:], self._arrays
         second = arrays.second_rhs, *other, arrays.second_solution
-        both = arrays.rhs, *one, arrays.solution, *second, self.report, np.zeros(REPORT)
-        probe = self._probe_rhs, *one, self._probe_result, *second, report, np.zeros(REPORT)
-        for place, call in (
-            (plan_calls.PROBE, solver.bind(0, 0, *common, *probe)),
-            (plan_calls.END, end),
-            (plan_calls.SOLVE, solver.bind(0, REFINEMENTS, *common, *both)),
-            (plan_calls.SOLVE_BOTH, solver.bind(1, REFINEMENTS, *common, *both)),
+        both = arrays.rhs, *one, arrays.solution, *second
+        probe = self._probe_rhs, *one, self._probe_result, *second
+        beside = np.zeros(REPORT)
+        self._calls.put(plan_calls.CALLS * plan.slot + plan_calls.END, end)
+        for place, refinements, vectors, told in (
+            (plan_calls.PROBE, 0, probe, report),
+            (plan_calls.SOLVE, REFINEMENTS, both, self.report),
+            (plan_calls.SOLVE_BOTH, REFINEMENTS, both, self.report),
         ):
+            call = self._prepare_solve(plan, place, refinements, vectors, (told, beside))
             self._calls.put(plan_calls.CALLS * plan.slot + place, call)
         plan.bindings = self._rest.bindings
 

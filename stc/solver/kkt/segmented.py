@@ -6,28 +6,52 @@ stages go through ``FrontalKKT``.
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
-from stc.codegen.native import NativeFunction
+from stc.codegen.calls import Bound, CallTable
+from stc.codegen.threads import Record, parallel, record
 from stc.solver.kkt import lanes, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import SWEEPS, FrontalKKT
-from stc.solver.kkt.lane_panel import DISTANCE, PANEL
+from stc.solver.kkt.lane_panel import DISTANCE, PANEL, STATE
 from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
-from stc.solver.kkt.lane_tables import code_of, lay_out
+from stc.solver.kkt.lane_tables import Layout, code_of, lay_out
 from stc.solver.kkt.lane_values import sizes_of
 from stc.solver.kkt.plan_choice import Plans, Prepared
-from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, PlannedKKT, new_state, reading_distance
+from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, WHOLE, PlannedKKT, new_state, reading_distance
 from stc.solver.kkt.seams import sew
+from stc.solver.kkt.segmented_parts import (
+    BACKWARD,
+    CALLS,
+    FORWARD,
+    NORMS,
+    PROGRESS,
+    RETURN,
+    SPREADS,
+    backward_part,
+    eliminate_part,
+    forward_part,
+    return_part,
+)
 from stc.solver.kkt.segmented_passes import eliminate_all, equilibrate_all, solve_all
-from stc.solver.kkt.segments import LANES, Segmentation
+from stc.solver.kkt.segments import Segmentation
+from stc.solver.nlp import Floats
 
 __all__ = ["SegmentedKKT"]
+
+#: Calls of the parts, in a table that has so many for each plan: the elimination, then the phases of each solve.
+ELIMINATE = 0
+PHASES_OF = {
+    place: 1 + CALLS * number
+    for number, place in enumerate((plan_calls.PROBE, plan_calls.SOLVE, plan_calls.SOLVE_BOTH))
+}
+CALLS_OF_PLAN = 1 + CALLS * len(PHASES_OF)
 
 
 class SegmentedKKT(PlannedKKT):
@@ -70,6 +94,15 @@ class SegmentedKKT(PlannedKKT):
             layout.places[sewn.couplings.second[entry]],
             self._source[entry].copy(),
         )
+        widest = max(kind.size for kind in self._kinds)
+        ends = np.cumsum((0, *found.parts)).tolist()
+        self._parts = [_Part(range(begin, end), layout, widest) for begin, end in itertools.pairwise(ends)]
+        others = len(self._parts) - 1
+        self._left_entries = np.zeros((others, self._rest_system.given.size))
+        self._left_most = np.zeros((others, layout.length))
+        self._left = np.zeros((others, layout.length)), np.zeros((others, layout.length))
+        self._part_calls = CallTable(CALLS_OF_PLAN * WHOLE)
+        self._paces = [record() for _ in range(1 + 2 * CALLS)]
         nothing = [np.zeros(kind.size * (kind.size + 1) // 2, dtype=bool) for kind in self._kinds]
         first = self._prepare([Program([], used, 0, 0) for used in nothing], 0)  # for equilibration
         self._plans = Plans(couplings.size, first)
@@ -99,21 +132,38 @@ class SegmentedKKT(PlannedKKT):
         code = code_of(layout.table, groups, self._kinds, programs)
         last = layout.table[-1]
         vectors = int(last[lanes.FACTORS] + last[lanes.STEPS] * last[lanes.FACTOR_STEP])
-        widest = max(kind.size for kind in self._kinds)
         if self._factors.size < 8 * vectors:
             self._factors = aligned_zeros(int(ROOM * 8 * vectors))
         factors = self._factors[: 8 * vectors]
         state = new_state(factors)
+        states = aligned_zeros(STATE * len(self._parts))
         tables = len(groups), layout.table.reshape(-1).copy(), layout.index, code
-        work, part = aligned_zeros(16 * widest), aligned_zeros(16 * widest)
         outside = layout.outer, rest.unknowns.size, rest.entry.size
+        spreads = aligned_zeros(SPREADS * len(self._parts))
+        calls = []
+        for number, part in enumerate(self._parts):
+            own_state = states[STATE * number :][:STATE]
+            own_state[:] = state
+            first = number == 0
+            left = self._rest_system.given if first else self._left_entries[number - 1]
+            most = self._most if first else self._left_most[number - 1]
+            calls.append(
+                eliminate_part.bind(
+                    *part.tables(tables), 1.0 / GROWTH, 1.0 / INVERSE, given, self._diagonal, self._scale, left,
+                    part.triangle, part.work, part.columns, part.made, self._matrix, part.vector, most,
+                    spreads[SPREADS * number :], factors, own_state, 0 if first else left.size, layout.outer,
+                    0 if first else rest.unknowns.size,
+                )
+            )  # fmt: skip
+        place = CALLS_OF_PLAN * slot
+        self._part_calls.put(place + ELIMINATE, _side_by_side(calls, self._paces[ELIMINATE]))
         eliminate = eliminate_all.bind(
-            *tables, 1.0 / GROWTH, 1.0 / INVERSE, given, self._diagonal, self._scale, self._rest_system.given,
-            aligned_zeros(4 * widest * (widest + 1)), work,
-            aligned_zeros(16 * PANEL * (widest + PANEL)), aligned_zeros(8 * PANEL * (widest + PANEL)), self._matrix,
-            part, self._most, aligned_zeros(2 * LANES), factors, state, *outside, rest.target, *self._rest_entries,
+            self._part_calls.cells, place + ELIMINATE, len(self._parts), states, spreads, self._left_entries.shape[1],
+            self._left_entries.reshape(-1), self._left_most.reshape(-1), layout.index, given, self._diagonal,
+            self._scale, self._most, self._rest_system.given, state, *outside, rest.target, *self._rest_entries,
             rest.couplings.n, rest.couplings.jac_count, self._rest_matrix,
         )  # fmt: skip
+        work = self._parts[0]
         equilibrate = equilibrate_all.bind(
             SWEEPS,
             int(state[DISTANCE]),
@@ -124,23 +174,95 @@ class SegmentedKKT(PlannedKKT):
             self._diagonal,
             self._scale,
             self._most,
-            work,
-            part,
+            work.work,
+            work.vector,
         )
         operations = sum(
             group.segments * len(group.stages) * programs[group.kind].operations for group in groups
         )
         self._calls.put(plan_calls.CALLS * slot + plan_calls.ELIMINATE, eliminate)
         self._calls.put(plan_calls.CALLS * slot + plan_calls.EQUILIBRATE, equilibrate)
-        curved = bool(self._curvatures[0])
-        return Prepared(slot, tables, factors, state, (work, part), equilibrate, operations, curved)
+        return Prepared(slot, tables, factors, state, (), equilibrate, operations, bool(self._curvatures[0]))
 
-    def _solver(self, plan: Prepared) -> tuple[NativeFunction[..., None], tuple[Any, ...]]:
+    def _prepare_solve(
+        self,
+        plan: Prepared,
+        place: int,
+        refinements: int,
+        vectors: tuple[Floats, ...],
+        reports: tuple[Floats, Floats],
+    ) -> Bound:
         """See ``PlannedKKT``."""
-        layout, rest_factors = self._layout, self._rest_system.factors_in_order()
-        common = (
-            self.accuracy, reading_distance(plan.factors), *plan.tables, layout.outer, layout.rest.unknowns.size,
-            layout.rest.entry.size, *self._rest_entries[:2], plan.factors, self._matrix, self._rest_matrix,
-            self._scale, *plan.space, np.zeros(4), *rest_factors,
+        layout, both = self._layout, int(place == plan_calls.SOLVE_BOTH)
+        half = len(vectors) // 2
+        rhs, scaled_rhs, solution, change, between, kept, result = vectors[:half]
+        other_rhs, other_scaled_rhs, other_solution, other_change, other_between, other_kept, other_result = (
+            vectors[half:]
+        )
+        outer, rest, distance = layout.outer, layout.rest, reading_distance(plan.factors)
+        progress, norms = np.zeros(PROGRESS, dtype=np.int64), np.zeros(NORMS * len(self._parts))
+        left, other_left = self._left
+        phases: tuple[list[Bound], ...] = [], [], []
+        for number, part in enumerate(self._parts):
+            # What the first part leaves goes to the rest at once.
+            first = number == 0
+            own_norms = norms[NORMS * number :]
+            span = part.begin, part.end, outer, 0 if first else rest.unknowns.size
+            common = both, distance, *part.tables(plan.tables), plan.factors
+            phases[FORWARD].append(
+                forward_part.bind(
+                    *common, part.vector, progress, own_norms, *span, self._scale, rhs, scaled_rhs, change, between,
+                    between if first else left[number - 1], other_rhs, other_scaled_rhs, other_change, other_between,
+                    other_between if first else other_left[number - 1],
+                )
+            )  # fmt: skip
+            phases[BACKWARD].append(
+                backward_part.bind(
+                    *common, self._matrix, part.work, part.vector, progress, own_norms, *span, between, kept, solution,
+                    scaled_rhs, change, change if first else left[number - 1], other_between, other_kept,
+                    other_solution, other_scaled_rhs, other_change,
+                    other_change if first else other_left[number - 1],
+                )
+            )  # fmt: skip
+            phases[RETURN].append(
+                return_part.bind(
+                    both, part.begin, part.end, layout.index, self._scale, solution, result, other_solution,
+                    other_result,
+                )
+            )  # fmt: skip
+        begin = CALLS_OF_PLAN * plan.slot + PHASES_OF[place]
+        for phase, calls in enumerate(phases):
+            pace = self._paces[1 + len(phases) * both + phase]
+            self._part_calls.put(begin + phase, _side_by_side(calls, pace))
+        return solve_all.bind(
+            both, refinements, self.accuracy, self._part_calls.cells, begin, len(self._parts), progress, norms,
+            np.zeros(2), left.reshape(-1), other_left.reshape(-1), layout.index, outer, rest.unknowns.size,
+            rest.entry.size, *self._rest_entries[:2], self._rest_matrix, self._scale,
+            *self._rest_system.factors_in_order(), *vectors, *reports,
         )  # fmt: skip
-        return solve_all, common
+
+
+def _side_by_side(calls: list[Bound], pace: Record) -> Bound:
+    """One call for those of all parts."""
+    return calls[0] if len(calls) == 1 else parallel([calls], pace)
+
+
+class _Part:
+    """Some groups of segments, and the memory that whoever is at them works in."""
+
+    def __init__(self, groups: range, layout: Layout, widest: int) -> None:
+        self._groups = groups
+        table = layout.table
+        self.begin = int(table[groups.start, lanes.UNKNOWNS])
+        last = groups.stop == len(table)
+        self.end = layout.outer if last else int(table[groups.stop, lanes.UNKNOWNS])
+        self.triangle = aligned_zeros(4 * widest * (widest + 1))
+        self.columns = aligned_zeros(16 * PANEL * (widest + PANEL))
+        self.made = aligned_zeros(8 * PANEL * (widest + PANEL))
+        self.work, self.vector = aligned_zeros(16 * widest), aligned_zeros(16 * widest)
+
+    def tables(self, tables: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Those of a plan for these groups alone: how many, their fields, what these refer to."""
+        _, table, index, code = tables
+        groups = self._groups
+        return len(groups), table[lanes.FIELDS * groups.start : lanes.FIELDS * groups.stop], index, code

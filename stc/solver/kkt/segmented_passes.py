@@ -1,24 +1,53 @@
-"""A system of segments and a rest: equilibrating it, and solving with the factors of both.
+"""A system of segments and a rest: equilibrating it, eliminating, and solving with the factors of both.
 
-Vectors are in the order of the segments, the rest behind them from ``outer`` on.  Entry e of the rest off the diagonal
-is ``given[source[e]]`` in the places ``first[e]`` and ``second[e]`` of vectors; the entries of segments are where the
-tables of stc.solver.kkt.lanes say.
+The segments are in one or two parts, which more than one thread can be at (see stc.solver.kkt.segmented_parts); what
+they leave to the rest is put together here.  Vectors are in the order of the segments, the rest behind them from
+``outer`` on.  Entry e of the rest off the diagonal is ``given[source[e]]`` in the places ``first[e]`` and ``second[e]``
+of vectors; the entries of segments are where the tables of stc.solver.kkt.lanes say.
 """
 
 from __future__ import annotations
 
+from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
-from stc.solver.kkt.lane_panel import COUNTED, is_doubtful, is_watched, note_watched
-from stc.solver.kkt.lane_rows import largest_in_segments, subtract_segments
-from stc.solver.kkt.lane_solve import backward, forward
-from stc.solver.kkt.lanes import eliminate
+from stc.solver.kkt.lane_panel import (
+    COUNTED,
+    LARGEST,
+    STATE,
+    WATCHED,
+    is_doubtful,
+    is_watched,
+    note_watched,
+)
+from stc.solver.kkt.lane_rows import largest_in_segments
+from stc.solver.kkt.segmented_parts import (
+    ACTIVE,
+    BACKWARD,
+    FORWARD,
+    NORMS,
+    OTHER_ACTIVE,
+    OTHER_RIGHT,
+    RETURN,
+    RIGHT,
+    SPREADS,
+    STALE,
+    STEPS,
+    bring_scaled,
+    return_scaled,
+)
 from stc.solver.kkt.substitution import improves, substitute
 from stc.solver.kkt.values import find_scale, spread_of
 
-__all__ = ["bring_scaled", "diagonal_of", "eliminate_all", "equilibrate_all", "return_scaled", "solve_all"]
+__all__ = [
+    "DOUBTED_SCALE",
+    "REFUSED",
+    "STALE_SCALE",
+    "diagonal_of",
+    "eliminate_all",
+    "equilibrate_all",
+    "solve_all",
+]
 
-#: A scale serves as long as the largest entries of all rows are within this factor of 1.
-STALE = 1024.0
 #: Results of ``eliminate_all``.
 REFUSED = 1
 STALE_SCALE = 2
@@ -138,27 +167,36 @@ def _load_rest(
         result[target[k]] = value
 
 
-@native
+@native(fast=True)
+def _add(count: i64, x: f64s, y: f64s) -> None:
+    """Add one array to another."""
+    for k in range(count):
+        y[k] += x[k]
+
+
+@native(fast=True)
+def _raise_to(count: i64, x: f64s, y: f64s) -> None:
+    """Raise the numbers of one array to those of another."""
+    for k in range(count):
+        y[k] = max(y[k], x[k])
+
+
+@native(shared=True)
 def eliminate_all(
-    groups: i64,
-    table: i64s,
+    calls: i64s,
+    place: i64,
+    parts: i64,
+    states: f64s,
+    spreads: f64s,
+    length: i64,
+    other_results: f64s,
+    other_most: f64s,
     index: i32s,
-    code: i32s,
-    growth: f64,
-    suspect: f64,
     given: f64s,
     diagonal: f64s,
     scale: f64s,
-    result: f64s,
-    work: f64s,
-    scales: f64s,
-    columns: f64s,
-    made: f64s,
-    matrix: f64s,
-    row_most: f64s,
     most: f64s,
-    spread: f64s,
-    factors: f64s,
+    result: f64s,
     state: f64s,
     outer: i64,
     rest: i64,
@@ -171,7 +209,13 @@ def eliminate_all(
     filled: i64,
     rest_matrix: f64s,
 ) -> i64:
-    """Load the rest, eliminate the segments (see ``eliminate``) and add what they leave to the rest, ``result``.
+    """Load the rest, eliminate the segments and add what they leave to the rest, ``result``.
+
+    Args:
+        calls, place: where ``eliminate_part`` of all parts is among the prepared calls.
+        parts: how many there are; ``states``, ``spreads``: of each part.
+        length: of ``result`` and of each of ``other_results``, those of the parts but the first; other_most: what is
+            ``most`` to these.
 
     Returns:
         0, ``REFUSED`` when a pivot was not accepted, ``STALE_SCALE`` when the scale does not serve the matrix,
@@ -182,87 +226,34 @@ def eliminate_all(
         index, outer, rest, entries, target, first, second, source, variables, filled, given, diagonal, scale, most,
         rest_matrix, result,
     )  # fmt: skip
-    for k in range(16):
-        spread[k] = -STALE
     watched = is_watched(state)
-    negative = eliminate(
-        groups, table, index, code, growth, suspect, given, diagonal, scale, result, work, scales, columns,
-        made, matrix, watched, row_most, most, spread, factors, state,
-    )  # fmt: skip
-    state[COUNTED] = 1.0 * negative
-    if negative < 0:
-        return REFUSED
+    for part in range(parts):
+        states[part * STATE + WATCHED] = 1.0 * watched
+    invoke(calls, place)
+    state[COUNTED] = 0.0
+    state[LARGEST] = 0.0
+    for part in range(parts):
+        own = states[part * STATE :]
+        if own[COUNTED] < 0.0:
+            return REFUSED
+        state[COUNTED] += own[COUNTED]
+        state[LARGEST] = max(state[LARGEST], own[LARGEST])
+    for part in range(1, parts):
+        _add(length, other_results[(part - 1) * length :], result)
     if watched == 0:
         return DOUBTED_SCALE if is_doubtful(state) != 0 else 0
+    for part in range(1, parts):
+        _raise_to(rest, other_most[(part - 1) * (outer + rest) + outer :], most[outer:])
     highest = spread_of(rest, most[outer:])
-    for lane in range(8):
-        highest = max(highest, max(spread[lane], -1.0 / spread[8 + lane]))
+    for part in range(parts):
+        spread = spreads[SPREADS * part :]
+        for lane in range(8):
+            highest = max(highest, max(spread[lane], -1.0 / spread[8 + lane]))
     note_watched(highest, state)
     return STALE_SCALE if highest > STALE else 0
 
 
-@native(fast=True, inline=True)
-def bring_scaled(size: i64, index: i32s, scale: f64s, rhs: f64s, scaled_rhs: f64s) -> f64:
-    """Bring a right-hand side to the order of a vector, scaled; its largest magnitude then."""
-    most = 0.0
-    for k in range(size):
-        value = rhs[index[k]] * scale[k]
-        scaled_rhs[k] = value
-        most = max(most, fabs(value))
-    return most
-
-
-@native(fast=True, inline=True)
-def return_scaled(size: i64, index: i32s, scale: f64s, solution: f64s, result: f64s) -> None:
-    """The solution in the unknowns' own order."""
-    for k in range(size):
-        result[index[k]] = solution[k] * scale[k]
-
-
-@native(fast=True, inline=True)
-def _collect(outer: i64, rest: i64, order: i32s, scale: f64s, x: f64s, rest_x: f64s) -> None:
-    for k in range(rest):
-        rest_x[k] = x[outer + order[k]] * scale[k]
-
-
-@native(fast=True, inline=True)
-def _return(outer: i64, rest: i64, order: i32s, scale: f64s, rest_x: f64s, x: f64s) -> None:
-    for k in range(rest):
-        x[outer + order[k]] = rest_x[k] * scale[k]
-
-
-@native(inline=True)
-def _substitute(
-    both: i64, distance: i64, groups: i64, table: i64s, index: i32s, code: i32s, outer: i64, rest: i64, factors: f64s,
-    lane_part: f64s, rest_order: i32s, rest_scale: f64s, pivot_count: i64s, columns: i32s, rest_values: f64s,
-    pivots: i32s, starts: i32s, indices: i32s, rest_factors: f64s, inverse: f64s, rest_x: f64s, part: f64s,
-    other_rest_x: f64s, other_part: f64s, x: f64s, between: f64s, y: f64s, other_x: f64s, other_between: f64s,
-    other_y: f64s,
-) -> None:  # fmt: skip
-    """Solve for ``x`` with the factors, by way of ``between``, and for ``other_x`` when ``both``."""
-    for k in range(outer, outer + rest):
-        between[k] = x[k]
-        if both != 0:
-            other_between[k] = other_x[k]
-    forward(
-        both, distance, groups, table, index, code, factors, x, between, other_x, other_between, lane_part
-    )
-    _collect(outer, rest, rest_order, rest_scale, between, rest_x)
-    if both != 0:
-        _collect(outer, rest, rest_order, rest_scale, other_between, other_rest_x)
-    substitute(
-        both, pivot_count[0], columns, rest_values[rest:], pivots, starts, indices, rest_factors, inverse, rest_x,
-        other_rest_x, part, other_part,
-    )  # fmt: skip
-    if both != 0:
-        _return(outer, rest, rest_order, rest_scale, other_rest_x, other_y)
-    _return(outer, rest, rest_order, rest_scale, rest_x, y)
-    backward(
-        both, distance, groups, table, index, code, factors, between, y, other_between, other_y, lane_part
-    )
-
-
-@native(fast=True, inline=True)
+@native(fast=True)
 def _subtract_rest(
     outer: i64, rest: i64, entries: i64, first: i32s, second: i32s, matrix: f64s, x: f64s, y: f64s, z: f64s
 ) -> None:  # fmt: skip
@@ -278,145 +269,92 @@ def _subtract_rest(
         z[b] -= own[e] * x[a]
 
 
-@native(fast=True, inline=True)
-def _largest_outside(outer: i64, rest: i64, most: f64, x: f64s) -> f64:
-    """The larger of ``most`` and the largest magnitude in the rest, nan when not all is finite."""
+@native(fast=True)
+def _largest_of(count: i64, x: f64s) -> f64:
+    """The largest magnitude, nan when not all is finite."""
     check = 0.0
-    high = most
-    for k in range(outer, outer + rest):
+    high = 0.0
+    for k in range(count):
         check += x[k] * 0.0
         high = max(high, fabs(x[k]))
     return high + check
 
 
-@native(inline=True)
-def _subtract(
-    both: i64, distance: i64, groups: i64, table: i64s, index: i32s, code: i32s, outer: i64, rest: i64, entries: i64,
-    first: i32s, second: i32s, matrix: f64s, rest_matrix: f64s, work: f64s, lane_part: f64s, norms: f64s, x: f64s,
-    y: f64s, z: f64s, other_x: f64s, other_y: f64s, other_z: f64s,
-) -> None:  # fmt: skip
-    """``z = y - K x``; ``norms`` become those of x and z, and of the other ones when ``both``."""
-    _subtract_rest(outer, rest, entries, first, second, rest_matrix, x, y, z)
-    if both != 0:
-        _subtract_rest(outer, rest, entries, first, second, rest_matrix, other_x, other_y, other_z)
-    subtract_segments(
-        both,
-        distance,
-        groups,
-        table,
-        index,
-        code,
-        matrix,
-        x,
-        y,
-        z,
-        other_x,
-        other_y,
-        other_z,
-        work,
-        lane_part,
-        norms,
-    )
-    norms[0] = _largest_outside(outer, rest, norms[0], x)
-    norms[1] = _largest_outside(outer, rest, norms[1], z)
-    if both != 0:
-        norms[2] = _largest_outside(outer, rest, norms[2], other_x)
-        norms[3] = _largest_outside(outer, rest, norms[3], other_z)
-
-
-@native(inline=True)
-def _solve(
-    both: i64, refinements: i64, accuracy: f64s, distance: i64, groups: i64, table: i64s, index: i32s, code: i32s,
-    outer: i64, rest: i64, entries: i64, first: i32s, second: i32s, factors: f64s, matrix: f64s, rest_matrix: f64s,
-    scale: f64s, work: f64s, lane_part: f64s, norms: f64s, rest_order: i32s, rest_scale: f64s, pivot_count: i64s,
-    columns: i32s, rest_values: f64s, pivots: i32s, starts: i32s, indices: i32s, rest_factors: f64s, inverse: f64s,
-    rest_x: f64s, part: f64s, other_rest_x: f64s, other_part: f64s, rhs: f64s, scaled_rhs: f64s, solution: f64s,
-    change: f64s, between: f64s, kept: f64s, result: f64s, other_rhs: f64s, other_scaled_rhs: f64s,
-    other_solution: f64s, other_change: f64s, other_between: f64s, other_kept: f64s, other_result: f64s,
-    report: f64s, other_report: f64s,
-) -> None:  # fmt: skip
-    """See ``solve_all``; ``both`` is a constant here."""
-    size = outer + rest
-    length = bring_scaled(size, index, scale, rhs, scaled_rhs)
-    other_length = 0.0
-    if both != 0:
-        other_length = bring_scaled(size, index, scale, other_rhs, other_scaled_rhs)
-    active = 1 if length > 0.0 else 0
-    other_active = 1 if other_length > 0.0 else 0
-    report[0] = 1.0 * active
-    report[1] = 0.0
-    report[2] = 0.0
-    other_report[0] = 1.0 * other_active
-    steps = 0
-    going = 1
-    while going != 0:
-        # The first solution needs no vector for the change, nor one that was there before.
-        source = change[0:]
-        target = kept[0:]
-        other_source = other_change[0:]
-        other_target = other_kept[0:]
-        if steps == 0:
-            source = scaled_rhs[0:]
-            target = solution[0:]
-            other_source = other_scaled_rhs[0:]
-            other_target = other_solution[0:]
-        _substitute(
-            both, distance, groups, table, index, code, outer, rest, factors, lane_part, rest_order, rest_scale,
-            pivot_count, columns, rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part,
-            other_rest_x, other_part, source, between, target, other_source, other_between, other_target,
-        )  # fmt: skip
-        if steps > 0 and active != 0:
-            for k in range(size):
-                solution[k] += kept[k]
-        if steps > 0 and other_active != 0:
-            for k in range(size):
-                other_solution[k] += other_kept[k]
-        _subtract(
-            both, distance, groups, table, index, code, outer, rest, entries, first, second, matrix, rest_matrix, work,
-            lane_part, norms, solution, scaled_rhs, change, other_solution, other_scaled_rhs, other_change,
-        )  # fmt: skip
-        if steps == 0 and active != 0:
-            report[2] = norms[0] / length
-        report[1] = 1.0 * steps
-        if active != 0:
-            active = improves(
-                size, steps, refinements, accuracy[0], norms[1], length, norms[0], report, kept, solution
-            )
-        if other_active != 0:
-            other_active = improves(
-                size, steps, refinements, accuracy[0], norms[3], other_length, norms[2], other_report, other_kept,
-                other_solution,
-            )  # fmt: skip
-        steps += 1
-        going = active + other_active
-    return_scaled(size, index, scale, solution, result)
-    if both != 0:
-        return_scaled(size, index, scale, other_solution, other_result)
-        report[0] = max(report[0], other_report[0])
-
-
 @native
+def _higher(a: f64, b: f64) -> f64:
+    """The larger one, nan where either is."""
+    return max(a, b) + (a + b) * 0.0
+
+
+@native(fast=True)
+def _begin_forward(outer: i64, rest: i64, x: f64s, between: f64s) -> None:
+    """What the rest has before the segments add to it."""
+    for k in range(outer, outer + rest):
+        between[k] = x[k]
+
+
+@native(fast=True)
+def _collect(
+    parts: i64, outer: i64, rest: i64, order: i32s, scale: f64s, left: f64s, between: f64s, rest_x: f64s
+) -> None:  # fmt: skip
+    """The rest's right-hand side, what the parts but the first have ``left`` added, in the order of its pivots."""
+    for part in range(1, parts):
+        own = left[(part - 1) * (outer + rest) :]
+        for k in range(outer, outer + rest):
+            between[k] += own[k]
+    for k in range(rest):
+        rest_x[k] = between[outer + order[k]] * scale[k]
+
+
+@native(fast=True)
+def _return(
+    outer: i64, rest: i64, order: i32s, scale: f64s, rest_x: f64s, added: i64, y: f64s, solution: f64s
+) -> None:  # fmt: skip
+    """The rest's solution; where that is what is to be ``added``, so it is."""
+    for k in range(rest):
+        y[outer + order[k]] = rest_x[k] * scale[k]
+    if added != 0:
+        for k in range(outer, outer + rest):
+            solution[k] += y[k]
+
+
+@native(fast=True)
+def _end_products(
+    parts: i64, place: i64, outer: i64, rest: i64, x: f64s, left: f64s, z: f64s, norms: f64s, report: f64s
+) -> None:  # fmt: skip
+    """Put together what the parts and the rest have of ``y - K x``; its largest magnitude, and that of x."""
+    for part in range(1, parts):
+        own = left[(part - 1) * (outer + rest) :]
+        for k in range(outer, outer + rest):
+            z[k] += own[k]
+    report[0] = _largest_of(rest, x[outer:])
+    report[1] = _largest_of(rest, z[outer:])
+    for part in range(parts):
+        report[0] = _higher(report[0], norms[NORMS * part + place])
+        report[1] = _higher(report[1], norms[NORMS * part + place + 1])
+
+
+@native(shared=True)
 def solve_all(
     both: i64,
     refinements: i64,
     accuracy: f64s,
-    distance: i64,
-    groups: i64,
-    table: i64s,
+    calls: i64s,
+    place: i64,
+    parts: i64,
+    progress: i64s,
+    norms: f64s,
+    high: f64s,
+    left: f64s,
+    other_left: f64s,
     index: i32s,
-    code: i32s,
     outer: i64,
     rest: i64,
     entries: i64,
     first: i32s,
     second: i32s,
-    factors: f64s,
-    matrix: f64s,
     rest_matrix: f64s,
     scale: f64s,
-    work: f64s,
-    lane_part: f64s,
-    norms: f64s,
     rest_order: i32s,
     rest_scale: f64s,
     pivot_count: i64s,
@@ -428,9 +366,9 @@ def solve_all(
     rest_factors: f64s,
     inverse: f64s,
     rest_x: f64s,
-    part: f64s,
+    rest_part: f64s,
     other_rest_x: f64s,
-    other_part: f64s,
+    other_rest_part: f64s,
     rhs: f64s,
     scaled_rhs: f64s,
     solution: f64s,
@@ -452,25 +390,90 @@ def solve_all(
 
     Args:
         both: whether to do the same for ``other_rhs``, in common passes; ``report`` then tells of the less accurate.
-        distance: how far ahead memory is asked for, which is written past the caches then; 0 where it is near.
-        groups, table, index, code, factors, matrix, scale: see ``eliminate``.
+        calls, place: where the calls of the parts are among the prepared ones: FORWARD and so on from ``place`` on.
+        parts: how many there are; ``progress`` tells them how far this is; ``norms``: NORMS of each; ``left``: what the
+            parts but the first leave to the rest, a vector of each; high: work space.
         rest_matrix: what ``eliminate_all`` has kept of the rest.
         rest_order ... inverse: the rest, see ``FrontalKKT.factors_in_order``.
         rhs, result: (N,); report: see ``substitution.REPORT``; the other arrays are work space.
     """
+    size = outer + rest
+    length = bring_scaled(rest, index[outer:], scale[outer:], rhs, scaled_rhs[outer:])
+    other_length = 0.0
     if both != 0:
-        _solve(
-            1, refinements, accuracy, distance, groups, table, index, code, outer, rest, entries, first, second,
-            factors, matrix, rest_matrix, scale, work, lane_part, norms, rest_order, rest_scale, pivot_count,
-            columns, rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x,
-            other_part, rhs, scaled_rhs, solution, change, between, kept, result, other_rhs, other_scaled_rhs,
-            other_solution, other_change, other_between, other_kept, other_result, report, other_report,
+        other_length = bring_scaled(rest, index[outer:], scale[outer:], other_rhs, other_scaled_rhs[outer:])
+    progress[STEPS] = 0
+    progress[ACTIVE] = 1
+    progress[OTHER_ACTIVE] = both
+    going = 1
+    while going != 0:
+        steps = progress[STEPS]
+        # The first solution needs no vector for the change, nor one that was there before.
+        source = change[0:]
+        target = kept[0:]
+        other_source = other_change[0:]
+        other_target = other_kept[0:]
+        if steps == 0:
+            source = scaled_rhs[0:]
+            target = solution[0:]
+            other_source = other_scaled_rhs[0:]
+            other_target = other_solution[0:]
+        _begin_forward(outer, rest, source, between)
+        if both != 0:
+            _begin_forward(outer, rest, other_source, other_between)
+        invoke(calls, place + FORWARD)
+        if steps == 0:
+            for part in range(parts):
+                length = max(length, norms[NORMS * part + RIGHT])
+                other_length = max(other_length, norms[NORMS * part + OTHER_RIGHT])
+            if not (length > 0.0):
+                progress[ACTIVE] = 0
+            if both == 0 or not (other_length > 0.0):
+                progress[OTHER_ACTIVE] = 0
+            report[0] = 1.0 * progress[ACTIVE]
+            report[2] = 0.0
+            other_report[0] = 1.0 * progress[OTHER_ACTIVE]
+        _collect(parts, outer, rest, rest_order, rest_scale, left, between, rest_x)
+        if both != 0:
+            _collect(parts, outer, rest, rest_order, rest_scale, other_left, other_between, other_rest_x)
+        substitute(
+            both, pivot_count[0], columns, rest_values[rest:], pivots, starts, indices, rest_factors, inverse, rest_x,
+            other_rest_x, rest_part, other_rest_part,
         )  # fmt: skip
-    else:
-        _solve(
-            0, refinements, accuracy, distance, groups, table, index, code, outer, rest, entries, first, second,
-            factors, matrix, rest_matrix, scale, work, lane_part, norms, rest_order, rest_scale, pivot_count,
-            columns, rest_values, pivots, starts, indices, rest_factors, inverse, rest_x, part, other_rest_x,
-            other_part, rhs, scaled_rhs, solution, change, between, kept, result, other_rhs, other_scaled_rhs,
-            other_solution, other_change, other_between, other_kept, other_result, report, other_report,
-        )  # fmt: skip
+        active = progress[ACTIVE]
+        other_active = progress[OTHER_ACTIVE]
+        refining = 1 if steps > 0 else 0
+        _return(outer, rest, rest_order, rest_scale, rest_x, refining * active, target, solution)
+        _subtract_rest(outer, rest, entries, first, second, rest_matrix, solution, scaled_rhs, change)
+        if both != 0:
+            _return(
+                outer, rest, rest_order, rest_scale, other_rest_x, refining * other_active, other_target, other_solution
+            )  # fmt: skip
+            _subtract_rest(
+                outer, rest, entries, first, second, rest_matrix, other_solution, other_scaled_rhs, other_change
+            )  # fmt: skip
+        invoke(calls, place + BACKWARD)
+        report[1] = 1.0 * steps
+        _end_products(parts, 0, outer, rest, solution, left, change, norms, high)
+        if steps == 0 and active != 0:
+            report[2] = high[0] / length
+        if active != 0:
+            active = improves(
+                size, steps, refinements, accuracy[0], high[1], length, high[0], report, kept, solution
+            )
+        if both != 0:
+            _end_products(parts, 2, outer, rest, other_solution, other_left, other_change, norms, high)
+            if other_active != 0:
+                other_active = improves(
+                    size, steps, refinements, accuracy[0], high[1], other_length, high[0], other_report, other_kept,
+                    other_solution,
+                )  # fmt: skip
+        progress[STEPS] = steps + 1
+        progress[ACTIVE] = active
+        progress[OTHER_ACTIVE] = other_active
+        going = active + other_active
+    invoke(calls, place + RETURN)
+    return_scaled(rest, index[outer:], scale[outer:], solution[outer:], result)
+    if both != 0:
+        return_scaled(rest, index[outer:], scale[outer:], other_solution[outer:], other_result)
+        report[0] = max(report[0], other_report[0])

@@ -48,15 +48,17 @@ def holding(pattern: Pattern, *frames: int) -> np.ndarray:
     return held
 
 
-def parts(pattern: Pattern) -> tuple[Couplings, np.ndarray, Segmentation | None]:
+def parts(pattern: Pattern, *, shared: bool = False) -> tuple[Couplings, np.ndarray, Segmentation | None]:
+    """Its segments, ``shared`` out to two threads where that can be."""
     couplings, stage = structure(pattern)
-    with mock.patch.multiple(segments, WORTH=2.0, SHORTEST=2):  # however short the horizon is
+    sharing = {"EVENING": 2.0, "SHARED": 0.0} if shared else {}
+    with mock.patch.multiple(segments, WORTH=2.0, SHORTEST=2, **sharing):  # however short the horizon is
         numbered = number_stages(couplings, stage)
         return couplings, stage, None if numbered is None else find_segments(numbered)
 
 
-def system_of(pattern: Pattern) -> SegmentedKKT:
-    couplings, stage, found = parts(pattern)
+def system_of(pattern: Pattern, *, shared: bool = False) -> SegmentedKKT:
+    couplings, stage, found = parts(pattern, shared=shared)
     assert found is not None
     return SegmentedKKT(couplings, stage, found)
 
