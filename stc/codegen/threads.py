@@ -101,6 +101,11 @@ Record = ctypes.Array[ctypes.c_int64]
 _SHORTEST, _LONGEST = 8, 128
 
 
+#: Nanoseconds for which the second thread looks out for more before it sleeps: to wake it takes longer than what is
+#: shared next may do.
+_LINGER = 20_000
+
+
 def record() -> Record:
     """Nothing is known yet."""
     return (ctypes.c_int64 * 5)(0, 0, 0, _SHORTEST, _SHORTEST)
@@ -401,7 +406,7 @@ publish:
   store ptr %job, ptr %mailbox, align 8
   %number = load i64, ptr %number.place, align 8
   %following = add i64 %number, 1
-  store i64 %following, ptr %number.place, align 8
+  store atomic i64 %following, ptr %number.place release, align 8
   %c = call i32 @pthread_mutex_unlock(ptr %mutex)
   %d = call i32 @pthread_cond_signal(ptr %condition)
   call void @work(ptr %job)
@@ -423,6 +428,30 @@ left:
   ret void
 }
 
+define internal void @linger(ptr %number.place, i64 %seen) nounwind {
+entry:
+  %begin = call i64 @now()
+  br label %round
+round:
+  br label %look
+look:
+  %looks = phi i64 [ 0, %round ], [ %more, %wait ]
+  %number = load atomic i64, ptr %number.place acquire, align 8
+  %changed = icmp ne i64 %number, %seen
+  br i1 %changed, label %done, label %wait
+wait:
+  %more = add i64 %looks, 1
+  %long = icmp sge i64 %more, 100
+  br i1 %long, label %clock, label %look
+clock:
+  %time = call i64 @now()
+  %spent = sub i64 %time, %begin
+  %late = icmp sgt i64 %spent, LINGER
+  br i1 %late, label %done, label %round
+done:
+  ret void
+}
+
 define void @serve(ptr %mailbox) nounwind {
 entry:
   %active.place = getelementptr inbounds i64, ptr %mailbox, i64 1
@@ -433,7 +462,8 @@ entry:
   %a = call i32 @pthread_mutex_lock(ptr %mutex)
   br label %look
 look:
-  %seen = phi i64 [ 0, %entry ], [ %seen, %sleep ], [ %number, %serve ]
+  %seen = phi i64 [ 0, %entry ], [ %seen, %watch ], [ %seen, %sleep ], [ %number, %serve ]
+  %tired = phi i64 [ 0, %entry ], [ %seen, %watch ], [ %seen, %sleep ], [ %seen, %serve ]
   %alive = load i64, ptr %alive.place, align 8
   %ended = icmp eq i64 %alive, 0
   br i1 %ended, label %done, label %ask
@@ -443,7 +473,15 @@ ask:
   %none = icmp eq ptr %job, null
   %known = icmp eq i64 %number, %seen
   %nothing = or i1 %none, %known
-  br i1 %nothing, label %sleep, label %serve
+  br i1 %nothing, label %rest, label %serve
+rest:
+  %ready = icmp eq i64 %seen, %tired
+  br i1 %ready, label %sleep, label %watch
+watch:
+  %f = call i32 @pthread_mutex_unlock(ptr %mutex)
+  call void @linger(ptr %number.place, i64 %seen)
+  %g = call i32 @pthread_mutex_lock(ptr %mutex)
+  br label %look
 sleep:
   %b = call i32 @pthread_cond_wait(ptr %condition, ptr %mutex)
   br label %look
@@ -474,5 +512,6 @@ for _name, _value in (
     ("CLOCK", 6 if sys.platform == "darwin" else 1),
     ("SHORTEST", _SHORTEST),
     ("LONGEST", _LONGEST),
+    ("LINGER", _LINGER),
 ):
     _IR = _IR.replace(_name, str(_value))
