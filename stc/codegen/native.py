@@ -45,7 +45,20 @@ import numpy as np
 
 from stc.codegen import cache, engine, shipped
 from stc.codegen.calls import Bound
-from stc.codegen.native_math import ceil, copysign, exp, fabs, floor, inf, isfinite, isnan, log, nan, sqrt
+from stc.codegen.native_math import (
+    ceil,
+    copysign,
+    count_bits,
+    exp,
+    fabs,
+    floor,
+    inf,
+    isfinite,
+    isnan,
+    log,
+    nan,
+    sqrt,
+)
 from stc.codegen.native_types import (
     DTYPES,
     NativeError,
@@ -68,6 +81,7 @@ __all__ = [
     "NativeFunction",
     "ceil",
     "copysign",
+    "count_bits",
     "exp",
     "f64",
     "f64s",

@@ -60,6 +60,7 @@ declare double @llvm.floor.f64(double)
 declare double @llvm.ceil.f64(double)
 declare double @llvm.copysign.f64(double, double)
 declare i64 @llvm.abs.i64(i64, i1)
+declare i64 @llvm.ctpop.i64(i64)
 declare <8 x double> @llvm.fabs.v8f64(<8 x double>)
 """
     + PREFETCH
@@ -411,6 +412,9 @@ class ExpressionEmitter(BlockBuilder):
         if target in (native_math.copysign, math.copysign):
             x, y = self.arguments(node, 2, name, Type.F64)
             return self.compute(Type.F64, f"call double @llvm.copysign.f64(double {x.text}, double {y.text})")
+        if target is native_math.count_bits:
+            (value,) = self.arguments(node, 1, name, Type.I64)
+            return self.compute(Type.I64, f"call i64 @llvm.ctpop.i64(i64 {value.text})")
         if target is calls.invoke:
             return self._invoke(node, name)
         if target in _VECTOR:

@@ -46,6 +46,11 @@ def copysign(x: float, y: float) -> float:
     return math.copysign(x, y)
 
 
+def count_bits(x: int) -> int:
+    """How many ones a whole number has in binary, none below zero."""
+    return x.bit_count()
+
+
 def exp(x: float) -> float:
     """Exponential; infinite on overflow."""
     try:

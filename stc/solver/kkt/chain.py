@@ -15,12 +15,13 @@ from stc.codegen.calls import Bound
 from stc.solver.kkt import attempts, chain_elimination, pivots, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.chain_elimination import eliminate
-from stc.solver.kkt.chain_plan import Chain, ChainProgram, lay_out_chain, plan_chain
+from stc.solver.kkt.chain_plan import WAYS, Chain, ChainProgram, lay_out_chain, plan_chain
 from stc.solver.kkt.chain_rows import VECTORS
 from stc.solver.kkt.chain_solve import ONE, UNITS, solve
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import SWEEPS
+from stc.solver.kkt.lane_program import effort_of
 from stc.solver.kkt.plan_choice import Plans, Prepared
 from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, PlannedKKT, new_state, reading_distance
 from stc.solver.kkt.segmented_passes import equilibrate_all
@@ -103,7 +104,7 @@ class ChainKKT(PlannedKKT):
             self._sources, arrays.given, self._diagonal, self._scale, self._most, np.zeros(1), np.zeros(1),
         )  # fmt: skip
         nothing = np.zeros(0)
-        first = Prepared(0, (), nothing, nothing, (nothing, nothing), self._equilibrate, 0, False)
+        first = Prepared(0, (), nothing, nothing, (nothing, nothing), self._equilibrate, 0, 0, False)
         self._plans = Plans(size, first)
 
     @property
@@ -174,6 +175,7 @@ class ChainKKT(PlannedKKT):
                 chain.begin[:-1][here] + kind.entries[held]
             ]
         left, peaks, windows = self._spaces
+        effort = sum(effort_of(len(WAYS), int(kind.code[chain_elimination.SIZE])) for kind in kinds)
         bound = eliminate.bind(
             *tables, border, self._index.size, self._stride, 1.0 / GROWTH, 1.0 / INVERSE, self._masks,
             sources, arrays.given, self._diagonal, places, self._scale, scale, left, peaks, kept, self._most, windows,
@@ -183,7 +185,7 @@ class ChainKKT(PlannedKKT):
         self._calls.put(plan_calls.CALLS * slot + plan_calls.EQUILIBRATE, self._equilibrate)
         return Prepared(
             slot, tables, self._factors[:needed], state, (kept, scale), self._equilibrate,
-            int(operations[which].sum()), bool(self._curvatures[0]),
+            int(operations[which].sum()), effort, bool(self._curvatures[0]),
         )  # fmt: skip
 
     def _prepare_solve(

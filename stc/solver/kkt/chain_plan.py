@@ -19,7 +19,7 @@ from stc.solver.kkt.ordering import SECOND, SMALLEST
 from stc.solver.kkt.segments import ACROSS, BORDERING, INSIDE, Numbered
 from stc.solver.nlp import Floats
 
-__all__ = ["Chain", "ChainKind", "ChainProgram", "lay_out_chain", "plan_chain"]
+__all__ = ["WAYS", "Chain", "ChainKind", "ChainProgram", "lay_out_chain", "plan_chain"]
 
 Int32s = NDArray[np.int32]
 Int64s = NDArray[np.int64]

@@ -16,18 +16,20 @@ is still an entry, if a tiny one.
 
 from __future__ import annotations
 
-from stc.codegen.native import copysign, f64, f64s, fabs, i32s, i64, native
+from stc.codegen.native import copysign, count_bits, f64, f64s, fabs, i32s, i64, i64s, native
 
 __all__ = [
     "COMPARED",
     "LEAF",
     "MARGIN",
     "SECOND",
+    "SETS",
     "SMALLEST",
     "UNPLANNED",
     "follow_order",
     "order_stage",
     "take_leaves",
+    "words_of",
 ]
 
 #: Kinds of unknowns in an order: first of a pivot of one or two, second of two, not eliminated.
@@ -51,6 +53,15 @@ PENALTY = 1e6
 EFFORT = 30000
 #: Those with at most this many times the fewest multiplications are compared by their fill, as a rule.
 COMPARED = 2.0
+#: Bits of a word that are made use of, and sets that the search needs room for.
+WORD = 32
+SETS = 4
+
+
+@native(small=True)
+def words_of(top: i64) -> i64:
+    """How many words have a bit for each of so many slots."""
+    return (top + WORD - 1) // WORD
 
 
 @native
@@ -139,54 +150,138 @@ def _two_cost(
 
 
 @native
-def _added(p: i64, q: i64, top: i64, stride: i64, sizes: f64s, row_p: i32s, row_q: i32s) -> f64:
-    """Entries per unknown that the elimination of p, and of q when that is no less than 0, would add."""
-    added = 0
-    count_p = _column(p, q, top, stride, sizes, row_p)
-    if q < 0:
-        for k in range(count_p):
-            row = sizes[row_p[k] * stride :]
-            for e in range(k):
-                added += row[row_p[e]] == 0.0
-        return 1.0 * added
-    count_q = _column(q, p, top, stride, sizes, row_q)
-    full_p = sizes[q * stride + q] != 0.0
-    full_q = sizes[p * stride + p] != 0.0
-    for k in range(count_p):
-        i = row_p[k]
-        i_in_q = sizes[q * stride + i] != 0.0
-        row = sizes[i * stride :]
-        if full_p:
-            for e in range(k):
-                added += row[row_p[e]] == 0.0
-        for e in range(count_q):
-            j = row_q[e]
-            if row[j] == 0.0 and i != j:
-                # Pairs inside both columns are met twice here, and once above.
-                j_in_p = sizes[p * stride + j] != 0.0
-                if not (i_in_q and j_in_p and (full_p or i < j)):
-                    added += 1
-    if full_q:
-        for k in range(count_q):
-            i = row_q[k]
-            row = sizes[i * stride :]
-            i_in_p = sizes[p * stride + i] != 0.0
-            for e in range(k):
-                j = row_q[e]
-                j_in_p = sizes[p * stride + j] != 0.0
-                added += row[j] == 0.0 and not i_in_p and not j_in_p
-    return 0.5 * added
+def _mark(p: i64, top: i64, words: i64, stride: i64, sizes: f64s, bits: i64s) -> None:
+    """Note bit by bit which entries a row has."""
+    for w in range(words):
+        row = sizes[p * stride + WORD * w :]
+        word = 0
+        one = 1
+        for k in range(min(WORD, top - WORD * w)):
+            word += one if row[k] != 0.0 else 0
+            one += one
+        bits[p * words + w] = word
+
+
+@native(inline=True)
+def _leave_out(slot: i64, members: i64s) -> None:
+    """Take a slot out of a set."""
+    one = 1
+    for _k in range(slot % WORD):
+        one += one
+    members[slot // WORD] ^= members[slot // WORD] & one
+
+
+@native(inline=True)
+def _missing(words: i64, wanted: i64s, row: i64s) -> i64:
+    """How many members of a set a row has no entry for."""
+    count = 0
+    for w in range(words):
+        count += count_bits(wanted[w] ^ (wanted[w] & row[w]))
+    return count
+
+
+@native(inline=True)
+def _patterns(p: i64, q: i64, words: i64, bits: i64s, sets: i64s) -> None:
+    """The patterns P and Q of the columns of p and q, this one empty where q is below 0, without these themselves."""
+    of_q = sets[words:]
+    for w in range(words):
+        sets[w] = bits[p * words + w]
+        of_q[w] = bits[q * words + w] if q >= 0 else 0
+    _leave_out(p, sets)
+    _leave_out(p, of_q)
+    if q >= 0:
+        _leave_out(q, sets)
+        _leave_out(q, of_q)
+
+
+@native
+def _fill_bits(p: i64, q: i64, words: i64, stride: i64, sizes: f64s, bits: i64s, sets: i64s) -> None:
+    """Note the entries that the elimination of p, and of q when that is no less than 0, adds, and take these out."""
+    _patterns(p, q, words, bits, sets)
+    of_q = sets[words:]
+    full_p = q < 0
+    full_q = False
+    if q >= 0:
+        full_p = sizes[q * stride + q] != 0.0
+        full_q = sizes[p * stride + p] != 0.0
+    for w in range(words):
+        left = sets[w] | of_q[w]
+        while left != 0:
+            one = left & (0 - left)
+            left = left ^ one
+            i = WORD * w + count_bits(one - 1)
+            row = bits[i * words :]
+            in_p = sets[w] & one != 0
+            in_q = of_q[w] & one != 0
+            for k in range(words):
+                if in_q or (in_p and full_p):
+                    row[k] = row[k] | sets[k]
+                if in_p or (in_q and full_q):
+                    row[k] = row[k] | of_q[k]
+            _leave_out(p, row)
+            if q >= 0:
+                _leave_out(q, row)
+
+
+@native
+def _added(
+    p: i64, q: i64, words: i64, stride: i64, sizes: f64s, bits: i64s, sets: i64s
+) -> f64:  # fmt: skip
+    """Entries per unknown that the elimination of p, and of q when that is no less than 0, would add.
+
+    Args:
+        bits: which entries each row has (see ``_mark``); sets: work space, (SETS * words,).
+    """
+    _patterns(p, q, words, bits, sets)
+    of_p = sets[0:]
+    of_q = sets[words:]
+    in_both = sets[2 * words :]
+    in_q_only = sets[3 * words :]
+    full_p = q < 0
+    full_q = False
+    if q >= 0:
+        full_p = sizes[q * stride + q] != 0.0
+        full_q = sizes[p * stride + p] != 0.0
+    for w in range(words):
+        in_both[w] = of_p[w] & of_q[w]
+        in_q_only[w] = of_q[w] ^ in_both[w]
+    once = 0
+    twice = 0  # pairs inside one set are met from either end, a diagonal once
+    for w in range(words):
+        left = of_p[w] | of_q[w]
+        while left != 0:
+            one = left & (0 - left)
+            left = left ^ one
+            i = WORD * w + count_bits(one - 1)
+            row = bits[i * words :]
+            own = 1 if sizes[i * stride + i] == 0.0 else 0
+            if of_p[w] & one != 0:
+                if in_both[w] & one != 0:
+                    once += _missing(words, in_q_only, row)
+                    if not full_p:
+                        twice += _missing(words, in_both, row) - own
+                else:
+                    # With ``full_p``, pairs of P and of both are counted again, which is too much by little.
+                    once += _missing(words, of_q, row)
+                if full_p:
+                    twice += _missing(words, of_p, row) - own
+            elif full_q:
+                twice += _missing(words, in_q_only, row) - own
+    added = once + 0.5 * twice
+    return added if q < 0 else 0.5 * added
 
 
 @native
 def _choose(
     done: i64, count: i64, waiting: i32s, margin: f64, compared: f64, top: i64, stride: i64, sizes: f64s,
-    degree: i32s, most: f64s, row_p: i32s, row_q: i32s, candidates: i64, first: i32s, second: i32s, costs: f64s,
+    degree: i32s, most: f64s, weak: i32s, words: i64, bits: i64s, candidates: i64, first: i32s, second: i32s,
+    costs: f64s,
 ) -> i64:  # fmt: skip
     """The next pivot as ``p * (stride + 1) + q + 1``, q being -1 for a single one; -1 when there is none."""
     least = -1.0
     found = 0
     effort = 0
+    weak_count = 0  # of those before, which may have to be paired
     for k in range(done, count):
         one = waiting[k]
         strong = fabs(sizes[one * stride + one]) >= margin * most[one]
@@ -198,12 +293,18 @@ def _choose(
                 second[found] = -1
                 costs[found] = cost
                 found += 1
-        for e in range(done, k):
-            other = waiting[e]
-            if sizes[one * stride + other] == 0.0 or effort > EFFORT:
+        # Two strong ones will do alone.
+        others = waiting[done:]
+        before = k - done
+        if strong:
+            others = weak[0:]
+            before = weak_count
+        for e in range(before):
+            other = others[e]
+            if effort > EFFORT:
+                break
+            if sizes[one * stride + other] == 0.0:
                 continue
-            if strong and fabs(sizes[other * stride + other]) >= margin * most[other]:
-                continue  # both will do alone
             limit = compared * least + 2.0 if least >= 0.0 else PENALTY
             cost = _two_cost(one, other, margin, top, stride, sizes, degree, most, limit)
             if cost >= 0.0 and (least < 0.0 or cost <= limit):
@@ -214,6 +315,9 @@ def _choose(
                     second[found] = other
                     costs[found] = cost
                     found += 1
+        if not strong:
+            weak[weak_count] = one
+            weak_count += 1
     best = -1.0
     chosen = -1
     effort = 0
@@ -224,7 +328,7 @@ def _choose(
             effort += degree[p] * degree[p] // 2
             if q >= 0:
                 effort += degree[p] * degree[q]
-            cost = _added(p, q, top, stride, sizes, row_p, row_q) + 1e-3 * costs[k]
+            cost = _added(p, q, words, stride, sizes, bits, bits[stride * words :]) + 1e-3 * costs[k]
             if best < 0.0 or cost < best:
                 best = cost
                 chosen = p * (stride + 1) + q + 1
@@ -386,6 +490,7 @@ def order_stage(
     most: f64s,
     row_p: i32s,
     row_q: i32s,
+    bits: i64s,
     candidates: i64,
     first: i32s,
     second: i32s,
@@ -407,14 +512,16 @@ def order_stage(
         starts: the column of pivot k is ``lists[starts[k]:starts[k + 1]]``; the second of two has an empty one,
             (count + 1,).
         capacity: length of ``lists``.
-        degree, most, row_p, row_q: work space, (stride,).
+        degree, most, row_p, row_q: work space, (stride,); bits: ((stride + SETS) * words_of(top),).
         first, second, costs: work space, (candidates,).
 
     Returns:
         The number of entries in ``lists``, or -1 when they do not fit.
     """
+    words = words_of(top)
     for k in range(top):
         _measure(k, top, stride, sizes, degree, most)
+        _mark(k, top, words, stride, sizes, bits)
     done = 0
     used = 0
     full = False
@@ -426,8 +533,8 @@ def order_stage(
             chosen = _choose_any(done, count, waiting, margin, stride, sizes, most)
         else:
             chosen = _choose(
-                done, count, waiting, margin, compared, top, stride, sizes, degree, most, row_p, row_q, candidates,
-                first, second, costs,
+                done, count, waiting, margin, compared, top, stride, sizes, degree, most, row_p, words, bits,
+                candidates, first, second, costs,
             )  # fmt: skip
         kind = 1
         p = waiting[done]
@@ -443,6 +550,7 @@ def order_stage(
                 if fabs(sizes[p * stride + p]) < fabs(sizes[q * stride + q]):
                     p, q = q, p
         if not full:
+            _fill_bits(p, q, words, stride, sizes, bits, bits[stride * words :])
             _fill_pivot(p, q, margin, top, stride, sizes, most, row_p, row_q)
             # Once a single pivot has coupled all that is left, nothing can be filled any more.
             coupled = 0

@@ -26,8 +26,9 @@ PLANNING = 13_000
 #: Plans that are kept; after so many matrices one that failed may be replaced.
 PLANS = 4
 MATRICES = 40
-#: When a plan has served so many matrices another one is made with more effort, and used if it takes this share of the
-#: operations at most: once early, and once more where that was in vain.
+#: When a plan has served so many matrices, or as many more as take as long as planning does, another one is made with
+#: more effort, and used if it takes this share of the operations at most: once early, and once more where that was in
+#: vain.
 SETTLED = (6, 30)
 FEWER = 0.97
 #: It is given up at once where its factors have to be tried on a right-hand side, and what tests its pivots is so many
@@ -64,6 +65,7 @@ class Prepared:
     space: tuple[Floats, ...]
     equilibrate: Bound
     operations: int
+    effort: int  # so many operations take as long as it takes to make such a plan with more effort
     curved: bool  # whether H was not zero when it was made
     won: float = 0.0  # share of the last matrices that it suited
     served: int = 0  # matrices that it suited
@@ -111,7 +113,7 @@ class Plans:
         self._next_at = self._missed = 0
         self._failures = self._pause = 0
         self._choose_at = 0  # the matrix from which on the plan to begin with is to be chosen anew
-        self._settle_at = SETTLED[0]  # matrices that a plan is to serve before another one is made, or FAR
+        self._settled = 0  # how often another one was made with more effort, or all there is to it
         self._begun_at = 0  # the number of matrices before the last restart
         # One made for its few operations and not yet tried, and what tested the pivots of that before it.
         self._frugal: tuple[Prepared, float] | None = None
@@ -179,6 +181,14 @@ class Plans:
         self.now = self._another(make)
         yield self.now
 
+    @property
+    def _settle_at(self) -> int:
+        """How many matrices the plan in use is to serve before another one is made with more effort."""
+        if self._settled >= len(SETTLED):
+            return FAR
+        now = self.now
+        return SETTLED[self._settled] * max(1, now.effort // max(1, SETTLED[0] * now.operations))
+
     def _take_up(self, plan: Prepared, number: int) -> None:
         """Use a plan from a matrix on, until another one is to be tried again, or more is known of this one."""
         self.now = plan
@@ -210,7 +220,7 @@ class Plans:
     @property
     def due(self) -> tuple[Prepared, int, int] | None:
         """The old plan to try after those, if one is; how long to stay with that, or else with the one in use."""
-        if self._pause or self.now.served == 0 or (self.now.curved and self._settle_at == SETTLED[0]):
+        if self._pause or self.now.served == 0 or (self.now.curved and self._settled == 0):
             return None
         cheaper = self._cheaper(self.now)
         other = next((plan for plan in cheaper if plan.rest_until <= self._choose_at), None)
@@ -292,7 +302,11 @@ class Plans:
             # By now the entries have the sizes that they will keep.
             other = make(True)
             found = other.operations < FEWER * now.operations
-            self._settle_at = next((at for at in SETTLED if at > now.served and not found), FAR)
+            self._settled += 1
+            while not found and self._settle_at <= now.served:
+                self._settled += 1
+            if found:
+                self._settled = len(SETTLED)
             if found and len(self._plans) < PLANS:
                 self._keep(other)
                 self._frugal = other, float(now.state[LARGEST])

@@ -14,7 +14,16 @@ from stc.arrays import distinct
 from stc.records import dataclass
 from stc.solver.kkt.arrangement import Arrangement, Couplings, enter_window
 from stc.solver.kkt.grouping import group_stage
-from stc.solver.kkt.ordering import COMPARED, MARGIN, SMALLEST, follow_order, order_stage, take_leaves
+from stc.solver.kkt.ordering import (
+    COMPARED,
+    MARGIN,
+    SETS,
+    SMALLEST,
+    follow_order,
+    order_stage,
+    take_leaves,
+    words_of,
+)
 from stc.solver.kkt.staging import Staging
 from stc.solver.nlp import Floats
 
@@ -276,6 +285,7 @@ class _Walk:
         before = sizes.reshape(-1).copy()
         order_stage(
             window, top, count, waiting, PLANNED, COMPARED, sizes.reshape(-1), degree, most, row_p, row_q,
+            np.empty((window + SETS) * words_of(top), dtype=np.int64),
             first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
         )  # fmt: skip
         fixed = np.zeros_like(order)

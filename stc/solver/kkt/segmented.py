@@ -20,7 +20,7 @@ from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import SWEEPS, FrontalKKT
 from stc.solver.kkt.lane_panel import DISTANCE, PANEL, STATE
-from stc.solver.kkt.lane_program import Program, kind_of, plan_panels
+from stc.solver.kkt.lane_program import WAYS, Program, effort_of, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import Layout, code_of, lay_out
 from stc.solver.kkt.lane_values import sizes_of
 from stc.solver.kkt.plan_choice import Plans, Prepared
@@ -180,9 +180,12 @@ class SegmentedKKT(PlannedKKT):
         operations = sum(
             group.segments * len(group.stages) * programs[group.kind].operations for group in groups
         )
+        effort = sum(effort_of(len(WAYS), kind.size) for kind in self._kinds)
         self._calls.put(plan_calls.CALLS * slot + plan_calls.ELIMINATE, eliminate)
         self._calls.put(plan_calls.CALLS * slot + plan_calls.EQUILIBRATE, equilibrate)
-        return Prepared(slot, tables, factors, state, (), equilibrate, operations, bool(self._curvatures[0]))
+        return Prepared(
+            slot, tables, factors, state, (), equilibrate, operations, effort, bool(self._curvatures[0])
+        )
 
     def _prepare_solve(
         self,

@@ -17,7 +17,13 @@ from stc.solver.kkt.lane_program import plan_panels
 from stc.solver.kkt.plan_choice import SETTLED
 
 
-def test_a_settled_plan_takes_no_more_operations():
+@pytest.fixture
+def planning_is_free(monkeypatch):
+    """As few matrices as ever have to be served before another plan is made."""
+    monkeypatch.setattr(segmented, "effort_of", lambda ways, size: 0)
+
+
+def test_a_settled_plan_takes_no_more_operations(planning_is_free):
     """After some matrices a plan is made with more effort; it serves the same ones, and others like them."""
     rng = np.random.default_rng(22)
     pattern = motion(rng, 60, parameters=1)
@@ -47,7 +53,7 @@ def test_fewer_operations_are_not_worth_less_accuracy(growth, residual, given_up
     def plan(slot, operations):
         state = np.zeros(lane_panel.STATE)
         call = Bound.of_python(lambda: 0, ())
-        return plan_choice.Prepared(slot, (), nothing, state, (nothing, nothing), call, operations, True)
+        return plan_choice.Prepared(slot, (), nothing, state, (nothing, nothing), call, operations, 0, True)
 
     one, other = plan(0, 100), plan(1, 80)
     plans = plan_choice.Plans(1000, plan(0, 0))
@@ -95,7 +101,7 @@ def test_factors_that_are_tried_once_are_trusted(monkeypatch):
     assert len(tried) == 1
 
 
-def test_a_plan_that_could_not_be_beaten_early_is_challenged_once_more(monkeypatch):
+def test_a_plan_that_could_not_be_beaten_early_is_challenged_once_more(monkeypatch, planning_is_free):
     rng = np.random.default_rng(23)
     pattern = motion(rng, 40)
     kkt = system_of(pattern)
@@ -117,6 +123,24 @@ def test_a_plan_that_could_not_be_beaten_early_is_challenged_once_more(monkeypat
     assert len(efforts) == 3
 
 
+def test_planning_waits_until_it_may_pay(monkeypatch):
+    """More effort is made when factorisations have taken as long as it takes, not before."""
+    rng = np.random.default_rng(24)
+    pattern = motion(rng, 40)
+    values = generic(rng, pattern)
+    values.hess[:] = np.where(pattern.hess_rows == pattern.hess_cols, 4.0, 0.1)
+    for share in (2, 5):
+        kkt = system_of(pattern)
+        kkt.factorize(*values.arguments())
+        effort = share * SETTLED[0] * kkt._plans.now.operations
+        monkeypatch.setattr(segmented, "effort_of", lambda ways, size, effort=effort: effort)
+        kkt = system_of(pattern)
+        solve_along(kkt, pattern, [values] * (share * SETTLED[0]))
+        assert kkt._plans._settled == 0
+        solve_along(kkt, pattern, [values] * 2)
+        assert kkt._plans._settled > 0
+
+
 def solve_along(kkt, pattern, sequence):
     """How each matrix of several was factorised from a restart on (0: in one call), and by the plan in which slot."""
     kkt.restart()
@@ -135,7 +159,7 @@ def solve_along(kkt, pattern, sequence):
     return found
 
 
-def test_matrices_of_a_solve_that_is_repeated_are_factorised_by_one_call_each():
+def test_matrices_of_a_solve_that_is_repeated_are_factorised_by_one_call_each(planning_is_free):
     rng = np.random.default_rng(21)
     pattern = motion(rng, 40)
     kkt = system_of(pattern)

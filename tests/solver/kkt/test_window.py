@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stc.solver.kkt import window
-from stc.solver.kkt.ordering import COMPARED, MARGIN, SECOND, UNPLANNED, order_stage
+from stc.solver.kkt.ordering import COMPARED, MARGIN, SECOND, SETS, UNPLANNED, order_stage, words_of
 from stc.solver.kkt.values import GOOD, equilibrate, find_scale, load, residual
 
 SEEDS = st.integers(0, 10**6)
@@ -88,7 +88,7 @@ def test_planned_patterns_hold_all_fill(seed):
     pairs = np.zeros(50, dtype=np.int32), np.zeros(50, dtype=np.int32), np.zeros(50)
     used = order_stage(
         stride, top, count, leaving.copy(), MARGIN, COMPARED, sizes, work[0], np.zeros(stride), work[1], work[2],
-        50, *pairs, order, kinds, starts, lists.size, lists,
+        np.zeros((stride + SETS) * words_of(top), dtype=np.int64), 50, *pairs, order, kinds, starts, lists.size, lists,
     )  # fmt: skip
     assert used == starts[count]
     assert sorted(order) == leaving.tolist()
