@@ -77,7 +77,7 @@ def _chosen(options: argparse.Namespace) -> tuple[list[Contender], list[str]]:
 
 def _cases(known: tuple[Case, ...], options: argparse.Namespace) -> list[Case]:
     wanted = {word.strip().upper() for word in options.only.split(",") if word.strip()}
-    cases = [case for case in known if not wanted or case.problem in wanted]
+    cases = [case for case in known if not wanted or case.problem.upper() in wanted]
     if options.quick:
         cases = [replace(case, time_limit=20.0) for case in cases if case.n <= 1000]
     return cases

@@ -37,7 +37,7 @@ class Motion:
         points: (frame, q) on the way.
         force_limit: on each force.
         limits: (row of q, its bound) on all frames.
-        line: the guess is a straight line to the end, else 0.
+        guess: q to begin with, (size, n + 1); None for a straight line to the end.
     """
 
     size: int
@@ -49,11 +49,11 @@ class Motion:
     points: Sequence[tuple[int, Sequence[float]]] = ()
     force_limit: float = np.inf
     limits: tuple[int, float] | None = None
-    line: bool = True
+    guess: np.ndarray | None = None
 
 
 def build(case: Case, variant: str) -> Task:
-    motion = {"P1": _point, "P2": _cart_pole, "P3": _chain, "P4": _chain}[case.problem](case)
+    motion = {"P1": _point, "P2": _cart_pole, "P3": _chain, "P3s": _chain, "P4": _chain}[case.problem](case)
     program, arguments, structure = _staged(motion, case.n)
     solver = ca.nlpsol("solver", "fatrop", program, fatrop_options(case, variant, **structure))
     return Task(lambda: solved(solver, arguments))
@@ -69,7 +69,7 @@ def _point(case: Case) -> Motion:
         lambda a, u: ca.sum1(a**2),
         end,
         points=[(round(share * case.n), middle)],
-        line=False,
+        guess=np.zeros((2, case.n + 1)),
     )
 
 
@@ -103,6 +103,7 @@ def _chain(case: Case) -> Motion:
         ca.Function("law", [q, v, a, u], [ca.vertcat(*needed) - u]),
         lambda a, u: ca.sum1(u**2),
         [problems.UPRIGHT] * case.rods,
+        guess=problems.chain_guess(case.problem, case.rods, case.n),
     )
 
 
@@ -175,8 +176,8 @@ def _staged(motion: Motion, n: int) -> tuple[dict[str, Any], dict[str, Any], dic
     low, high = np.full((y.shape[0], n + 1), -np.inf), np.full((y.shape[0], n + 1), np.inf)
     low[3 * size :], high[3 * size :] = -motion.force_limit, motion.force_limit
     guess = np.zeros((y.shape[0], n + 1))
-    if motion.line:
-        guess[:size] = np.outer(motion.end, np.linspace(0.0, 1.0, n + 1))
+    straight = np.outer(motion.end, np.linspace(0.0, 1.0, n + 1))
+    guess[:size] = straight if motion.guess is None else motion.guess
     trapezoid = ca.DM(weights(n, h)).T
     program = {"x": ca.vec(w), "f": ca.dot(motion.cost(a, u), trapezoid), "g": ca.vertcat(*parts)}
     arguments = {

@@ -18,7 +18,8 @@ from bench.peers.task import Case, Outcome, Task
 
 
 def build(case: Case, variant: str) -> Task:
-    makers = {"P1": _point, "P2": _cart_pole, "P3": _chain, "P4": _chain, "P5": _jump, "P6": _bundled_jump}
+    makers = {"P1": _point, "P2": _cart_pole, "P5": _jump, "P6": _bundled_jump}
+    makers |= dict.fromkeys(("P3", "P3s", "P4"), _chain)
     program, arguments, more = makers[case.problem](case)
     solver = ca.nlpsol("solver", "ipopt", program, ipopt_options(case, variant, **more))
     return Task(lambda: solved(solver, arguments))
@@ -122,7 +123,7 @@ def _chain(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     lower[:rods, n] = upper[:rods, n] = problems.UPRIGHT
     lower[rods : 2 * rods, n] = upper[rods : 2 * rods, n] = 0.0
     guess = np.zeros((4 * rods, n + 1))
-    guess[:rods] = np.linspace(0.0, problems.UPRIGHT, n + 1)
+    guess[:rods] = problems.chain_guess(case.problem, rods, n)
     # frame by frame, so that the KKT matrix is banded as it comes
     together = ca.vertcat(ca.vec(ca.vertcat(gaps, laws[:, :-1])), laws[:, -1])
     program = {"x": ca.vec(w), "f": objective, "g": together}

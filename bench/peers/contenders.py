@@ -30,7 +30,7 @@ class Contender:
     same: bool = True
 
 
-_EVERY = {"P1": 100_000, "P2": 100_000, "P3": 10_000, "P4": 50}
+_EVERY = {"P1": 100_000, "P2": 100_000, "P3": 10_000, "P3s": 200, "P4": 50}
 _LAMP = {"P5": 10_000, "P6": 10_000}
 
 CONTENDERS = (
@@ -48,7 +48,7 @@ CONTENDERS = (
         "casadi_ipopt",
         "compiled",
         "casadi",
-        {"P2": 10_000, "P3": 1000, "P4": 50, "P5": 120},
+        {"P2": 10_000, "P3": 1000, "P3s": 200, "P4": 50, "P5": 120},
     ),
     *(
         Contender(f"fatrop, {variant}", "CasADi + fatrop", "casadi_fatrop", variant, "casadi", _EVERY)

@@ -3,6 +3,8 @@
 P1  a point through three waypoints, least acceleration: a quadratic problem
 P2  cart-pole swing-up of [Kelly2017], bounds on cart and force
 P3  a chain of five rods, hanging to upright in half a second, least torque: absolute angles, inverse dynamics
+P3s the same from a guess that swings: P3 has dozens of optima, and from its own guess, a straight line, tools end at
+    different ones; from this one, with 50 and 200 intervals, they end at the same
 P4  the same of 2, 10 and 20 rods
 P5  a lamp on a flat foot jumps: six coordinates, phases of fixed length, a plastic landing; inverse dynamics
 P6  the lamp's jump of the bundled specs, ``luxo_jump``
@@ -17,6 +19,8 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 SPECS = Path(__file__).resolve().parent / "specs"
 
@@ -34,6 +38,14 @@ SWING_TIME, DISTANCE, TRACK, FORCE = 2.0, 1.0, 2.0, 20.0
 # P3 and P4
 ROD_MASS, ROD_LENGTH, CHAIN_TIME = 0.5, 0.5, 0.5
 UPRIGHT = math.pi
+#: Of P3s: what is added to the straight line of each angle, a sum of sines of one, two and three half waves.
+SWING = (
+    (0.2, -0.8, 0.2),
+    (-2.5, -0.3, 0.4),
+    (2.3, -0.2, -0.2),
+    (-0.5, -1.1, -0.4),
+    (1.4, 0.0, -0.1),
+)
 
 # P5: base, lower arm, upper arm, head; from the sole up
 LAMP_MASS = (1.0, 0.25, 0.25, 0.6)
@@ -124,8 +136,18 @@ def lamp_forces(
     return [sum_x, sum_z, *torques[::-1]]
 
 
-def chain_spec(rods: int) -> str:
-    """P3 or P4 in this project's language, stated as :func:`chain_torques` does it."""
+def chain_guess(problem: str, rods: int, n: int) -> np.ndarray:
+    """Angles to begin with, (rods, n + 1)."""
+    s = np.linspace(0.0, 1.0, n + 1)
+    angles = np.tile(UPRIGHT * s, (rods, 1))
+    if problem == "P3s":
+        waves = np.sin(math.pi * np.outer(np.arange(1, len(SWING[0]) + 1), s))
+        angles += np.array(SWING) @ waves
+    return angles
+
+
+def chain_spec(rods: int, swing: Sequence[Sequence[float]] = ()) -> str:
+    """P3 or P4 in this project's language, stated as :func:`chain_torques` does it; for ``swing`` see SWING."""
     every = range(1, rods + 1)
 
     def each(text: str, separator: str = " ") -> str:
@@ -152,9 +174,14 @@ def chain_spec(rods: int) -> str:
             continue
         above = f"M{k + 1} + l*(cos(q{k})*Gx{k + 1} + sin(q{k})*Gy{k + 1})"
         lines.append(f"  M{k} = {above} + {own};  Gx{k} = Fx{k} + Gx{k + 1};  Gy{k} = Fy{k} + Gy{k + 1};")
+    guesses = []
+    for k in every:
+        waves = swing[k - 1] if swing else ()
+        terms = [f" + {wave}*sin({j}*pi*t/T)" for j, wave in enumerate(waves, 1)]
+        guesses.append(f"q{k} = pi*t/T{''.join(terms)};")
     at_rest, at_end = each("q#; q#';"), each("q# = pi; q#';")
     lines += [
-        f"guess: {each('q# = pi*t/T;')}",
+        f"guess: {' '.join(guesses)}",
         "constraints:",
         f"  [0, n]: {each('M# = tau#;')}",
         f"  [0]: {at_rest}",
@@ -171,8 +198,8 @@ def constants_of(problem: str, n: int) -> dict[str, int]:
 
 def spec_of(problem: str, rods: int) -> str:
     """The text, or the bundled name, of a problem in this project's language."""
-    if problem in ("P3", "P4"):
-        return chain_spec(rods)
+    if problem in ("P3", "P3s", "P4"):
+        return chain_spec(rods, SWING if problem == "P3s" else ())
     if problem == "P6":
         return "luxo_jump"
     return (SPECS / f"{problem.lower()}.stc").read_text(encoding="utf-8")

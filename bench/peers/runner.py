@@ -32,6 +32,8 @@ CASES = (
     Case("P2", 10_000),
     Case("P3", 50, 5),
     Case("P3", 1000, 5),
+    Case("P3s", 50, 5),
+    Case("P3s", 200, 5),
     Case("P4", 50, 2),
     Case("P4", 50, 10, max_iterations=1000),
     Case("P4", 50, 20, max_iterations=1000),

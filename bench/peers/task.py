@@ -12,9 +12,9 @@ class Case:
     """One problem at one size.
 
     Attributes:
-        problem: ``P1`` to ``P6``.
+        problem: ``P1`` to ``P6``, or ``P3s``.
         n: number of intervals.
-        rods: of the chain, for P3 and P4.
+        rods: of the chain, for P3, P3s and P4.
         max_iterations: where a tool is to stop; what did not converge by then is compared per iteration.
         time_limit: seconds after which a tool gives up.
     """
