@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import distinct
-from stc.codegen.native import f64, f64s, i32s, i64, native
+from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
 from stc.records import dataclass
 from stc.solver.kkt import chain_elimination as chain
 from stc.solver.kkt.chain_elimination import BLOCK
@@ -248,19 +248,34 @@ def _middle(values: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
+class _Panels:
+    """Panels in the order of their elimination.
+
+    Attributes:
+        high: the highest row of each, (P,); members: of each, (P,).
+        rows: those it couples with, increasing, panel by panel; begin: where each panel's begin, (P + 1,).
+    """
+
+    high: Int32s
+    members: Int32s
+    rows: Int32s
+    begin: Int32s
+
+
+@dataclass(frozen=True)
 class _Ordered:
     """The pivots of a kind.
 
     Attributes:
         kinds: of the pivots; slot: the row of the window of each unknown of U, F and B.
-        panels: the highest row of each, its members, and the rows it couples with, increasing.
+        panels: see ``_Panels``.
         cycles: what it takes, about.
         left: sizes of what is left for the next stage, for B and F.
     """
 
     kinds: Int32s
     slot: Int64s
-    panels: list[tuple[int, int, Int64s]]
+    panels: _Panels
     cycles: float
     left: Floats
 
@@ -333,34 +348,25 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
     filled[to_high, to_low // BLOCK] = True
     filled[np.arange(size), blocks_of] = True
     filled[:outer] = True  # what is left is copied as a whole
-    listed: list[Int64s] = []
-    places: list[int] = []
-    at = factors = operations = 0
-    for top, members, rows in panels:
-        places += [at, factors]
-        blocks = np.flatnonzero(np.bincount(rows // BLOCK, minlength=1) if rows.size else [1])[::-1]
-        member = np.arange(top - members + 1, top + 1)
-        filled[np.ix_(np.concatenate([rows, member]), np.concatenate([blocks, blocks_of[member]]))] = True
-        counts = rows.size - np.searchsorted(rows, BLOCK * blocks)
-        corner = 2 * BLOCK if members == 4 else BLOCK  # what is kept before the factors
-        down = rows[::-1]
-        factor = corner + BLOCK * members * np.searchsorted(-blocks, -(down // BLOCK)) + down % BLOCK
-        pairs = kinds[size - 1 - top] == 2, kinds[size - 1 - top + members - 2] == 2
-        head = [members, 2 if pairs[0] else 1, 2 if pairs[1] else 1, top, blocks.size, down.size]
-        columns = np.stack([BLOCK * blocks, counts], axis=1).reshape(-1)
-        listed.append(np.concatenate([head, columns, np.stack([down * stride, factor], axis=1).reshape(-1)]))
-        at += listed[-1].size
-        factors += corner + BLOCK * members * blocks.size
-        operations += members * down.size * (down.size + 1 + members)
+    lists = np.empty(panels.high.size * (6 + 2 * (stride // BLOCK)) + 2 * panels.rows.size, dtype=np.int32)
+    places = np.empty(2 * panels.high.size, dtype=np.int32)
+    marks = np.zeros(filled.size, dtype=np.int32)
+    totals = np.zeros(3, dtype=np.int64)
+    _write_panels(
+        panels.high.size, size, stride, panels.high, panels.members, panels.begin, panels.rows, kinds,
+        np.empty(stride // BLOCK + 1, dtype=np.int32), lists, places, marks, totals,
+    )  # fmt: skip
+    listed, factors, operations = totals.tolist()
+    filled |= marks.reshape(filled.shape) != 0
     filled &= np.arange(stride // BLOCK) <= blocks_of[:, None]
     filled[block_rows, block_columns // BLOCK] = False  # entries take their places
     cleared_rows, cleared_blocks = np.nonzero(filled)
     row, count = np.unique(block_rows, return_counts=True)
     header = np.zeros(chain.PROGRAM, dtype=np.int64)
-    parts: list[Int64s] = [header]
+    parts: list[NDArray[np.integer]] = [header]
     length = header.size
 
-    def put(field: int, part: Int64s) -> None:
+    def put(field: int, part: NDArray[np.integer]) -> None:
         nonlocal length
         header[field] = length
         parts.append(part)
@@ -369,29 +375,24 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
     header[chain.SIZE], header[chain.INSIDE], header[chain.BORDER] = size, own, kind.border
     header[chain.CLEARED], header[chain.ENTRIES] = cleared_rows.size, entries.size
     header[chain.BLOCKS], header[chain.ROWS] = block_rows.size, row.size
-    header[chain.CARRIED], header[chain.PANELS] = arrived.size, len(panels)
+    header[chain.CARRIED], header[chain.PANELS] = arrived.size, panels.high.size
     put(chain.CLEARED_AT, cleared_rows * stride + BLOCK * cleared_blocks)
     put(chain.BLOCKS_AT, blocks_held.reshape(-1))
     put(chain.ROWS_AT, np.stack([row, count], axis=1).reshape(-1))
     put(chain.CARRIED_TO, to_high * stride + to_low)
-    put(chain.PANELS_AT, np.concatenate([np.zeros(0, dtype=np.int64), *listed]))
-    put(chain.PLACES_AT, np.array(places, dtype=np.int64))
+    put(chain.PANELS_AT, lists[:listed])
+    put(chain.PLACES_AT, places)
     matrix = sum(chain.padded(count) for count in (size, own, entries.size))
     code, rows = np.concatenate(parts).astype(np.int32), slot[:own] - outer
     return ChainProgram(code, rows, kind.following, entries, factors, matrix, operations)
 
 
-def _panels(
-    size: int, kinds: Int32s, coupled: NDArray[np.int32]
-) -> tuple[list[tuple[int, int, Int64s]], float]:
+def _panels(size: int, kinds: Int32s, coupled: NDArray[np.int32]) -> tuple[_Panels, float]:
     """Join consecutive pivots to panels so that all together take the fewest cycles; these, too.
 
     Args:
         kinds: of the pivots, from the highest row downwards.
         coupled: which rows couple, (size, size).
-
-    Returns:
-        The highest row of each panel, its members, and the rows it couples with, increasing.
     """
     begins = np.flatnonzero(kinds != SECOND)
     units = begins.size
@@ -401,15 +402,119 @@ def _panels(
     union = np.zeros(size, dtype=np.int32)
     cost, came = np.zeros(units + 1), np.zeros(units + 1, dtype=np.int32)
     _join(size, units, high, members, coupled.reshape(-1), union, reach, cost, came)
-    by_unit = reach.reshape(units, size)
-    panels: list[tuple[int, int, Int64s]] = []
-    at = units
-    while at:
-        first = int(came[at])
-        top, together = int(high[first]), int(members[first:at].sum())
-        panels.append((top, together, np.flatnonzero(by_unit[first:at, : top - together + 1].any(axis=0))))
-        at = first
-    return panels[::-1], float(cost[units])
+    tops, together, begin = (np.empty(units + 1, dtype=np.int32) for _ in range(3))
+    rows = np.empty(reach.size, dtype=np.int32)
+    count = _collect_panels(size, units, high, members, reach, came, union, tops, together, begin, rows)
+    panels = _Panels(tops[:count], together[:count], rows[: begin[count]], begin[: count + 1])
+    return panels, float(cost[units])
+
+
+@native(small=True)
+def _collect_panels(
+    size: i64, units: i64, high: i32s, members: i32s, reach: i32s, came: i32s, union: i32s, tops: i32s, together: i32s,
+    begin: i32s, rows: i32s,
+) -> i64:  # fmt: skip
+    """The panels that ``_join`` has found, in the order of their elimination, and how many."""
+    count = 0
+    last = units
+    while last > 0:
+        count += 1
+        last = came[last]
+    last = units
+    for k in range(count):
+        tops[count - 1 - k] = came[last]  # the first unit, for now
+        last = came[last]
+    listed = 0
+    for k in range(count):
+        first = tops[k]
+        end = tops[k + 1] if k + 1 < count else units
+        total = 0
+        for u in range(first, end):
+            total += members[u]
+            for r in range(size):
+                union[r] = max(union[r], reach[u * size + r])
+        begin[k] = listed
+        for r in range(high[first] - total + 1):
+            if union[r] != 0:
+                rows[listed] = r
+                listed += 1
+        for r in range(size):
+            union[r] = 0
+        tops[k] = high[first]
+        together[k] = total
+    begin[count] = listed
+    return count
+
+
+@native(small=True)
+def _write_panels(
+    count: i64, size: i64, stride: i64, high: i32s, members: i32s, begin: i32s, rows: i32s, kinds: i32s, blocks: i32s,
+    lists: i32s, places: i32s, filled: i32s, totals: i64s,
+) -> None:  # fmt: skip
+    """Write panels down as chain_panel reads them.
+
+    Args:
+        count, high, members, begin, rows: see ``_Panels``; kinds: of the pivots, from the highest row downwards.
+        blocks: work space, (stride / BLOCK + 1,).
+        lists, places: what PANELS_AT and PLACES_AT are for.
+        filled: becomes 1 for the blocks of the window that panels change, (size * stride / BLOCK,).
+        totals: become the numbers in ``lists``, those of the factors, and additions and multiplications.
+    """
+    at = 0
+    factors = 0
+    operations = 0
+    width = stride // BLOCK
+    for p in range(count):
+        top = high[p]
+        own = members[p]
+        down = begin[p + 1] - begin[p]
+        below = rows[begin[p] :]
+        places[2 * p] = at
+        places[2 * p + 1] = factors
+        held = 0
+        for e in range(down):
+            block = below[down - 1 - e] // BLOCK
+            if held == 0 or blocks[max(held - 1, 0)] != block:
+                blocks[held] = block
+                held += 1
+        if down == 0:
+            blocks[0] = 0
+            held = 1
+        pivot = size - 1 - top
+        panel = lists[at:]
+        panel[0] = own
+        panel[1] = 2 if kinds[pivot] == 2 else 1
+        panel[2] = 2 if own > 1 and kinds[max(pivot + own - 2, 0)] == 2 else 1
+        panel[3] = top
+        panel[4] = held
+        panel[5] = down
+        corner = 2 * BLOCK if own == 4 else BLOCK  # what is kept before the factors
+        before = 0  # rows of higher blocks
+        pairs = panel[6 + 2 * held :]
+        for b in range(held):
+            after = before
+            while after < down and below[max(down - 1 - after, 0)] // BLOCK == blocks[b]:
+                row = below[down - 1 - after]
+                pairs[2 * after] = row * stride
+                pairs[2 * after + 1] = corner + BLOCK * own * b + row % BLOCK
+                after += 1
+            before = after
+            panel[6 + 2 * b] = BLOCK * blocks[b]
+            panel[7 + 2 * b] = after
+        for e in range(down + own):
+            row = top - own + 1 + e - down
+            if e < down:
+                row = below[e]
+            for b in range(held):
+                filled[row * width + blocks[b]] = 1
+            for k in range(own):
+                filled[row * width + (top - k) // BLOCK] = 1
+        at += 6 + 2 * held + 2 * down
+        factors += corner + BLOCK * own * held
+        operations += own * down * (down + 1 + own)
+    totals[0] = at
+    totals[1] = factors
+    totals[2] = operations
 
 
 @native(small=True)

@@ -7,6 +7,7 @@ stages go through ``FrontalKKT``.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -245,7 +246,7 @@ class SegmentedKKT(PlannedKKT):
         )  # fmt: skip
 
 
-def _side_by_side(calls: list[Bound], pace: Record) -> Bound:
+def _side_by_side(calls: Sequence[Bound], pace: Record) -> Bound:
     """One call for those of all parts."""
     return calls[0] if len(calls) == 1 else parallel([calls], pace)
 
