@@ -159,7 +159,7 @@ def effort_of(ways: int, size: int) -> int:
 
     Measured on a machine of 2022 with chains and segments of 20 to 180 rows.
     """
-    return ways * (6 * size**3 + 4_000_000) + 15_000_000
+    return ways * (6 * size**3 + 4_000_000) + 6_000_000
 
 
 def plan_panels(kind: Kind, entries: Floats, diagonal: Floats, *, thorough: bool) -> Program:

@@ -310,6 +310,9 @@ class Plans:
             if found and len(self._plans) < PLANS:
                 self._keep(other)
                 self._frugal = other, float(now.state[LARGEST])
+                if now.suited_from:
+                    # It is made late, for the time that takes, but may suit all matrices but the earliest.
+                    other.suited_from = now.suited_from + SETTLED[0]
                 return other
         return now
 
