@@ -7,35 +7,81 @@ for one; in wide ones the vectors can be filled by rows of a stage instead.  Wha
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
-from stc.codegen.calls import Bound
+from stc.codegen.calls import Bound, CallTable
+from stc.codegen.threads import Record, parallel, record
 from stc.solver.kkt import attempts, chain_elimination, pivots, plan_calls
 from stc.solver.kkt.arrangement import Couplings
-from stc.solver.kkt.chain_elimination import eliminate
+from stc.solver.kkt.chain_elimination import eliminate, eliminate_run
 from stc.solver.kkt.chain_plan import WAYS, Chain, ChainProgram, lay_out_chain, plan_chain
 from stc.solver.kkt.chain_rows import VECTORS
-from stc.solver.kkt.chain_solve import ONE, UNITS, solve
+from stc.solver.kkt.chain_solve import (
+    BACKWARD,
+    BACKWARD_TAIL,
+    CALLS,
+    FORWARD,
+    FORWARD_TAIL,
+    ONE,
+    PROGRESS,
+    UNITS,
+    backward_run,
+    forward_run,
+    solve,
+)
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import Arrays
+from stc.solver.kkt.folding import fold
 from stc.solver.kkt.frontal import SWEEPS
+from stc.solver.kkt.lane_panel import STATE
 from stc.solver.kkt.lane_program import effort_of
 from stc.solver.kkt.plan_choice import Plans, Prepared
-from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, PlannedKKT, new_state, reading_distance
+from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, WHOLE, PlannedKKT, new_state, reading_distance
 from stc.solver.kkt.segmented_passes import equilibrate_all
-from stc.solver.kkt.segments import Numbered
+from stc.solver.kkt.segments import Numbered, row_of_stages
 from stc.solver.nlp import Floats
 
 __all__ = ["ChainKKT", "find_chain"]
 
 #: Kinds of stages at most: each is planned for.
 KINDS = 64
+#: Calls of the runs of stages, in a table that has so many for each plan: two of the elimination, then those of each
+#: solve.
+ELIMINATE, ELIMINATE_TAIL = 0, 1
+PHASES_OF = {
+    place: 2 + CALLS * number
+    for number, place in enumerate((plan_calls.PROBE, plan_calls.SOLVE, plan_calls.SOLVE_BOTH))
+}
+CALLS_OF_PLAN = 2 + CALLS * len(PHASES_OF)
 
 
-def find_chain(couplings: Couplings, numbered: Numbered) -> Chain | None:
-    """Lay out a chain, or None where it would have too many kinds of stages."""
+#: What a stage takes is about the third power of its unknowns. Where all take more than this together, the chain is
+#: gone through from both ends: two threads gain more by that than it takes to plan for stages in either direction.
+FOLDED = 5e7
+
+
+def find_chain(
+    couplings: Couplings, stage: NDArray[np.int64], numbered: Numbered, held: NDArray[np.bool_] | None
+) -> Chain | None:
+    """Lay out a chain, or None where it would have too many kinds of stages.
+
+    Args:
+        stage, held: what ``numbered`` was found for.
+    """
+    if (np.diff(numbered.stages.pointers).astype(np.float64) ** 3).sum() >= FOLDED:
+        row = row_of_stages(couplings, stage)
+        folded = fold(couplings, row, held) if row is not None else None
+        if folded is not None:
+            chain = lay_out_chain(folded[0], couplings.n, couplings.first, couplings.second, folded[1])
+            meeting = chain.kinds[chain.kind[sum(folded[1])]]
+            if len(chain.kinds) <= KINDS and meeting.arrived.size and meeting.joined.size:
+                return chain
     chain = lay_out_chain(numbered, couplings.n, couplings.first, couplings.second)
     return chain if len(chain.kinds) <= KINDS else None
 
@@ -90,10 +136,16 @@ class ChainKKT(PlannedKKT):
         sources = couplings.hess_off, couplings.hess_count + np.arange(couplings.jac_count)
         self._source = np.concatenate(sources).astype(np.int32)
         self._sources = self._source[chain.edges]
-        stride = self._stride
-        rows = (chain_elimination.BLOCK + 2) * stride
-        self._work = aligned_zeros(2 * VECTORS * stride)
-        self._spaces = tuple(aligned_zeros(room) for room in (stride * stride, rows, 2 * stride * stride))
+        stages, border = chain.kind.size, chain.kinds[0].border
+        ends = [0, *np.cumsum(chain.parts).tolist(), stages]
+        self._runs = [_Run(*span, chain, self._stride) for span in itertools.pairwise(ends)]
+        self._tail = int(chain.base[ends[-2]]) if chain.parts else size
+        self._border_entries = border * (border + 1) // 2
+        room = size + chain_elimination.BLOCK if chain.parts else 0
+        self._other_most = np.zeros(room)
+        self._aside = [aligned_zeros(room) for _ in range(4)]
+        self._run_calls = CallTable(CALLS_OF_PLAN * WHOLE)
+        self._paces = [record() for _ in range(1 + 2 * CALLS)]
         self._matrix = aligned_zeros(0)
         self._masks = np.concatenate([np.repeat([1.0, 0.0], [k, 8 - k]) for k in range(9)])
         self._units = np.zeros(UNITS)
@@ -111,7 +163,7 @@ class ChainKKT(PlannedKKT):
     def nbytes(self) -> int:
         """Memory held, about."""
         own = 8 * self._arrays.given.size + 64 * self._diagonal.size + 12 * self._sources.nbytes
-        own += self._factors.nbytes + self._matrix.nbytes + sum(space.nbytes for space in self._spaces)
+        own += self._factors.nbytes + self._matrix.nbytes + sum(run.nbytes for run in self._runs)
         return own + (self._whole.nbytes if self._whole is not None else 0)
 
     def _programs(self, thorough: bool) -> tuple[list[ChainProgram], NDArray[np.int64]]:
@@ -136,15 +188,16 @@ class ChainKKT(PlannedKKT):
             )
         )
         base = chain.base[:-1]
+        border = chain.kinds[0].border
         places = np.empty(chain.order.size, dtype=np.int32)
         for number, kind in enumerate(kinds):
             here = base[which == number][:, None]
             places[here + kind.rows] = here + np.arange(kind.rows.size)
         index = np.zeros(places.size + chain_elimination.BLOCK, dtype=np.int32)
         index[: places.size] = chain.order[places]
-        outer, outer_at = _outer_places(kinds, which)
+        outer, outer_at = _outer_places(kinds, which, base, chain.after)
         table = np.zeros((which.size, chain_elimination.FIELDS), dtype=np.int64)
-        ends = base[-1] + kinds[which[-1]].rows[: chain.kinds[0].border]
+        ends = base[-1] + kinds[which[-1]].rows[:border]
         table[:, chain_elimination.OUTER] = ends.size + lengths.sum() + outer_at
         table[:, chain_elimination.CODE] = ends.size + (np.cumsum(lengths) - lengths)[which]
         table[:, chain_elimination.BASE] = base
@@ -165,7 +218,7 @@ class ChainKKT(PlannedKKT):
         codes = np.concatenate([ends, *(kind.code for kind in kinds), outer]).astype(np.int32)
         tables = which.size, table.reshape(-1), codes, index
         scale = aligned_zeros(index.size)
-        arrays, border = self._arrays, chain.kinds[0].border
+        arrays = self._arrays
         zero = arrays.given.size - 1
         sources = np.full(int(entries[which].sum()), zero, dtype=np.int32)
         for number, kind in enumerate(kinds):
@@ -174,14 +227,31 @@ class ChainKKT(PlannedKKT):
             sources[table[here, chain_elimination.SOURCES] + held] = self._sources[
                 chain.begin[:-1][here] + kind.entries[held]
             ]
-        left, peaks, windows = self._spaces
         effort = sum(effort_of(len(WAYS), int(kind.code[chain_elimination.SIZE])) for kind in kinds)
-        bound = eliminate.bind(
-            *tables, border, self._index.size, self._stride, 1.0 / GROWTH, 1.0 / INVERSE, self._masks,
-            sources, arrays.given, self._diagonal, places, self._scale, scale, left, peaks, kept, self._most, windows,
-            self._factors, state,
+        states = aligned_zeros(STATE * len(self._runs))
+        bound = []
+        for number, run in enumerate(self._runs):
+            own_state = states[STATE * number :][:STATE]
+            own_state[:] = state
+            # The last run goes on where the first one has ended, and takes up what the second one has left.
+            last = number == 2
+            joined = self._runs[1].left if last else run.left[:0]
+            bound.append(
+                eliminate_run.bind(
+                    *run.tables(tables), self._stride, 1.0 / GROWTH, 1.0 / INVERSE, self._masks, sources, arrays.given,
+                    self._diagonal, scale, 0 if last else self._border_entries, joined,
+                    self._runs[0].left if last else run.left, run.peaks, kept, 0 if last else self._index.size,
+                    self._other_most if number == 1 else self._most, run.windows, self._factors, own_state,
+                )
+            )  # fmt: skip
+        place = CALLS_OF_PLAN * slot
+        self._run_calls.put(place + ELIMINATE, _side_by_side(bound, self._paces[0]))
+        self._run_calls.put(place + ELIMINATE_TAIL, bound[-1])
+        first = eliminate.bind(
+            self._run_calls.cells, place, len(self._runs), states, self._other_most, self._index.size, places,
+            self._scale, scale, self._most, state,
         )  # fmt: skip
-        self._calls.put(plan_calls.CALLS * slot + plan_calls.ELIMINATE, bound)
+        self._calls.put(plan_calls.CALLS * slot + plan_calls.ELIMINATE, first)
         self._calls.put(plan_calls.CALLS * slot + plan_calls.EQUILIBRATE, self._equilibrate)
         return Prepared(
             slot, tables, self._factors[:needed], state, (kept, scale), self._equilibrate,
@@ -198,20 +268,83 @@ class ChainKKT(PlannedKKT):
     ) -> Bound:
         """See ``PlannedKKT``."""
         kept, scale = plan.space
+        both, distance = int(place == plan_calls.SOLVE_BOTH), reading_distance(plan.factors)
+        half = len(vectors) // 2
+        solution, change = vectors[2], vectors[3]
+        other_solution, other_change = vectors[half + 2], vectors[half + 3]
+        aside, left, other_aside, other_left = self._aside
+        size, stride = self._index.size, self._stride
+        progress = np.zeros(PROGRESS, dtype=np.int64)
+        forward, backward = [], []
+        for number, run in enumerate(self._runs):
+            apart = int(number == 1)
+            span = apart, run.begin, run.end, self._tail, size, progress, distance
+            _, table, code, _ = run.tables(plan.tables)
+            stages = run.stages, table, code, stride
+            forward.append(
+                forward_run.bind(
+                    *span, *stages, plan.factors, run.work, solution, change, aside, other_solution, other_change,
+                    other_aside,
+                )
+            )  # fmt: skip
+            backward.append(
+                backward_run.bind(
+                    *span, *stages, self._units, plan.factors, kept, run.work, solution, change, aside, left,
+                    other_solution, other_change, other_aside, other_left,
+                )
+            )  # fmt: skip
+        begin = CALLS_OF_PLAN * plan.slot + PHASES_OF[place]
+        paces = self._paces[1 + CALLS * both :]
+        self._run_calls.put(begin + FORWARD, _side_by_side(forward, paces[FORWARD]))
+        self._run_calls.put(begin + FORWARD_TAIL, forward[-1])
+        self._run_calls.put(begin + BACKWARD_TAIL, backward[-1])
+        self._run_calls.put(begin + BACKWARD, _side_by_side(backward, paces[BACKWARD]))
         return solve.bind(
-            int(place == plan_calls.SOLVE_BOTH), refinements, self.accuracy, reading_distance(plan.factors),
-            *plan.tables, self._index.size, self._stride, kept, plan.factors, scale, self._units, self._work,
-            np.zeros(2), *vectors, *reports,
+            both, refinements, self.accuracy, self._run_calls.cells, begin, len(self._runs), self._tail, progress,
+            *plan.tables, size, stride, kept, scale, self._runs[0].work, np.zeros(2), *self._aside, *vectors, *reports,
         )  # fmt: skip
 
 
+class _Run:
+    """Stages from ``first`` to before ``last``, and the memory of whoever goes through them."""
+
+    def __init__(self, first: int, last: int, chain: Chain, stride: int) -> None:
+        self._first, self.stages = first, last - first
+        self.begin, self.end = int(chain.base[first]), int(chain.base[last])
+        self.left, self.windows = aligned_zeros(stride * stride), aligned_zeros(2 * stride * stride)
+        self.peaks = aligned_zeros((chain_elimination.BLOCK + 2) * stride)
+        self.work = aligned_zeros(2 * VECTORS * stride)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory held."""
+        return self.left.nbytes + self.windows.nbytes + self.peaks.nbytes + self.work.nbytes
+
+    def tables(self, tables: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Those of a plan for these stages alone."""
+        _, table, code, index = tables
+        return self.stages, table[chain_elimination.FIELDS * self._first :], code, index
+
+
+def _side_by_side(calls: Sequence[Bound], pace: Record) -> Bound:
+    """One call for those of the parts of a chain; what comes after them is not among it."""
+    return calls[0] if len(calls) == 1 else parallel([calls[:2]], pace)
+
+
 def _outer_places(
-    kinds: list[ChainProgram], which: NDArray[np.int64]
+    kinds: list[ChainProgram], which: NDArray[np.int64], base: NDArray[np.int64], after: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Where the unknowns of F are in vectors, in lists for all pairs of programs, and which list each stage has."""
-    pairs, list_of = np.unique(np.stack([which, np.append(which[1:], 0)]), axis=1, return_inverse=True)
+    """Where the unknowns of F are in vectors, counted from a stage's own, and which list of that each stage has.
+
+    Stages have the same list where they and those after them have the same programs and are as far apart.
+
+    Args:
+        which: the program of each stage; base: where its unknowns begin; after: which stage has its F.
+    """
+    alike = np.stack([which, which[after], base[after] - base])
+    different, list_of = np.unique(alike, axis=1, return_inverse=True)
     lists = [
-        kinds[one].rows.size + kinds[other].rows[kinds[one].following] for one, other in pairs.T.tolist()
+        distance + kinds[other].rows[kinds[one].following] for one, other, distance in different.T.tolist()
     ]
     lengths = np.array([places.size for places in lists])
     return np.concatenate(lists), (np.cumsum(lengths) - lengths)[list_of.reshape(-1)]

@@ -22,10 +22,20 @@ counted from there.  Each stage has FIELDS numbers in a table.
 
 from __future__ import annotations
 
+from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.codegen.native_vector import abs8, gather8, largest8, load8, masked8, max8, splat8, store8
 from stc.solver.kkt.chain_panel import NEGATIVE, begin_tests, invert_corner, take_panel, worst_test
-from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, LARGEST, is_doubtful, is_watched, note_watched
+from stc.solver.kkt.lane_panel import (
+    COUNTED,
+    DISTANCE,
+    LARGEST,
+    STATE,
+    WATCHED,
+    is_doubtful,
+    is_watched,
+    note_watched,
+)
 from stc.solver.kkt.segmented_parts import STALE
 from stc.solver.kkt.segmented_passes import DOUBTED_SCALE, REFUSED, STALE_SCALE
 from stc.solver.kkt.values import spread_of
@@ -45,6 +55,8 @@ __all__ = [
     "FACTORS",
     "FIELDS",
     "INSIDE",
+    "JOINED",
+    "JOINED_TO",
     "MATRIX",
     "OUTER",
     "PANELS",
@@ -57,6 +69,7 @@ __all__ = [
     "SIZE",
     "SOURCES",
     "eliminate",
+    "eliminate_run",
     "entries_at",
     "gather_outer",
     "gather_rows",
@@ -83,8 +96,10 @@ RECORD = 4
 CARRIED, CARRIED_TO = 10, 11
 #: ... panels (see stc.solver.kkt.chain_panel); ...
 PANELS, PANELS_AT = 12, 13
-#: ... where each panel begins, counted from PANELS_AT, and its factors.
-PLACES_AT, PROGRAM = 14, 15
+#: ... where each panel begins, counted from PANELS_AT, and its factors; ...
+PLACES_AT = 14
+#: ... the same as CARRIED for a second part of the chain that has come to its end.
+JOINED, JOINED_TO, PROGRAM = 15, 16, 17
 
 
 @native(inline=True)
@@ -234,8 +249,8 @@ def _place(
 
 
 @native(fast=True)
-def _complete(program: i32s, stride: i64, kept: f64s, left: f64s, window: f64s) -> None:
-    """Bring the diagonal to the window, and what the stage before has left."""
+def _complete(program: i32s, stride: i64, kept: f64s, left: f64s, joined: f64s, window: f64s) -> None:
+    """Bring the diagonal to the window, and what the stage before has left, and a second part that ends there."""
     size = program[SIZE]
     own = kept[padded(size) :]
     inside = size - program[INSIDE]
@@ -245,6 +260,10 @@ def _complete(program: i32s, stride: i64, kept: f64s, left: f64s, window: f64s) 
     target = program[program[CARRIED_TO] :]
     for e in range(carried * (carried + 1) // 2):
         window[target[e]] += left[e]
+    second = program[JOINED]
+    target = program[program[JOINED_TO] :]
+    for e in range(second * (second + 1) // 2):
+        window[target[e]] += joined[e]
 
 
 @native(fast=True, inline=True)
@@ -313,13 +332,11 @@ def _leave(program: i32s, stride: i64, window: f64s, left: f64s) -> None:
 
 
 @native(fast=True)
-def eliminate(
+def eliminate_run(
     stages: i64,
     table: i64s,
     code: i32s,
     index: i32s,
-    border: i64,
-    size: i64,
     stride: i64,
     growth: f64,
     suspect: f64,
@@ -327,18 +344,19 @@ def eliminate(
     source: i32s,
     given: f64s,
     diagonal: f64s,
-    places: i32s,
     scale: f64s,
-    own_scale: f64s,
+    cleared: i64,
+    joined: f64s,
     left: f64s,
     peaks: f64s,
     matrix: f64s,
+    size: i64,
     most: f64s,
     windows: f64s,
     factors: f64s,
     state: f64s,
-) -> i64:
-    """Eliminate all stages.
+) -> None:
+    """Eliminate stages that follow one another; ``state[COUNTED]`` becomes the negative pivots, -1 if one is refused.
 
     Pivots wait for one another; meanwhile the next stage is loaded, into the other one of two windows.
 
@@ -346,37 +364,32 @@ def eliminate(
         stages, table, code: FIELDS numbers for each stage, and the places of B in vectors, then the programs, that
             stages refer to.
         index: which unknown is at each place of vectors.
-        border, size: unknowns of B, and all of them.
         growth, suspect: pivots are accepted as long as no product that is subtracted exceeds 1 / growth, and no
             entry of D^-1 1 / suspect, in the scaled matrix.
         masks: k ones and 8 - k zeros, for k from 0 to 8.
         source: of each entry in ``given``, where there is a zero as well, stage by stage, in the order of the blocks.
         given: entries of the matrix: H, J, p and d; diagonal: that of the matrix, (N,).
-        places: where ``scale`` (N,) has that of each place of vectors; own_scale becomes the vector.
-        most: becomes the largest entries of all rows, a vector.
-        left, peaks, windows: work space, the latter for two windows.
+        scale: a vector.
+        cleared: so many numbers of ``left``, what these stages leave, are cleared first; else it has what was left
+            before; joined: what a second part has left.
+        peaks, windows: work space, the latter for two windows.
         matrix: what is kept of each stage for products with the matrix: the scale of its rows, the diagonal of U,
             the entries in the order of the blocks.
+        size, most: numbers of ``most`` that are cleared first; where ``state[WATCHED]``, it is raised to the largest
+            entries of rows, a vector.
         factors, state: the results.
-
-    Returns:
-        0, ``REFUSED`` when a pivot was not accepted, ``STALE_SCALE`` when the scale does not serve the matrix,
-        ``DOUBTED_SCALE`` when it was not tested but perhaps does not; ``state[COUNTED]`` becomes the number of negative
-        pivots, ``state[LARGEST]`` what the test was.
     """
     begin_tests(state)
-    watched = is_watched(state)
+    watched = int(state[WATCHED])
     if watched != 0:
         for k in range(size):
             most[k] = 0.0
-    for k in range(border * (border + 1) // 2):
+    for k in range(cleared):
         left[k] = 0.0
-    for k in range(size):
-        own_scale[k] = scale[places[k]]
     first = code[table[CODE] :]
     kept = matrix[table[MATRIX] :]
     entries = kept[entries_at(first) :]
-    _begin(table, code, index, diagonal, own_scale, kept)
+    _begin(table, code, index, diagonal, scale, kept)
     _clear(0, first[CLEARED], first[first[CLEARED_AT] :], windows)
     _copy(0, first[ENTRIES], source[table[SOURCES] :], given, entries)
     _place(0, first[BLOCKS], first[first[BLOCKS_AT] :], stride, kept, entries, windows)
@@ -385,21 +398,87 @@ def eliminate(
         program = code[stage[CODE] :]
         kept = matrix[stage[MATRIX] :]
         window = windows[s % 2 * stride * stride :]
-        _complete(program, stride, kept, left, window)
+        _complete(program, stride, kept, left, joined, window)
         more = 1 if s + 1 < stages else 0
         following = table[(s + more) * FIELDS :]
         _take_panels(
-            stage, code, stride, masks, window, factors, more, following, source, index, given, diagonal, own_scale,
+            stage, code, stride, masks, window, factors, more, following, source, index, given, diagonal, scale,
             matrix[following[MATRIX] :], windows[(s + 1) % 2 * stride * stride :], state,
         )  # fmt: skip
         if watched != 0:
             _measure(stage, code, kept, peaks, most)
         worst = worst_test(growth, suspect, state)
         if not (worst < 1.0):
-            return REFUSED
+            state[COUNTED] = -1.0
+            return
         state[LARGEST] = worst
         _leave(program, stride, window, left)
     state[COUNTED] = state[NEGATIVE]
+
+
+@native(fast=True)
+def _take_scale(size: i64, places: i32s, scale: f64s, own_scale: f64s) -> None:
+    """The scale in the order of vectors."""
+    for k in range(size):
+        own_scale[k] = scale[places[k]]
+
+
+@native(fast=True)
+def _raise_to(count: i64, x: f64s, y: f64s) -> None:
+    """Raise the numbers of one array to those of another."""
+    for k in range(count):
+        y[k] = max(y[k], x[k])
+
+
+@native(shared=True)
+def eliminate(
+    calls: i64s,
+    place: i64,
+    runs: i64,
+    states: f64s,
+    other_most: f64s,
+    size: i64,
+    places: i32s,
+    scale: f64s,
+    own_scale: f64s,
+    most: f64s,
+    state: f64s,
+) -> i64:
+    """Eliminate all stages.
+
+    Args:
+        calls, place: where ``eliminate_run`` of the parts of the chain is among the prepared calls, and behind it the
+            run of what comes after them.
+        runs: 1, or 3 where there are two parts and something behind; states: of each run.
+        other_most: what is ``most`` to the second part.
+        size: N; places: where ``scale`` (N,) has that of each place of vectors; own_scale becomes the vector.
+        most: becomes the largest entries of all rows, a vector.
+
+    Returns:
+        0, ``REFUSED`` when a pivot was not accepted, ``STALE_SCALE`` when the scale does not serve the matrix,
+        ``DOUBTED_SCALE`` when it was not tested but perhaps does not; ``state[COUNTED]`` becomes the number of negative
+        pivots, ``state[LARGEST]`` what the test was.
+    """
+    _take_scale(size, places, scale, own_scale)
+    watched = is_watched(state)
+    for run in range(runs):
+        states[run * STATE + WATCHED] = 1.0 * watched
+        states[run * STATE + COUNTED] = 0.0
+    invoke(calls, place)
+    if runs > 1:
+        if states[COUNTED] < 0.0 or states[STATE + COUNTED] < 0.0:
+            return REFUSED
+        if watched != 0:
+            _raise_to(size, other_most, most)
+        invoke(calls, place + 1)
+    state[COUNTED] = 0.0
+    state[LARGEST] = 0.0
+    for run in range(runs):
+        own = states[run * STATE :]
+        if own[COUNTED] < 0.0:
+            return REFUSED
+        state[COUNTED] += own[COUNTED]
+        state[LARGEST] = max(state[LARGEST], own[LARGEST])
     if watched != 0:
         spread = spread_of(size, most)
         note_watched(spread, state)

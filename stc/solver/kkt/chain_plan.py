@@ -45,8 +45,10 @@ class ChainKind:
     Attributes:
         own, variables: unknowns of U, and how many of them, the first ones, are variables.
         following: places of F in the next stage's U, (F,).
-        arrived: places of the last stage's F in U.
+        arrived: places of the last stage's F in U; joined: the same of a second part of the chain that ends here.
         border: how many unknowns B has; at the last stage of all they are U.
+        backwards: whether they are of the part that comes from the last stage: others have the same entries with other
+            signs there.
         rows, columns: of the entries, in the order of the codes: places in U, then in F, then in B.
     """
 
@@ -54,7 +56,9 @@ class ChainKind:
     variables: int
     following: Int64s
     arrived: Int64s
+    joined: Int64s
     border: int
+    backwards: bool
     rows: Int64s
     columns: Int64s
 
@@ -66,8 +70,11 @@ class ChainKind:
     @property
     def key(self) -> bytes:
         """Equal for kinds that are the same."""
-        sizes = np.array([self.own, self.variables, self.following.size, self.arrived.size, self.border])
-        return np.concatenate([sizes, self.following, self.arrived, self.rows, self.columns]).tobytes()
+        places = self.following, self.arrived, self.joined
+        sizes = np.array(
+            [self.own, self.variables, self.border, self.backwards, *(place.size for place in places)]
+        )
+        return np.concatenate([sizes, *places, self.rows, self.columns]).tobytes()
 
 
 @dataclass(frozen=True)
@@ -78,6 +85,8 @@ class Chain:
         kinds: what there is; kind: of each stage, (S,).
         order: the unknowns stage by stage, B last, (N,); base: where those of each stage are, (S + 1,).
         edges: the couplings by stage, then by code, (E,); begin: where those of each stage are, (S + 1,).
+        after: the stage to which each leaves something, (S,), itself where there is none.
+        parts: how many stages either part has, where there are two: what they leave meets in the next stage.
     """
 
     kinds: list[ChainKind]
@@ -86,6 +95,8 @@ class Chain:
     base: Int64s
     edges: Int64s
     begin: Int64s
+    after: Int64s
+    parts: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -109,10 +120,13 @@ class ChainProgram:
     operations: int
 
 
-def lay_out_chain(numbered: Numbered, variables: int, first: Int32s, second: Int32s) -> Chain:
+def lay_out_chain(
+    numbered: Numbered, variables: int, first: Int32s, second: Int32s, parts: tuple[int, ...] = ()
+) -> Chain:
     """Put all stages in a row.
 
     Args:
+        parts: how many stages come from either end (see stc.solver.kkt.folding), or none.
         variables: how many of the unknowns, the first ones, are variables.
         first, second: the two unknowns of each coupling, (E,).
     """
@@ -137,8 +151,16 @@ def lay_out_chain(numbered: Numbered, variables: int, first: Int32s, second: Int
     alike = alike.reshape(-1).astype(np.int64)
     irregular = np.flatnonzero(numbered.irregular)
     alike[irregular] = count + irregular
-    padded = np.concatenate([[-1], alike, [-1]])
-    triples = np.stack([padded[:-2], padded[1:-1], padded[2:]])
+    before, after = np.arange(-1, count - 1), np.append(np.arange(1, count), -1)
+    joining = -1
+    if parts:
+        alike[parts[0] : count - 1] += 2 * count
+        alike[count - 1] = 4 * count  # like no other
+        joining = count - 2
+        before[[parts[0], count - 1]] = -1, parts[0] - 1
+        after[parts[0] - 1] = count - 1
+    padded = np.append(alike, -1)
+    triples = np.stack([padded[before], alike, padded[after]])
     _, examples, group = np.unique(triples, axis=1, return_index=True, return_inverse=True)
     kinds: list[ChainKind] = []
     known: dict[bytes, int] = {}
@@ -164,14 +186,17 @@ def lay_out_chain(numbered: Numbered, variables: int, first: Int32s, second: Int
     nothing = np.zeros(0, dtype=np.int64)
     for number, stage in enumerate(examples.tolist()):
         rows, columns, following = entries_of(stage)
-        arrived = entries_of(stage - 1)[2] if stage > 0 else nothing
+        arrived = entries_of(int(before[stage]))[2] if before[stage] >= 0 else nothing
+        joined = entries_of(joining)[2] if parts and stage == count - 1 else nothing
         own = order[base[stage] : base[stage + 1]]
         kind = ChainKind(
             own.size,
             int((own < variables).sum()),
             following,
             arrived,
+            joined,
             border.size,
+            bool(parts) and parts[0] <= stage < count - 1,
             rows,
             columns,
         )
@@ -182,10 +207,14 @@ def lay_out_chain(numbered: Numbered, variables: int, first: Int32s, second: Int
     if border.size:
         rows, columns, _ = entries_of(count)
         kinds.append(
-            ChainKind(border.size, int((border < variables).sum()), nothing, np.arange(border.size), 0, rows, columns)
+            ChainKind(
+                border.size, int((border < variables).sum()), nothing, np.arange(border.size), nothing, 0, False, rows, columns
+            )
         )  # fmt: skip
         kind_of_stage = np.concatenate([kind_of_stage, [len(kinds) - 1]])
-    return Chain(kinds, kind_of_stage, order, base, edges, begin)
+    after = np.where(after >= 0, after, np.arange(count))
+    after = np.concatenate([after, np.arange(count, total)])
+    return Chain(kinds, kind_of_stage, order, base, edges, begin, after, parts)
 
 
 def plan_chain(
@@ -204,17 +233,23 @@ def plan_chain(
     programs: list[ChainProgram] = []
     states = [np.zeros((0, 0))]
     known: dict[bytes, int] = {b"": 0}
-    steps: dict[tuple[int, int], tuple[int, int]] = {}
+    steps: dict[tuple[int, int, int], tuple[int, int]] = {}
     sizes = {}
-    state = 0
+    state = waiting = 0
+    turn, end = (chain.parts[0], sum(chain.parts)) if chain.parts else (-1, -1)
     for stage, number in enumerate(chain.kind.tolist()):
-        step = steps.get((number, state))
+        other = 0
+        if stage == turn:  # the second part begins with nothing
+            waiting, state = state, 0
+        elif stage == end:
+            state, other = waiting, state
+        step = steps.get((number, state, other))
         if step is None:
             kind = chain.kinds[number]
             if number not in sizes:
                 sizes[number] = _sizes(chain, np.flatnonzero(chain.kind == number), values, diagonal)
             ways = (
-                _ordered(kind, *sizes[number], states[state], margin, compared)
+                _ordered(kind, *sizes[number], states[state], states[other], margin, compared)
                 for margin, compared in (WAYS if thorough else WAYS[:1])
             )
             best = min(ways, key=lambda ordered: ordered.cycles)
@@ -223,7 +258,7 @@ def plan_chain(
             following = known.setdefault(signature, len(states))
             if following == len(states):
                 states.append(left)
-            step = steps[number, state] = len(programs), following
+            step = steps[number, state, other] = len(programs), following
             programs.append(_program(kind, stride, best))
         numbers[stage], state = step
     return programs, numbers
@@ -281,16 +316,17 @@ class _Ordered:
 
 
 def _ordered(
-    kind: ChainKind, entries: Floats, diagonal: Floats, left: Floats, margin: float, compared: float
-) -> _Ordered:
-    """Order the pivots for these sizes, after a stage that has left others."""
+    kind: ChainKind, entries: Floats, diagonal: Floats, left: Floats, other: Floats, margin: float, compared: float
+) -> _Ordered:  # fmt: skip
+    """Order the pivots for these sizes, after a stage that has left others, and one of a second part if that ends."""
     own, following, border = kind.own, kind.following.size, kind.border
     size = own + following + border
     sizes = own_sizes(kind, size, entries, diagonal)
     b = own + following + np.arange(border)
-    arrived = np.concatenate([b, kind.arrived]).astype(np.int64)
-    if left.size:
-        sizes[np.ix_(arrived, arrived)] += np.where(left == 0.0, SMALLEST, left)
+    for places, what in ((kind.arrived, left), (kind.joined, other)):
+        arrived = np.concatenate([b, places]).astype(np.int64)
+        if what.size:
+            sizes[np.ix_(arrived, arrived)] += np.where(what == 0.0, SMALLEST, what)
     sizes[own:, own:] = 0.0
     pattern = sizes != 0.0
     np.fill_diagonal(pattern, False)
@@ -342,10 +378,13 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
     blocks_held, entries = _blocks(high, low)
     block_columns, block_rows = blocks_held[:, 0], blocks_held[:, 1]
     filled = np.zeros((size, stride // BLOCK), dtype=bool)
-    arrived = np.concatenate([slot[own + following :], slot[kind.arrived]])
-    a, b = np.tril_indices(arrived.size)
-    to_high, to_low = np.maximum(arrived[a], arrived[b]), np.minimum(arrived[a], arrived[b])
-    filled[to_high, to_low // BLOCK] = True
+    carried = []
+    for places, many in ((kind.arrived, True), (kind.joined, kind.joined.size > 0)):
+        arrived = np.concatenate([slot[own + following :], slot[places]]) if many else places
+        a, b = np.tril_indices(arrived.size)
+        to_high, to_low = np.maximum(arrived[a], arrived[b]), np.minimum(arrived[a], arrived[b])
+        filled[to_high, to_low // BLOCK] = True
+        carried.append((arrived.size, to_high * stride + to_low))
     filled[np.arange(size), blocks_of] = True
     filled[:outer] = True  # what is left is copied as a whole
     lists = np.empty(panels.high.size * (6 + 2 * (stride // BLOCK)) + 2 * panels.rows.size, dtype=np.int32)
@@ -375,11 +414,13 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
     header[chain.SIZE], header[chain.INSIDE], header[chain.BORDER] = size, own, kind.border
     header[chain.CLEARED], header[chain.ENTRIES] = cleared_rows.size, entries.size
     header[chain.BLOCKS], header[chain.ROWS] = block_rows.size, row.size
-    header[chain.CARRIED], header[chain.PANELS] = arrived.size, panels.high.size
+    (header[chain.CARRIED], carried_to), (header[chain.JOINED], joined_to) = carried
+    header[chain.PANELS] = panels.high.size
     put(chain.CLEARED_AT, cleared_rows * stride + BLOCK * cleared_blocks)
     put(chain.BLOCKS_AT, blocks_held.reshape(-1))
     put(chain.ROWS_AT, np.stack([row, count], axis=1).reshape(-1))
-    put(chain.CARRIED_TO, to_high * stride + to_low)
+    put(chain.CARRIED_TO, carried_to)
+    put(chain.JOINED_TO, joined_to)
     put(chain.PANELS_AT, lists[:listed])
     put(chain.PLACES_AT, places)
     matrix = sum(chain.padded(count) for count in (size, own, entries.size))

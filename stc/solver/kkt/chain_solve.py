@@ -5,6 +5,7 @@ For one vector or for two, which share the reading of the factors.
 
 from __future__ import annotations
 
+from stc.codegen.calls import invoke
 from stc.codegen.native import f64s, fabs, i32s, i64, i64s, native
 from stc.codegen.native_vector import load8, splat8, store8, sum8
 from stc.solver.kkt.chain_elimination import (
@@ -33,10 +34,27 @@ from stc.solver.kkt.lane_panel import ask_ahead, ask_behind
 from stc.solver.kkt.segmented_parts import bring_scaled, return_scaled
 from stc.solver.kkt.substitution import improves
 
-__all__ = ["ONE", "UNITS", "solve"]
+__all__ = [
+    "BACKWARD",
+    "BACKWARD_TAIL",
+    "CALLS",
+    "FORWARD",
+    "FORWARD_TAIL",
+    "ONE",
+    "PROGRESS",
+    "UNITS",
+    "backward_run",
+    "forward_run",
+    "solve",
+]
 
 #: Blocks with a single 1 are cut out of a row of UNITS numbers that has it here.
 ONE, UNITS = 11, 24
+#: What a run of stages is to do: whether it is a first solution, which is checked, and for which of two vectors.
+CHECKED, WHICH, PROGRESS = 0, 1, 2
+BOTH, FIRST, SECOND = 0, 1, 2
+#: Where the runs' calls are among the prepared ones.
+FORWARD, FORWARD_TAIL, BACKWARD_TAIL, BACKWARD, CALLS = 0, 1, 2, 3, 4
 
 
 @native(fast=True, inline=True)
@@ -303,31 +321,243 @@ def _backward(
 
 
 @native(fast=True)
-def _substitute_one(
-    checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, stride: i64, units: f64s,
-    factors: f64s, matrix: f64s, work: f64s, x: f64s, z: f64s,
+def _forward_one_vector(
+    distance: i64, stages: i64, table: i64s, code: i32s, stride: i64, factors: f64s, work: f64s, x: f64s
 ) -> None:  # fmt: skip
-    """Solve with the factors, in place; where it is ``checked``, ``z -= K x`` as well."""
+    """L and D of stages that follow one another, in place."""
     for s in range(stages):
-        stage = table[s * FIELDS :]
-        _forward(0, distance, stage, code, stride, factors, work, x, x)
-    _backward(
-        0, checked, distance, stages, table, code, stride, units, factors, matrix, work, x, x, z, z
-    )  # fmt: skip
+        _forward(0, distance, table[s * FIELDS :], code, stride, factors, work, x, x)
 
 
 @native(fast=True)
-def _substitute_both(
-    checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, stride: i64, units: f64s,
-    factors: f64s, matrix: f64s, work: f64s, x: f64s, other_x: f64s, z: f64s, other_z: f64s,
+def _forward_both(
+    distance: i64, stages: i64, table: i64s, code: i32s, stride: i64, factors: f64s, work: f64s, x: f64s, other_x: f64s
 ) -> None:  # fmt: skip
-    """The same for two."""
+    """The same for two vectors."""
     for s in range(stages):
-        stage = table[s * FIELDS :]
-        _forward(1, distance, stage, code, stride, factors, work, x, other_x)
+        _forward(1, distance, table[s * FIELDS :], code, stride, factors, work, x, other_x)
+
+
+@native(fast=True)
+def _backward_one_vector(
+    checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, stride: i64, units: f64s, factors: f64s,
+    matrix: f64s, work: f64s, x: f64s, z: f64s,
+) -> None:  # fmt: skip
+    """L^T of stages that follow one another, in place; where it is ``checked``, ``z -= K x`` as well."""
+    _backward(0, checked, distance, stages, table, code, stride, units, factors, matrix, work, x, x, z, z)
+
+
+@native(fast=True)
+def _backward_both(
+    checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, stride: i64, units: f64s, factors: f64s,
+    matrix: f64s, work: f64s, x: f64s, other_x: f64s, z: f64s, other_z: f64s,
+) -> None:  # fmt: skip
+    """The same for two vectors."""
     _backward(
-        1, checked, distance, stages, table, code, stride, units, factors, matrix, work, x, other_x, z, other_z
-    )  # fmt: skip
+        1,
+        checked,
+        distance,
+        stages,
+        table,
+        code,
+        stride,
+        units,
+        factors,
+        matrix,
+        work,
+        x,
+        other_x,
+        z,
+        other_z,
+    )
+
+
+@native(fast=True, inline=True)
+def _copy(begin: i64, end: i64, x: f64s, y: f64s) -> None:
+    for k in range(begin, end):
+        y[k] = x[k]
+
+
+@native(fast=True, inline=True)
+def _zero(begin: i64, end: i64, x: f64s) -> None:
+    for k in range(begin, end):
+        x[k] = 0.0
+
+
+@native(fast=True)
+def _add(begin: i64, end: i64, x: f64s, y: f64s) -> None:
+    for k in range(begin, end):
+        y[k] += x[k]
+
+
+@native
+def forward_run(
+    apart: i64,
+    begin: i64,
+    end: i64,
+    tail: i64,
+    size: i64,
+    progress: i64s,
+    distance: i64,
+    stages: i64,
+    table: i64s,
+    code: i32s,
+    stride: i64,
+    factors: f64s,
+    work: f64s,
+    solution: f64s,
+    change: f64s,
+    aside: f64s,
+    other_solution: f64s,
+    other_change: f64s,
+    other_aside: f64s,
+) -> None:
+    """Substitute forward with the factors of stages that follow one another.
+
+    Args:
+        apart: whether others are at other stages meanwhile: then a vector of its own is used, ``aside``, in which what
+            is left to the stages from ``tail`` to ``size`` is found.
+        begin, end: where the unknowns of these stages are in vectors.
+        progress: CHECKED, whether ``solution`` is to be found, from the right-hand side that is there, or ``change``;
+            WHICH of two.
+        other arguments: see ``solve``.
+    """
+    which = progress[WHICH]
+    x = change[0:]
+    other_x = other_change[0:]
+    if progress[CHECKED] != 0:
+        x = solution[0:]
+        other_x = other_solution[0:]
+    if apart != 0:
+        if which != SECOND:
+            _copy(begin, end, x, aside)
+            _zero(tail, size, aside)
+        if which != FIRST:
+            _copy(begin, end, other_x, other_aside)
+            _zero(tail, size, other_aside)
+        x = aside[0:]
+        other_x = other_aside[0:]
+    if which == BOTH:
+        _forward_both(distance, stages, table, code, stride, factors, work, x, other_x)
+    elif which == FIRST:
+        _forward_one_vector(distance, stages, table, code, stride, factors, work, x)
+    else:
+        _forward_one_vector(distance, stages, table, code, stride, factors, work, other_x)
+
+
+@native
+def backward_run(
+    apart: i64,
+    begin: i64,
+    end: i64,
+    tail: i64,
+    size: i64,
+    progress: i64s,
+    distance: i64,
+    stages: i64,
+    table: i64s,
+    code: i32s,
+    stride: i64,
+    units: f64s,
+    factors: f64s,
+    matrix: f64s,
+    work: f64s,
+    solution: f64s,
+    change: f64s,
+    aside: f64s,
+    left: f64s,
+    other_solution: f64s,
+    other_change: f64s,
+    other_aside: f64s,
+    other_left: f64s,
+) -> None:
+    """Substitute back with the factors of these stages; arguments as for ``forward_run``.
+
+    Where it is CHECKED, what ``solution`` leaves of the right-hand side is subtracted from ``change``: ``left`` has the
+    stages' own part of that, and what is to be added to the stages from ``tail`` on.
+    """
+    which = progress[WHICH]
+    checked = progress[CHECKED]
+    x = change[0:]
+    other_x = other_change[0:]
+    if checked != 0:
+        x = solution[0:]
+        other_x = other_solution[0:]
+    own = x[0:]
+    other_own = other_x[0:]
+    z = change[0:]
+    other_z = other_change[0:]
+    if apart != 0:
+        own = aside[0:]
+        other_own = other_aside[0:]
+        z = left[0:]
+        other_z = other_left[0:]
+        if which != SECOND:
+            _copy(tail, size, x, aside)
+            if checked != 0:
+                _copy(begin, end, change, left)
+                _zero(tail, size, left)
+        if which != FIRST:
+            _copy(tail, size, other_x, other_aside)
+            if checked != 0:
+                _copy(begin, end, other_change, other_left)
+                _zero(tail, size, other_left)
+    if which == BOTH:
+        _backward_both(
+            checked, distance, stages, table, code, stride, units, factors, matrix, work, own, other_own, z, other_z
+        )  # fmt: skip
+    elif which == FIRST:
+        _backward_one_vector(
+            checked, distance, stages, table, code, stride, units, factors, matrix, work, own, z
+        )
+    else:
+        _backward_one_vector(
+            checked, distance, stages, table, code, stride, units, factors, matrix, work, other_own, other_z
+        )  # fmt: skip
+    if apart != 0:
+        if which != SECOND:
+            _copy(begin, end, aside, x)
+            if checked != 0:
+                _copy(begin, end, left, change)
+        if which != FIRST:
+            _copy(begin, end, other_aside, other_x)
+            if checked != 0:
+                _copy(begin, end, other_left, other_change)
+
+
+@native(shared=True)
+def _substitute(
+    which: i64, checked: i64, calls: i64s, place: i64, runs: i64, tail: i64, size: i64, progress: i64s, solution: f64s,
+    change: f64s, aside: f64s, left: f64s, other_solution: f64s, other_change: f64s, other_aside: f64s,
+    other_left: f64s,
+) -> None:  # fmt: skip
+    """Solve with the factors for ``solution``, with ``change -= K solution`` where it is ``checked``, or for ``change``.
+
+    Args:
+        which: BOTH, FIRST or SECOND of two vectors.
+    """
+    progress[WHICH] = which
+    progress[CHECKED] = checked
+    invoke(calls, place + FORWARD)
+    if runs > 1:
+        if which != SECOND:
+            if checked != 0:
+                _add(tail, size, aside, solution)
+            else:
+                _add(tail, size, aside, change)
+        if which != FIRST:
+            if checked != 0:
+                _add(tail, size, other_aside, other_solution)
+            else:
+                _add(tail, size, other_aside, other_change)
+        invoke(calls, place + FORWARD_TAIL)
+        invoke(calls, place + BACKWARD_TAIL)
+    invoke(calls, place + BACKWARD)
+    if runs > 1 and checked != 0:
+        if which != SECOND:
+            _add(tail, size, left, change)
+        if which != FIRST:
+            _add(tail, size, other_left, other_change)
 
 
 @native(fast=True)
@@ -344,12 +574,30 @@ def _norms(size: i64, x: f64s, z: f64s, norms: f64s) -> None:
     norms[1] = remaining + check
 
 
-@native
+@native(fast=True)
+def _begin(size: i64, scaled_rhs: f64s, solution: f64s, change: f64s) -> None:
+    for k in range(size):
+        solution[k] = scaled_rhs[k]
+        change[k] = scaled_rhs[k]
+
+
+@native(fast=True)
+def _refine(size: i64, change: f64s, kept: f64s, solution: f64s) -> None:
+    for k in range(size):
+        kept[k] = change[k]
+        solution[k] += change[k]
+
+
+@native(shared=True)
 def solve(
     both: i64,
     refinements: i64,
     accuracy: f64s,
-    distance: i64,
+    calls: i64s,
+    place: i64,
+    runs: i64,
+    tail: i64,
+    progress: i64s,
     stages: i64,
     table: i64s,
     code: i32s,
@@ -357,11 +605,13 @@ def solve(
     size: i64,
     stride: i64,
     matrix: f64s,
-    factors: f64s,
     scale: f64s,
-    units: f64s,
     work: f64s,
     norms: f64s,
+    aside: f64s,
+    left: f64s,
+    other_aside: f64s,
+    other_left: f64s,
     rhs: f64s,
     scaled_rhs: f64s,
     solution: f64s,
@@ -381,9 +631,10 @@ def solve(
 
     Args:
         both: whether to do the same for ``other_rhs``, in common passes; ``report`` then tells of the less accurate.
-        distance: how far ahead substitutions ask for memory, 0 where it is near.
-        stages ... factors, scale: see ``chain_elimination.eliminate``; size: N.
-        units: zeros, with 1 at ONE.
+        calls, place: where the calls of the runs of stages are among the prepared ones: FORWARD and so on from
+            ``place`` on; runs: see ``chain_elimination.eliminate``; tail: where the unknowns of the last run begin.
+        progress: tells the runs what to do; aside, left: a vector each of the second part's own.
+        stages ... scale: see ``chain_elimination.eliminate_run``; size: N.
         rhs, result: (N,); report: see ``substitution.REPORT``; the other arrays are work space.
     """
     length = bring_scaled(size, index, scale, rhs, scaled_rhs)
@@ -396,21 +647,13 @@ def solve(
     report[1] = 0.0
     report[2] = 0.0
     other_report[0] = 1.0 * other_active
-    for k in range(size):
-        solution[k] = scaled_rhs[k]
-        change[k] = scaled_rhs[k]
+    _begin(size, scaled_rhs, solution, change)
     if both != 0:
-        for k in range(size):
-            other_solution[k] = other_scaled_rhs[k]
-            other_change[k] = other_scaled_rhs[k]
-        _substitute_both(
-            1, distance, stages, table, code, stride, units, factors, matrix, work, solution,
-            other_solution, change, other_change,
-        )  # fmt: skip
-    else:
-        _substitute_one(
-            1, distance, stages, table, code, stride, units, factors, matrix, work, solution, change
-        )  # fmt: skip
+        _begin(size, other_scaled_rhs, other_solution, other_change)
+    _substitute(
+        BOTH if both != 0 else FIRST, 1, calls, place, runs, tail, size, progress, solution, change, aside, left,
+        other_solution, other_change, other_aside, other_left,
+    )  # fmt: skip
     steps = 0
     while active + other_active > 0:
         report[1] = 1.0 * steps
@@ -435,27 +678,20 @@ def solve(
                 other_solution,
             )  # fmt: skip
         steps += 1
-        if active != 0 and other_active != 0:
-            _substitute_both(
-                0, distance, stages, table, code, stride, units, factors, matrix, work, change,
-                other_change, change, other_change,
-            )  # fmt: skip
-        elif active != 0:
-            _substitute_one(
-                0, distance, stages, table, code, stride, units, factors, matrix, work, change, change
-            )  # fmt: skip
-        elif other_active != 0:
-            _substitute_one(
-                0, distance, stages, table, code, stride, units, factors, matrix, work, other_change, other_change
+        if active + other_active > 0:
+            which = BOTH
+            if other_active == 0:
+                which = FIRST
+            elif active == 0:
+                which = SECOND
+            _substitute(
+                which, 0, calls, place, runs, tail, size, progress, solution, change, aside, left, other_solution,
+                other_change, other_aside, other_left,
             )  # fmt: skip
         if active != 0:
-            for k in range(size):
-                kept[k] = change[k]
-                solution[k] += change[k]
+            _refine(size, change, kept, solution)
         if other_active != 0:
-            for k in range(size):
-                other_kept[k] = other_change[k]
-                other_solution[k] += other_change[k]
+            _refine(size, other_change, other_kept, other_solution)
     return_scaled(size, index, scale, solution, result)
     if both != 0:
         return_scaled(size, index, scale, other_solution, other_result)

@@ -56,7 +56,7 @@ def new_system(
         if suits_chain(couplings, numbered):
             from stc.solver.kkt.chain import ChainKKT, find_chain
 
-            chain = find_chain(couplings, numbered)
+            chain = find_chain(couplings, stage, numbered, held)
             if chain is not None:
                 return ChainKKT(couplings, stage, chain)
         found = find_segments(numbered)

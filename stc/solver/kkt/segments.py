@@ -18,7 +18,17 @@ from stc.codegen.native import i32s, i64, i64s, native
 from stc.records import dataclass
 from stc.solver.kkt.arrangement import Couplings, sort_by_key
 
-__all__ = ["Group", "Numbered", "Segmentation", "Stages", "find_segments", "number_stages"]
+__all__ = [
+    "Group",
+    "Numbered",
+    "Row",
+    "Segmentation",
+    "Stages",
+    "find_segments",
+    "number_stages",
+    "number_unknowns",
+    "row_of_stages",
+]
 
 Int32s = NDArray[np.int32]
 Int64s = NDArray[np.int64]
@@ -135,44 +145,89 @@ def number_stages(
         stage: suggested stage of each unknown, (N,), any whole numbers.
         held: variables that never move, (n,); a stage is only like others that hold the same ones.
     """
+    row = row_of_stages(couplings, stage)
+    if row is None:
+        return None
+    forwards, _ = row.directions()
+    return number_unknowns(couplings, forwards, row.border, held)
+
+
+@dataclass(frozen=True)
+class Row:
+    """Stages in a row.
+
+    Attributes:
+        stage: of each unknown, numbered without gaps, (N,).
+        border: unknowns that couple with distant stages.
+        ahead, behind: 1 for unknowns that couple with the next stage, or with the one before, (N,).
+    """
+
+    stage: Int32s
+    border: Int32s
+    ahead: Int32s
+    behind: Int32s
+
+    def directions(self) -> tuple[Int32s, Int32s]:
+        """The stage of each unknown for who goes through them from the first one on, and for who comes from the last.
+
+        What a stage passes on to the next is to be little.
+        """
+        more_behind = np.count_nonzero(self.behind) - np.count_nonzero(self.ahead)
+        forwards = self.stage + (self.ahead > self.behind) if more_behind > 0 else self.stage
+        backwards = self.stage - (self.behind > self.ahead) if more_behind < 0 else self.stage
+        return forwards.astype(np.int32), backwards.astype(np.int32)
+
+
+def row_of_stages(couplings: Couplings, stage: Int64s) -> Row | None:
+    """Put stages in a row, or None where they are few, or where too much couples with distant ones."""
     size = couplings.size
     if size == 0:
         return None
     _, numbers = np.unique(stage, return_inverse=True)
-    stages = int(numbers.max()) + 1
-    if stages < 2 * LANES:
+    if int(numbers.max()) + 1 < 2 * LANES:
         return None
     stage_of = numbers.astype(np.int32)
-    first, second = couplings.first, couplings.second
     far, flagged = np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
     ahead, behind = np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
+    first, second = couplings.first, couplings.second
     _flag_border(first.size, first, second, stage_of, far, flagged, ahead, behind)
-    if np.count_nonzero(behind) > np.count_nonzero(ahead):
-        stage_of[ahead > behind] += 1  # what a stage passes on to the next is to be little
     border = np.flatnonzero(flagged).astype(np.int32)
-    order, pointers = sort_by_key(stage_of, stages)
+    return Row(stage_of, border, ahead, behind) if border.size <= LARGEST_BORDER else None
+
+
+def number_unknowns(
+    couplings: Couplings, stage: Int32s, border: Int32s, held: NDArray[np.bool_] | None
+) -> Numbered:
+    """Number the unknowns of each stage, and find out what stages have in common.
+
+    Args:
+        stage: of each unknown, without gaps, (N,): couplings are with the one that is gone through next, or in it.
+        border: unknowns that couple with many stages; held: see ``number_stages``.
+    """
+    size = couplings.size
+    first, second = couplings.first, couplings.second
+    stages = int(stage.max()) + 1
+    order, pointers = sort_by_key(stage, stages)
     widest = int(np.diff(pointers).max())
-    if border.size > LARGEST_BORDER:
-        return None
     local = np.empty(size, dtype=np.int32)
-    local[order] = np.arange(size, dtype=np.int32) - pointers[stage_of[order]]
+    local[order] = np.arange(size, dtype=np.int32) - pointers[stage[order]]
     number = np.full(size, -1, dtype=np.int32)
     number[border] = np.arange(border.size, dtype=np.int32)
     base = max(widest, border.size) + 1
     edge_stage, edge_code = np.empty(first.size, dtype=np.int32), np.empty(first.size, dtype=np.int64)
     sums = np.zeros(2 * stages, dtype=np.int64)
-    _codes(first.size, first, second, stage_of, local, number, base, edge_stage, edge_code, sums)
+    _codes(first.size, first, second, stage, local, number, base, edge_stage, edge_code, sums)
     curved = couplings.hess_variable
-    _own_codes(CURVED, curved.size, curved, stage_of, local, base, sums)
+    _own_codes(CURVED, curved.size, curved, stage, local, base, sums)
     if held is not None:
         fixed = np.flatnonzero(held).astype(np.int32)
-        _own_codes(HELD, fixed.size, fixed, stage_of, local, base, sums)
-    variables = np.bincount(stage_of[: couplings.n], minlength=stages)
+        _own_codes(HELD, fixed.size, fixed, stage, local, base, sums)
+    variables = np.bincount(stage[: couplings.n], minlength=stages)
     features = np.stack([np.diff(pointers), variables, sums[0::2], sums[1::2]])
     irregular = np.zeros(stages, dtype=bool)
-    irregular[stage_of[border]] = True
+    irregular[stage[border]] = True
     return Numbered(
-        Stages(stage_of, order, pointers, local, border), edge_stage, edge_code, base, features, irregular
+        Stages(stage, order, pointers, local, border), edge_stage, edge_code, base, features, irregular
     )
 
 

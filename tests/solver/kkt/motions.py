@@ -7,10 +7,9 @@ from unittest import mock
 import numpy as np
 from solver.kkt.kkt_problems import Builder, Pattern
 
-from stc.solver.kkt import segments
+from stc.solver.kkt import chain, folding, segments
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.chain import ChainKKT
-from stc.solver.kkt.chain_plan import lay_out_chain
 from stc.solver.kkt.segmented import SegmentedKKT
 from stc.solver.kkt.segments import Segmentation, find_segments, number_stages
 
@@ -63,9 +62,16 @@ def system_of(pattern: Pattern, *, shared: bool = False) -> SegmentedKKT:
     return SegmentedKKT(couplings, stage, found)
 
 
-def chain_of(pattern: Pattern, held: np.ndarray | None = None) -> ChainKKT:
-    """However narrow its stages are."""
+def chain_of(pattern: Pattern, held: np.ndarray | None = None, *, folded: bool = False) -> ChainKKT:
+    """However narrow its stages are; from both ends, however few they are, where it is to be ``folded``."""
     couplings, stage = structure(pattern)
     numbered = number_stages(couplings, stage, held)
     assert numbered is not None
-    return ChainKKT(couplings, stage, lay_out_chain(numbered, pattern.n, couplings.first, couplings.second))
+    with (
+        mock.patch.object(chain, "FOLDED", 0.0 if folded else np.inf),
+        mock.patch.object(folding, "SHORTEST", 2),
+    ):
+        found = chain.find_chain(couplings, stage, numbered, held)
+    assert found is not None
+    assert bool(found.parts) == folded
+    return ChainKKT(couplings, stage, found)

@@ -12,16 +12,6 @@ from stc.codegen import threads
 from stc.solver.kkt.lane_panel import COUNTED
 
 
-@pytest.fixture
-def two(monkeypatch):
-    """Two threads whatever the environment says and the machine has."""
-    monkeypatch.setattr(threads, "_processors", lambda: 2)
-    monkeypatch.delenv("STC_THREADS", raising=False)
-    threads.limit(2)
-    yield
-    threads.limit(None)
-
-
 def _plain(rng, pattern):
     """Values of a convex problem with independent constraints, so that a plan suits."""
     values = generic(rng, pattern)
@@ -32,7 +22,7 @@ def _plain(rng, pattern):
 
 
 @pytest.mark.parametrize("values_of", VALUES.values(), ids=VALUES)
-def test_two_parts_against_dense_algebra(two, values_of):
+def test_two_parts_against_dense_algebra(two_threads, values_of):
     for seed in range(3):
         rng = np.random.default_rng(seed)
         pattern = motion(rng, 45, parameters=seed, waypoint=seed == 2)
@@ -42,7 +32,7 @@ def test_two_parts_against_dense_algebra(two, values_of):
             check(kkt, pattern, values_of(rng, pattern), rng)
 
 
-def test_the_same_bits_on_one_thread(two):
+def test_the_same_bits_on_one_thread(two_threads):
     """Whether a second thread takes a part is seen in no digit of inertia, factors and solutions."""
     rng = np.random.default_rng(30)
     pattern = motion(rng, 120, parameters=1)
@@ -91,7 +81,7 @@ def test_little_work_is_not_shared():
 
 
 @pytest.mark.parametrize("part", [0, 1])
-def test_a_pivot_that_one_part_refuses(two, part):
+def test_a_pivot_that_one_part_refuses(two_threads, part):
     """The whole matrix is factorised another way then, and by the plan again when that serves."""
     rng = np.random.default_rng(33)
     pattern = motion(rng, 45)
