@@ -379,8 +379,8 @@ def _program(kind: ChainKind, stride: int, ordered: _Ordered) -> ChainProgram:
     block_columns, block_rows = blocks_held[:, 0], blocks_held[:, 1]
     filled = np.zeros((size, stride // BLOCK), dtype=bool)
     carried = []
-    for places, many in ((kind.arrived, True), (kind.joined, kind.joined.size > 0)):
-        arrived = np.concatenate([slot[own + following :], slot[places]]) if many else places
+    for come, many in ((kind.arrived, True), (kind.joined, kind.joined.size > 0)):
+        arrived = np.concatenate([slot[own + following :], slot[come]]) if many else come
         a, b = np.tril_indices(arrived.size)
         to_high, to_low = np.maximum(arrived[a], arrived[b]), np.minimum(arrived[a], arrived[b])
         filled[to_high, to_low // BLOCK] = True
