@@ -16,6 +16,25 @@ def distinct(values: NDArray) -> NDArray:
     return ordered[first]
 
 
+def ranks(values: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
+    """Which of the different values in ascending order each one is, and how many different ones there are.
+
+    As ``numpy.unique`` tells, but without sorting where they are not far apart.
+    """
+    if values.size == 0:
+        return np.zeros(0, dtype=np.int64), 0
+    least = int(values.min())
+    span = int(values.max()) - least + 1
+    if span > 4 * values.size:
+        different, inverse = np.unique(values, return_inverse=True)
+        return inverse, different.size
+    offset = values - least
+    present = np.zeros(span, dtype=bool)
+    present[offset] = True
+    rank = np.cumsum(present) - 1
+    return rank[offset], int(rank[-1]) + 1
+
+
 def scattered(count: int) -> NDArray[np.float64]:
     """Numbers (count,) spread evenly over -1..1, neighbours far apart: multiples of the golden ratio.
 

@@ -9,13 +9,22 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stc.arrays import distinct, scattered
+from stc.arrays import distinct, ranks, scattered
 
 
 @given(st.lists(st.integers(-5, 5)))
 def test_distinct_is_unique(values: list[int]) -> None:
     array = np.array(values, dtype=np.int64)
     assert np.array_equal(distinct(array), np.unique(array))
+
+
+@given(st.lists(st.one_of(st.integers(-5, 5), st.integers(-(2**40), 2**40))))
+def test_ranks_are_those_of_unique(values: list[int]) -> None:
+    array = np.array(values, dtype=np.int64)
+    different, inverse = np.unique(array, return_inverse=True)
+    found, count = ranks(array)
+    assert count == different.size
+    assert np.array_equal(found, inverse)
 
 
 def test_scattered_fills_the_interval() -> None:

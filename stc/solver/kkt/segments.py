@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import ranks
 from stc.codegen.native import i32s, i64, i64s, native
 from stc.records import dataclass
 from stc.solver.kkt.arrangement import Couplings, sort_by_key
@@ -183,8 +184,8 @@ def row_of_stages(couplings: Couplings, stage: Int64s) -> Row | None:
     size = couplings.size
     if size == 0:
         return None
-    _, numbers = np.unique(stage, return_inverse=True)
-    if int(numbers.max()) + 1 < 2 * LANES:
+    numbers, count = ranks(stage)
+    if count < 2 * LANES:
         return None
     stage_of = numbers.astype(np.int32)
     far, flagged = np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.arrays import distinct
+from stc.arrays import distinct, ranks
 from stc.codegen.native import i32s, i64, native
 from stc.records import dataclass
 from stc.solver.kkt.ordering import LEAF
@@ -61,22 +61,23 @@ def assign_stages(stage: Ints, variables: int, first: Ints, second: Ints) -> Sta
         variables: how many of the unknowns, the first ones, are variables; the others are rows.
         first, second: the two unknowns of every coupling, (E,), each unordered pair once, rows first.
     """
-    groups, stage = np.unique(stage, return_inverse=True)
+    stage, count = ranks(np.asarray(stage, dtype=np.int64))
     if stage.size == 0:
         nothing = np.zeros(0, dtype=np.int32)
         return Staging(0, nothing, nothing, nothing, 0)
-    stage = _border(stage.astype(np.int64), first, second)
+    stage = _border(stage, first, second)
     border = _spread(stage, first, second)
     stage = _rows_last(stage, variables, border, first, second)
     stage = _parts_late(stage, border, first, second)
     entry = _entries(stage, first, second)
-    load = _load(entry, stage, groups.size)
-    if load.max() > 3 * np.bincount(stage, minlength=groups.size).max() + 64:
-        other = _level_order(stage, first, second, groups.size)
+    load = _load(entry, stage, count)
+    if load.max() > 3 * np.bincount(stage, minlength=count).max() + 64:
+        other = _level_order(stage, first, second, count)
         other_entry = _entries(other, first, second)
-        if (_load(other_entry, other, groups.size) ** 2).sum() < 0.7 * (load**2).sum():
+        if (_load(other_entry, other, count) ** 2).sum() < 0.7 * (load**2).sum():
             stage, entry = other, other_entry
-    kept, stage = np.unique(stage, return_inverse=True)
+    kept = distinct(stage)
+    stage = np.searchsorted(kept, stage)
     entry = np.searchsorted(kept, entry)
     count = kept.size
 
