@@ -531,7 +531,7 @@ def _substitute(
     change: f64s, aside: f64s, left: f64s, other_solution: f64s, other_change: f64s, other_aside: f64s,
     other_left: f64s,
 ) -> None:  # fmt: skip
-    """Solve with the factors for ``solution``, with ``change -= K solution`` where it is ``checked``, or for ``change``.
+    """Solve with the factors for ``solution``, where ``checked`` with ``change -= K solution``, or for ``change``.
 
     Args:
         which: BOTH, FIRST or SECOND of two vectors.
