@@ -206,9 +206,9 @@ def lay_out_chain(
     kind_of_stage = numbers[group.reshape(-1)]
     if border.size:
         rows, columns, _ = entries_of(count)
-        own = int((border < variables).sum())
+        many = int((border < variables).sum())
         kinds.append(
-            ChainKind(border.size, own, nothing, np.arange(border.size), nothing, 0, False, rows, columns)
+            ChainKind(border.size, many, nothing, np.arange(border.size), nothing, 0, False, rows, columns)
         )
         kind_of_stage = np.concatenate([kind_of_stage, [len(kinds) - 1]])
     after = np.where(after >= 0, after, np.arange(count))
