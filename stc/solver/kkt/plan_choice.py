@@ -38,6 +38,9 @@ DOUBTED = 3.0
 #: its while.
 RECENT = 0.3
 UNLIKELY = 0.2
+#: Each plan in a row that does not even suit the matrix for which it was made has the next one wait for twice as many,
+#: up to this power of two.
+MOST_FUTILE = 6
 #: A number of matrices that is never reached.
 FAR = 2**62
 #: A cheaper plan that has failed is tried again after twice so many matrices, then twice as many each time, up to this
@@ -111,6 +114,8 @@ class Plans:
         self._plans: list[Prepared] = []
         self._known_cheaper: dict[int, list[Prepared]] = {}
         self._next_at = self._missed = 0
+        self._latest: Prepared | None = None  # the plan that was made for a matrix which no other one suited
+        self._futile = 0  # how often in a row that did not suit it either, up to a limit
         self._failures = self._pause = 0
         self._choose_at = 0  # the matrix from which on the plan to begin with is to be chosen anew
         self._settled = 0  # how often another one was made with more effort, or all there is to it
@@ -172,13 +177,13 @@ class Plans:
         if self._is_irregular:
             return  # the next matrices will not be alike
         self._missed += self._unknowns
-        if self._missed < PLANNING:
+        if self._missed < (max(PLANNING, self._unknowns) << self._futile if self._futile else PLANNING):
             return
         if len(self._plans) == PLANS:
             if self.tried < self._next_at:
                 return
             del self._plans[min(range(PLANS), key=lambda k: self._plans[k].won)]
-        self.now = self._another(make)
+        self.now = self._latest = self._another(make)
         yield self.now
 
     @property
@@ -249,6 +254,8 @@ class Plans:
 
     def suited(self, plan: Prepared) -> None:
         """Note that a plan did, for the last matrix."""
+        if plan is self._latest:
+            self._futile, self._latest = 0, None
         self._note_first(plan, self.tried)
         plan.suited()
 
@@ -283,6 +290,9 @@ class Plans:
         if self._is_irregular:
             self._irregular_won *= 0.5
             return
+        if self._latest is not None and self._latest.served == 0:
+            self._futile = min(self._futile + 1, MOST_FUTILE)
+        self._latest = None
         self._failures += 1
         if self._failures >= PATIENCE:
             self._pause = 2 ** min(self._failures - PATIENCE, LONGEST_PAUSE)

@@ -43,18 +43,48 @@ def test_a_settled_plan_takes_no_more_operations(planning_is_free):
     assert thorough.operations <= plain.operations
 
 
+def plan(slot, operations):
+    """One that is never carried out."""
+    nothing, state = np.zeros(0), np.zeros(lane_panel.STATE)
+    call = Bound.of_python(lambda: 0, ())
+    return plan_choice.Prepared(slot, (), nothing, state, (nothing, nothing), call, operations, 0, True)
+
+
+@pytest.mark.parametrize("unknowns", [1000, 20_000])
+def test_plans_that_do_not_even_suit_their_own_matrix_are_made_ever_more_rarely(unknowns):
+    """Matrices that no plan can help come again with each solve."""
+    plans, made = plan_choice.Plans(unknowns, plan(0, 0)), []
+
+    def make(thorough):
+        made.append(plans.tried)
+        return plan(len(made), 100)
+
+    good = None
+    for number in range(2000):
+        if plans.paused(False):
+            continue
+        hopeless = number % 4 == 3
+        for candidate in plans.candidates(True, make):
+            good = good or candidate
+            if candidate is good and not hopeless:
+                plans.suited(candidate)
+                plans.succeeded()
+                break
+            candidate.refused(plans.tried)
+        else:
+            plans.failed()
+    assert good is not None
+    assert good.served > 1000
+    waits = np.diff(made[2:])
+    assert 3 <= len(made) <= 20
+    assert waits[-1] >= 4 * waits[0]
+
+
 @pytest.mark.parametrize(
     ("growth", "residual", "given_up"), [(1e-5, 1e-9, True), (1e-5, 0.0, False), (1e-8, 1e-9, False)]
 )
 def test_fewer_operations_are_not_worth_less_accuracy(growth, residual, given_up):
     """A plan whose pivots are larger, and so doubtful that its factors had to be tried, goes as it came."""
-    nothing = np.zeros(0)
-
-    def plan(slot, operations):
-        state = np.zeros(lane_panel.STATE)
-        call = Bound.of_python(lambda: 0, ())
-        return plan_choice.Prepared(slot, (), nothing, state, (nothing, nothing), call, operations, 0, True)
-
     one, other = plan(0, 100), plan(1, 80)
     plans = plan_choice.Plans(1000, plan(0, 0))
     plans.paused(False)
