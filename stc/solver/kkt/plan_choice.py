@@ -72,10 +72,12 @@ class Prepared:
     curved: bool  # whether H was not zero when it was made
     won: float = 0.0  # share of the last matrices that it suited
     served: int = 0  # matrices that it suited
+    served_before: int = 0  # those before the last restart
     failed: int = 0  # times in a row that it did not
     rest_until: int = 0  # the matrix from which on it may be tried again
     suited_from: int = 0  # the first matrix since the last restart that it suited, counted from 1, or 0
     suits_from: int = 0  # the same of the last time that it suited any
+    likely_from: int = 0  # from which one on it may suit, where it was made later than that, until it has suited one
     is_accurate: Bound | None = None
     probed: Floats = field(default_factory=lambda: np.zeros(REPORT))  # what its probe reports
     bindings: int = -1  # of the rest, that its calls are made for
@@ -136,6 +138,7 @@ class Plans:
         for plan in self._plans:
             plan.suits_from = plan.suited_from or plan.suits_from
             plan.suited_from = 0
+            plan.served_before = plan.served
             if plan.suits_from:
                 plan.failed = 0
                 plan.rest_until = self.tried + plan.suits_from
@@ -194,19 +197,29 @@ class Plans:
         now = self.now
         return SETTLED[self._settled] * max(1, now.effort // max(1, SETTLED[0] * now.operations))
 
+    def _settles_after(self, number: int) -> int:
+        """In how many matrices from that one on it is time for that.
+
+        Where solves are short, that is early in one of them, but when the entries have reached their sizes.
+        """
+        now = self.now
+        if now.served_before >= self._settle_at:
+            return now.suits_from + SETTLED[0] - (number - self._begun_at)
+        return self._settle_at - (now.served - now.served_before)
+
     def _take_up(self, plan: Prepared, number: int) -> None:
         """Use a plan from a matrix on, until another one is to be tried again, or more is known of this one."""
         self.now = plan
         self._choose_at = number + 1
         if plan.served > 0:
-            last = number + max(1, self._settle_at - plan.served) if plan.curved else FAR
+            last = number + max(1, self._settles_after(number)) if plan.curved else FAR
             self._choose_at = min([last, *(other.rest_until for other in self._cheaper(plan))])
 
     def begin(self) -> None:
         """Take up the plan for the first matrix since a restart, where it is like the one at that time."""
         now = self.now
-        if now.served > 0 and not (now.curved and now.served >= self._settle_at):
-            number = self.tried + 1
+        number = self.tried + 1
+        if now.served > 0 and not (now.curved and self._settles_after(number) <= 0):
             self._take_up(self._rested(now, number), number)
 
     def foresee(self) -> None:
@@ -277,6 +290,9 @@ class Plans:
     def _note_first(self, plan: Prepared, number: int) -> None:
         if not plan.suited_from:
             plan.suited_from = number - self._begun_at
+            if plan.likely_from:
+                plan.suited_from = min(plan.suited_from, plan.likely_from)
+                plan.likely_from = 0
 
     def succeeded(self) -> None:
         """The factors of the plan in use are good."""
@@ -300,7 +316,7 @@ class Plans:
     def _first(self, curved: bool, make: Callable[[bool], Prepared]) -> Prepared:
         """The plan in use, or the latest, of those that were made where H was zero or of the others."""
         now = self.now
-        is_settled = not curved or now.served < self._settle_at
+        is_settled = not curved or self._settles_after(self.tried) > 0
         if now.served > 0 and now.curved == curved and is_settled:
             return self._rested(now, self.tried)
         alike = [plan for plan in self._plans if plan.curved == curved]
@@ -322,7 +338,7 @@ class Plans:
                 self._frugal = other, float(now.state[LARGEST])
                 if now.suited_from:
                     # It is made late, for the time that takes, but may suit all matrices but the earliest.
-                    other.suited_from = now.suited_from + SETTLED[0]
+                    other.likely_from = now.suited_from + SETTLED[0]
                 return other
         return now
 

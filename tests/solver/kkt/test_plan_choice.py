@@ -165,10 +165,17 @@ def test_planning_waits_until_it_may_pay(monkeypatch):
         effort = share * SETTLED[0] * kkt._plans.now.operations
         monkeypatch.setattr(segmented, "effort_of", lambda ways, size, effort=effort: effort)
         kkt = system_of(pattern)
-        solve_along(kkt, pattern, [values] * (share * SETTLED[0]))
+        for _ in range(2):
+            solve_along(kkt, pattern, [values] * (share * SETTLED[0] // 2 + 2))
+            assert kkt._plans._settled == 0
+        # Early in the next solve, but when its entries have reached their sizes.
+        solve_along(kkt, pattern, [values] * (SETTLED[0] - 1))
         assert kkt._plans._settled == 0
-        solve_along(kkt, pattern, [values] * 2)
+        solve_along(kkt, pattern, [values] * (SETTLED[0] + 3))
         assert kkt._plans._settled > 0
+        alone = system_of(pattern)
+        solve_along(alone, pattern, [values] * (share * SETTLED[0] + 2))
+        assert alone._plans._settled > 0
 
 
 def solve_along(kkt, pattern, sequence):
