@@ -121,7 +121,9 @@ def parallel(phases: Sequence[Sequence[Bound]], known: Record | None = None) -> 
         known: what lists of the same work have learned, and where this one notes what it learns.
     """
     calls = [call for phase in phases for call in phase]
-    if len(calls) < 2 or allowed() < 2 or not all(call.native for call in calls):
+    if len(calls) == 1:
+        return calls[0]
+    if not calls or allowed() < 2 or not all(call.native for call in calls):
         return chain(calls)
     helper = _helper()
     if helper is None:

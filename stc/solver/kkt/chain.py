@@ -8,7 +8,6 @@ for one; in wide ones the vectors can be filled by rows of a stage instead.  Wha
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
 from stc.codegen.calls import Bound, CallTable
-from stc.codegen.threads import Record, parallel, record
+from stc.codegen.threads import parallel, record
 from stc.solver.kkt import attempts, chain_elimination, pivots, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.chain_elimination import eliminate, eliminate_run
@@ -245,7 +244,7 @@ class ChainKKT(PlannedKKT):
                 )
             )  # fmt: skip
         place = CALLS_OF_PLAN * slot
-        self._run_calls.put(place + ELIMINATE, _side_by_side(bound, self._paces[0]))
+        self._run_calls.put(place + ELIMINATE, parallel([bound[:2]], self._paces[0]))
         self._run_calls.put(place + ELIMINATE_TAIL, bound[-1])
         first = eliminate.bind(
             self._run_calls.cells, place, len(self._runs), states, self._other_most, self._index.size, places,
@@ -295,10 +294,10 @@ class ChainKKT(PlannedKKT):
             )  # fmt: skip
         begin = CALLS_OF_PLAN * plan.slot + PHASES_OF[place]
         paces = self._paces[1 + CALLS * both :]
-        self._run_calls.put(begin + FORWARD, _side_by_side(forward, paces[FORWARD]))
+        self._run_calls.put(begin + FORWARD, parallel([forward[:2]], paces[FORWARD]))
         self._run_calls.put(begin + FORWARD_TAIL, forward[-1])
         self._run_calls.put(begin + BACKWARD_TAIL, backward[-1])
-        self._run_calls.put(begin + BACKWARD, _side_by_side(backward, paces[BACKWARD]))
+        self._run_calls.put(begin + BACKWARD, parallel([backward[:2]], paces[BACKWARD]))
         return solve.bind(
             both, refinements, self.accuracy, self._run_calls.cells, begin, len(self._runs), self._tail, progress,
             *plan.tables, size, stride, kept, scale, self._runs[0].work, np.zeros(2), *self._aside, *vectors, *reports,
@@ -324,11 +323,6 @@ class _Run:
         """Those of a plan for these stages alone."""
         _, table, code, index = tables
         return self.stages, table[chain_elimination.FIELDS * self._first :], code, index
-
-
-def _side_by_side(calls: Sequence[Bound], pace: Record) -> Bound:
-    """One call for those of the parts of a chain; what comes after them is not among it."""
-    return calls[0] if len(calls) == 1 else parallel([calls[:2]], pace)
 
 
 def _outer_places(

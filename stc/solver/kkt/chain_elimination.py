@@ -38,7 +38,7 @@ from stc.solver.kkt.lane_panel import (
 )
 from stc.solver.kkt.segmented_parts import STALE
 from stc.solver.kkt.segmented_passes import DOUBTED_SCALE, REFUSED, STALE_SCALE
-from stc.solver.kkt.values import spread_of
+from stc.solver.kkt.values import raise_to, spread_of
 
 __all__ = [
     "BASE",
@@ -423,13 +423,6 @@ def _take_scale(size: i64, places: i32s, scale: f64s, own_scale: f64s) -> None:
         own_scale[k] = scale[places[k]]
 
 
-@native(fast=True)
-def _raise_to(count: i64, x: f64s, y: f64s) -> None:
-    """Raise the numbers of one array to those of another."""
-    for k in range(count):
-        y[k] = max(y[k], x[k])
-
-
 @native(shared=True)
 def eliminate(
     calls: i64s,
@@ -469,7 +462,7 @@ def eliminate(
         if states[COUNTED] < 0.0 or states[STATE + COUNTED] < 0.0:
             return REFUSED
         if watched != 0:
-            _raise_to(size, other_most, most)
+            raise_to(size, other_most, most)
         invoke(calls, place + 1)
     state[COUNTED] = 0.0
     state[LARGEST] = 0.0

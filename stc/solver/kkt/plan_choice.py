@@ -77,7 +77,9 @@ class Prepared:
     rest_until: int = 0  # the matrix from which on it may be tried again
     suited_from: int = 0  # the first matrix since the last restart that it suited, counted from 1, or 0
     suits_from: int = 0  # the same of the last time that it suited any
-    likely_from: int = 0  # from which one on it may suit, where it was made later than that, until it has suited one
+    likely_from: int = (
+        0  # from which one on it may suit, where it was made later than that, until it has suited one
+    )
     is_accurate: Bound | None = None
     probed: Floats = field(default_factory=lambda: np.zeros(REPORT))  # what its probe reports
     bindings: int = -1  # of the rest, that its calls are made for

@@ -7,7 +7,6 @@ stages go through ``FrontalKKT``.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
 from stc.codegen.calls import Bound, CallTable
-from stc.codegen.threads import Record, parallel, record
+from stc.codegen.threads import parallel, record
 from stc.solver.kkt import lanes, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
@@ -157,7 +156,7 @@ class SegmentedKKT(PlannedKKT):
                 )
             )  # fmt: skip
         place = CALLS_OF_PLAN * slot
-        self._part_calls.put(place + ELIMINATE, _side_by_side(calls, self._paces[ELIMINATE]))
+        self._part_calls.put(place + ELIMINATE, parallel([calls], self._paces[ELIMINATE]))
         eliminate = eliminate_all.bind(
             self._part_calls.cells, place + ELIMINATE, len(self._parts), states, spreads, self._left_entries.shape[1],
             self._left_entries.reshape(-1), self._left_most.reshape(-1), layout.index, given, self._diagonal,
@@ -237,18 +236,13 @@ class SegmentedKKT(PlannedKKT):
         begin = CALLS_OF_PLAN * plan.slot + PHASES_OF[place]
         for phase, calls in enumerate(phases):
             pace = self._paces[1 + len(phases) * both + phase]
-            self._part_calls.put(begin + phase, _side_by_side(calls, pace))
+            self._part_calls.put(begin + phase, parallel([calls], pace))
         return solve_all.bind(
             both, refinements, self.accuracy, self._part_calls.cells, begin, len(self._parts), progress, norms,
             np.zeros(2), left.reshape(-1), other_left.reshape(-1), layout.index, outer, rest.unknowns.size,
             rest.entry.size, *self._rest_entries[:2], self._rest_matrix, self._scale,
             *self._rest_system.factors_in_order(), *vectors, *reports,
         )  # fmt: skip
-
-
-def _side_by_side(calls: Sequence[Bound], pace: Record) -> Bound:
-    """One call for those of all parts."""
-    return calls[0] if len(calls) == 1 else parallel([calls], pace)
 
 
 class _Part:

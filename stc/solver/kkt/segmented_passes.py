@@ -36,7 +36,7 @@ from stc.solver.kkt.segmented_parts import (
     return_scaled,
 )
 from stc.solver.kkt.substitution import improves, substitute
-from stc.solver.kkt.values import find_scale, spread_of
+from stc.solver.kkt.values import find_scale, raise_to, spread_of
 
 __all__ = [
     "DOUBTED_SCALE",
@@ -174,13 +174,6 @@ def _add(count: i64, x: f64s, y: f64s) -> None:
         y[k] += x[k]
 
 
-@native(fast=True)
-def _raise_to(count: i64, x: f64s, y: f64s) -> None:
-    """Raise the numbers of one array to those of another."""
-    for k in range(count):
-        y[k] = max(y[k], x[k])
-
-
 @native(shared=True)
 def eliminate_all(
     calls: i64s,
@@ -243,7 +236,7 @@ def eliminate_all(
     if watched == 0:
         return DOUBTED_SCALE if is_doubtful(state) != 0 else 0
     for part in range(1, parts):
-        _raise_to(rest, other_most[(part - 1) * (outer + rest) + outer :], most[outer:])
+        raise_to(rest, other_most[(part - 1) * (outer + rest) + outer :], most[outer:])
     highest = spread_of(rest, most[outer:])
     for part in range(parts):
         spread = spreads[SPREADS * part :]

@@ -8,7 +8,16 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
 
-__all__ = ["choose_plan", "count_nonzero", "equilibrate", "find_scale", "load", "residual", "spread_of"]
+__all__ = [
+    "choose_plan",
+    "count_nonzero",
+    "equilibrate",
+    "find_scale",
+    "load",
+    "raise_to",
+    "residual",
+    "spread_of",
+]
 
 #: A scale is good when the largest entries of all rows are within this factor of 1.
 GOOD = 2.0
@@ -70,6 +79,13 @@ def count_nonzero(count: i64, places: i32s, values: f64s) -> i64:
 def choose_plan(count: i64, places: i32s, values: f64s, at: i64, cells: i64s) -> None:
     """Make ``cells[at]`` tell whether all of some values are zero, as a plan takes them to be."""
     cells[at] = 1 if count_nonzero(count, places, values) == 0 else 0
+
+
+@native(fast=True)
+def raise_to(count: i64, x: f64s, y: f64s) -> None:
+    """Raise the numbers of one array to those of another."""
+    for k in range(count):
+        y[k] = max(y[k], x[k])
 
 
 @native(fast=True)
