@@ -75,7 +75,6 @@ CASES = (
     Case("solve", "P3", 1000, 5),
     Case("solve", "P3", 3000, 5),
     Case("solve", "P4", 50, 10),
-    Case("solve", "P4", 50, 20),
     Case("solve", "P4", 200, 10),
     Case("solve", "P5", 120),
     Case("solve", "P5", 990),

@@ -163,6 +163,7 @@ class ChainKKT(PlannedKKT):
         """Memory held, about."""
         own = 8 * self._arrays.given.size + 64 * self._diagonal.size + 12 * self._sources.nbytes
         own += self._factors.nbytes + self._matrix.nbytes + sum(run.nbytes for run in self._runs)
+        own += self._other_most.nbytes + sum(vector.nbytes for vector in self._aside)
         return own + (self._whole.nbytes if self._whole is not None else 0)
 
     def _programs(self, thorough: bool) -> tuple[list[ChainProgram], NDArray[np.int64]]:

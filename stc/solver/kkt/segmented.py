@@ -112,6 +112,7 @@ class SegmentedKKT(PlannedKKT):
         """Memory held, about."""
         own = 8 * self._arrays.given.size + 64 * self._diagonal.size + self._layout.index.nbytes
         own += self._factors.nbytes + self._matrix.nbytes + (2 + len(self._vectors)) * self._scale.nbytes
+        own += self._left_entries.nbytes + self._left_most.nbytes + sum(left.nbytes for left in self._left)
         return own + self._rest.nbytes + (self._whole.nbytes if self._whole is not None else 0)
 
     def _programs(self, thorough: bool) -> list[Program]:
