@@ -35,6 +35,7 @@ from stc.solver.kkt.lane_panel import (
     is_doubtful,
     is_watched,
     note_watched,
+    put_together,
 )
 from stc.solver.kkt.segmented_parts import STALE
 from stc.solver.kkt.segmented_passes import DOUBTED_SCALE, REFUSED, STALE_SCALE
@@ -464,14 +465,8 @@ def eliminate(
         if watched != 0:
             raise_to(size, other_most, most)
         invoke(calls, place + 1)
-    state[COUNTED] = 0.0
-    state[LARGEST] = 0.0
-    for run in range(runs):
-        own = states[run * STATE :]
-        if own[COUNTED] < 0.0:
-            return REFUSED
-        state[COUNTED] += own[COUNTED]
-        state[LARGEST] = max(state[LARGEST], own[LARGEST])
+    if put_together(runs, states, state) != 0:
+        return REFUSED
     if watched != 0:
         spread = spread_of(size, most)
         note_watched(spread, state)

@@ -31,8 +31,8 @@ from stc.solver.kkt.chain_elimination import (
 )
 from stc.solver.kkt.chain_rows import HELD, VECTORS, begin_products, end_products, subtract, subtract_rows
 from stc.solver.kkt.lane_panel import ask_ahead, ask_behind
-from stc.solver.kkt.segmented_parts import bring_scaled, return_scaled
 from stc.solver.kkt.substitution import improves
+from stc.solver.kkt.values import add_to, bring_scaled, return_scaled
 
 __all__ = [
     "BACKWARD",
@@ -384,12 +384,6 @@ def _zero(begin: i64, end: i64, x: f64s) -> None:
         x[k] = 0.0
 
 
-@native(fast=True)
-def _add(begin: i64, end: i64, x: f64s, y: f64s) -> None:
-    for k in range(begin, end):
-        y[k] += x[k]
-
-
 @native
 def forward_run(
     apart: i64,
@@ -540,24 +534,23 @@ def _substitute(
     progress[CHECKED] = checked
     invoke(calls, place + FORWARD)
     if runs > 1:
+        x = change[tail:]
+        other_x = other_change[tail:]
+        if checked != 0:
+            x = solution[tail:]
+            other_x = other_solution[tail:]
         if which != SECOND:
-            if checked != 0:
-                _add(tail, size, aside, solution)
-            else:
-                _add(tail, size, aside, change)
+            add_to(size - tail, aside[tail:], x)
         if which != FIRST:
-            if checked != 0:
-                _add(tail, size, other_aside, other_solution)
-            else:
-                _add(tail, size, other_aside, other_change)
+            add_to(size - tail, other_aside[tail:], other_x)
         invoke(calls, place + FORWARD_TAIL)
         invoke(calls, place + BACKWARD_TAIL)
     invoke(calls, place + BACKWARD)
     if runs > 1 and checked != 0:
         if which != SECOND:
-            _add(tail, size, left, change)
+            add_to(size - tail, left[tail:], change[tail:])
         if which != FIRST:
-            _add(tail, size, other_left, other_change)
+            add_to(size - tail, other_left[tail:], other_change[tail:])
 
 
 @native(fast=True)

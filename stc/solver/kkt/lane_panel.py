@@ -33,6 +33,7 @@ __all__ = [
     "is_watched",
     "note_watched",
     "panel_vectors",
+    "put_together",
     "put_vectors",
     "take_panel",
 ]
@@ -82,6 +83,20 @@ def is_doubtful(state: f64s) -> i64:
         return 0
     state[UNWATCHED] = 0.0
     return 1
+
+
+@native(small=True)
+def put_together(parts: i64, states: f64s, state: f64s) -> i64:
+    """The pivots and tests of all parts of an elimination, of which each has its own state; 1 where one was refused."""
+    state[COUNTED] = 0.0
+    state[LARGEST] = 0.0
+    for part in range(parts):
+        own = states[part * STATE :]
+        if own[COUNTED] < 0.0:
+            return 1
+        state[COUNTED] += own[COUNTED]
+        state[LARGEST] = max(state[LARGEST], own[LARGEST])
+    return 0
 
 
 @native(inline=True)

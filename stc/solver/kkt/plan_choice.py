@@ -330,11 +330,9 @@ class Plans:
             # By now the entries have the sizes that they will keep.
             other = make(True)
             found = other.operations < FEWER * now.operations
-            self._settled += 1
-            while not found and self._settle_at <= now.served:
+            self._settled = len(SETTLED) if found else self._settled + 1
+            while self._settle_at <= now.served:
                 self._settled += 1
-            if found:
-                self._settled = len(SETTLED)
             if found and len(self._plans) < PLANS:
                 self._keep(other)
                 self._frugal = other, float(now.state[LARGEST])

@@ -8,11 +8,12 @@ stc.solver.kkt.segmented_passes.
 
 from __future__ import annotations
 
-from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
+from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
 from stc.solver.kkt.lane_panel import COUNTED, WATCHED
 from stc.solver.kkt.lane_rows import subtract_segments
 from stc.solver.kkt.lane_solve import backward, forward
 from stc.solver.kkt.lanes import eliminate
+from stc.solver.kkt.values import add_to, bring_scaled, return_scaled
 
 __all__ = [
     "ACTIVE",
@@ -29,11 +30,9 @@ __all__ = [
     "STALE",
     "STEPS",
     "backward_part",
-    "bring_scaled",
     "eliminate_part",
     "forward_part",
     "return_part",
-    "return_scaled",
 ]
 
 #: A scale serves as long as the largest entries of all rows are within this factor of 1.
@@ -46,24 +45,6 @@ STEPS, ACTIVE, OTHER_ACTIVE, PROGRESS = 0, 1, 2, 3
 RIGHT, OTHER_RIGHT, NORMS = 4, 5, 8
 #: Where the phases of a solve are among the prepared calls.
 FORWARD, BACKWARD, RETURN, CALLS = 0, 1, 2, 3
-
-
-@native(fast=True, inline=True)
-def bring_scaled(size: i64, index: i32s, scale: f64s, rhs: f64s, scaled_rhs: f64s) -> f64:
-    """Bring a right-hand side to the order of a vector, scaled; its largest magnitude then."""
-    most = 0.0
-    for k in range(size):
-        value = rhs[index[k]] * scale[k]
-        scaled_rhs[k] = value
-        most = max(most, fabs(value))
-    return most
-
-
-@native(fast=True, inline=True)
-def return_scaled(size: i64, index: i32s, scale: f64s, solution: f64s, result: f64s) -> None:
-    """The solution in the unknowns' own order."""
-    for k in range(size):
-        result[index[k]] = solution[k] * scale[k]
 
 
 @native(fast=True, inline=True)
@@ -172,12 +153,6 @@ def forward_part(
         )  # fmt: skip
 
 
-@native(fast=True, inline=True)
-def _add(begin: i64, end: i64, x: f64s, y: f64s) -> None:
-    for k in range(begin, end):
-        y[k] += x[k]
-
-
 @native(inline=True)
 def _backward_part(
     both: i64, distance: i64, groups: i64, table: i64s, index: i32s, code: i32s, factors: f64s, matrix: f64s,
@@ -206,9 +181,9 @@ def _backward_part(
         part,
     )
     if progress[STEPS] > 0 and progress[ACTIVE] != 0:
-        _add(begin, end, kept, solution)
+        add_to(end - begin, kept[begin:], solution[begin:])
     if progress[STEPS] > 0 and progress[OTHER_ACTIVE] != 0:
-        _add(begin, end, other_kept, other_solution)
+        add_to(end - begin, other_kept[begin:], other_solution[begin:])
     _clear(cleared, left[outer:])
     if both != 0:
         _clear(cleared, other_left[outer:])

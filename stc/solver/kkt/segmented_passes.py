@@ -11,13 +11,12 @@ from __future__ import annotations
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.solver.kkt.lane_panel import (
-    COUNTED,
-    LARGEST,
     STATE,
     WATCHED,
     is_doubtful,
     is_watched,
     note_watched,
+    put_together,
 )
 from stc.solver.kkt.lane_rows import largest_in_segments
 from stc.solver.kkt.segmented_parts import (
@@ -32,11 +31,9 @@ from stc.solver.kkt.segmented_parts import (
     SPREADS,
     STALE,
     STEPS,
-    bring_scaled,
-    return_scaled,
 )
 from stc.solver.kkt.substitution import improves, substitute
-from stc.solver.kkt.values import find_scale, raise_to, spread_of
+from stc.solver.kkt.values import add_to, bring_scaled, find_scale, raise_to, return_scaled, spread_of
 
 __all__ = [
     "DOUBTED_SCALE",
@@ -167,13 +164,6 @@ def _load_rest(
         result[target[k]] = value
 
 
-@native(fast=True)
-def _add(count: i64, x: f64s, y: f64s) -> None:
-    """Add one array to another."""
-    for k in range(count):
-        y[k] += x[k]
-
-
 @native(shared=True)
 def eliminate_all(
     calls: i64s,
@@ -223,16 +213,10 @@ def eliminate_all(
     for part in range(parts):
         states[part * STATE + WATCHED] = 1.0 * watched
     invoke(calls, place)
-    state[COUNTED] = 0.0
-    state[LARGEST] = 0.0
-    for part in range(parts):
-        own = states[part * STATE :]
-        if own[COUNTED] < 0.0:
-            return REFUSED
-        state[COUNTED] += own[COUNTED]
-        state[LARGEST] = max(state[LARGEST], own[LARGEST])
+    if put_together(parts, states, state) != 0:
+        return REFUSED
     for part in range(1, parts):
-        _add(length, other_results[(part - 1) * length :], result)
+        add_to(length, other_results[(part - 1) * length :], result)
     if watched == 0:
         return DOUBTED_SCALE if is_doubtful(state) != 0 else 0
     for part in range(1, parts):
@@ -292,9 +276,7 @@ def _collect(
 ) -> None:  # fmt: skip
     """The rest's right-hand side, what the parts but the first have ``left`` added, in the order of its pivots."""
     for part in range(1, parts):
-        own = left[(part - 1) * (outer + rest) :]
-        for k in range(outer, outer + rest):
-            between[k] += own[k]
+        add_to(rest, left[(part - 1) * (outer + rest) + outer :], between[outer:])
     for k in range(rest):
         rest_x[k] = between[outer + order[k]] * scale[k]
 
@@ -307,8 +289,7 @@ def _return(
     for k in range(rest):
         y[outer + order[k]] = rest_x[k] * scale[k]
     if added != 0:
-        for k in range(outer, outer + rest):
-            solution[k] += y[k]
+        add_to(rest, y[outer:], solution[outer:])
 
 
 @native(fast=True)
@@ -317,9 +298,7 @@ def _end_products(
 ) -> None:  # fmt: skip
     """Put together what the parts and the rest have of ``y - K x``; its largest magnitude, and that of x."""
     for part in range(1, parts):
-        own = left[(part - 1) * (outer + rest) :]
-        for k in range(outer, outer + rest):
-            z[k] += own[k]
+        add_to(rest, left[(part - 1) * (outer + rest) + outer :], z[outer:])
     report[0] = _largest_of(rest, x[outer:])
     report[1] = _largest_of(rest, z[outer:])
     for part in range(parts):

@@ -9,6 +9,8 @@ from __future__ import annotations
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
 
 __all__ = [
+    "add_to",
+    "bring_scaled",
     "choose_plan",
     "count_nonzero",
     "equilibrate",
@@ -16,6 +18,7 @@ __all__ = [
     "load",
     "raise_to",
     "residual",
+    "return_scaled",
     "spread_of",
 ]
 
@@ -79,6 +82,31 @@ def count_nonzero(count: i64, places: i32s, values: f64s) -> i64:
 def choose_plan(count: i64, places: i32s, values: f64s, at: i64, cells: i64s) -> None:
     """Make ``cells[at]`` tell whether all of some values are zero, as a plan takes them to be."""
     cells[at] = 1 if count_nonzero(count, places, values) == 0 else 0
+
+
+@native(fast=True, inline=True)
+def bring_scaled(size: i64, index: i32s, scale: f64s, rhs: f64s, scaled_rhs: f64s) -> f64:
+    """Bring a right-hand side to the order of a vector, scaled; its largest magnitude then."""
+    most = 0.0
+    for k in range(size):
+        value = rhs[index[k]] * scale[k]
+        scaled_rhs[k] = value
+        most = max(most, fabs(value))
+    return most
+
+
+@native(fast=True, inline=True)
+def return_scaled(size: i64, index: i32s, scale: f64s, solution: f64s, result: f64s) -> None:
+    """The solution in the unknowns' own order."""
+    for k in range(size):
+        result[index[k]] = solution[k] * scale[k]
+
+
+@native(fast=True)
+def add_to(count: i64, x: f64s, y: f64s) -> None:
+    """Add one array to another."""
+    for k in range(count):
+        y[k] += x[k]
 
 
 @native(fast=True)
