@@ -177,7 +177,9 @@ def find_step(
     if report[0] > s[DOUBT]:
         return DOUBTFUL_SOLUTION
     average = s[PRODUCTS] / gaps
-    floor = max(s[SMALLEST_MU], ERROR_FRACTION * s[BOUNDED_ERROR])
+    # Products far below the error keep steps short. Yet an error that a step has just made, where a function bends
+    # sharply, is no reason to raise products that are down already: the next steps would undo, and make it, for ever.
+    floor = max(s[SMALLEST_MU], min(ERROR_FRACTION * s[BOUNDED_ERROR], average))
     set_mu(min(max(s[SIGMA] * average, floor), max(floor, s[LARGEST_MU])), s)
     s[CHANGED] = 1.0
     factor[0] = s[MU] / average

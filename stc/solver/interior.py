@@ -71,6 +71,9 @@ SMALL = 20_000
 MANY_GAPS = 100.0
 FEASIBLE = 0.01
 TOO_LITTLE = 0.99
+BRIEF_RESTORATIONS = 2
+"""Restorations that end where the filter accepts. Where a step fails again after those, the next ones go on to the least
+violation: on a way between nowhere and nearly there, that tells whether there is a feasible point."""
 NEARLY_MET = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 LONG_PATIENCE = 100
@@ -146,7 +149,7 @@ class _Loop:
         self.lagging = LaggingMultipliers(self.work)
         self.drift = Drift(self.work)
         self.last = monitor.iterations + tactics.budget
-        self.escapes = 0
+        self.escapes = self.restorations = 0
         self.adaptive = tactics.adaptive
         self.error = np.inf
         self.longest = LONGEST_RUN if form.size + form.m <= SMALL else 1
@@ -408,9 +411,9 @@ class _Loop:
         search.filter.add(theta, barrier_value(it.f, it.gap, barrier.mu))
         elastic, start, mu = elastic_start(form, it, barrier.mu)
         acceptance = Acceptance(elastic, search.filter, theta, barrier.mu)
-        outcome = optimise(
-            elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=acceptance
-        )
+        self.restorations += 1
+        stop = acceptance if self.restorations <= BRIEF_RESTORATIONS else None
+        outcome = optimise(elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=stop)
         end = _return(form, it, elastic, outcome, self.options)
         self.work.load(it)
         if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):

@@ -63,6 +63,8 @@ SHORT_STEPS: Final = 49
 THETA_BEFORE: Final = 50
 LAGGING_DUAL: Final = 51
 LAGGING: Final = 52
+UNMET_STEPS: Final = 53
+THETA_LAST: Final = 54
 
 # Of the barrier parameter (stc.solver.barrier_parameter).
 MU: Final = 56

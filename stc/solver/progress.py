@@ -16,7 +16,9 @@ from stc.solver.places import (
     SHORT_STEPS,
     SMALL_STEPS,
     THETA_BEFORE,
+    THETA_LAST,
     TINY_STEPS,
+    UNMET_STEPS,
     WAITING,
 )
 from stc.solver.progress_passes import ITS_PATIENCE, MOST_TINY_STEPS
@@ -68,8 +70,8 @@ class Stall:
 
     def __init__(self, work: Workspace) -> None:
         self._s = s = work.s
-        s[TINY_STEPS] = s[SMALL_STEPS] = s[SHORT_STEPS] = 0.0
-        s[THETA_BEFORE] = np.inf
+        s[TINY_STEPS] = s[SMALL_STEPS] = s[SHORT_STEPS] = s[UNMET_STEPS] = 0.0
+        s[THETA_BEFORE] = s[THETA_LAST] = np.inf
 
     @property
     def stalled(self) -> bool:

@@ -36,9 +36,12 @@ from stc.solver.places import (
     SHORT_STEPS,
     SMALL_STEPS,
     STATED,
+    STEP,
     STEP_TAKEN,
     THETA_BEFORE,
+    THETA_LAST,
     TINY_STEPS,
+    UNMET_STEPS,
     VIOLATION,
     WAITING,
 )
@@ -51,6 +54,8 @@ SMALL_STEP = 1e-9
 SHORT = 1e-2
 MOST_SHORT_STEPS = 5
 HALF = 0.5
+WHOLE, SMALL, AS_BEFORE = 0.9, 0.1, 0.9
+MOST_UNMET_STEPS = 10
 NEARLY_FEASIBLE = 1e-4
 LARGEST_ERROR = 1e50
 
@@ -104,12 +109,17 @@ def note_step(size: f64, tiny: i64, s: f64s) -> None:
 
 @native
 def block(length: f64, theta: f64, s: f64s) -> i64:
-    """1 after several very short steps in a row that did not even halve the violation ``theta``."""
+    """1 after several very short steps in a row that did not even halve the violation ``theta``, or whole ones of small
+    size that left it as it was: rows that nothing meets nearby."""
     if length >= SHORT or theta < HALF * s[THETA_BEFORE]:
         s[SHORT_STEPS] = 0.0
         s[THETA_BEFORE] = theta
     s[SHORT_STEPS] += 1.0
-    return 1 if s[SHORT_STEPS] > MOST_SHORT_STEPS and theta > NEARLY_FEASIBLE else 0
+    unmet = length >= WHOLE and s[STEP] <= SMALL and theta >= AS_BEFORE * s[THETA_LAST]
+    s[UNMET_STEPS] = s[UNMET_STEPS] + 1.0 if unmet else 0.0
+    s[THETA_LAST] = theta
+    many = s[SHORT_STEPS] > MOST_SHORT_STEPS or s[UNMET_STEPS] >= MOST_UNMET_STEPS
+    return 1 if many and theta > NEARLY_FEASIBLE else 0
 
 
 @native
