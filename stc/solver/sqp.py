@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from stc.records import dataclass
-from stc.solver.active_set import newton_on_active_set, newton_point, smaller_multipliers
+from stc.solver.active_set import lacked_curvature, newton_on_active_set, newton_point, smaller_multipliers
 from stc.solver.dual_estimate import possible_gain
 from stc.solver.interior import feasible_first, optimise
 from stc.solver.keeping import give_back, kept_form, key_of, once
@@ -158,20 +158,23 @@ class _Solve:
 
     def _warm(self, form: ScaledProblem, x: Floats, y: Floats, z: Floats) -> Outcome:
         """Steps from a neighbour's scaled solution; where they do not converge, a short barrier path to it."""
+        others = True
         if not self.options.trusting:
             outcome = self._by_newton(form, x, y, NEIGHBOUR_STEPS, PATIENCE)
             if outcome is not None:
                 return outcome
             if not form.gaps:  # no other active set to be found
                 return self._barrier(form, x * form.x_scale, Tactics())
-        from stc.solver.warm_start import from_neighbour
+            # An active set so wrong that it leaves no positive curvature is hardly ever put right by another one.
+            others = not lacked_curvature(form)
+        point = None
+        if others:
+            from stc.solver.warm_start import from_neighbour
 
-        point = from_neighbour(form, x, y, z, self.options, self.monitor)
+            point = from_neighbour(form, x, y, z, self.options, self.monitor)
         it = warm_iterate(form, x, y)
         if point is not None:
             return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it)
-        if not self.options.trusting:
-            return self._barrier(form, x * form.x_scale, Tactics())
         return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=Tactics())
 
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
