@@ -71,9 +71,6 @@ SMALL = 20_000
 MANY_GAPS = 100.0
 FEASIBLE = 0.01
 TOO_LITTLE = 0.99
-BRIEF_RESTORATIONS = 2
-"""Restorations that end where the filter accepts. Where a step fails again after those, the next ones go on to the least
-violation: on a way between nowhere and nearly there, that tells whether there is a feasible point."""
 NEARLY_MET = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 LONG_PATIENCE = 100
@@ -412,7 +409,7 @@ class _Loop:
         elastic, start, mu = elastic_start(form, it, barrier.mu)
         acceptance = Acceptance(elastic, search.filter, theta, barrier.mu)
         self.restorations += 1
-        stop = acceptance if self.restorations <= BRIEF_RESTORATIONS else None
+        stop = acceptance if self.restorations <= self.tactics.brief_restorations else None
         outcome = optimise(elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=stop)
         end = _return(form, it, elastic, outcome, self.options)
         self.work.load(it)

@@ -33,11 +33,15 @@ class Tactics:
         adaptive: choose the barrier parameter freely while that makes progress.
         largest_theta: admissible violation, relative to that of the start or to 1.
         budget: steps after which the attempt ends, unless it converges by then.
+        brief_restorations: those that end where the filter accepts. Where steps fail again after so many, the next ones
+            go on to the least violation: on a way between nowhere and nearly there, that tells whether there is a
+            feasible point.
     """
 
     adaptive: bool = True
     largest_theta: float = 30.0
     budget: int = 500
+    brief_restorations: int = 3
 
 
 @dataclass(slots=True)

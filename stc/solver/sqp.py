@@ -39,6 +39,8 @@ LARGEST_MULTIPLIER = 1e12
 LARGEST_GAIN = 1e-6
 ROUNDING = 1e-12
 DISPROOF = 0.1
+FEWER = 2
+"""Brief restorations of the later attempts."""
 SOON = 150
 """Iterations after which another start is asked for."""
 
@@ -246,16 +248,19 @@ class _Solve:
 
     def _held_barrier(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Solve each barrier problem before the parameter goes down, and go where the violation may grow."""
-        return self._barrier(form, x0, Tactics(adaptive=False, largest_theta=1e4), by_gaps=False)
+        tactics = Tactics(adaptive=False, largest_theta=1e4, brief_restorations=FEWER)
+        return self._barrier(form, x0, tactics, by_gaps=False)
 
     def _nearby(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start a little off, with patience."""
         moved = self._perturbed(form, x0, NEARBY)
-        return self._barrier(form, moved, Tactics(budget=self.options.max_iterations), by_gaps=False)
+        tactics = Tactics(budget=self.options.max_iterations, brief_restorations=FEWER)
+        return self._barrier(form, moved, tactics, by_gaps=False)
 
     def _elsewhere(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start far off."""
-        return self._barrier(form, self._perturbed(form, x0, ELSEWHERE), Tactics(), by_gaps=False)
+        moved = self._perturbed(form, x0, ELSEWHERE)
+        return self._barrier(form, moved, Tactics(brief_restorations=FEWER), by_gaps=False)
 
     def _barrier(self, form: ScaledProblem, x0: Floats, tactics: Tactics, *, by_gaps: bool = True) -> Outcome:
         it = cold_iterate(form, x0 / form.x_scale, by_gaps=by_gaps)
