@@ -34,36 +34,23 @@ CASES = [
 def can_be_met(n: int, mass: float, most: float, points: Points) -> bool:
     """Whether forces of bounded components, which are more than forces of bounded size, lead through all points."""
     h, frames = 1.0 / 30.0, n + 1
+    identity = np.eye(3 * frames)
+    position, velocity, acceleration = (
+        identity[:frames],
+        identity[frames : 2 * frames],
+        identity[2 * frames :],
+    )
+    rule = [
+        low[1:] - low[:-1] - h / 2 * (high[1:] + high[:-1])
+        for low, high in ((position, velocity), (velocity, acceleration))
+    ]
+    fixed = [position[0], velocity[0], velocity[n], position[n], *(position[k] for k in points)]
+    rows = np.vstack([*rule, *fixed])
+    reach = most**0.5 / mass
     for axis, (end, weight) in enumerate(((2.0, 0.0), (0.0, 9.8))):
-        # position, velocity and acceleration at each frame
-        rows, sides = [], []
-
-        def row(side: float, **entries: float) -> None:
-            new = np.zeros(3 * frames)
-            for place, value in entries.items():
-                new["pva".index(place[0]) * frames + int(place[1:])] = value
-            rows.append(new)
-            sides.append(side)
-
-        for i in range(n):
-            for low, high in ("pv", "va"):
-                row(
-                    0.0,
-                    **{
-                        f"{low}{i + 1}": 1.0,
-                        f"{low}{i}": -1.0,
-                        f"{high}{i}": -h / 2,
-                        f"{high}{i + 1}": -h / 2,
-                    },
-                )
-        for place in ("p0", "v0", f"v{n}"):
-            row(0.0, **{place: 1.0})
-        row(end, **{f"p{n}": 1.0})
-        for frame, point in points.items():
-            row(point[axis], **{f"p{frame}": 1.0})
-        reach = most**0.5 / mass
+        sides = np.concatenate([np.zeros(2 * n + 3), [end], [point[axis] for point in points.values()]])
         bounds = [(None, None)] * (2 * frames) + [(-reach - weight, reach - weight)] * frames
-        if linprog(np.zeros(3 * frames), A_eq=np.array(rows), b_eq=sides, bounds=bounds).status == 2:
+        if linprog(np.zeros(3 * frames), A_eq=rows, b_eq=sides, bounds=bounds).status == 2:
             return False
     return True
 
