@@ -9,7 +9,7 @@
 Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solution saved), ``evaluator`` and ``lamp``
 (compiled kernels), ``mechanics`` (from a Lagrangian to compiled derivatives), ``scaling`` (growth with the frames),
 ``kkt`` (the linear systems alone, beside MUMPS), ``in_solve`` (factorisations inside whole solves, beside MUMPS in
-IPOPT), ``threads`` (two threads beside one).
+IPOPT), ``threads`` (two threads beside one), ``variety`` (random motions of many kinds, beside IPOPT).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from bench.peers import report, runner
 from bench.peers.contenders import Contender
 from bench.peers.task import Case
 
-SCRIPTS = ("evaluator", "lamp", "mechanics", "scaling", "kkt", "in_solve", "threads")
+SCRIPTS = ("evaluator", "lamp", "mechanics", "scaling", "kkt", "in_solve", "threads", "variety")
 PARTS = ("peers", "cold", *SCRIPTS)
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -145,6 +145,7 @@ def script(part: str, options: argparse.Namespace) -> None:
             *(["--rounds", str(options.rounds)] if options.rounds else []),
         ],
         "mechanics": ["--quick", "--rounds", "2"] if options.quick else [],
+        "variety": ["--each", "2"] if options.quick else [],
         "scaling": [
             *(["--frames", "50,1000,10000"] if options.quick else []),
             *([] if options.dry else ["--plot", str(ROOT / "docs" / "benchmarks_scaling.png")]),

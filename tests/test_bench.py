@@ -160,3 +160,31 @@ def test_a_page_keeps_its_prose(peers: ModuleType, tmp_path: Path) -> None:
     assert page.read_text() == "before\n\n<!-- part -->\n\n| new |\\n\n\n<!-- end of part -->\n\nafter\n"
     with pytest.raises(ValueError, match="no part 'other'"):
         document.put("other", "", page)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_random_motions_are_specs_and_repeat(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "bench"))
+    from kinds import KINDS
+
+    for kind in KINDS:
+        texts = [kind(np.random.default_rng([seed, 0])) for seed in (1, 1, 2)]
+        assert texts[0] == texts[1] != texts[2]
+        for text in texts[1:]:
+            model = stc.load(text)
+            problem, transcription = model.transcription()
+            assert np.isfinite(transcription.bind(problem.constants).x0).all()
+
+
+def test_random_motions_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("casadi")
+    monkeypatch.syspath_prepend(str(ROOT / "bench"))
+    from variety import Ending, line
+
+    pairs = [
+        (Ending("optimal", 1.0, 10, 1.0), Ending("optimal", 1.00001, 20, 4.0)),
+        (Ending("optimal", 1.0, 10, 1.0), Ending("optimal", 2.0, 20, 16.0)),
+        (Ending("optimal", 3.0, 40, 2.0), Ending("optimal", 2.0, 20, 16.0)),
+        (Ending("infeasible", 3.0, 40, 2.0), Ending("optimal", 2.0, 20, 16.0)),
+    ]
+    assert line("rods", pairs) == "| rods | 4 | 3 | 4 | 1 / 1 / 1 | 0.79 | 8 | 4 to 16 |"

@@ -42,6 +42,39 @@ def test_the_solution_is_that_of_all_frames() -> None:
         np.testing.assert_allclose(block.values, other.values, atol=1e-4)
 
 
+CRANE = """
+constants: n = 300, g = 9.81, most = 3.75;
+variables: x, l, th, u, w;
+parameters: T;
+definitions: h = T/n;
+method: trapezoidal;
+guess: T = 2.6; l = 1; x = 3*t/T;
+constraints:
+  0.3 <= T <= 20;
+  [0, n]:
+    x'' = u; l'' = w; l*th'' + 2*l'*th' + g*sin(th) + u*cos(th);
+    0.5 <= l <= 2.2; -most <= u <= most; -3 <= w <= 3;
+  [0]: x; x'; l = 1; l'; th; th';
+  [n]: x = 3; x'; l = 1.07; l'; th; th';
+objective: [0]: T;
+"""
+
+
+def test_limits_that_fewer_frames_reach_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forces at their limits all the time: what is active on fewer frames leaves no positive curvature on all."""
+    from stc.solver import sqp
+
+    without: list[bool] = []
+    found = sqp.lacked_curvature
+    monkeypatch.setattr(sqp, "lacked_curvature", lambda form: without.append(found(form)) or without[-1])
+    model = stc.load(CRANE)
+    nested, direct = model.solve(), model.solve(fewer_first=False)
+    assert without == [True]
+    assert nested.status == direct.status == "optimal"
+    assert nested.objective == pytest.approx(direct.objective, rel=1e-8)
+    assert nested.iterations <= 50
+
+
 def test_iterations_and_factorisations_of_all_solves_count() -> None:
     model = stc.load(PENDULUM)
     records: list[IterationRecord] = []
