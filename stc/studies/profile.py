@@ -46,12 +46,16 @@ class Watch:
             try:
                 return function(*args, **kwargs)
             finally:
-                taken = time.perf_counter() - begin
-                self.calls += 1
-                self.seconds += taken
-                self.shortest = min(self.shortest, taken)
+                self.take(time.perf_counter() - begin)
 
         return timed
+
+    def take(self, seconds: float, *, whole: bool = True) -> None:
+        """Count a call that took so long; one that is not ``whole`` may have been shorter than it has to be."""
+        self.calls += 1
+        self.seconds += seconds
+        if whole:
+            self.shortest = min(self.shortest, seconds)
 
     @property
     def floor(self) -> float:
@@ -72,31 +76,58 @@ class _Timed:
 
 
 class _TimedKKT(_Timed):
-    """A factorisation, its prepared solves timed as well."""
+    """A factorisation, its prepared calls timed as well."""
 
     def __init__(self, inner: Any, factorize: Watch, backsolve: Watch, both: Watch) -> None:
         super().__init__(inner, factorize=factorize, refactor=factorize, solve=backsolve)
-        self._watches = backsolve, both
+        self._watches = factorize, backsolve, both
         self._timed: dict[Watch, tuple[Bound, Bound]] = {}
 
     @property
-    def attempt_call(self) -> None:
-        """Each is to be seen by itself."""
-        return None
+    def irregular(self) -> bool:
+        return bool(self._inner.irregular)
+
+    @irregular.setter
+    def irregular(self, irregular: bool) -> None:
+        self._inner.irregular = irregular
+
+    @property
+    def attempt_call(self) -> Bound | None:
+        call = self._inner.attempt_call
+        return None if call is None else self._over(call, self._watches[0], self._attempt)
+
+    def resume(self, ended: int) -> Any:
+        """What is left to do after an attempt, which has been counted."""
+        begin = time.perf_counter()
+        try:
+            return self._inner.resume(ended)
+        finally:
+            self._watches[0].seconds += time.perf_counter() - begin
 
     @property
     def solve_call(self) -> Bound:
-        return self._over(self._inner.solve_call, self._watches[0])
+        return self._over(self._inner.solve_call, self._watches[1])
 
     @property
     def solve_both_call(self) -> Bound:
-        return self._over(self._inner.solve_both_call, self._watches[1])
+        return self._over(self._inner.solve_both_call, self._watches[2])
 
-    def _over(self, call: Bound, watch: Watch) -> Bound:
+    def _attempt(self, call: Bound) -> Callable[[], int]:
+        def timed() -> int:
+            begin = time.perf_counter()
+            ended = int(call())
+            self._watches[0].take(time.perf_counter() - begin, whole=not ended)
+            return ended
+
+        return timed
+
+    def _over(
+        self, call: Bound, watch: Watch, timed: Callable[[Bound], Callable[..., Any]] | None = None
+    ) -> Bound:
         """The timed call: the same object as long as ``call`` is."""
         known = self._timed.get(watch)
         if known is None or known[0] is not call:
-            known = self._timed[watch] = call, Bound.of_python(watch.over(call), ())
+            known = self._timed[watch] = call, Bound.of_python((timed or watch.over)(call), ())
         return known[1]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 
 import stc
 from stc.cli import run
+from stc.solver.kkt.reuse import forget
 from stc.studies.profile import Profile, Watch
 
 
@@ -33,6 +35,20 @@ def test_parts_add_up_and_count_what_the_solver_counts() -> None:
         assert part.seconds >= 0.0
         assert part.floor is None or part.floor >= 0.0
     assert parts["factorise"].floor <= parts["factorise"].seconds
+
+
+@pytest.mark.parametrize("name", ["cart_pole_swing_up", "luxo_jump", "segment_flip"])
+def test_a_profile_changes_nothing(name: str) -> None:
+    """Attempts are made and matrices of active sets told apart as without one."""
+    forget()
+    profile = Profile()
+    watched = stc.load(name).solve(minimizer=profile.minimize)
+    gc.collect()  # neither is to find the other's plans
+    forget()
+    plain = stc.load(name).solve()
+    assert (watched.iterations, watched.factorizations) == (plain.iterations, plain.factorizations)
+    assert profile.factorize.calls == watched.factorizations
+    assert np.array_equal(watched.x, plain.x)
 
 
 def test_start_loading_and_saving_are_told(tmp_path: Path) -> None:
