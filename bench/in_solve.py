@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "STC_THREADS"):
     os.environ.setdefault(_name, "1")
 
 import argparse  # noqa: E402 (threads are counted when NumPy is imported)
