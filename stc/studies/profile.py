@@ -1,9 +1,9 @@
 """Where the time of a solve went, and how far each part is from what it could not be below.
 
 The solve runs as always, its program and its linear algebra behind stop-watches.  Floors: for evaluations, the
-machine code of the kernels alone, called again as often; for factorisations and solves, the fastest one times
-their number; for everything between them, nothing.  What comes before and after is there too: where a cold start
-goes is mostly the interpreter and the imports.
+machine code of the kernels alone, called again as often; for factorisations and solves, the fastest one of each
+program times their number; for everything between them, nothing.  What comes before and after is there too: where a
+cold start goes is mostly the interpreter and the imports.
 """
 
 from __future__ import annotations
@@ -32,11 +32,16 @@ REPEATS = 5
 
 @dataclass(slots=True, eq=False)
 class Watch:
-    """A stop-watch over the calls of one function: their number, seconds in all, and the shortest."""
+    """A stop-watch over the calls of one function: their number, seconds in all, and the shortest.
+
+    A solve may be of several programs, as one by way of fewer frames is: the shortest call is that of the last one.
+    """
 
     calls: int = 0
     seconds: float = 0.0
     shortest: float = float("inf")
+    _calls_before: int = 0
+    _floor_before: float = 0.0
 
     def over(self, function: Callable[..., Any]) -> Callable[..., Any]:
         """The function, timed."""
@@ -59,8 +64,13 @@ class Watch:
 
     @property
     def floor(self) -> float:
-        """Seconds if every call were as short as the shortest."""
-        return self.calls * self.shortest if self.calls else 0.0
+        """Seconds if every call were as short as the shortest for the same program."""
+        calls = self.calls - self._calls_before
+        return self._floor_before + (calls * self.shortest if calls else 0.0)
+
+    def begin_program(self) -> None:
+        """Let the calls to come be of another program."""
+        self._floor_before, self._calls_before, self.shortest = self.floor, self.calls, float("inf")
 
 
 class _Timed:
@@ -179,10 +189,13 @@ class Profile:
     """Stop-watches around one solve (of several in a row, their sum).
 
     Pass :meth:`minimize` as the minimiser of :meth:`stc.pipeline.Model.solve`, then ask for :meth:`parts`.
+    ``analyse`` is what is done with the sparsity of a KKT system before its first factorisation; plans made from its
+    values count as factorising.
     """
 
     values: Watch = field(default_factory=Watch)
     derivatives: Watch = field(default_factory=Watch)
+    analyse: Watch = field(default_factory=Watch)
     factorize: Watch = field(default_factory=Watch)
     backsolve: Watch = field(default_factory=Watch)
     both: Watch = field(default_factory=Watch)
@@ -190,7 +203,6 @@ class Profile:
     before: float = 0.0
     loading: float = 0.0
     saving: Watch = field(default_factory=Watch)
-    _floors: dict[str, float] = field(default_factory=dict)
 
     def begin(self, whole_process: bool) -> None:
         """Note what it took to get here, and load the solver's machine code now, lest it counts where it is first used.
@@ -217,42 +229,46 @@ class Profile:
         from stc.solver.sqp import minimize
 
         def new_kkt(*args: Any, **kwargs: Any) -> Any:
-            return _TimedKKT(structured_kkt(*args, **kwargs), self.factorize, self.backsolve, self.both)
+            system = self.analyse.over(structured_kkt)(*args, **kwargs)
+            return _TimedKKT(system, self.factorize, self.backsolve, self.both)
 
+        for watch in (self.values, self.derivatives, self.factorize, self.backsolve, self.both):
+            watch.begin_program()
         program: Any = _TimedProgram(nlp, self.values, self.derivatives)
         begin = time.perf_counter()
         result = minimize(program, options, callback, start, new_kkt)
         self.seconds += time.perf_counter() - begin
         # Afterwards, lest it counts; at the solution, where all functions are defined.
         multipliers = np.ones(nlp.m)
-        kernels = {
-            "values": lambda: nlp.values(result.x),
-            "derivatives": lambda: nlp.derivatives(result.x, multipliers, 1.0),
-        }
-        for name, call in kernels.items():
+        kernels: tuple[tuple[Watch, Callable[[], Any]], ...] = (
+            (self.values, lambda: nlp.values(result.x)),
+            (self.derivatives, lambda: nlp.derivatives(result.x, multipliers, 1.0)),
+        )
+        for watch, call in kernels:
             again = Watch()
             repeat = again.over(call)
             for _ in range(REPEATS):
                 repeat()
-            self._floors[name] = again.shortest
+            watch.shortest = again.shortest
         return result
 
     def parts(self, solution: Solution) -> list[Part]:
         """The lines, those of the start first; ``solution`` is what the solve gave."""
         watched = [
-            ("values", self.values, self.values.calls * self._floors.get("values", 0.0)),
-            ("derivatives", self.derivatives, self.derivatives.calls * self._floors.get("derivatives", 0.0)),
-            ("factorise", self.factorize, self.factorize.floor),
-            ("solve", self.backsolve, self.backsolve.floor),
-            ("solve for two", self.both, self.both.floor),
+            ("values", self.values),
+            ("derivatives", self.derivatives),
+            ("factorise", self.factorize),
+            ("solve", self.backsolve),
+            ("solve for two", self.both),
         ]
         known = dict(solution.seconds)
         first = [name for name in ("parse", "derive", "compile") if name in known]
         lines = [Part("start, imports", self.before)] if self.before else []
         lines += [Part("load the solver's code", self.loading)] if self.loading else []
         lines += [Part(name, known[name]) for name in first]
-        lines += [Part(name, watch.seconds, watch.calls, floor) for name, watch, floor in watched]
-        rest = self.seconds - sum(watch.seconds for _, watch, _ in watched)
+        lines.append(Part("analyse", self.analyse.seconds, self.analyse.calls))
+        lines += [Part(name, watch.seconds, watch.calls, watch.floor) for name, watch in watched]
+        rest = self.seconds - self.analyse.seconds - sum(watch.seconds for _, watch in watched)
         lines.append(Part("line search, tests and steps between", max(0.0, rest), solution.iterations, 0.0))
         around = known.get("total", 0.0) - self.seconds - sum(known[name] for name in first)
         lines.append(Part("bind, collect", max(0.0, around)))

@@ -37,6 +37,18 @@ def test_parts_add_up_and_count_what_the_solver_counts() -> None:
     assert parts["factorise"].floor <= parts["factorise"].seconds
 
 
+def test_floors_are_those_of_each_program() -> None:
+    """By way of fewer frames most calls are of small programs: the time of a large one is no floor for them."""
+    profile = Profile()
+    solution = stc.load("cart_pole_swing_up").solve(n=800, minimizer=profile.minimize)
+    parts = {part.name: part for part in profile.parts(solution)}
+    assert parts["analyse"].calls > 1
+    for name in ("factorise", "solve", "solve for two"):
+        assert 0.0 < parts[name].floor <= parts[name].seconds
+    large = profile.factorize
+    assert parts["factorise"].floor < large.calls * large.shortest
+
+
 @pytest.mark.parametrize("name", ["cart_pole_swing_up", "luxo_jump", "segment_flip"])
 def test_a_profile_changes_nothing(name: str) -> None:
     """Attempts are made and matrices of active sets told apart as without one."""
