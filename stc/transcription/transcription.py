@@ -31,7 +31,7 @@ from stc.transcription.steps import Steps
 FloatArray = NDArray[np.float64]
 
 
-LARGEST_KEPT = 300_000
+LARGEST_KEPT = 3_000_000
 """Variables and rows of the largest program that is kept for the case that its numbers are bound again."""
 
 
