@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound
-from stc.records import dataclass
+from stc.records import dataclass, field
 from stc.solver.nlp import NLP, Floats, Ints, Mask
 
 __all__ = [
@@ -50,6 +50,7 @@ class Scaling:
     objective: float
     live: Mask
     bounded: Mask
+    _known: list[tuple[Ints, Ints, Floats]] = field(default_factory=list, repr=False, compare=False)
 
     @classmethod
     def none(cls, n: int, m: int) -> Scaling:
@@ -61,13 +62,20 @@ class Scaling:
         return self.objective * self._columns()
 
     def jacobian(self, rows: Ints, cols: Ints) -> Floats:
-        """Factors of Jacobian entries, (k,)."""
-        return (self.row * self.bounded)[rows] * self._columns()[cols]
+        """Factors of Jacobian entries, (k,), to be read only: the same array whenever the same places are asked for."""
+        return self._factors(rows, cols, self.row * self.bounded)
 
     def hessian(self, rows: Ints, cols: Ints) -> Floats:
-        """Factors of the entries of the Lagrangian's Hessian, (k,)."""
-        columns = self._columns()
-        return columns[rows] * columns[cols]
+        """Factors of the entries of the Lagrangian's Hessian, (k,), as above."""
+        return self._factors(rows, cols, self._columns())
+
+    def _factors(self, rows: Ints, cols: Ints, of_rows: Floats) -> Floats:
+        for known_rows, known_cols, known in self._known:
+            if known_rows is rows and known_cols is cols:
+                return known
+        factors: Floats = of_rows[rows] * self._columns()[cols]
+        self._known[:] = [*self._known[-1:], (rows, cols, factors)]  # those of both matrices
+        return factors
 
     def _columns(self) -> Floats:
         return self.variable * self.live

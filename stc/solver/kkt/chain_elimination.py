@@ -30,6 +30,7 @@ from stc.solver.kkt.lane_panel import (
     COUNTED,
     DISTANCE,
     LARGEST,
+    STALE,
     STATE,
     WATCHED,
     is_doubtful,
@@ -37,7 +38,6 @@ from stc.solver.kkt.lane_panel import (
     note_watched,
     put_together,
 )
-from stc.solver.kkt.segmented_parts import STALE
 from stc.solver.kkt.segmented_passes import DOUBTED_SCALE, REFUSED, STALE_SCALE
 from stc.solver.kkt.values import raise_to, spread_of
 

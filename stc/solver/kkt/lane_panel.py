@@ -21,6 +21,7 @@ __all__ = [
     "NEGATIVE",
     "PANEL",
     "RARELY",
+    "STALE",
     "STATE",
     "STREAMED",
     "TRUSTED",
@@ -57,7 +58,9 @@ STATE = 32
 #: The scale is tested with one matrix in so many and one more, or, where it was far from not serving, with fewer.
 SELDOM = 3.0
 RARELY = 11.0
-#: Largest entries of rows so far from 1 are not far from that.
+#: A scale serves as long as the largest entries of all rows are within this factor of 1; that far they are not far
+#: from where it does not.
+STALE = 1024.0
 UNEASY = 32.0
 #: Makes any number nothing, but not infinity.
 NO_SHARE = 1e-200

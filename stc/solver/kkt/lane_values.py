@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.arrays import distinct
+from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, log, native
+from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.lane_program import Kind
 from stc.solver.kkt.segments import Segmentation
 from stc.solver.nlp import Floats
@@ -14,33 +17,87 @@ __all__ = ["SAMPLE", "middle", "reliable", "sizes_of"]
 
 #: Stages of a kind whose entries are looked at.
 SAMPLE = 32
+#: Smaller magnitudes count as this much, and a geometric mean near it as nothing.
+TINY = 1e-12
+NOTHING = -27.0
 #: Entries that are below this share of their mean somewhere count this much: they are no pivots there.
 VANISHING = 1e-6
 UNRELIABLE = 1e-4
 
 
+@native(small=True)
+def _place(code: i64, begin: i64, end: i64, codes: i64s) -> i64:
+    """Where in increasing codes one of them is."""
+    low = begin
+    high = end
+    while high - low > 1:
+        middle = (low + high) // 2
+        if codes[middle] <= code:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@native
+def _note_entries(
+    edges: i64, stage: i32s, code: i64s, kind: i32s, chosen: i32s, begins: i64s, codes: i64s, tiny: f64, source: i32s,
+    first: i32s, second: i32s, given: f64s, scale: f64s, least: f64s, logs: f64s, signs: f64s, many: f64s,
+) -> None:  # fmt: skip
+    """For each code the least magnitude anywhere, and in chosen stages the sum of logarithms, that of signs, how many.
+
+    Coupling e is ``given[source[e]]``, scaled, between ``first[e]`` and ``second[e]``; stages are of a kind, or -1.
+    """
+    for e in range(edges):
+        own = stage[e]
+        if own >= 0 and kind[max(own, 0)] >= 0:
+            k = _place(code[e], begins[kind[own]], begins[kind[own] + 1], codes)
+            value = given[source[e]] * (scale[first[e]] * scale[second[e]])
+            least[k] = min(least[k], fabs(value))
+            if chosen[own] != 0:
+                logs[k] += log(max(fabs(value), tiny))
+                many[k] += 1.0
+                if value > 0.0:
+                    signs[k] += 1.0
+                elif value < 0.0:
+                    signs[k] -= 1.0
+
+
 def sizes_of(
-    found: Segmentation, kind: Kind, number: int, values: Floats, diagonal: Floats
-) -> tuple[Floats, Floats]:
-    """Sizes of the entries, in the order of the codes, and of the diagonal, (own,), of a kind of that number.
+    found: Segmentation, kinds: list[Kind], couplings: Couplings, source: NDArray[np.int32], given: Floats,
+    scale: Floats, diagonal: Floats,
+) -> list[tuple[Floats, Floats]]:  # fmt: skip
+    """Sizes of the entries, in the order of the codes, and of the diagonal, (own,), of each kind.
 
     Args:
-        values: of all couplings, scaled, (E,).
+        source: which of the numbers ``given`` each coupling is, (E,) or more.
+        scale: of all unknowns, (N,) or more.
         diagonal: of all unknowns, scaled, (N,).
     """
-    lanes_of = [group.stages for group in found.groups if group.kind == number]
-    stages = distinct(np.concatenate([stages.reshape(-1) for stages in lanes_of]))
-    members = np.flatnonzero(np.isin(found.edge_stage, stages))
-    place, values = np.searchsorted(found.codes[number], found.edge_code[members]), values[members]
-    chosen = stages[:: -(-stages.size // SAMPLE)]
-    sampled = np.isin(found.edge_stage[members], chosen)
-    entries = middle(place[sampled], values[sampled], found.codes[number].size)
-    least = np.full(entries.size, np.inf)
-    np.minimum.at(least, place, np.abs(values))
-    unknowns = found.stages.order[found.stages.pointers[chosen][:, None] + np.arange(kind.own)]
-    own_place = np.broadcast_to(np.arange(kind.own), unknowns.shape).reshape(-1)
-    own = middle(own_place, diagonal[unknowns.reshape(-1)], kind.own)
-    return reliable(entries, least), own
+    stages = found.stages.pointers.size - 1
+    kind_of, chosen = np.full(stages, -1, dtype=np.int32), np.zeros(stages, dtype=np.int32)
+    for group in found.groups:
+        kind_of[group.stages.reshape(-1)] = group.kind
+    samples = []
+    for number in range(len(kinds)):
+        own = np.flatnonzero(kind_of == number)
+        samples.append(own[:: -(-own.size // SAMPLE)])
+        chosen[samples[-1]] = 1
+    begins = np.cumsum([0, *(codes.size for codes in found.codes)])
+    count = int(begins[-1])
+    least = np.full(count, np.inf)
+    logs, signs, many = np.zeros(count), np.zeros(count), np.zeros(count)
+    _note_entries(
+        couplings.first.size, found.edge_stage, found.edge_code, kind_of, chosen, begins, np.concatenate(found.codes),
+        TINY, source, couplings.first, couplings.second, given, scale, least, logs, signs, many,
+    )  # fmt: skip
+    entries = reliable(_mean(logs, signs, many), least)
+    sizes = []
+    for kind, sample, begin, end in zip(kinds, samples, begins[:-1], begins[1:], strict=True):
+        unknowns = found.stages.order[found.stages.pointers[sample][:, None] + np.arange(kind.own)]
+        place = np.broadcast_to(np.arange(kind.own), unknowns.shape).reshape(-1)
+        sizes.append((entries[begin:end], middle(place, diagonal[unknowns.reshape(-1)], kind.own)))
+    return sizes
 
 
 def reliable(entries: Floats, least: Floats) -> Floats:
@@ -50,7 +107,10 @@ def reliable(entries: Floats, least: Floats) -> Floats:
 
 def middle(place: NDArray[np.integer], values: Floats, count: int) -> Floats:
     """Geometric means of magnitudes by place, (count,), with the sign that most have."""
-    many = np.maximum(np.bincount(place, minlength=count), 1)
-    logs = np.bincount(place, np.log(np.maximum(np.abs(values), 1e-12)), count) / many
-    size = np.where(logs < -27.0, 0.0, np.exp(logs))
-    return np.copysign(size, np.bincount(place, np.sign(values), count))
+    logs = np.bincount(place, np.log(np.maximum(np.abs(values), TINY)), count)
+    return _mean(logs, np.bincount(place, np.sign(values), count), np.bincount(place, minlength=count))
+
+
+def _mean(logs: NDArray[Any], signs: NDArray[Any], many: NDArray[Any]) -> Floats:
+    logs = logs / np.maximum(many, 1)
+    return np.copysign(np.where(logs < NOTHING, 0.0, np.exp(logs)), signs)

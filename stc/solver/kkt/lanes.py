@@ -34,6 +34,7 @@ from stc.solver.kkt.lane_panel import (
     DISTANCE,
     LARGEST,
     NEGATIVE,
+    STALE,
     STREAMED,
     WORST,
     ask_ahead,
@@ -326,7 +327,7 @@ def eliminate(
         factors: the factors; ``state``: see stc.solver.kkt.lane_panel.
 
     Returns:
-        How many pivots are negative, -1 when one was not accepted.
+        How many pivots are negative, -1 when one was not accepted or ``scale`` has turned out not to serve.
     """
     negative = 0.0
     distance = int(state[DISTANCE])
@@ -361,6 +362,10 @@ def eliminate(
                 panel = rows[count + members * (members + count) :]
                 at += 8 * vectors
             if not (largest8(load8(state, WORST)) < 1.0):
+                return -1
+        if watched != 0:
+            # The rest of the work would be in vain.
+            if largest8(load8(spread, 0)) > STALE or largest8(load8(spread, 8)) > -1.0 / STALE:
                 return -1
         state[LARGEST] = max(state[LARGEST], largest8(load8(state, WORST)))
         for lane in range(group[SEGMENTS]):

@@ -70,7 +70,7 @@ SINGULAR = 3e9
 #: above this share in any case.
 EASILY = 0.01
 MORE = 3.0
-MOST_TRUSTED = 1e-4
+MOST_TRUSTED = 1e-2
 
 
 @native(shared=True)

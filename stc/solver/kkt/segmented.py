@@ -117,13 +117,14 @@ class SegmentedKKT(PlannedKKT):
 
     def _programs(self, thorough: bool) -> list[Program]:
         """See ``PlannedKKT``."""
-        scale, couplings, found = self._scale[self._layout.places], self._couplings, self._found
-        values = self._arrays.given[self._source[: couplings.first.size]]
-        values *= scale[couplings.first] * scale[couplings.second]
+        scale, couplings = self._scale[self._layout.places], self._couplings
         diagonal = self._own_diagonal() * scale[: couplings.size] ** 2
+        sizes = sizes_of(
+            self._found, self._kinds, couplings, self._source, self._arrays.given, scale, diagonal
+        )
         return [
-            plan_panels(kind, *sizes_of(found, kind, number, values, diagonal), thorough=thorough)
-            for number, kind in enumerate(self._kinds)
+            plan_panels(kind, *known, thorough=thorough)
+            for kind, known in zip(self._kinds, sizes, strict=True)
         ]
 
     def _prepare(self, programs: list[Program], slot: int) -> Prepared:

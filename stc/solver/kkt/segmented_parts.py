@@ -9,7 +9,7 @@ stc.solver.kkt.segmented_passes.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
-from stc.solver.kkt.lane_panel import COUNTED, WATCHED
+from stc.solver.kkt.lane_panel import COUNTED, STALE, WATCHED
 from stc.solver.kkt.lane_rows import subtract_segments
 from stc.solver.kkt.lane_solve import backward, forward
 from stc.solver.kkt.lanes import eliminate
@@ -27,7 +27,6 @@ __all__ = [
     "RETURN",
     "RIGHT",
     "SPREADS",
-    "STALE",
     "STEPS",
     "backward_part",
     "eliminate_part",
@@ -35,8 +34,6 @@ __all__ = [
     "return_part",
 ]
 
-#: A scale serves as long as the largest entries of all rows are within this factor of 1.
-STALE = 1024.0
 #: Numbers that ``eliminate`` notes of the rows of a part.
 SPREADS = 16
 #: How far a solve is: refinements so far, and whether either solution is still to be refined.

@@ -11,6 +11,7 @@ from __future__ import annotations
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.solver.kkt.lane_panel import (
+    STALE,
     STATE,
     WATCHED,
     is_doubtful,
@@ -29,7 +30,6 @@ from stc.solver.kkt.segmented_parts import (
     RETURN,
     RIGHT,
     SPREADS,
-    STALE,
     STEPS,
 )
 from stc.solver.kkt.substitution import improves, substitute

@@ -209,8 +209,11 @@ def test_entries_that_vanish_somewhere_are_no_pivots():
     check(kkt, pattern, values, rng)
     assert kkt._by_plan
     given = kkt._arrays.given[kkt._source[: kkt._couplings.first.size]]
-    sizes, _ = sizes_of(
-        kkt._found, kkt._kinds[0], 0, np.where(np.abs(given) < 1e-9, 1e-17, 1.0), np.ones(kkt.n + kkt.m)
+    values = np.where(np.abs(given) < 1e-9, 1e-17, 1.0)
+    unknowns = kkt.n + kkt.m
+    places = np.arange(values.size, dtype=np.int32)
+    (sizes, _), *_ = sizes_of(
+        kkt._found, kkt._kinds, kkt._couplings, places, values, np.ones(unknowns), np.ones(unknowns)
     )
     assert np.count_nonzero(sizes < 1e-3) == 1
 
