@@ -27,13 +27,12 @@ from stc.solver.kkt.chain_solve import (
     CALLS,
     FORWARD,
     FORWARD_TAIL,
-    ONE,
     PROGRESS,
-    UNITS,
     backward_run,
     forward_run,
     solve,
 )
+from stc.solver.kkt.chain_substitution import ONE, UNITS
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.folding import fold
