@@ -134,7 +134,7 @@ def test_the_motion_is_seen_in_a_browser(saved, tmp_path):
 
     with Viewing(tmp_path, saved, "--web") as viewing, Browser(tmp_path / "profile") as browser:
         browser.call("Page.navigate", url=viewing.wait_for("showing on ").split()[2])
-        browser.wait_for_log("First remote draw frame applied", 90)
+        browser.wait_for_log("First remote draw frame applied", 300)
         browser.wait_for_log("Model loaded and scene initialized successfully", 30)
         end = time.monotonic() + 60
         while True:
