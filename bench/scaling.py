@@ -15,11 +15,13 @@ import json
 import math
 import os
 import resource
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
+from typing import Any
 
 #: How often a solve is made, and from so many frames on.
 SOLVES = 5
@@ -36,8 +38,8 @@ def compile_time(spec: str, n: int) -> dict[str, float]:
     return {"compile_s": time.process_time() - begin}
 
 
-def measure(spec: str, n: int) -> dict[str, float]:
-    """What everything but compiling takes, in this process."""
+def direct(spec: str, n: int) -> dict[str, float]:
+    """Setting up, an evaluation, and a solve on all frames, in this process."""
     import stc
     from stc.solver import minimize
     from stc.solver.evaluator import Scaling, evaluator_of
@@ -46,38 +48,54 @@ def measure(spec: str, n: int) -> dict[str, float]:
     problem, transcription = stc.load(spec).transcription(n=n)
     bound = transcription.bind(problem.constants)
     setup = time.process_time() - begin
-    variables = bound.n
     evaluator = evaluator_of(bound, Scaling.none(bound.n, bound.m))
     evaluator.x[:] = bound.x0
     evaluate = min(_timed(evaluator.values_call) + _timed(evaluator.derivatives_call) for _ in range(10))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    best = clock = float("inf")
-    for _ in range(solves := SOLVES if n < MANY else FEW_SOLVES):
-        begin, begin_clock = time.process_time(), time.perf_counter()
-        result = minimize(bound)
-        best, clock = min(best, time.process_time() - begin), min(clock, time.perf_counter() - begin_clock)
+    best, result = _least(n, lambda: minimize(bound), time.process_time)
     memory = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
-    iterations = result.iterations
-    status = result.status.value
-    del result, bound
-    model, nested = stc.load(spec), float("inf")
-    for _ in range(solves):
-        begin = time.process_time()
-        solution = model.solve(n=n)
-        nested = min(nested, time.process_time() - begin)
-        assert solution.status == "optimal", solution.status
     return {
         "n": n,
-        "status": status,
-        "variables": variables,
+        "variables": bound.n,
         "setup_s": setup,
         "evaluate_ns_per_frame": 1e9 * evaluate / (n + 1),
-        "iterations": iterations,
+        "iterations": result.iterations,
         "solve_s": best,
-        "clock_s": clock,
-        "nested_s": nested,
         "memory_mb": memory,
     }
+
+
+def direct_on_the_clock(spec: str, n: int) -> dict[str, float]:
+    """A solve on all frames, by the clock."""
+    import stc
+    from stc.solver import minimize
+
+    problem, transcription = stc.load(spec).transcription(n=n)
+    bound = transcription.bind(problem.constants)
+    return {"threads_s": _least(n, lambda: minimize(bound), time.perf_counter)[0]}
+
+
+def nested(spec: str, n: int) -> dict[str, float]:
+    """A solve by way of fewer frames."""
+    import stc
+
+    model = stc.load(spec)
+    return {"nested_s": _least(n, lambda: model.solve(n=n), time.process_time)[0]}
+
+
+#: What is measured in processes of their own, in this order: compiling leaves an object cache to the others.
+MEASURES = {m.__name__: m for m in (compile_time, direct, direct_on_the_clock, nested)}
+
+
+def _least(n: int, solve: Callable[[], Any], timer: Callable[[], float]) -> tuple[float, Any]:
+    """The least time of some solves, and what the last one gave."""
+    best = float("inf")
+    for _ in range(SOLVES if n < MANY else FEW_SOLVES):
+        begin = timer()
+        result = solve()
+        best = min(best, timer() - begin)
+        assert result.status == "optimal", result.status
+    return best, result
 
 
 def _timed(call: Callable[[], object]) -> float:
@@ -86,11 +104,11 @@ def _timed(call: Callable[[], object]) -> float:
     return time.perf_counter() - begin
 
 
-def in_fresh_process(spec: str, n: int, cache: str, what: str, threads: int = 1) -> dict[str, float]:
+def in_fresh_process(spec: str, n: int, cache: str, what: str) -> dict[str, float]:
     environment = {**os.environ, "STC_CACHE_DIR": cache, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     environment.pop("STC_THREADS", None)
-    if threads:
-        environment["STC_THREADS"] = str(threads)
+    if what != direct_on_the_clock.__name__:
+        environment["STC_THREADS"] = "1"
     command = [sys.executable, __file__, spec, "--one", str(n), "--what", what]
     run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if run.returncode:
@@ -104,10 +122,10 @@ def main() -> None:
     parser.add_argument("--frames", default="50,1000,10000,100000")
     parser.add_argument("--plot")
     parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
-    parser.add_argument("--what", default="rest", help=argparse.SUPPRESS)
+    parser.add_argument("--what", choices=MEASURES, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.one:
-        print(json.dumps((compile_time if args.what == "compile" else measure)(args.spec, args.one)))
+        print(json.dumps(MEASURES[args.what](args.spec, args.one)))
         return
     rows = []
     print(
@@ -117,9 +135,9 @@ def main() -> None:
     print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for n in map(int, args.frames.split(",")):
         with tempfile.TemporaryDirectory() as cache:
-            row = in_fresh_process(args.spec, n, cache, "compile")
-            row.update(in_fresh_process(args.spec, n, cache, "rest"))
-            row["threads_s"] = in_fresh_process(args.spec, n, cache, "rest", threads=0)["clock_s"]
+            row: dict[str, float] = {}
+            for what in MEASURES:
+                row.update(in_fresh_process(args.spec, n, cache, what))
         rows.append(row)
         print(
             f"| {n:,} | {row['variables']:,} | {row['compile_s']:.2f} | {row['setup_s']:.2f} "
@@ -139,9 +157,14 @@ def main() -> None:
         draw(rows, args.plot, args.spec)
 
 
+def per_iteration(row: dict[str, float], key: str = "solve_s") -> float:
+    """Seconds."""
+    return row[key] / max(row["iterations"], 1)
+
+
 def share(row: dict[str, float], key: str) -> float:
     """Microseconds for each iteration and frame."""
-    return 1e6 * row[key] / max(row["iterations"], 1) / (row["n"] + 1)
+    return 1e6 * per_iteration(row, key) / (row["n"] + 1)
 
 
 def exponent(rows: list[dict[str, float]]) -> str:
@@ -149,19 +172,15 @@ def exponent(rows: list[dict[str, float]]) -> str:
     long = [row for row in rows if row["n"] >= 1000]
     if len(long) < 2:
         return ""
-    x = [math.log(row["n"]) for row in long]
-    middle = sum(x) / len(x)
-    powers = []
-    for key in ("solve_s", "threads_s"):
-        y = [math.log(row[key] / max(row["iterations"], 1)) for row in long]
-        level = sum(y) / len(y)
-        powers.append(
-            sum((a - middle) * (b - level) for a, b in zip(x, y)) / sum((a - middle) ** 2 for a in x)
-        )
+    n = [math.log(row["n"]) for row in long]
+    one, two = (
+        statistics.linear_regression(n, [math.log(per_iteration(row, key)) for row in long]).slope
+        for key in ("solve_s", "threads_s")
+    )
     first, last = long[0]["n"], long[-1]["n"]
     return (
-        f"Time per iteration grows as n^{powers[0]:.2f} from {first:,} to {last:,} frames on one thread, and as "
-        f"n^{powers[1]:.2f} with two (at most 1.1)."
+        f"Time per iteration grows as n^{one:.2f} from {first:,} to {last:,} frames on one thread, and as "
+        f"n^{two:.2f} with two (at most 1.1)."
     )
 
 
@@ -173,10 +192,9 @@ def draw(rows: list[dict[str, float]], path: str, spec: str) -> None:
 
     n = [r["n"] for r in rows]
     figure, axes = plt.subplots(1, 3, figsize=(11, 3.4), layout="constrained")
-    per_iteration = [1e3 * r["solve_s"] / max(r["iterations"], 1) for r in rows]
     for axis, values, label in (
         (axes[0], [r["compile_s"] for r in rows], "compile, s"),
-        (axes[1], per_iteration, "time per iteration, ms"),
+        (axes[1], [1e3 * per_iteration(r) for r in rows], "time per iteration, ms"),
         (axes[2], [r["memory_mb"] for r in rows], "memory of the solve, MB"),
     ):
         axis.loglog(n, values, "o-")

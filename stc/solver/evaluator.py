@@ -7,7 +7,7 @@ its two calls have no arguments, and :func:`stc.codegen.calls.chain` joins them 
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from stc.codegen.calls import Bound
 from stc.records import dataclass, field
 from stc.solver.nlp import NLP, Floats, Ints, Mask
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 __all__ = [
     "Evaluable",
@@ -63,17 +66,17 @@ class Scaling:
 
     def jacobian(self, rows: Ints, cols: Ints) -> Floats:
         """Factors of Jacobian entries, (k,), to be read only: the same array whenever the same places are asked for."""
-        return self._factors(rows, cols, self.row * self.bounded)
+        return self._factors(rows, cols, lambda: self.row * self.bounded)
 
     def hessian(self, rows: Ints, cols: Ints) -> Floats:
         """Factors of the entries of the Lagrangian's Hessian, (k,), as above."""
-        return self._factors(rows, cols, self._columns())
+        return self._factors(rows, cols, self._columns)
 
-    def _factors(self, rows: Ints, cols: Ints, of_rows: Floats) -> Floats:
+    def _factors(self, rows: Ints, cols: Ints, of_rows: Callable[[], Floats]) -> Floats:
         for known_rows, known_cols, known in self._known:
             if known_rows is rows and known_cols is cols:
                 return known
-        factors: Floats = of_rows[rows] * self._columns()[cols]
+        factors: Floats = of_rows()[rows] * self._columns()[cols]
         self._known[:] = [*self._known[-1:], (rows, cols, factors)]  # those of both matrices
         return factors
 

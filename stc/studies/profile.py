@@ -232,7 +232,7 @@ class Profile:
             system = self.analyse.over(structured_kkt)(*args, **kwargs)
             return _TimedKKT(system, self.factorize, self.backsolve, self.both)
 
-        for watch in (self.values, self.derivatives, self.factorize, self.backsolve, self.both):
+        for _, watch in self._parts_of_a_solve():
             watch.begin_program()
         program: Any = _TimedProgram(nlp, self.values, self.derivatives)
         begin = time.perf_counter()
@@ -252,15 +252,19 @@ class Profile:
             watch.shortest = again.shortest
         return result
 
-    def parts(self, solution: Solution) -> list[Part]:
-        """The lines, those of the start first; ``solution`` is what the solve gave."""
-        watched = [
+    def _parts_of_a_solve(self) -> list[tuple[str, Watch]]:
+        """The watches whose calls are of one program each, and their names."""
+        return [
             ("values", self.values),
             ("derivatives", self.derivatives),
             ("factorise", self.factorize),
             ("solve", self.backsolve),
             ("solve for two", self.both),
         ]
+
+    def parts(self, solution: Solution) -> list[Part]:
+        """The lines, those of the start first; ``solution`` is what the solve gave."""
+        watched = self._parts_of_a_solve()
         known = dict(solution.seconds)
         first = [name for name in ("parse", "derive", "compile") if name in known]
         lines = [Part("start, imports", self.before)] if self.before else []

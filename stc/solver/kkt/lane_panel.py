@@ -12,7 +12,17 @@ have no factor there.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, native
-from stc.codegen.native_vector import abs8, load8, max8, negative8, prefetch8, splat8, store8, stream8
+from stc.codegen.native_vector import (
+    abs8,
+    largest8,
+    load8,
+    max8,
+    negative8,
+    prefetch8,
+    splat8,
+    store8,
+    stream8,
+)
 
 __all__ = [
     "COUNTED",
@@ -71,6 +81,12 @@ def is_watched(state: f64s) -> i64:
     """Whether the scale is to be tested with the matrix at hand."""
     state[UNWATCHED] -= 1.0
     return 1 if state[UNWATCHED] < 0.0 else 0
+
+
+@native(inline=True)
+def spread_in(noted: f64s) -> f64:
+    """How far from 1 the largest entries of rows in segments are, from what ``eliminate`` has noted of them."""
+    return max(largest8(load8(noted, 0)), -1.0 / largest8(load8(noted, 8)))
 
 
 @native(inline=True)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, log, native
+from stc.codegen.native import f64s, fabs, i32s, i64, i64s, log, native
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.lane_program import Kind
 from stc.solver.kkt.segments import Segmentation
@@ -41,8 +41,8 @@ def _place(code: i64, begin: i64, end: i64, codes: i64s) -> i64:
 
 @native
 def _note_entries(
-    edges: i64, stage: i32s, code: i64s, kind: i32s, chosen: i32s, begins: i64s, codes: i64s, tiny: f64, source: i32s,
-    first: i32s, second: i32s, given: f64s, scale: f64s, least: f64s, logs: f64s, signs: f64s, many: f64s,
+    edges: i64, stage: i32s, code: i64s, kind: i32s, chosen: i32s, begins: i64s, codes: i64s, source: i32s, first: i32s,
+    second: i32s, given: f64s, scale: f64s, least: f64s, logs: f64s, signs: f64s, many: f64s,
 ) -> None:  # fmt: skip
     """For each code the least magnitude anywhere, and in chosen stages the sum of logarithms, that of signs, how many.
 
@@ -55,7 +55,7 @@ def _note_entries(
             value = given[source[e]] * (scale[first[e]] * scale[second[e]])
             least[k] = min(least[k], fabs(value))
             if chosen[own] != 0:
-                logs[k] += log(max(fabs(value), tiny))
+                logs[k] += log(max(fabs(value), TINY))
                 many[k] += 1.0
                 if value > 0.0:
                     signs[k] += 1.0
@@ -89,7 +89,7 @@ def sizes_of(
     logs, signs, many = np.zeros(count), np.zeros(count), np.zeros(count)
     _note_entries(
         couplings.first.size, found.edge_stage, found.edge_code, kind_of, chosen, begins, np.concatenate(found.codes),
-        TINY, source, couplings.first, couplings.second, given, scale, least, logs, signs, many,
+        source, couplings.first, couplings.second, given, scale, least, logs, signs, many,
     )  # fmt: skip
     entries = reliable(_mean(logs, signs, many), least)
     sizes = []

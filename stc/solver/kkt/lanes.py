@@ -40,6 +40,7 @@ from stc.solver.kkt.lane_panel import (
     ask_ahead,
     panel_vectors,
     put_vectors,
+    spread_in,
     take_panel,
 )
 
@@ -363,10 +364,8 @@ def eliminate(
                 at += 8 * vectors
             if not (largest8(load8(state, WORST)) < 1.0):
                 return -1
-        if watched != 0:
-            # The rest of the work would be in vain.
-            if largest8(load8(spread, 0)) > STALE or largest8(load8(spread, 8)) > -1.0 / STALE:
-                return -1
+        if watched != 0 and spread_in(spread) > STALE:
+            return -1  # what is left would be in vain
         state[LARGEST] = max(state[LARGEST], largest8(load8(state, WORST)))
         for lane in range(group[SEGMENTS]):
             negative += state[NEGATIVE + lane]

@@ -18,6 +18,7 @@ from stc.solver.kkt.lane_panel import (
     is_watched,
     note_watched,
     put_together,
+    spread_in,
 )
 from stc.solver.kkt.lane_rows import largest_in_segments
 from stc.solver.kkt.segmented_parts import (
@@ -223,9 +224,7 @@ def eliminate_all(
         raise_to(rest, other_most[(part - 1) * (outer + rest) + outer :], most[outer:])
     highest = spread_of(rest, most[outer:])
     for part in range(parts):
-        spread = spreads[SPREADS * part :]
-        for lane in range(8):
-            highest = max(highest, max(spread[lane], -1.0 / spread[8 + lane]))
+        highest = max(highest, spread_in(spreads[SPREADS * part :]))
     note_watched(highest, state)
     return STALE_SCALE if highest > STALE else 0
 
