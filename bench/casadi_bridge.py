@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from stc.codegen.tape import Tape
+from stc.transcription.assemble import data_of
 from stc.transcription.bind import BoundProgram
 
 OPERATORS = {
@@ -59,8 +60,7 @@ def program(bound: BoundProgram) -> tuple[ca.MX, ca.MX, ca.MX]:
         tape = group.values_tape
         if not tape.outputs:
             continue
-        data = bound.workspace[structure.data_start[g] :][: len(group.data) * group.size]
-        data = data.reshape(len(group.data), group.size)
+        data = data_of(bound.workspace, group, structure.data_start[g])
         inputs = [
             ca.reshape(w[group.positions[k].tolist()], 1, group.size) for k in range(len(group.unknown))
         ]

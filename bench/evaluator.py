@@ -37,6 +37,7 @@ from rod_chain import Stencil, casadi_function, stencil
 from stc.arrays import aligned_zeros
 from stc.codegen import engine
 from stc.codegen.kernel import LANES, compile_tapes
+from stc.codegen.runs import RUN, Copies, find_runs
 from stc.codegen.tape import Tape, build_tape
 from stc.symbolic.expr import Expr
 
@@ -76,7 +77,8 @@ class Motion:
         self.u = rng.uniform(-1.0, 1.0, (frames + 2, n))
         self.y = rng.uniform(-1.0, 1.0, (frames + 2, n))
         self.constants = np.concatenate([rng.uniform(0.5, 1.5, 3 * n), [9.81, 0.05]])
-        self.workspace = np.concatenate([self.q.ravel(), self.u.ravel(), self.y.ravel()])
+        held = self.q.ravel(), self.u.ravel(), self.y.ravel()
+        self.workspace = np.concatenate([*held, np.zeros(RUN - 1)])  # runs may reach beyond
 
     def places(self) -> NDArray[np.int64]:
         """Positions in the workspace of a frame's inputs: q-, q, q+, u, y.  (5n, frames)"""
@@ -92,13 +94,14 @@ class Compiled:
     def __init__(self, tape: Tape, motion: Motion) -> None:
         blocks = motion.frames // LANES
         places = motion.places()[: tape.n_varying]
-        index = places.reshape(tape.n_varying, blocks, LANES).transpose(1, 0, 2)
+        found = find_runs(tape, places, Copies(motion.workspace.size))
+        index = found.starts.reshape(-1, blocks, LANES).transpose(1, 0, 2)
         self.tape = tape
         self.out = aligned_zeros((blocks, len(tape.outputs), LANES))
-        kernels = compile_tapes([tape], cache=False)
+        kernels = compile_tapes([tape], [found.runs], cache=False)
         self.compile_seconds = kernels.seconds
-        compile_tapes([tape])
-        self.load_seconds = min(compile_tapes([tape]).seconds for _ in range(5))
+        compile_tapes([tape], [found.runs])
+        self.load_seconds = min(compile_tapes([tape], [found.runs]).seconds for _ in range(5))
         self.call = kernels.bind(
             0, motion.workspace, motion.constants, np.ascontiguousarray(index, dtype=np.int32), self.out
         )

@@ -28,6 +28,7 @@ from evaluator import clock_cycle, repeats_for, timed
 import stc
 from stc.arrays import aligned_zeros
 from stc.transcription import Transcription
+from stc.transcription.assemble import data_of
 from stc.transcription.bind import BoundProgram
 
 
@@ -114,8 +115,7 @@ void run(long nodes, const double* u, const double* x, double* out) {{
     x = np.zeros((group.size, width))
     x[:, :count] = bound.x0[group.positions].T
     start = transcription.program.data_start[number]
-    known = bound.workspace[start : start + len(group.data) * group.size].reshape(-1, group.size)
-    x[:, count : v.shape[0]] = known.T
+    x[:, count : v.shape[0]] = data_of(bound.workspace, group, start).T
     x[:, v.shape[0] :] = 1.0
     out = np.zeros((group.size, total))
     uniform = np.ascontiguousarray(bound.uniform[: tape.n_uniform])

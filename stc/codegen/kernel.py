@@ -1,11 +1,11 @@
 """Compiled tapes: numbers in a workspace vector in, blocks of outputs out.
 
-Layout, for a tape with ``n_varying`` varying inputs and ``n_out`` outputs, instances in blocks of ``LANES``
-(the last block filled up with any valid instances):
+Layout, for a tape with ``n_out`` outputs whose varying inputs are in ``n_runs`` runs (:mod:`stc.codegen.runs`),
+instances in blocks of ``LANES`` (the last block filled up with any valid instances):
 
-    workspace  float64 (n_workspace,)              everything that varies; kernels gather from it themselves
+    workspace  float64 (n_workspace,)              everything that varies; kernels fetch from it themselves
     uniform    float64 (n_uniform or more,)
-    index      int32   (n_blocks, n_varying, LANES)   positions in the workspace
+    index      int32   (n_blocks, n_runs, LANES)      where in the workspace runs of inputs begin
     out        float64 (n_blocks, n_out, LANES)
 
 The same tapes run in NumPy when LLVM is missing or not wanted.
@@ -26,6 +26,7 @@ from stc.codegen import cache as object_cache
 from stc.codegen import engine, reference
 from stc.codegen.calls import Bound
 from stc.codegen.engine import LANES
+from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import Tape
 from stc.memory import without_collection
 
@@ -39,8 +40,9 @@ IndexArray = NDArray[np.int32]
 class Kernel:
     """One compiled tape."""
 
-    def __init__(self, tape: Tape) -> None:
+    def __init__(self, tape: Tape, runs: Runs) -> None:
         self.tape = tape
+        self.runs = runs
         self._entry: Callable[..., Any] | None = None
         self._packed: Callable[..., Any] | None = None
         self._object: engine.LoadedObject | None = None
@@ -58,7 +60,7 @@ class Kernel:
         """Evaluate all blocks.
 
         Raises:
-            ValueError: an array of wrong type, shape or layout, or an index outside the workspace.
+            ValueError: an array of wrong type, shape or layout, or a run that reaches out of the workspace.
         """
         self._check(workspace, uniform, index, out)
         if self._entry is None:
@@ -81,7 +83,7 @@ class Kernel:
         return Bound.of_native(self._packed, [*cells, index.shape[0]], (arrays, self._object))
 
     def _check(self, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray) -> None:
-        tape = self.tape
+        tape, runs = self.tape, self.runs.count
         for name, array, dtype in (
             ("workspace", workspace, np.float64),
             ("uniform", uniform, np.float64),
@@ -95,21 +97,26 @@ class Kernel:
                 f"workspace and uniform must be vectors, uniform of {tape.n_uniform} or more values"
             )
         blocks = index.shape[0] if index.ndim == 3 else -1
-        if index.shape != (blocks, tape.n_varying, LANES):
-            raise ValueError(f"index has shape {index.shape}, not (blocks, {tape.n_varying}, {LANES})")
+        if index.shape != (blocks, runs, LANES):
+            raise ValueError(f"index has shape {index.shape}, not (blocks, {runs}, {LANES})")
         if out.shape != (blocks, len(tape.outputs), LANES):
             raise ValueError(f"out has shape {out.shape}, not ({blocks}, {len(tape.outputs)}, {LANES})")
         if not out.flags.writeable:
             raise ValueError("out is read-only")
-        if index.size and (index.min() < 0 or index.max() >= workspace.size):
-            raise ValueError(f"index points outside the workspace of {workspace.size} values")
+        if index.size and (index.min() < 0 or index.max() + RUN > workspace.size):
+            raise ValueError(
+                f"index points outside the workspace of {workspace.size} values, of which {RUN} are read at once"
+            )
 
     def _run_numpy(
         self, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray
     ) -> None:
         tape = self.tape
         blocks = index.shape[0]
-        varying = workspace[index].transpose(1, 0, 2).reshape(tape.n_varying, blocks * LANES)
+        varying = np.zeros((tape.n_varying, blocks * LANES))
+        for v, place in enumerate(self.runs.places):
+            if place >= 0:
+                varying[v] = workspace[index[:, place // RUN].reshape(-1) + place % RUN]
         values = reference.run(tape, uniform[: tape.n_uniform], varying)
         out[...] = values.reshape(len(tape.outputs), blocks, LANES).transpose(1, 0, 2)
 
@@ -123,12 +130,15 @@ class KernelSet:
         cached: the machine code came from the cache.
     """
 
-    def __init__(self, tapes: Sequence[Tape], backend: Literal["llvm", "numpy"]) -> None:
+    def __init__(
+        self, tapes: Sequence[Tape], runs: Sequence[Runs], backend: Literal["llvm", "numpy"]
+    ) -> None:
         self.tapes = list(tapes)
+        self.runs = list(runs)
         self.backend = backend
         self.seconds = 0.0
         self.cached = False
-        self._kernels = [Kernel(tape) for tape in self.tapes]
+        self._kernels = [Kernel(*each) for each in zip(self.tapes, self.runs, strict=True)]
 
     def __len__(self) -> int:
         return len(self._kernels)
@@ -149,23 +159,29 @@ class KernelSet:
         """One LLVM module with all of these kernels, as text."""
         from stc.codegen.llvm import module_ir
 
-        return module_ir(self.tapes) if self.backend == "numpy" else _own_ir(self.tapes)
+        return (module_ir if self.backend == "numpy" else _own_ir)(self.tapes, self.runs)
 
 
-def _own_ir(tapes: Sequence[Tape]) -> str:
+def _own_ir(tapes: Sequence[Tape], runs: Sequence[Runs]) -> str:
     """The LLVM module for this machine."""
     from stc.codegen.llvm import module_ir  # which a process that finds all its code does without
 
     return module_ir(
-        tapes, width=engine.vector_width(), registers=engine.vector_registers(), fused=engine.has_fma()
+        tapes, runs, width=engine.vector_width(), registers=engine.vector_registers(), fused=engine.has_fma()
     )
 
 
-def compile_tapes(tapes: Sequence[Tape], backend: Backend = "auto", cache: bool = True) -> KernelSet:
+def compile_tapes(
+    tapes: Sequence[Tape],
+    runs: Sequence[Runs] | None = None,
+    backend: Backend = "auto",
+    cache: bool = True,
+) -> KernelSet:
     """Compile tapes, or find the machine code in the object cache.
 
     Args:
         tapes: the programs; kernel ``k`` runs ``tapes[k]``.
+        runs: where the varying inputs of each are; by default each input is a run of its own.
         backend: ``auto`` takes LLVM where it is available and ``STC_BACKEND`` does not forbid it.
         cache: look for, and keep, the machine code on disk.
 
@@ -175,7 +191,9 @@ def compile_tapes(tapes: Sequence[Tape], backend: Backend = "auto", cache: bool 
     started = time.perf_counter()
     if backend == "auto":
         backend = "llvm" if engine.llvm_wanted() else "numpy"
-    kernels = KernelSet(tapes, backend)
+    if runs is None:
+        runs = [Runs.alone(tape.n_varying) for tape in tapes]
+    kernels = KernelSet(tapes, runs, backend)
     if backend == "llvm" and tapes:
         _load_or_compile(kernels, cache)
     kernels.seconds = time.perf_counter() - started
@@ -219,7 +237,8 @@ def parts(tapes: Sequence[Tape]) -> list[list[int]]:
 @without_collection()
 def _load_or_compile(kernels: KernelSet, cache: bool) -> None:
     level = effort(kernels.tapes)
-    groups = [[kernels.tapes[k] for k in part] for part in parts(kernels.tapes)]
+    divided = parts(kernels.tapes)
+    groups = [([kernels.tapes[k] for k in part], [kernels.runs[k] for k in part]) for part in divided]
     made: dict[int, bytes] = {}
 
     def make(number: int) -> bytes:
@@ -227,19 +246,21 @@ def _load_or_compile(kernels: KernelSet, cache: bool) -> None:
             from stc.codegen.compiling import compile_modules
 
             wanted = range(number, len(groups))
-            codes = compile_modules([partial(_own_ir, groups[k]) for k in wanted], level)
+            codes = compile_modules([partial(_own_ir, *groups[k]) for k in wanted], level)
             made.update(zip(wanted, codes, strict=True))
         return made[number]
 
     kernels.cached = True
-    for number, positions in enumerate(parts(kernels.tapes)):
+    for number, positions in enumerate(divided):
+        tapes, runs = groups[number]
         names = [f"kernel{k}" for k in range(len(positions))]
         loaded, cached = engine.cached_object(
             object_cache.key_of(
                 "kernels",
                 engine.host().fingerprint(),
                 f"width {engine.vector_width()} level {level}",
-                *(tape.digest() for tape in groups[number]),
+                *(tape.digest() for tape in tapes),
+                *(of_tape.digest() for of_tape in runs),
             ),
             [name + suffix for name in names for suffix in ("", ".packed")],
             partial(make, number),

@@ -4,12 +4,12 @@ A kernel runs over blocks of :data:`LANES` instances, or over pairs of blocks wh
 (the last block is then its own partner when the number is odd, and written twice):
 
     once:       load uniform inputs, do the uniform operations as scalars, spread them over the lanes (stack)
-    per block:  gather varying inputs from the workspace by the index table, do the operations, store results
+    per block:  fetch runs of varying inputs from the workspace by the index table, do the operations, store results
 
-              index[block][input][lane]   (int32)        out[block][output][lane]   (double)
+              index[block][run][lane]   (int32)          out[block][output][lane]   (double)
 
-The order of the tape is kept: inputs are gathered at their first use and outputs stored as soon as they are
-known, so that few values are alive at once; :mod:`stc.codegen.residency` decides which of them stay in
+The order of the tape is kept: inputs are fetched at the first use of their run and outputs stored as soon as they
+are known, so that few values are alive at once; :mod:`stc.codegen.residency` decides which of them stay in
 registers.  The IR needs no optimisation passes: common subexpressions are shared and constants folded already,
 and multiply-adds are fused by the back end, which the ``contract`` flags allow.
 """
@@ -20,8 +20,10 @@ from collections.abc import Sequence
 from typing import Final
 
 from stc.codegen.engine import LANES
+from stc.codegen.fetching import fetch
 from stc.codegen.operations import WRITTEN_OUT, MathFunctions, Operations, function_length
 from stc.codegen.residency import Residency, operands
+from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import Tape
 from stc.codegen.vector import PREFETCH, Vector, hexadecimal, prefetch
 
@@ -31,36 +33,44 @@ _PART: Final = 128
 #: Bytes of memory that come together.
 _LINE: Final = 64
 
-#: Up to so many varying inputs are fetched where they are needed.  Written out for more, that would be half of a
-#: kernel's code, and of the time to compile it; a loop takes a tenth longer to run.
-_WRITTEN_OUT = 24
+#: Up to so many runs of varying inputs are fetched where the first of them is needed.  Written out for more, that
+#: would be half of a kernel's code, and of the time to compile it; a loop takes longer to run.
+_WRITTEN_OUT: Final = 32
 
 
 class _Kernel:
     """Emits one kernel."""
 
     def __init__(
-        self, tape: Tape, symbol: str, width: int, registers: int, fused: bool, functions: MathFunctions
+        self,
+        tape: Tape,
+        runs: Runs,
+        symbol: str,
+        width: int,
+        registers: int,
+        fused: bool,
+        functions: MathFunctions,
     ) -> None:
         self.tape = tape
+        self.runs = runs
         self.functions = functions
         self.symbol = symbol
         self.width = width
         self.groups = range(width // LANES)
+        self._indices = [f"%where{group}" for group in self.groups]
         self.head: list[str] = []
         self.body: list[str] = []
         self.scalar = Vector(self.head, 1, fused, "u")
         self.vector = Vector(self.body, width, fused, "v")
         self.shared = self._once_per_call()
-        self.inputs = self._listed_inputs()
         # a few registers are for what goes on inside one operation
         self.residency = Residency(
             tape,
             self.vector,
             max(registers - 6, 4),
             self.shared,
-            self.inputs,
-            lambda slot: self._fetch(self.vector, self._offset(slot)),
+            self._listed_inputs(),
+            self._fetch_run,
         )
         self.last_part = "compute"
         self._per_block()
@@ -105,46 +115,38 @@ class _Kernel:
         return places
 
     def _listed_inputs(self) -> dict[int, int]:
-        """The varying inputs that a loop fetches, where they are many: slot -> place in ``%inputs``."""
-        tape = self.tape
-        read = {slot for _, a, b in tape.ops[tape.n_uniform_ops :] for slot in (a, b)}
-        used = read.union(tape.outputs).intersection(range(tape.n_uniform, tape.first_literal))
-        return {slot: place for place, slot in enumerate(sorted(used))} if len(used) > _WRITTEN_OUT else {}
+        """The varying inputs that a loop fetches, where their runs are many: slot -> place in ``%inputs``."""
+        if self.runs.count <= _WRITTEN_OUT:
+            return {}
+        first = self.tape.n_uniform
+        return {first + v: place for v, place in enumerate(self.runs.places) if place >= 0}
 
-    def _fetch(self, vector: Vector, offset: int | str) -> str:
-        """A varying input for all lanes; ``offset`` (bytes) is where a block's indices of it are."""
-        value = "poison"
-        for group in self.groups:
-            base, start = f"%where{group}", offset
-            if isinstance(start, str):
-                base, start = vector.let(f"getelementptr inbounds i8, ptr {base}, i64 {start}"), 0
-            for within in range(LANES):
-                place = vector.let(f"getelementptr inbounds i8, ptr {base}, i64 {start + 4 * within}")
-                position = vector.let(f"load i32, ptr {place}, align 4")
-                source = vector.let(f"getelementptr inbounds double, ptr %workspace, i32 {position}")
-                element = vector.let(f"load double, ptr {source}, align 8")
-                lane = group * LANES + within
-                value = vector.let(f"insertelement {vector.f} {value}, double {element}, i64 {lane}")
-        return value
+    def _fetch_run(self, slot: int) -> dict[int, str]:
+        """Fetches the run that a varying input belongs to; the registers of all in it."""
+        run = self.runs.places[slot - self.tape.n_uniform] // RUN
+        members = fetch(self.vector, self._indices, 4 * LANES * run)
+        return {
+            self.tape.n_uniform + v: members[place % RUN]
+            for v, place in enumerate(self.runs.places)
+            if place // RUN == run
+        }
 
-    def _offset(self, slot: int) -> int:
-        return 4 * LANES * (slot - self.tape.n_uniform)
-
-    def _gather_loop(self) -> list[str]:
+    def _fetch_loop(self) -> list[str]:
         """Fetches the listed inputs before anything else of a block."""
-        if not self.inputs:
+        if self.runs.count <= _WRITTEN_OUT:
             return ["  br label %compute"]
-        lines = ["  br label %gather", "gather:", "  %input = phi i64 [ 0, %block ], [ %next, %gather ]"]
+        lines = ["  br label %fetch", "fetch:", "  %run = phi i64 [ 0, %block ], [ %next, %fetch ]"]
         vector = Vector(lines, self.width, False, "g")
-        entry = vector.let(f"getelementptr inbounds i64, ptr @{self.symbol}.inputs, i64 %input")
-        value = self._fetch(vector, vector.let(f"load i64, ptr {entry}, align 8"))
-        pointer = vector.let(f"getelementptr inbounds {vector.f}, ptr %inputs, i64 %input")
+        members = fetch(vector, self._indices, vector.let(f"mul i64 %run, {4 * LANES}"))
+        target = vector.let(f"getelementptr inbounds [{RUN} x {vector.f}], ptr %inputs, i64 %run")
+        for k, value in enumerate(members):
+            pointer = vector.let(f"getelementptr inbounds {vector.f}, ptr {target}, i64 {k}")
+            lines.append(f"  store {vector.f} {value}, ptr {pointer}, align {8 * self.width}")
         return [
             *lines,
-            f"  store {vector.f} {value}, ptr {pointer}, align {8 * self.width}",
-            "  %next = add i64 %input, 1",
-            f"  %unfinished = icmp slt i64 %next, {len(self.inputs)}",
-            "  br i1 %unfinished, label %gather, label %compute",
+            "  %next = add i64 %run, 1",
+            f"  %unfinished = icmp slt i64 %next, {self.runs.count}",
+            "  br i1 %unfinished, label %fetch, label %compute",
         ]
 
     def _store(self, rows: list[int], value: str) -> None:
@@ -219,15 +221,13 @@ class _Kernel:
     def text(self) -> str:
         """The kernel's IR, with its entry for prepared calls."""
         vector, size = self.vector, 8 * self.width
-        offsets = ", ".join(f"i64 {self._offset(slot)}" for slot in self.inputs)
         return "\n".join(
             [
-                f"@{self.symbol}.inputs = private unnamed_addr constant [{len(self.inputs)} x i64] [{offsets}]",
                 f"define void @{self.symbol}(ptr noalias readonly %workspace, ptr noalias readonly %uniform, "
                 "ptr noalias readonly %index, ptr noalias %out, i64 %blocks) nounwind {",
                 "entry:",
                 f"  %shared = alloca [{max(len(self.shared), 1)} x {vector.f}], align {size}",
-                f"  %inputs = alloca [{max(len(self.inputs), 1)} x {vector.f}], align {size}",
+                f"  %inputs = alloca [{max(RUN * self.runs.count, 1)} x {vector.f}], align {size}",
                 f"  %homes = alloca [{max(self.residency.places, 1)} x {vector.f}], align {size}",
                 "  %any = icmp sgt i64 %blocks, 0",
                 "  br i1 %any, label %once, label %done",
@@ -236,8 +236,8 @@ class _Kernel:
                 "  br label %block",
                 "block:",
                 f"  %number = phi i64 [ 0, %once ], [ %following, %{self.last_part} ]",
-                *[line for group in self.groups for line in _block_pointers(self.tape, group)],
-                *self._gather_loop(),
+                *[line for group in self.groups for line in _block_pointers(self.tape, self.runs, group)],
+                *self._fetch_loop(),
                 "compute:",
                 *self.body,
                 f"  %following = add i64 %number, {len(self.groups)}",
@@ -252,13 +252,13 @@ class _Kernel:
         )
 
 
-def _block_pointers(tape: Tape, group: int) -> list[str]:
+def _block_pointers(tape: Tape, runs: Runs, group: int) -> list[str]:
     """Where the indices and outputs of a block begin; of the last one for a partner that is missing."""
     return [
         f"  %wanted{group} = add i64 %number, {group}",
         f"  %inside{group} = icmp slt i64 %wanted{group}, %blocks",
         f"  %block{group} = select i1 %inside{group}, i64 %wanted{group}, i64 %number",
-        f"  %skipped{group} = mul i64 %block{group}, {4 * LANES * tape.n_varying}",
+        f"  %skipped{group} = mul i64 %block{group}, {4 * LANES * runs.count}",
         f"  %where{group} = getelementptr inbounds i8, ptr %index, i64 %skipped{group}",
         f"  %filled{group} = mul i64 %block{group}, {8 * LANES * len(tape.outputs)}",
         f"  %target{group} = getelementptr inbounds i8, ptr %out, i64 %filled{group}",
@@ -276,12 +276,20 @@ def _packed(symbol: str) -> list[str]:
     return [*lines, f"  call void @{symbol}({arguments})", "  ret void", "}"]
 
 
-def module_ir(tapes: Sequence[Tape], *, width: int = LANES, registers: int = 16, fused: bool = True) -> str:
+def module_ir(
+    tapes: Sequence[Tape],
+    runs: Sequence[Runs],
+    *,
+    width: int = LANES,
+    registers: int = 16,
+    fused: bool = True,
+) -> str:
     """One LLVM module with kernels ``kernel0``, ``kernel1``, ... and their ``.packed`` entries.
 
     Args:
         tapes: the programs.
-        width: doubles per vector, a multiple of :data:`LANES`.
+        runs: where the varying inputs of each are.
+        width: doubles per vector, :data:`LANES` or twice as many.
         registers: how many such vectors the machine's registers hold.
         fused: the machine has fused multiply-add instructions.
     """
@@ -289,6 +297,7 @@ def module_ir(tapes: Sequence[Tape], *, width: int = LANES, registers: int = 16,
     declarations = "".join(Vector(unused, size, fused, "").declarations() for size in (1, width))
     functions = MathFunctions(fused, called=function_length(tapes) > WRITTEN_OUT)
     kernels = [
-        _Kernel(tape, f"kernel{k}", width, registers, fused, functions).text() for k, tape in enumerate(tapes)
+        _Kernel(tape, of_tape, f"kernel{k}", width, registers, fused, functions).text()
+        for k, (tape, of_tape) in enumerate(zip(tapes, runs, strict=True))
     ]
     return declarations + PREFETCH + "\n" + functions.text() + "\n" + "\n".join(kernels)

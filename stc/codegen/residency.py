@@ -25,7 +25,7 @@ class Residency:
         capacity: how many values may stay in registers between two operations.
         shared: slot -> place of the values that lie in memory from the start, in ``%shared``.
         inputs: slot -> place of the varying inputs that are in ``%inputs``.
-        gather: emits the code that fetches another varying input.
+        fetch: emits the code that fetches another varying input; returns the registers of all that come with it.
     """
 
     def __init__(
@@ -35,13 +35,13 @@ class Residency:
         capacity: int,
         shared: dict[int, int],
         inputs: dict[int, int],
-        gather: Callable[[int], str],
+        fetch: Callable[[int], dict[int, str]],
     ) -> None:
         self._vector = vector
         self._capacity = capacity
         self._shared = shared
         self._inputs = inputs
-        self._gather = gather
+        self._fetch = fetch
         self._size = 8 * vector.lanes
         self._uses = _uses(tape)
         self._registers: dict[int, str] = {}  # slot -> register
@@ -71,9 +71,12 @@ class Residency:
         elif slot in self._homes:
             register = self._load("homes", self._homes[slot])
         else:
-            register = self._gather(slot)
-            self.hold(slot, register, pinned)
-            return register
+            fetched = self._fetch(slot)
+            for other, its_register in fetched.items():
+                if other != slot:
+                    self.hold(other, its_register, (*pinned, slot))
+            self.hold(slot, fetched[slot], pinned)
+            return fetched[slot]
         uses = self._uses[slot]
         later = uses[-2] if len(uses) > 1 else _NEVER
         if later < max(self._next_use.values(), default=_NEVER):  # worth a register; else it is for once

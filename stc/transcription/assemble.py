@@ -4,7 +4,7 @@ Statements that stand on the same nodes form a *group*: one kernel evaluates the
 kernel reads its inputs from one workspace through an index table and writes its outputs in blocks; a gather
 then adds the outputs up to rows, gradient, Jacobian and Hessian entries::
 
-    workspace = | decision variables | multipliers | node data |
+    workspace = | decision variables | multipliers | group 0: [node][data] | group 1 | ... | copies |
     buffer    = | group 0: [block][output][lane] | group 1 | ... | constants of group 0 | ...
 
 Derivatives that no unknown, no multiplier and no factor of the objective changes are constants: they have a part of
@@ -22,6 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.codegen.engine import LANES
+from stc.codegen.runs import RUN, Copies, Runs, find_runs
 from stc.codegen.tape import Tape, build_tape
 from stc.problem import ConstantRef, ParameterRef, VariableRef
 from stc.records import dataclass, field
@@ -34,7 +36,6 @@ from stc.transcription.layout import Layout
 from stc.transcription.lower import DataRef
 from stc.transcription.statements import Row, Statements, Summand
 
-LANES = 4
 REMEMBERED = 64
 """Groups whose derivatives are kept."""
 DERIVED = (
@@ -274,9 +275,10 @@ class Program:
     """The nonlinear program's structure: groups, tables and sparsity.
 
     Attributes:
-        index_values, index_derivatives, index_constants: per group (blocks, inputs, LANES) int32 positions in the
-            workspace.
-        data_start: per group where its node data begins in the workspace.
+        runs: of the inputs of the groups' values kernels, then of their derivatives kernels.
+        index_values, index_derivatives: per group (blocks, runs, LANES) int32 where they begin in the workspace.
+        copied_values, copied_derivatives: what is copied within the workspace before the kernels run, from and to.
+        data_start: per group where its node data begins in the workspace, (nodes, data).
         row_group, row_number, row_instance: (m,) where each row comes from.
         values_start, derivatives_start, constants_start: per group where its outputs begin in a buffer.
         values_size, derivatives_size: of the two buffers; constants take what is left of the second one.
@@ -297,9 +299,11 @@ class Program:
     row_instance: IntArray
     workspace_size: int
     data_start: list[int]
+    runs: list[Runs]
     index_values: list[NDArray[np.int32]]
     index_derivatives: list[NDArray[np.int32]]
-    index_constants: list[NDArray[np.int32]]
+    copied_values: tuple[NDArray[np.int32], NDArray[np.int32]]
+    copied_derivatives: tuple[NDArray[np.int32], NDArray[np.int32]]
     values_start: list[int]
     derivatives_start: list[int]
     constants_start: list[int]
@@ -343,15 +347,20 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
     row_stage, row_group, row_number, row_instance, row_linear = _number_rows(groups)
     m, n = len(row_stage), layout.size
     at = n + m
-    data_start, index_values, index_derivatives, index_constants = [], [], [], []
+    data_start, inputs = [], []
     for group in groups:
         data_start.append(at)
-        data = at + np.arange(len(group.data) * group.size).reshape(len(group.data), group.size)
+        data = at + np.arange(group.size * len(group.data)).reshape(group.size, len(group.data)).T
         at += data.size
-        values = np.concatenate([group.positions, data])
-        index_values.append(blocks(values))
-        index_derivatives.append(blocks(np.concatenate([values, n + group.row_ids])))
-        index_constants.append(blocks(data))
+        inputs.append(np.concatenate([group.positions, data, n + group.row_ids]))
+    copies = Copies(at)
+    of_values = [
+        find_runs(_tape(g.values_tape), each[: len(each) - len(g.rows)], copies)
+        for g, each in zip(groups, inputs, strict=True)
+    ]
+    of_derivatives = [
+        find_runs(_tape(g.derivatives_tape), each, copies) for g, each in zip(groups, inputs, strict=True)
+    ]
     values_start, values_size = _starts(groups, [_tape(g.values_tape) for g in groups])
     derivatives_start, varying_size = _starts(groups, [_tape(g.derivatives_tape) for g in groups])
     constants_start, derivatives_size = _starts(
@@ -382,11 +391,13 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
         row_group=row_group,
         row_number=row_number,
         row_instance=row_instance,
-        workspace_size=at,
+        workspace_size=copies.end + RUN - 1,
         data_start=data_start,
-        index_values=index_values,
-        index_derivatives=index_derivatives,
-        index_constants=index_constants,
+        runs=[found.runs for found in (*of_values, *of_derivatives)],
+        index_values=[blocks(found.starts, np.int32) for found in of_values],
+        index_derivatives=[blocks(found.starts, np.int32) for found in of_derivatives],
+        copied_values=copies.tables([run for found in of_values for run in found.copied]),
+        copied_derivatives=copies.tables([run for found in of_derivatives for run in found.copied]),
         values_start=values_start,
         derivatives_start=derivatives_start,
         constants_start=constants_start,
@@ -408,18 +419,24 @@ def _tape(tape: Tape | None) -> Tape:
     return tape
 
 
+def data_of(workspace: NDArray[np.float64], group: Group, start: int) -> NDArray[np.float64]:
+    """A group's node data in the workspace, from ``start`` on: a view (data, nodes)."""
+    count = len(group.data)
+    return workspace[start : start + group.size * count].reshape(group.size, count).T
+
+
 def outputs_at(start: int, width: int, output: int, size: int) -> IntArray:
     """Buffer positions of one output of a kernel with ``width`` outputs for its ``size`` nodes. (size,)"""
     k = np.arange(size)
     return start + (k // LANES) * (width * LANES) + output * LANES + k % LANES
 
 
-def blocks(table: IntArray) -> NDArray[np.int32]:
-    """(inputs, k) positions as (blocks, inputs, LANES); the last node fills the last block."""
-    inputs, size = table.shape
+def blocks(table: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
+    """What is known for each of k nodes, (rows, k), as (blocks, rows, LANES); the last node fills the last block."""
+    rows, size = table.shape
     count = -(-size // LANES)
     padded = np.concatenate([table, np.repeat(table[:, -1:], count * LANES - size, axis=1)], axis=1)
-    return np.ascontiguousarray(padded.reshape(inputs, count, LANES).transpose(1, 0, 2), np.int32)
+    return np.ascontiguousarray(padded.reshape(rows, count, LANES).transpose(1, 0, 2), dtype)
 
 
 def _starts(groups: Sequence[Group], tapes: Sequence[Tape], at: int = 0) -> tuple[list[int], int]:

@@ -20,7 +20,7 @@ from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Part, Scaling
 from stc.solver.keeping import Keeper
 from stc.symbolic.expr import Expr, evaluate, symbols
-from stc.transcription.assemble import Program
+from stc.transcription.assemble import Program, data_of
 from stc.transcription.evaluation import evaluator, fill_constants, kernel_calls
 from stc.transcription.grid import Nodes
 from stc.transcription.layout import Layout
@@ -196,9 +196,9 @@ class BoundProgram:
         self.contradictions = bounds.contradictions
         self.workspace = np.zeros(program.workspace_size)
         for group, start in zip(program.groups, program.data_start, strict=True):
+            data = data_of(self.workspace, group, start)
             for k, ref in enumerate(group.data):
-                at = start + k * group.size
-                self.workspace[at : at + group.size] = numbers.data(ref, group.nodes)
+                data[k] = numbers.data(ref, group.nodes)
         self.uniform = np.array(
             [constants.get(getattr(k, "name", ""), 0.0) for k in program.uniform] or [0.0]
         )

@@ -5,7 +5,6 @@ Where that is much work, each step is cut into pieces that two threads share; re
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -13,12 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen import threads
+from stc.codegen import reference, threads
 from stc.codegen.calls import Bound, chain
-from stc.codegen.kernel import Kernel, KernelSet
+from stc.codegen.kernel import KernelSet
 from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Part, Places, Scaling
-from stc.transcription.assemble import Program, Sparsity
+from stc.transcription.assemble import Program, Sparsity, blocks, data_of
 from stc.transcription.gather import add_up, begin, collect, place, scatter, total
 
 if TYPE_CHECKING:
@@ -72,16 +71,15 @@ def fill_constants(program: Program, workspace: FloatArray, uniform: FloatArray,
 
     That is done once, and takes less time than compiling it would.
     """
-    for group, index, start in zip(
-        program.groups, program.index_constants, program.constants_start, strict=True
+    for group, data_start, start in zip(
+        program.groups, program.data_start, program.constants_start, strict=True
     ):
-        assert group.constants_tape is not None
-        blocks, _, lanes = index.shape
-        shape = blocks, len(group.constants_tape.outputs), lanes
-        if size := math.prod(shape):
-            Kernel(group.constants_tape)(
-                workspace, uniform, index, buffer[start : start + size].reshape(shape)
-            )
+        tape = group.constants_tape
+        assert tape is not None
+        if tape.outputs and group.size:
+            values = reference.run(tape, uniform[: tape.n_uniform], data_of(workspace, group, data_start))
+            outputs = blocks(values, np.float64).reshape(-1)
+            buffer[start : start + outputs.size] = outputs
     for matrix in (program.gradient, program.jacobian, program.hessian):
         for call in matrix.constant_folding.bind(buffer):
             call()
@@ -156,6 +154,14 @@ class _Steps:
             scatter(values, own[piece], at[piece], scale[piece], into, self.cell())
             for piece in self.cut(len(at))
         ]
+
+    def copied(self, workspace: FloatArray, positions: tuple[Places, Places]) -> list[Bound]:
+        """Copies within the workspace what kernels are to find together."""
+        source, target = positions
+        if not len(source):
+            return []
+        unread = np.zeros(1)  # numbers that no wanted entry depends on need not be finite
+        return [scatter(workspace, source, target, np.ones(len(source)), workspace, unread)]
 
     def collect(
         self, buffer: FloatArray, first: NDArray[np.int32], scale: FloatArray, out: FloatArray
@@ -237,6 +243,7 @@ def _values_call(
     kernels = kernel_calls(program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, True, cut=shared)
     steps.phases = [
         steps.place_variables(result.x, scaling.variable, its.part, nlp.workspace[: nlp.n]),
+        steps.copied(nlp.workspace, program.copied_values),
         [call for call, _, _ in kernels],
         [
             total(buffer, program.objective_source, objective, result.f, steps.cell()),
@@ -303,6 +310,7 @@ def _derivatives_call(
             *steps.place_multipliers(result.y, scaling.row, its.part, nlp.workspace[n : n + m]),
             place(result.weight, objective, nlp.uniform[-1:]),
         ],
+        steps.copied(nlp.workspace, program.copied_derivatives),
         [
             *constants(),
             *(

@@ -81,7 +81,7 @@ class Transcription:
     def compile(self, backend: Backend = "auto", cache: bool = True) -> None:
         """Compiles the kernels, or takes them from the object cache."""
         begin = time.perf_counter()
-        self.kernels = compile_tapes(self.tapes, backend=backend, cache=cache)
+        self.kernels = compile_tapes(self.tapes, self.program.runs, backend=backend, cache=cache)
         self.seconds["compile"] = time.perf_counter() - begin
         self._bound = None
 

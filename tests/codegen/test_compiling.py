@@ -9,6 +9,7 @@ import pytest
 
 from stc.codegen import compiling, engine, kernel, reference, threads
 from stc.codegen.kernel import LANES, compile_tapes
+from stc.codegen.runs import RUN
 from stc.codegen.tape import build_tape
 from stc.symbolic.expr import call, sym
 
@@ -100,7 +101,7 @@ def test_divided_kernels_compute_what_tapes_say(processors, count):
     found = compile_tapes(tapes, backend="llvm", cache=True)
     assert not kernels.cached and found.cached
     rng = np.random.default_rng(5)
-    workspace = rng.uniform(-1.0, 1.0, 40)
+    workspace = rng.uniform(-1.0, 1.0, 40 + RUN - 1)
     index = rng.integers(0, 40, (3, 2, LANES)).astype(np.int32)
     for k, tape in enumerate(tapes):
         expected = reference.run(tape, np.zeros(0), workspace[index].transpose(1, 0, 2).reshape(2, -1))

@@ -18,6 +18,7 @@ from stc.codegen import engine, reference
 from stc.codegen.calls import Bound, chain, chain_until
 from stc.codegen.kernel import LANES, KernelSet, compile_tapes, effort
 from stc.codegen.native import f64, f64s, i64, native
+from stc.codegen.runs import RUN
 from stc.codegen.tape import OPERATORS, Tape, build_tape
 from stc.symbolic import expr
 
@@ -31,9 +32,10 @@ class Setting:
         rng = np.random.default_rng(seed)
         self.tape = tape
         self.blocks = -(-count // LANES)
-        self.workspace = rng.uniform(low, high, 3 * tape.n_varying * count + 5)
+        held = 3 * tape.n_varying * count + 5
+        self.workspace = rng.uniform(low, high, held + RUN - 1)
         self.uniform = rng.uniform(low, high, tape.n_uniform)
-        places = rng.choice(self.workspace.size, (tape.n_varying, count), replace=False)
+        places = rng.choice(held, (tape.n_varying, count), replace=False)
         padded = np.concatenate(
             [places, np.repeat(places[:, :1], self.blocks * LANES - count, axis=1)], axis=1
         )
@@ -183,7 +185,7 @@ def test_every_operator(name: str, uniform: bool, short: bool, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("count", [1, 3, 4, 5, 8, 21])
-@pytest.mark.parametrize(("backend", "width"), [("llvm", 4), ("llvm", 8), ("llvm", 16), ("numpy", 4)])
+@pytest.mark.parametrize(("backend", "width"), [("llvm", 4), ("llvm", 8), ("numpy", 4)])
 def test_blocks_and_their_filling(
     count: int, backend: Any, width: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -312,7 +314,7 @@ def test_special_values_pass_through() -> None:
     values = [0.0, -0.0, 1.0, -1.0, math.inf, -math.inf, math.nan, 1e-310]
     pairs = np.array([(a, b) for a in values for b in values]).T
     setting = Setting(tape, pairs.shape[1])
-    setting.workspace = pairs.reshape(-1).copy()
+    setting.workspace = np.concatenate([pairs.reshape(-1), np.zeros(RUN - 1)])
     places = np.arange(pairs.size, dtype=np.int32).reshape(2, -1, LANES).transpose(1, 0, 2)
     setting.index = np.ascontiguousarray(places)
     compile_tapes([tape], backend="llvm", cache=False)[0](*setting.arguments)

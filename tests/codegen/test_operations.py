@@ -10,6 +10,7 @@ import pytest
 from stc.arrays import aligned_zeros
 from stc.codegen import engine, operations, reference
 from stc.codegen.kernel import LANES, compile_tapes
+from stc.codegen.runs import RUN
 from stc.codegen.tape import OPERATORS, Tape, build_tape
 from stc.symbolic import expr
 
@@ -40,8 +41,9 @@ def run(tape: Tape, count: int = 21) -> tuple[np.ndarray, np.ndarray, str]:
     """Results of the compiled tape, its meaning, and its IR."""
     blocks = -(-count // LANES)
     rng = np.random.default_rng(5)
-    workspace = rng.uniform(-0.9, 0.9, 2 * blocks * LANES)
-    index = np.arange(workspace.size, dtype=np.int32).reshape(blocks, 2, LANES)
+    held = 2 * blocks * LANES
+    workspace = rng.uniform(-0.9, 0.9, held + RUN - 1)
+    index = np.arange(held, dtype=np.int32).reshape(blocks, 2, LANES)
     out = aligned_zeros((blocks, len(tape.outputs), LANES))
     kernels = compile_tapes([tape], backend="llvm", cache=False)
     kernels[0](workspace, np.array([0.7]), index, out)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from stc.codegen import engine
 from stc.codegen.kernel import LANES, compile_tapes
+from stc.codegen.runs import RUN
 from stc.codegen.tape import Tape
 from stc.codegen.vector_math import LARGEST_ANGLE
 
@@ -47,7 +48,8 @@ def evaluate(name: str, *arguments: Array) -> Array:
     index = np.arange(len(arguments) * blocks * LANES, dtype=np.int32).reshape(len(arguments), blocks, LANES)
     out = np.empty((blocks, 1, LANES))
     kernels = compile_tapes([tape], backend="llvm", cache=False)
-    kernels[0](np.concatenate(padded), np.zeros(0), np.ascontiguousarray(index.transpose(1, 0, 2)), out)
+    workspace = np.concatenate([*padded, np.zeros(RUN - 1)])
+    kernels[0](workspace, np.zeros(0), np.ascontiguousarray(index.transpose(1, 0, 2)), out)
     return out.ravel()[:count]
 
 
