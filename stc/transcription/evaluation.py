@@ -151,8 +151,9 @@ class _Steps:
     def _spread(self, values: FloatArray, scale: FloatArray, at: Places, into: FloatArray) -> list[Bound]:
         own = np.arange(len(at), dtype=np.int32)
         return [
-            scatter(values, own[piece], at[piece], scale[piece], into, self.cell())
+            chain(calls)
             for piece in self.cut(len(at))
+            if (calls := scatter(values, own[piece], at[piece], scale[piece], into, self.cell()))
         ]
 
     def copied(self, workspace: FloatArray, positions: tuple[Places, Places]) -> list[Bound]:
@@ -161,7 +162,7 @@ class _Steps:
         if not len(source):
             return []
         unread = np.zeros(1)  # numbers that no wanted entry depends on need not be finite
-        return [scatter(workspace, source, target, np.ones(len(source)), workspace, unread)]
+        return scatter(workspace, source, target, np.ones(len(source)), workspace, unread)
 
     def collect(
         self, buffer: FloatArray, first: NDArray[np.int32], scale: FloatArray, out: FloatArray
@@ -273,7 +274,7 @@ def _derivatives_call(
         )  # of the type of what is searched, which is not converted then
         at = slice(*np.searchsorted(gradient.first, ends))
         if at.start < at.stop:
-            yield scatter(
+            yield from scatter(
                 buffer, gradient.first[at], gradient.cols[at], of_gradient[at], result.gradient, status
             )
         for part, scale, out in matrices:
@@ -293,7 +294,7 @@ def _derivatives_call(
                 yield from calls
                 at = np.flatnonzero(np.isin(part.first, part.folding.changed()))
                 into = at.astype(np.int32) if place_of is None else place_of[at]
-                yield scatter(buffer, part.first[at], into, scale[at], out, status)
+                yield from scatter(buffer, part.first[at], into, scale[at], out, status)
 
     def constants() -> list[Bound]:
         """What of the constants remains to be done at each evaluation: to tell that they are not finite."""

@@ -117,22 +117,10 @@ def collect(
 
     Runs of consecutive places are copied, the rest is gathered.
     """
-    new = np.ones(len(source), bool)
-    np.not_equal(source[1:] - source[:-1], 1, out=new[1:])
-    begins = np.flatnonzero(new)
-    length = np.diff(begins, append=len(source))
-    long = length >= RUN
-    if not long.any():
+    begins, length = _runs(source)
+    if not (length >= RUN).any():
         return [_bind(_collect, _collect_numpy, len(out), source, scale, buffer, out, status)]
-    runs = _places(source[begins[long]]), _places(begins[long]), _places(length[long])
-    if (scale == 1.0).all():
-        calls = [_bind(_copy_runs, _copy_runs_numpy, len(runs[0]), *runs, buffer, out, status)]
-    else:
-        calls = [_bind(_scale_runs, _scale_runs_numpy, len(runs[0]), *runs, scale, buffer, out, status)]
-    single = np.flatnonzero(np.repeat(~long, length))
-    if len(single):
-        calls.append(scatter(buffer, source[single], _places(single), scale[single], out, status))
-    return calls
+    return _moved(begins, length, buffer, source, _places(np.arange(len(source))), scale, out, status)
 
 
 def scatter(
@@ -142,9 +130,48 @@ def scatter(
     scale: FloatArray,
     out: FloatArray,
     status: FloatArray,
-) -> Bound:
-    """A call for ``out[at] = scale * buffer[source]``; ``scale`` as long as ``at``; status as above."""
-    return _bind(_scatter, _scatter_numpy, len(at), source, at, scale, buffer, out, status)
+) -> list[Bound]:
+    """Calls for ``out[at] = scale * buffer[source]``; ``scale`` as long as ``at``; status and runs as above."""
+    return _moved(*_runs(source, at), buffer, source, at, scale, out, status)
+
+
+def _runs(*places: PlaceArray) -> tuple[IntArray, IntArray]:
+    """Where runs begin in which all places are consecutive, and how long they are."""
+    new = np.ones(len(places[0]), bool)
+    for each in places:
+        new[1:] &= each[1:] - each[:-1] == 1
+    np.logical_not(new[1:], out=new[1:])
+    begins = np.flatnonzero(new)
+    return begins, np.diff(begins, append=len(new))
+
+
+def _moved(
+    begins: IntArray,
+    length: IntArray,
+    buffer: FloatArray,
+    source: PlaceArray,
+    at: PlaceArray,
+    scale: FloatArray,
+    out: FloatArray,
+    status: FloatArray,
+) -> list[Bound]:
+    """The calls, for these runs."""
+    calls = []
+    long = length >= RUN
+    if long.any():
+        first = begins[long]
+        runs = _places(source[first]), _places(at[first]), _places(length[long])
+        common = buffer, out, status
+        if (scale == 1.0).all():
+            calls.append(_bind(_copy_runs, _copy_runs_numpy, len(first), *runs, *common))
+        else:
+            factors = _places(first), scale
+            calls.append(_bind(_scale_runs, _scale_runs_numpy, len(first), *runs, *factors, *common))
+    single = np.flatnonzero(np.repeat(~long, length))
+    if len(single):
+        rest = source[single], at[single], scale[single], buffer, out, status
+        calls.append(_bind(_scatter, _scatter_numpy, len(single), *rest))
+    return calls
 
 
 def total(
@@ -250,13 +277,21 @@ def _copy_runs(
 
 @native(fast=True)
 def _scale_runs(
-    runs: i64, source: i32s, into: i32s, length: i32s, scale: f64s, buffer: f64s, out: f64s, status: f64s
+    runs: i64,
+    source: i32s,
+    into: i32s,
+    length: i32s,
+    first: i32s,
+    scale: f64s,
+    buffer: f64s,
+    out: f64s,
+    status: f64s,
 ) -> None:
     bad = 0.0
     for run in range(runs):
         values = buffer[source[run] :]
         target = out[into[run] :]
-        factors = scale[into[run] :]
+        factors = scale[first[run] :]
         for k in range(length[run]):
             value = factors[k] * values[k]
             target[k] = value
@@ -324,7 +359,8 @@ def _copy_runs_numpy(
     out: FloatArray,
     status: FloatArray,
 ) -> None:
-    _scale_runs_numpy(runs, source, into, length, np.ones(len(out)), buffer, out, status)
+    ones = np.ones(int(length.sum()))
+    _scale_runs_numpy(runs, source, into, length, np.cumsum(length) - length, ones, buffer, out, status)
 
 
 @np.errstate(all="ignore")
@@ -333,6 +369,7 @@ def _scale_runs_numpy(
     source: PlaceArray,
     into: PlaceArray,
     length: PlaceArray,
+    first: NDArray[np.integer],
     scale: FloatArray,
     buffer: FloatArray,
     out: FloatArray,
@@ -340,7 +377,7 @@ def _scale_runs_numpy(
 ) -> None:
     within = np.arange(int(length.sum())) - np.repeat(np.cumsum(length) - length, length)
     at = np.repeat(into, length) + within
-    values = scale[at] * buffer[np.repeat(source, length) + within]
+    values = scale[np.repeat(first, length) + within] * buffer[np.repeat(source, length) + within]
     out[at] = values
     status[0] += (0.0 * values).sum()
 

@@ -19,7 +19,7 @@ from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.solver.evaluator import Scaling, evaluator_of, python_evaluator
 from stc.transcription import evaluation, transcribe
-from stc.transcription.gather import FEW, Folding, collect, total
+from stc.transcription.gather import FEW, RUN, Folding, collect, scatter, total
 
 PROBLEMS = Path(__file__).parent.parent / "problems" / "traj"
 SPECS = {
@@ -191,6 +191,37 @@ def test_outputs_add_up_to_entries(backend, counts, seed):
         calls: list[Bound] = Folding.of(start, source, doubled).bind(buffer)
         chain([*calls, *collect(buffer, first, scale, out, np.zeros(1))])()
     assert out.tolist() == (scale * expected).tolist()
+
+
+@pytest.mark.parametrize("backend", ["auto", "python"])
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.integers(1, 3 * RUN), max_size=8), st.booleans(), st.integers(0, 2**31))
+def test_numbers_go_to_their_places_in_runs_or_one_by_one(backend, lengths, alike, seed):
+    rng = np.random.default_rng(seed)
+    size = int(sum(lengths)) + 10 * len(lengths) + 1
+
+    def places():
+        """Runs in any order, apart from each other."""
+        begins = np.cumsum([0, *(length + rng.integers(0, 10) for length in lengths[:-1])])
+        return np.concatenate([np.arange(b, b + k) for b, k in zip(begins, lengths)] or [[]]).astype(np.int32)
+
+    source, at = places(), places()
+    scale = np.ones(len(at)) if alike else rng.uniform(0.5, 2.0, len(at))
+    buffer, out, status = rng.standard_normal(size), np.full(size, 7.0), np.zeros(1)
+    expected = out.copy()
+    expected[at] = scale * buffer[source]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STC_BACKEND", backend)
+        for call in scatter(buffer, source, at, scale, out, status):
+            assert call.native == (backend == "auto")
+            call()
+        np.testing.assert_array_equal(out, expected)
+        assert status[0] == 0.0
+        if len(source):
+            buffer[source[rng.integers(len(source))]] = np.inf
+            for call in scatter(buffer, source, at, scale, out, status):
+                call()
+            assert np.isnan(status[0])
 
 
 def test_long_sums_are_accurate():
