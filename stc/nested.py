@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from math import ceil
+from math import ceil, gcd
 
 import numpy as np
 
@@ -100,12 +100,13 @@ def fewer_frames(
         fineness: what is few enough, and what too few.
     """
     cuts = named_cuts(problem)
-    phases = np.diff(Alignment.of(cuts, cuts).old)
+    knots = Alignment.of(cuts, cuts).old
+    phases = np.diff(knots)
     most = min(problem.n / fineness.fewest, float(phases.min(initial=np.inf)) / fineness.shortest)
     if not fineness.worthwhile <= most < np.inf:
         return None
     shaping = {k: problem.constants[k] for k in own_constants(tree, overrides) if k in problem.structural}
-    for way in _ways(shaping, most):
+    for way in _ways(shaping, most, knots.astype(int).tolist()):
         try:
             other = elaborate(tree, {**overrides, **way}, problem.method)
             if not 0 < other.n * fineness.worthwhile <= problem.n:
@@ -122,11 +123,20 @@ def fewer_frames(
     return None
 
 
-def _ways(shaping: Mapping[str, float], most: float) -> Iterator[dict[str, float]]:
-    """Other values for the constants that shape a motion, the likeliest first, up to ``most`` times smaller."""
+def _ways(shaping: Mapping[str, float], most: float, knots: list[int]) -> Iterator[dict[str, float]]:
+    """Other values for the constants that shape a motion, the likeliest first, up to ``most`` times smaller.
+
+    ``knots`` are the frames where phases end.
+    """
     whole = {name: int(value) for name, value in shaping.items() if value == int(value) and value > 1}
     for name in sorted(whole, key=lambda name: name != "n"):
-        yield {name: float(ceil(whole[name] / most))}
+        value, least = whole[name], ceil(whole[name] / most)
+        # Phases that are shares of the motion, as up to `n/3`, end at frames for multiples of this.
+        unit = value // gcd(value, *knots)
+        fitting = unit * ceil(least / unit)
+        if least < fitting < value:
+            yield {name: float(fitting)}
+        yield {name: float(least)}
     if len(whole) > 1:
         for factor in range(int(most), 1, -1):
             if all(value % factor == 0 for value in whole.values()):

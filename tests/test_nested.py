@@ -104,6 +104,14 @@ def test_fewer_frames_through_the_constant_that_others_follow_from() -> None:
     assert found.ratio == 1.0
 
 
+def test_phases_that_are_shares_of_the_motion_end_at_whole_frames() -> None:
+    text = PENDULUM.replace("[0]: th = 0;", "[2*n/5]: th <= 3; [0]: th = 0;")
+    assert text != PENDULUM
+    assert fewer(text, n=1000) == {"n": 65.0}  # 63 would do, but for the phases
+    assert fewer(text, n=1015) == {"n": 65.0}
+    assert fewer(PENDULUM, n=1000) == {"n": 50.0}
+
+
 def test_fewer_frames_through_several_constants_at_once() -> None:
     text = PENDULUM.replace("n = 400", "a = 200, n = 400").replace(
         "[0]: th = 0;", "[a]: th >= 0; [0]: th = 0;"
