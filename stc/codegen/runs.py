@@ -142,19 +142,14 @@ def find_runs(tape: Tape, positions: _Ints, copies: Copies) -> Found:
     places = [-1] * tape.n_varying
     for k in np.argsort(mostly, kind="stable").tolist():
         v, begin = wanted[k], int(mostly[k])
-        near = [r for r, run in enumerate(found[-RUN:], max(len(found) - RUN, 0)) if begin - run.begin < RUN]
-        place = next(
-            (
-                RUN * r + begin - found[r].begin
-                for r in near
-                if found[r].takes(begin - found[r].begin, positions[v])
-            ),
-            None,
-        )
-        if place is None:
-            place = RUN * len(found)
+        for number in range(max(len(found) - RUN, 0), len(found)):
+            within = begin - found[number].begin
+            if within < RUN and found[number].takes(within, positions[v]):
+                break
+        else:
+            number, within = len(found), 0
             found.append(_Run(begin, positions[v]))
-        places[v] = place
+        places[v] = RUN * number + within
     starts = np.array([run.members[0] for run in found])
     copied = []
     for run, at in zip(found, starts, strict=True):
