@@ -60,6 +60,10 @@ COARSE = Fineness(20, 8, 1.6)
 """For a start where none is known."""
 
 
+SEVERAL = 6.0
+"""How many times fewer frames there are to be where a motion has phases: what happens where one ends, as at a landing,
+is another on other frames, and finding it out again takes more steps."""
+
 ITERATIONS = 150
 """Where the motion on fewer frames takes more, or that on all frames from there, it is no help."""
 WORSE = 0.05
@@ -134,7 +138,7 @@ def _ways(shaping: Mapping[str, float], most: float, knots: list[int]) -> Iterat
         # Phases that are shares of the motion, as up to `n/3`, end at frames for multiples of this.
         unit = value // gcd(value, *knots)
         fitting = unit * ceil(least / unit)
-        if least < fitting < value:
+        if least < fitting and fitting * SEVERAL <= value:
             yield {name: float(fitting)}
         yield {name: float(least)}
     if len(whole) > 1:

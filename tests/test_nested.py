@@ -110,6 +110,7 @@ def test_phases_that_are_shares_of_the_motion_end_at_whole_frames() -> None:
     assert fewer(text, n=1000) == {"n": 65.0}  # 63 would do, but for the phases
     assert fewer(text, n=1015) == {"n": 65.0}
     assert fewer(PENDULUM, n=1000) == {"n": 50.0}
+    assert fewer(text, n=335) is None  # 55 are not few enough with phases
 
 
 def test_fewer_frames_through_several_constants_at_once() -> None:
