@@ -63,13 +63,14 @@ class _Kernel:
         self.scalar = Vector(self.head, 1, fused, "u")
         self.vector = Vector(self.body, width, fused, "v")
         self.shared = self._once_per_call()
+        self.inputs = self._listed_inputs()
         # a few registers are for what goes on inside one operation
         self.residency = Residency(
             tape,
             self.vector,
             max(registers - 6, 4),
             self.shared,
-            self._listed_inputs(),
+            self.inputs,
             self._fetch_run,
         )
         self.last_part = "compute"
@@ -133,7 +134,7 @@ class _Kernel:
 
     def _fetch_loop(self) -> list[str]:
         """Fetches the listed inputs before anything else of a block."""
-        if self.runs.count <= _WRITTEN_OUT:
+        if not self.inputs:
             return ["  br label %compute"]
         lines = ["  br label %fetch", "fetch:", "  %run = phi i64 [ 0, %block ], [ %next, %fetch ]"]
         vector = Vector(lines, self.width, False, "g")
@@ -221,13 +222,14 @@ class _Kernel:
     def text(self) -> str:
         """The kernel's IR, with its entry for prepared calls."""
         vector, size = self.vector, 8 * self.width
+        listed = RUN * self.runs.count if self.inputs else 0
         return "\n".join(
             [
                 f"define void @{self.symbol}(ptr noalias readonly %workspace, ptr noalias readonly %uniform, "
                 "ptr noalias readonly %index, ptr noalias %out, i64 %blocks) nounwind {",
                 "entry:",
                 f"  %shared = alloca [{max(len(self.shared), 1)} x {vector.f}], align {size}",
-                f"  %inputs = alloca [{max(RUN * self.runs.count, 1)} x {vector.f}], align {size}",
+                f"  %inputs = alloca [{max(listed, 1)} x {vector.f}], align {size}",
                 f"  %homes = alloca [{max(self.residency.places, 1)} x {vector.f}], align {size}",
                 "  %any = icmp sgt i64 %blocks, 0",
                 "  br i1 %any, label %once, label %done",

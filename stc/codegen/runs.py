@@ -12,7 +12,6 @@ workspace, where they are together.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -52,10 +51,6 @@ class Runs:
 
     def digest(self) -> str:
         """The content, as text."""
-        return self._digest
-
-    @cached_property
-    def _digest(self) -> str:
         return f"{RUN} {self.count} {' '.join(map(str, self.places))}"
 
 

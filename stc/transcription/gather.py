@@ -113,14 +113,8 @@ def place(values: FloatArray, scale: FloatArray, into: FloatArray) -> Bound:
 def collect(
     buffer: FloatArray, source: PlaceArray, scale: FloatArray, out: FloatArray, status: FloatArray
 ) -> list[Bound]:
-    """Calls for ``out = scale * buffer[source]`` that make ``status`` (1,) nan where an entry is not finite.
-
-    Runs of consecutive places are copied, the rest is gathered.
-    """
-    begins, length = _runs(source)
-    if not (length >= RUN).any():
-        return [_bind(_collect, _collect_numpy, len(out), source, scale, buffer, out, status)]
-    return _moved(begins, length, buffer, source, _places(np.arange(len(source))), scale, out, status)
+    """Calls for ``out = scale * buffer[source]``, as :func:`scatter`."""
+    return scatter(buffer, source, _places(np.arange(len(source))), scale, out, status)
 
 
 def scatter(
@@ -131,31 +125,14 @@ def scatter(
     out: FloatArray,
     status: FloatArray,
 ) -> list[Bound]:
-    """Calls for ``out[at] = scale * buffer[source]``; ``scale`` as long as ``at``; status and runs as above."""
-    return _moved(*_runs(source, at), buffer, source, at, scale, out, status)
+    """Calls for ``out[at] = scale * buffer[source]`` that make ``status`` (1,) nan where an entry is not finite.
 
-
-def _runs(*places: PlaceArray) -> tuple[IntArray, IntArray]:
-    """Where runs begin in which all places are consecutive, and how long they are."""
-    new = np.ones(len(places[0]), bool)
-    for each in places:
-        new[1:] &= each[1:] - each[:-1] == 1
-    np.logical_not(new[1:], out=new[1:])
+    Runs of consecutive places are copied, the rest is gathered; ``scale`` is as long as ``at``.
+    """
+    new = np.ones(len(at), bool)
+    new[1:] = (source[1:] - source[:-1] != 1) | (at[1:] - at[:-1] != 1)
     begins = np.flatnonzero(new)
-    return begins, np.diff(begins, append=len(new))
-
-
-def _moved(
-    begins: IntArray,
-    length: IntArray,
-    buffer: FloatArray,
-    source: PlaceArray,
-    at: PlaceArray,
-    scale: FloatArray,
-    out: FloatArray,
-    status: FloatArray,
-) -> list[Bound]:
-    """The calls, for these runs."""
+    length = np.diff(begins, append=len(at))
     calls = []
     long = length >= RUN
     if long.any():
@@ -300,16 +277,6 @@ def _scale_runs(
 
 
 @native(fast=True)
-def _collect(count: i64, source: i32s, scale: f64s, buffer: f64s, out: f64s, status: f64s) -> None:
-    bad = 0.0
-    for k in range(count):
-        value = scale[k] * buffer[source[k]]
-        out[k] = value
-        bad += 0.0 * value
-    status[0] += bad
-
-
-@native(fast=True)
 def _scatter(count: i64, source: i32s, at: i32s, scale: f64s, buffer: f64s, out: f64s, status: f64s) -> None:
     bad = 0.0
     for k in range(count):
@@ -380,14 +347,6 @@ def _scale_runs_numpy(
     values = scale[np.repeat(first, length) + within] * buffer[np.repeat(source, length) + within]
     out[at] = values
     status[0] += (0.0 * values).sum()
-
-
-@np.errstate(all="ignore")
-def _collect_numpy(
-    count: int, source: PlaceArray, scale: FloatArray, buffer: FloatArray, out: FloatArray, status: FloatArray
-) -> None:
-    np.multiply(scale, buffer[source], out=out)
-    status[0] += (0.0 * out).sum()
 
 
 @np.errstate(all="ignore")
