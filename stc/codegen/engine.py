@@ -220,8 +220,8 @@ def compile_ir(ir: str, *, level: int, optimise: bool, machine: Host | None = No
     Args:
         ir: one module.
         level: effort of code generation, 0 to 3.
-        optimise: for code with loops: run LLVM's ``O2`` pipeline (loop and superword vectorisers included)
-            first.  Else for straight-line kernels.
+        optimise: for code with loops: run LLVM's ``O2`` pipeline (loop vectoriser included) first.  Else for
+            straight-line kernels.
         machine: what for; by default this machine.
 
     Raises:
@@ -252,7 +252,8 @@ def parsed(ir: str, *, level: int, optimise: bool, machine: Host | None = None) 
             # Unrolled and interleaved loops take twice as long to compile, and the solver runs no faster.
             tuning = llvm.create_pipeline_tuning_options(speed_level=2)
             tuning.loop_vectorization = True
-            tuning.slp_vectorization = True
+            # Scalars that wait for one another, as pivots do, wait longer once they share a vector and have to be shuffled.
+            tuning.slp_vectorization = False
             tuning.loop_unrolling = False
             tuning.loop_interleaving = False
             tuning.inlining_threshold = _INLINING_THRESHOLD

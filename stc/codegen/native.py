@@ -23,7 +23,9 @@ on disk.  Arrays written by a call must not overlap its other arrays.  Arithmeti
 meaning).  What is reordered waits less, but not every product is part of a multiply-add then.  With either, ``min`` and
 ``max`` give nan where an argument is nan.
 ``inline=True`` copies the body into every caller; ``small=True`` is for code outside inner loops: it compiles
-three times faster, to a third of the size, and runs slower.  ``shared=True`` is for functions that make prepared calls
+three times faster, to a third of the size, and runs slower.  Loops that copy or clear become calls of the C library,
+which is fast for thousands of bytes, but takes longer than the work for a few dozen; with ``short=True`` they stay
+loops.  ``shared=True`` is for functions that make prepared calls
 (:func:`stc.codegen.calls.invoke`), which may write to their arrays.  Without LLVM, or with ``STC_BACKEND=python``, the
 same functions run as plain Python.  The interpreter lock is released while compiled code runs.
 """
@@ -165,6 +167,7 @@ class NativeFunction(Generic[P, R]):
         fused: bool = False,
         inline: bool = False,
         small: bool = False,
+        short: bool = False,
         shared: bool = False,
     ) -> None:
         self.__name__ = function.__name__
@@ -174,6 +177,7 @@ class NativeFunction(Generic[P, R]):
         self.flags = " contract reassoc nsz" if fast else " contract" * fused
         self.inline = inline
         self.small = small
+        self.short = short
         self.shared = shared
         self.signature = signature_of(function)
         self._call: Callable[..., Any] | None = None
@@ -191,7 +195,7 @@ class NativeFunction(Generic[P, R]):
         """What its code depends on besides its source and what that names."""
         return (
             f"{self!r} line {self.function.__code__.co_firstlineno} "
-            f"flags={self.flags} inline={self.inline} small={self.small} shared={self.shared}"
+            f"flags={self.flags} inline={self.inline} small={self.small} short={self.short} shared={self.shared}"
         )
 
     @property
@@ -431,6 +435,7 @@ def unit_ir(functions: list[NativeFunction[..., Any]], exported: int) -> str:
             flags=native_function.flags,
             inline=native_function.inline,
             small=native_function.small,
+            short=native_function.short,
             shared=native_function.shared,
             exported=position < exported,
             resolve=_resolver(function),
@@ -505,6 +510,7 @@ def native(
     fused: bool = False,
     inline: bool = False,
     small: bool = False,
+    short: bool = False,
     shared: bool = False,
 ) -> Callable[[Callable[P, R]], NativeFunction[P, R]]: ...
 
@@ -517,6 +523,7 @@ def native(
     fused: bool = False,
     inline: bool = False,
     small: bool = False,
+    short: bool = False,
     shared: bool = False,
 ) -> Any:
     """Compile a function of the subset (see the module's documentation) at its first call.
@@ -526,6 +533,7 @@ def native(
         fused: fuse multiply-adds only.
         inline: copy the body into every compiled caller.
         small: compile quickly and compactly, for code that is not in an inner loop.
+        short: its loops are short ones, which copy and clear in place.
         shared: what it calls may write to its arrays.
 
     Raises:
@@ -534,7 +542,7 @@ def native(
     if function is not None:
         return NativeFunction(function)
     return lambda inner: NativeFunction(
-        inner, fast=fast, fused=fused, inline=inline, small=small, shared=shared
+        inner, fast=fast, fused=fused, inline=inline, small=small, short=short, shared=shared
     )
 
 

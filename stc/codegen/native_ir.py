@@ -18,6 +18,9 @@ _CHAINS = 4
 #: Stands for the hint to do so, which every loop has to have a number of its own for.
 _REDUCTION = "!reduction"
 
+#: Attributes of functions whose loops LLVM is not to replace by calls.
+_IN_PLACE = ' "no-builtin-memcpy" "no-builtin-memmove" "no-builtin-memset"'
+
 
 class FunctionEmitter(ExpressionEmitter):
     """Emits one function: its body, and a second entry that takes its arguments from memory."""
@@ -32,6 +35,7 @@ class FunctionEmitter(ExpressionEmitter):
         flags: str,
         inline: bool,
         small: bool,
+        short: bool,
         shared: bool,
         exported: bool,
         resolve: Callable[[str], Any],
@@ -41,7 +45,7 @@ class FunctionEmitter(ExpressionEmitter):
         self.definition = definition
         self.symbol = symbol
         self.signature = signature
-        self.attributes = "nounwind" + " alwaysinline" * inline + " minsize optsize" * small
+        self.attributes = "nounwind" + " alwaysinline" * inline + " minsize optsize" * small + _IN_PLACE * short
         self.exported = exported
         self.array_attributes = " noundef" if shared else " noalias noundef"
         self._loops: list[tuple[str, str]] = []  # labels to go to on continue and on break

@@ -237,7 +237,7 @@ def _fold_long(sums: i64, into: i32s, start: i32s, source: i32s, buffer: f64s) -
         buffer[into[k]] += _sum(start[k + 1] - first, source[first:], buffer)
 
 
-@native(fast=True)
+@native(fast=True, short=True)
 def _copy_runs(
     runs: i64, source: i32s, into: i32s, length: i32s, buffer: f64s, out: f64s, status: f64s
 ) -> None:
@@ -252,7 +252,7 @@ def _copy_runs(
     status[0] += bad
 
 
-@native(fast=True)
+@native(fast=True, short=True)
 def _scale_runs(
     runs: i64,
     source: i32s,

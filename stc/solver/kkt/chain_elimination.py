@@ -210,7 +210,7 @@ def _measure(stage: i64s, code: i32s, kept: f64s, peaks: f64s, most: f64s) -> No
         most[to] = max(most[to], max(peaks[k], largest8(load8(by_row, BLOCK * k))))
 
 
-@native(fast=True)
+@native(fast=True, short=True)
 def _begin(stage: i64s, code: i32s, index: i32s, diagonal: f64s, scale: f64s, kept: f64s) -> None:
     """Keep the scale and the diagonal of a stage."""
     program = code[stage[CODE] :]
@@ -223,21 +223,21 @@ def _begin(stage: i64s, code: i32s, index: i32s, diagonal: f64s, scale: f64s, ke
         store8(own, k, gather8(diagonal, index, stage[BASE] + k))
 
 
-@native(fast=True)
+@native(fast=True, short=True)
 def _copy(first: i64, last: i64, sources: i32s, given: f64s, entries: f64s) -> None:
     """Copy entries, whole blocks of them."""
     for e in range(first, last, BLOCK):
         store8(entries, e, gather8(given, sources, e))
 
 
-@native(fast=True)
+@native(fast=True, short=True)
 def _clear(first: i64, last: i64, cleared: i32s, window: f64s) -> None:
     """Clear blocks of the window."""
     for k in range(first, last):
         store8(window, cleared[k], 0.0)
 
 
-@native(fast=True)
+@native(fast=True, short=True)
 def _place(
     first: i64, last: i64, blocks: i32s, stride: i64, scales: f64s, entries: f64s, window: f64s
 ) -> None:
@@ -249,7 +249,7 @@ def _place(
         store8(window, i * stride + j, value * (load8(scales, j) * scales[i]))
 
 
-@native(fast=True)
+@native(fast=True, short=True)
 def _complete(program: i32s, stride: i64, kept: f64s, left: f64s, joined: f64s, window: f64s) -> None:
     """Bring the diagonal to the window, and what the stage before has left, and a second part that ends there."""
     size = program[SIZE]
@@ -332,7 +332,7 @@ def _leave(program: i32s, stride: i64, window: f64s, left: f64s) -> None:
             store8(left, begin + j, load8(window, i * stride + j))
 
 
-@native(fast=True)
+@native(fast=True, short=True)
 def eliminate_run(
     stages: i64,
     table: i64s,

@@ -6,7 +6,7 @@ For one vector or for two, which share the reading of the factors.  Panels are o
 from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
-from stc.codegen.native_vector import load8, splat8, store8, sum8
+from stc.codegen.native_vector import load8, masked8, splat8, store8, sum8
 from stc.solver.kkt.chain_elimination import (
     BASE,
     BLOCK,
@@ -57,7 +57,7 @@ def _vectors_of(panel: i32s) -> i64:
     return (2 if members == 4 else 1) + members * panel[4]
 
 
-@native(fast=True, inline=True)
+@native(fused=True, inline=True)
 def _forward_four(panel: i32s, factors: f64s, part: f64s, held: f64s) -> None:
     """L y = x for a panel of four; D^-1 y goes to ``held``."""
     high = panel[3]
@@ -73,12 +73,11 @@ def _forward_four(panel: i32s, factors: f64s, part: f64s, held: f64s) -> None:
     for b in range(panel[4]):
         column = columns[2 * b]
         at = 16 + 32 * b
-        one = load8(part, column) - load8(factors, at) * y0 - load8(factors, at + 8) * y1
-        other = load8(factors, at + 16) * y2 + load8(factors, at + 24) * y3
-        store8(part, column, one - other)
+        value = load8(part, column) - load8(factors, at) * y0 - load8(factors, at + 8) * y1
+        store8(part, column, value - load8(factors, at + 16) * y2 - load8(factors, at + 24) * y3)
 
 
-@native(fast=True, inline=True)
+@native(fused=True, inline=True)
 def _forward_two(panel: i32s, factors: f64s, part: f64s, held: f64s) -> None:
     """The same for two."""
     high = panel[3]
@@ -97,7 +96,7 @@ def _forward_two(panel: i32s, factors: f64s, part: f64s, held: f64s) -> None:
         )
 
 
-@native(fast=True, inline=True)
+@native(fused=True, inline=True)
 def _forward_one(panel: i32s, factors: f64s, part: f64s, held: f64s) -> None:
     """The same for one."""
     high = panel[3]
@@ -109,27 +108,28 @@ def _forward_one(panel: i32s, factors: f64s, part: f64s, held: f64s) -> None:
         store8(part, column, load8(part, column) - load8(factors, 8 + 8 * b) * y0)
 
 
-@native(fast=True, inline=True)
+@native(fused=True, inline=True)
 def _backward_four(panel: i32s, factors: f64s, units: f64s, part: f64s, held: f64s) -> None:
     """L^T x = D^-1 y for a panel of four."""
     high = panel[3]
     columns = panel[6:]
+    # What is held is among the sums from the start: whatever follows on the last block that is read takes time.
     x = load8(part, columns[0])
-    s0 = load8(factors, 16) * x
-    s1 = load8(factors, 24) * x
-    s2 = load8(factors, 32) * x
-    s3 = load8(factors, 40) * x
+    s0 = masked8(held, high, 1) - load8(factors, 16) * x
+    s1 = masked8(held, high - 1, 1) - load8(factors, 24) * x
+    s2 = masked8(held, high - 2, 1) - load8(factors, 32) * x
+    s3 = masked8(held, high - 3, 1) - load8(factors, 40) * x
     for b in range(1, panel[4]):
         x = load8(part, columns[2 * b])
         at = 16 + 32 * b
-        s0 += load8(factors, at) * x
-        s1 += load8(factors, at + 8) * x
-        s2 += load8(factors, at + 16) * x
-        s3 += load8(factors, at + 24) * x
-    x3 = held[high - 3] - sum8(s3)
-    x2 = held[high - 2] - sum8(s2) - factors[11] * x3
-    x1 = held[high - 1] - sum8(s1) - factors[10] * x3 - factors[9] * x2
-    x0 = held[high] - sum8(s0) - factors[8] * x3 - factors[7] * x2 - factors[6] * x1
+        s0 -= load8(factors, at) * x
+        s1 -= load8(factors, at + 8) * x
+        s2 -= load8(factors, at + 16) * x
+        s3 -= load8(factors, at + 24) * x
+    x3 = sum8(s3)
+    x2 = sum8(s2) - factors[11] * x3
+    x1 = sum8(s1) - factors[10] * x3 - factors[9] * x2
+    x0 = sum8(s0) - factors[8] * x3 - factors[7] * x2 - factors[6] * x1
     # Whole blocks are written: they are read as such at once.
     begin = (high - 3) // BLOCK * BLOCK
     unit = ONE - high + begin
@@ -142,7 +142,7 @@ def _backward_four(panel: i32s, factors: f64s, units: f64s, part: f64s, held: f6
         store8(part, begin, one + x1 * load8(units, unit + 1) + x0 * load8(units, unit))
 
 
-@native(fast=True, inline=True)
+@native(fused=True, inline=True)
 def _backward_two(panel: i32s, factors: f64s, units: f64s, part: f64s, held: f64s) -> None:
     """The same for two."""
     high = panel[3]
@@ -164,7 +164,7 @@ def _backward_two(panel: i32s, factors: f64s, units: f64s, part: f64s, held: f64
         part[high] = x0
 
 
-@native(fast=True, inline=True)
+@native(fused=True, inline=True)
 def _backward_one(panel: i32s, factors: f64s, units: f64s, part: f64s, held: f64s) -> None:
     """The same for one."""
     high = panel[3]
@@ -300,7 +300,7 @@ def _backward(
             end_products(table[0:], code, kept, stride, other, other_z)
 
 
-@native(fast=True)
+@native(fast=True, short=True)
 def forward_one_vector(
     distance: i64, stages: i64, table: i64s, code: i32s, stride: i64, factors: f64s, work: f64s, x: f64s
 ) -> None:  # fmt: skip
@@ -309,7 +309,7 @@ def forward_one_vector(
         _forward(0, distance, table[s * FIELDS :], code, stride, factors, work, x, x)
 
 
-@native(fast=True)
+@native(fast=True, short=True)
 def forward_both(
     distance: i64, stages: i64, table: i64s, code: i32s, stride: i64, factors: f64s, work: f64s, x: f64s, other_x: f64s
 ) -> None:  # fmt: skip
@@ -318,7 +318,7 @@ def forward_both(
         _forward(1, distance, table[s * FIELDS :], code, stride, factors, work, x, other_x)
 
 
-@native(fast=True)
+@native(fast=True, short=True)
 def backward_one_vector(
     checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, stride: i64, units: f64s, factors: f64s,
     matrix: f64s, work: f64s, x: f64s, z: f64s,
@@ -327,7 +327,7 @@ def backward_one_vector(
     _backward(0, checked, distance, stages, table, code, stride, units, factors, matrix, work, x, x, z, z)
 
 
-@native(fast=True)
+@native(fast=True, short=True)
 def backward_both(
     checked: i64, distance: i64, stages: i64, table: i64s, code: i32s, stride: i64, units: f64s, factors: f64s,
     matrix: f64s, work: f64s, x: f64s, other_x: f64s, z: f64s, other_z: f64s,
