@@ -252,7 +252,7 @@ def parsed(ir: str, *, level: int, optimise: bool, machine: Host | None = None) 
             # Unrolled and interleaved loops take twice as long to compile, and the solver runs no faster.
             tuning = llvm.create_pipeline_tuning_options(speed_level=2)
             tuning.loop_vectorization = True
-            # Scalars that wait for one another, as pivots do, wait longer once they share a vector and have to be shuffled.
+            # Scalars that wait for one another, as pivots do, wait longer once they are shuffled in vectors.
             tuning.slp_vectorization = False
             tuning.loop_unrolling = False
             tuning.loop_interleaving = False

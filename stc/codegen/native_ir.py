@@ -45,7 +45,9 @@ class FunctionEmitter(ExpressionEmitter):
         self.definition = definition
         self.symbol = symbol
         self.signature = signature
-        self.attributes = "nounwind" + " alwaysinline" * inline + " minsize optsize" * small + _IN_PLACE * short
+        self.attributes = (
+            "nounwind" + " alwaysinline" * inline + " minsize optsize" * small + _IN_PLACE * short
+        )
         self.exported = exported
         self.array_attributes = " noundef" if shared else " noalias noundef"
         self._loops: list[tuple[str, str]] = []  # labels to go to on continue and on break

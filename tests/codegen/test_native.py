@@ -32,6 +32,7 @@ from stc.codegen.native import (
     native,
     native_source,
     sqrt,
+    unit_ir,
 )
 
 SCALE = 2.5
@@ -277,6 +278,35 @@ def test_small_code_does_the_same() -> None:
     x = np.linspace(-1.0, 2.0, 17)
     small_sum.prepare()
     same(small_sum, 17, x)
+
+
+def copied_and_cleared(n: i64, x: f64s, y: f64s, z: f64s) -> None:
+    for k in range(n):
+        y[k] = x[k]
+    for k in range(n):
+        z[k] = 0.0
+
+
+called, in_place = native(copied_and_cleared), native(short=True)(copied_and_cleared)
+
+
+@pytest.mark.parametrize("n", [0, 3, 17])
+def test_short_loops_copy_and_clear(n: int) -> None:
+    x = np.random.default_rng(n).standard_normal(n + 2)
+    y, z = np.ones(n + 2), np.ones(n + 2)
+    in_place(n, x, y, z)
+    assert y.tolist() == [*x[:n], 1.0, 1.0]
+    assert z.tolist() == [0.0] * n + [1.0, 1.0]
+
+
+@pytest.mark.skipif(not engine.llvm_wanted(), reason="about the machine code")
+def test_short_loops_call_nobody() -> None:
+    code, other = (
+        engine.compile_ir(unit_ir([function], 1), level=1, optimise=True) for function in (called, in_place)
+    )
+    for name in (b"memcpy", b"memset"):
+        assert name in code
+        assert name not in other
 
 
 @native(fast=True)

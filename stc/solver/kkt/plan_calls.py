@@ -67,10 +67,12 @@ ELIMINATE, EQUILIBRATE, PROBE, END, SOLVE, SOLVE_BOTH, CALLS = 0, 1, 2, 3, 4, 5,
 INACCURATE = 1e-6
 SINGULAR = 3e9
 #: Where both are below this share of that, factors are not tried again until they are so many times as suspect, but
-#: above this share in any case.
+#: above this share in any case, ...
 EASILY = 0.01
 MORE = 3.0
 MOST_TRUSTED = 1e-2
+#: ... unless both are below this one: factors of many bodies are always suspect and hardly ever inaccurate.
+BY_FAR = 1e-4
 
 
 @native(shared=True)
@@ -132,7 +134,8 @@ def is_accurate(calls: i64s, plan: i64, report: f64s, state: f64s) -> i64:
     """Solve once: a matrix that is nearly singular has long solutions, inaccurate factors a large residual."""
     invoke(calls, CALLS * plan + PROBE)
     if report[0] < EASILY * INACCURATE and report[2] < EASILY * SINGULAR:
-        state[TRUSTED] = min(MOST_TRUSTED, MORE * state[LARGEST])
+        by_far = report[0] < BY_FAR * INACCURATE and report[2] < BY_FAR * SINGULAR
+        state[TRUSTED] = min(1.0 if by_far else MOST_TRUSTED, MORE * state[LARGEST])
     return 1 if report[0] < INACCURATE and report[2] < SINGULAR else 0
 
 

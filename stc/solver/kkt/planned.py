@@ -334,6 +334,8 @@ class PlannedKKT(ByCopies):
         repeated = False
         if self._by_plan:
             if self.report[0] > DOUBTFUL:
+                for plan in self._plans:
+                    plan.state[TRUSTED] = SUSPECT
                 self._counted += 1
                 self._refactor_whole()
                 self._solve()

@@ -308,3 +308,22 @@ def test_what_barriers_add_comes_and_goes():
     for one, other in zip(before, kkt._programs(thorough=True), strict=True):
         for panel, same in zip(one.panels, other.panels, strict=True):
             np.testing.assert_array_equal(panel, same)
+
+
+@pytest.mark.parametrize(
+    ("residual", "accurate", "trusted"),
+    [
+        (1e-12, 1, 0.3),
+        (1e-9, 1, plan_calls.MOST_TRUSTED),
+        (1e-7, 1, planned.SUSPECT),
+        (1e-5, 0, planned.SUSPECT),
+    ],
+)
+def test_factors_are_trusted_as_far_as_they_have_proved_accurate(residual, accurate, trusted):
+    state, report = np.zeros(lane_panel.STATE), np.zeros(3)
+    state[lane_panel.LARGEST], state[lane_panel.TRUSTED] = 0.1, planned.SUSPECT
+    calls = CallTable(plan_calls.CALLS)
+    calls.put(plan_calls.PROBE, Bound.of_python(report.__setitem__, (0, residual)))
+    assert plan_calls.is_accurate(calls.cells, 0, report, state) == accurate
+    calls.check()
+    assert state[lane_panel.TRUSTED] == pytest.approx(trusted)

@@ -11,7 +11,7 @@ from solver.kkt.motions import chain_of, motion, parts, system_of
 from solver.kkt.test_contract import check
 
 from stc.solver.kkt import planned
-from stc.solver.kkt.lane_panel import DISTANCE, RARELY, STREAMED
+from stc.solver.kkt.lane_panel import DISTANCE, RARELY, STREAMED, TRUSTED
 
 SYSTEMS = pytest.mark.parametrize("system", [system_of, chain_of])
 
@@ -84,9 +84,11 @@ def test_doubtful_solves_fall_back(system, monkeypatch):
     kkt.factorize(*values.arguments())
     expected = kkt.solve(*rhs)
     assert kkt.factorizations == 1
+    kkt._plans.now.state[TRUSTED] = 1.0
     monkeypatch.setattr(planned, "DOUBTFUL", -1.0)
     found = kkt.solve(*rhs)
     assert kkt.factorizations == 2
+    assert kkt._plans.now.state[TRUSTED] == planned.SUSPECT
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8 * np.abs(other).max())
 
