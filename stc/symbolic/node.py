@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Callable, Hashable, Iterable
+from struct import pack
 from typing import Any, Final
 
 from stc.digests import blake2b
@@ -211,6 +212,15 @@ def _make(key: tuple[str, Expr, Expr | None]) -> Expr:
     return node
 
 
+def _spread(value: float) -> int:
+    """What orders a literal: the bits of its double, multiplied so that the 60 that are kept depend on all 64.
+
+    (Python's hash of a float has 61 bits and a sign: cut to 60 of them, 2 and 2.5 are the same.)
+    """
+    bits = int.from_bytes(pack("<d", value if value == value else math.nan), "little")
+    return (bits * 0x9E3779B97F4A7C15 >> 4) & _HASH_MASK
+
+
 def num(value: float) -> Expr:
     """The literal ``value``.  Negative zero is stored as zero."""
     value = float(value) + 0.0
@@ -220,9 +230,7 @@ def num(value: float) -> Expr:
         found = ref()
         if found is not None:
             return found
-    return _register(
-        key, Expr("num", (), value, hash(value) & _HASH_MASK if value == value else 1, of_literal(value))
-    )
+    return _register(key, Expr("num", (), value, _spread(value), of_literal(value)))
 
 
 def sym(key: Hashable) -> Expr:

@@ -10,7 +10,8 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from symbolic.random_expressions import NAMES, expressions, points, simplified
 
 from stc.symbolic.expr import (
@@ -100,6 +101,18 @@ def test_order_is_topological() -> None:
         assert len(nodes) == len(set(nodes)) == 7
         place = {node: k for k, node in enumerate(nodes)}
         assert all(place[arg] < place[node] for node in nodes for arg in node.args)
+
+
+@given(st.floats(), st.floats())
+@example(2.0, 2.5)  # Python's hashes of these differ in the highest bit alone,
+@example(0.5, -0.5)  # and these in their sign
+@example(0.1 + 0.2, 0.3)
+def test_numbers_are_told_apart_by_their_order(first: float, second: float) -> None:
+    # What has no order comes as memory addresses have it, and code that another process made is not found.
+    a, b = num(first), num(second)
+    assert (a.order == b.order) is (a is b)
+    assert (mul(a, X).order == mul(b, X).order) is (mul(a, X) is mul(b, X))
+    assert a.order < X.order
 
 
 def test_symbols_come_once_each() -> None:
