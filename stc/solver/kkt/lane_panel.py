@@ -25,6 +25,7 @@ from stc.codegen.native_vector import (
 )
 
 __all__ = [
+    "CHECK",
     "COUNTED",
     "DISTANCE",
     "LARGEST",
@@ -54,7 +55,8 @@ PANEL = 4
 #: Places in ``state``: what tests a pivot, the largest so far in each lane, should be below 1; pivots that are
 #: negative; the largest test of all groups; negative pivots of all together; the largest test up to which factors are
 #: trusted; how far ahead memory is asked for, 0 where it is near; matrices until the scale is tested again; whether
-#: factors are written past the caches; whether the scale is tested with the matrix at hand.
+#: factors are written past the caches; whether the scale is tested with the matrix at hand; 0 in each lane as long as
+#: all entries of the matrix are finite, else nan.
 WORST = 0
 NEGATIVE = 8
 LARGEST = 16
@@ -64,7 +66,8 @@ DISTANCE = 24
 UNWATCHED = 25
 STREAMED = 26
 WATCHED = 27
-STATE = 32
+CHECK = 32
+STATE = 40
 #: The scale is tested with one matrix in so many and one more, or, where it was far from not serving, with fewer.
 SELDOM = 3.0
 RARELY = 11.0

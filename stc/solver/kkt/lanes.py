@@ -27,10 +27,13 @@ from stc.codegen.native_vector import (
     max8,
     negative8,
     prefetch8,
+    splat8,
     store8,
     stream8,
+    sum8,
 )
 from stc.solver.kkt.lane_panel import (
+    CHECK,
     DISTANCE,
     LARGEST,
     NEGATIVE,
@@ -129,9 +132,13 @@ def note_outside(group: i64s, index: i32s, part: f64s, most: f64s) -> None:
 @native(fast=True, inline=True)
 def _load_entries(
     distance: i64, streamed: i64, watched: i64, added: i64, count: i64, sources: i32s, places: i32s, given: f64s,
-    scales: f64s, matrix: f64s, most: f64s, work: f64s,
+    scales: f64s, matrix: f64s, most: f64s, work: f64s, state: f64s,
 ) -> None:  # fmt: skip
-    """Add or store scaled entries in the triangle, keep them, and note their magnitudes in both of their rows."""
+    """Add or store scaled entries in the triangle, keep them, and note their magnitudes in both of their rows.
+
+    And note in ``state`` whether they are finite: pivots need not tell.
+    """
+    check = load8(state, CHECK)
     i = 0
     scale_i = load8(scales, 0)
     most_i = load8(most, 0)
@@ -145,6 +152,7 @@ def _load_entries(
                 most_i = load8(most, i)
         j = 8 * places[3 * k + 2]
         value = gather8(given, sources, 8 * k) * scale_i * load8(scales, j)
+        check += value * 0.0
         if streamed != 0:
             stream8(matrix, 8 * k, value)
         else:
@@ -161,6 +169,7 @@ def _load_entries(
             store8(most, j, max8(size, load8(most, j)))
     if watched != 0:
         store8(most, i, most_i)
+    store8(state, CHECK, check)
 
 
 @native(fast=True, inline=True)
@@ -204,7 +213,7 @@ def ask_for_step(
 @native(fast=True)
 def _load_step(
     distance: i64, streamed: i64, watched: i64, step: i64, group: i64s, index: i32s, code: i32s, diagonal: f64s,
-    given: f64s, scale: f64s, work: f64s, scales: f64s, matrix: f64s, most: f64s, spread: f64s,
+    given: f64s, scale: f64s, work: f64s, scales: f64s, matrix: f64s, most: f64s, spread: f64s, state: f64s,
 ) -> None:  # fmt: skip
     """Carry over what the step before has left, and add the scaled entries of the matrix."""
     own = group[OWN]
@@ -244,6 +253,7 @@ def _load_step(
             kept,
             most,
             work,
+            state,
         )
     if distance > 0:
         ask_for_step(step, group, index, diagonal, given)
@@ -266,7 +276,9 @@ def _load_step(
     sources = index[group[ENTRY_INDEX] + 8 * step * count :]
     places = code[group[ENTRY_CODE] :]
     kept = kept[8 * own :]
-    _load_entries(distance, streamed, watched, 1, added, sources, places, given, scales, kept, most, work)
+    _load_entries(
+        distance, streamed, watched, 1, added, sources, places, given, scales, kept, most, work, state
+    )
     _load_entries(
         distance,
         streamed,
@@ -280,6 +292,7 @@ def _load_step(
         kept[8 * added :],
         most,
         work,
+        state,
     )
     if watched != 0:
         _watch_step(step, group, following, most, spread)
@@ -328,13 +341,15 @@ def eliminate(
         factors: the factors; ``state``: see stc.solver.kkt.lane_panel.
 
     Returns:
-        How many pivots are negative, -1 when one was not accepted or ``scale`` has turned out not to serve.
+        How many pivots are negative, -1 when one was not accepted, an entry is not finite or ``scale`` has turned out
+        not to serve.
     """
     negative = 0.0
     distance = int(state[DISTANCE])
     streamed = int(state[STREAMED])
     writing = 0 if streamed != 0 else distance
     state[LARGEST] = 0.0
+    store8(state, CHECK, splat8(0.0))
     for g in range(groups):
         group = table[g * FIELDS :]
         for k in range(LARGEST):
@@ -343,7 +358,7 @@ def eliminate(
         for step in range(group[STEPS]):
             _load_step(
                 distance, streamed, watched, step, group, index, code, diagonal, given, scale, work, scales, matrix,
-                most, spread,
+                most, spread, state,
             )  # fmt: skip
             panel = code[group[PANEL_CODE] :]
             for _panel in range(group[PANELS]):
@@ -364,7 +379,7 @@ def eliminate(
                 at += 8 * vectors
             if not (largest8(load8(state, WORST)) < 1.0):
                 return -1
-        if watched != 0 and spread_in(spread) > STALE:
+        if sum8(load8(state, CHECK)) != 0.0 or (watched != 0 and spread_in(spread) > STALE):
             return -1  # what is left would be in vain
         state[LARGEST] = max(state[LARGEST], largest8(load8(state, WORST)))
         for lane in range(group[SEGMENTS]):

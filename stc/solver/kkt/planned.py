@@ -45,7 +45,7 @@ NEAR = 3 * 2**19
 AHEAD = 1200
 #: Factors of so many bytes leave what processors share as well: they are written past it, and substitutions, which read
 #: them in order, wait for memory only there.
-DISTANT = 2**23
+DISTANT = 2**22
 
 
 class Rest(Protocol):
@@ -107,7 +107,13 @@ class PlannedKKT(ByCopies):
 
     See ``AttachedKKT`` for the members.  Whoever inherits sets ``_scale``, ``_vectors`` for solves, as many for either
     of two, and ``_plans`` with one that can only equilibrate, when it knows how.
+
+    Attributes:
+        tells_of_entries: whether the elimination fails where an entry is not finite, so that they need not be looked at
+            before: that is to read all of the matrix once more.
     """
+
+    tells_of_entries = False
 
     _scale: Floats
     _vectors: list[Floats]
@@ -133,9 +139,13 @@ class PlannedKKT(ByCopies):
         size = a.rhs.size
         self._curved_source = couplings.hess_diagonal.astype(np.int32)
         self._diagonal, self._curvatures = np.zeros(size), np.zeros(1, dtype=np.int64)
-        self._collect = diagonal_of.bind(
-            self.n, self.m, couplings.hess_count + couplings.jac_count, couplings.hess_count, self._curved_source.size,
-            couplings.hess_variable, self._curved_source, a.given, self._diagonal, self._curvatures,
+        given = couplings.hess_count + couplings.jac_count
+        self._examine, self._collect = (
+            diagonal_of.bind(
+                self.n, self.m, given, couplings.hess_count, self._curved_source.size, couplings.hess_variable,
+                self._curved_source, checked, a.given, self._diagonal, self._curvatures,
+            )
+            for checked in (given, 0 if self.tells_of_entries else given)
         )  # fmt: skip
         self._tally[plan_calls.FRESH] = 1
         self._rest = rest
@@ -247,8 +257,7 @@ class PlannedKKT(ByCopies):
         """``refactor``, one step after the other."""
         self._factorized = False
         self._take_attempts()
-        if self._collect():
-            raise NotFinite("the KKT matrix has entries that are not finite")
+        self._check_entries()
         if self._tally[plan_calls.FRESH]:
             self._plans.now.equilibrate()
             self._tally[plan_calls.FRESH] = 0
@@ -314,8 +323,17 @@ class PlannedKKT(ByCopies):
             self._counted += made
             self._plans.went_well(made)
 
+    def _check_entries(self) -> None:
+        if self._examine():
+            # An elimination may have had another scale sought for them.
+            self._scale[:] = 1.0
+            self._tally[plan_calls.FRESH] = 1
+            raise NotFinite("the KKT matrix has entries that are not finite")
+
     def _complete(self, ended: int | None) -> Inertia:
         """Factorise the matrix, collected and scaled; ``ended`` tells of an attempt."""
+        if ended == ELIMINATED and self.tells_of_entries:
+            self._check_entries()
         self._counted += 1
         self.accuracy[0] = FINE
         inertia = self._refactor_by_plans(ended)

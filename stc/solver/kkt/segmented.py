@@ -60,6 +60,8 @@ class SegmentedKKT(PlannedKKT):
     See ``AttachedKKT`` for the members.
     """
 
+    tells_of_entries = True
+
     def __init__(self, couplings: Couplings, stage: NDArray[np.int64], found: Segmentation) -> None:
         self._found = found
         variables = np.bincount(found.stages.stage[: couplings.n], minlength=found.stages.pointers.size - 1)

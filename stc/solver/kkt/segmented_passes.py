@@ -54,12 +54,17 @@ DOUBTED_SCALE = 3
 
 @native(fast=True)
 def diagonal_of(
-    n: i64, m: i64, at: i64, curvatures: i64, curved: i64, curved_variable: i32s, curved_source: i32s, given: f64s,
-    diagonal: f64s, count: i64s,
+    n: i64, m: i64, at: i64, curvatures: i64, curved: i64, curved_variable: i32s, curved_source: i32s, checked: i64,
+    given: f64s, diagonal: f64s, found: i64s,
 ) -> i64:  # fmt: skip
-    """Collect the diagonal, (n + m,); p and d begin at ``given[at]``.  Returns 0, or 1 when not all is finite.
+    """Collect the diagonal, (n + m,); p and d begin at ``given[at]``.
 
-    ``count[0]`` becomes the number of entries of H that are not zero, of which ``curvatures`` are given first.
+    Args:
+        curvatures: so many entries of H are given first; ``found[0]`` becomes 1 where one of them is not zero, else 0.
+        checked: so many given entries are checked besides the diagonal.
+
+    Returns:
+        0, or 1 when not all is finite.
     """
     own = given[at:]
     for k in range(n):
@@ -69,13 +74,14 @@ def diagonal_of(
     for k in range(curved):
         diagonal[curved_variable[k]] += given[curved_source[k]]
     check = 0.0
-    found = 0
-    for k in range(curvatures):
+    for k in range(n + m):
+        check += diagonal[k] * 0.0
+    for k in range(checked):
         check += given[k] * 0.0
-        found += given[k] != 0.0
-    for k in range(curvatures, at + n + m):
-        check += given[k] * 0.0
-    count[0] = found
+    k = 0
+    while k < curvatures and given[k] == 0.0:
+        k += 1
+    found[0] = 1 if k < curvatures else 0
     return 0 if check == 0.0 else 1
 
 
@@ -144,8 +150,12 @@ def equilibrate_all(
 def _load_rest(
     index: i32s, outer: i64, rest: i64, entries: i64, target: i32s, first: i32s, second: i32s, source: i32s,
     variables: i64, filled: i64, given: f64s, diagonal: f64s, scale: f64s, most: f64s, matrix: f64s, result: f64s,
-) -> None:  # fmt: skip
-    """Put the scaled entries of the rest into ``result``, ``filled`` of them and a diagonal, and keep them."""
+) -> f64:  # fmt: skip
+    """Put the scaled entries of the rest into ``result``, ``filled`` of them and a diagonal, and keep them.
+
+    Returns 0, or nan where an entry is not finite.
+    """
+    check = 0.0
     for k in range(filled):
         result[k] = 0.0
     for k in range(rest):
@@ -159,10 +169,12 @@ def _load_rest(
         a = first[k]
         b = second[k]
         value = given[source[k]] * scale[a] * scale[b]
+        check += value * 0.0
         own[k] = value
         most[a] = max(most[a], fabs(value))
         most[b] = max(most[b], fabs(value))
         result[target[k]] = value
+    return check
 
 
 @native(shared=True)
@@ -202,14 +214,16 @@ def eliminate_all(
             ``most`` to these.
 
     Returns:
-        0, ``REFUSED`` when a pivot was not accepted, ``STALE_SCALE`` when the scale does not serve the matrix,
+        0, ``REFUSED`` when a pivot was not accepted or an entry is not finite, ``STALE_SCALE`` when the scale does not serve the matrix,
         ``DOUBTED_SCALE`` when it was not tested but perhaps does not; ``state[COUNTED]`` becomes the number of negative
         pivots.
     """
-    _load_rest(
+    check = _load_rest(
         index, outer, rest, entries, target, first, second, source, variables, filled, given, diagonal, scale, most,
         rest_matrix, result,
     )  # fmt: skip
+    if check != 0.0:
+        return REFUSED
     watched = is_watched(state)
     for part in range(parts):
         states[part * STATE + WATCHED] = 1.0 * watched

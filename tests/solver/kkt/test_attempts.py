@@ -53,15 +53,24 @@ def test_attempts_refuse_what_is_not_finite(system):
     call = kkt.attempt_call
     assert call is not None
     assert call() == 0
-    kkt.hess[3] = np.nan
-    call = kkt.attempt_call
-    assert call is not None
-    ended = call()
-    assert ended != 0
-    with pytest.raises(NotFinite):
-        kkt.resume(ended)
-    kkt.hess[3] = values.hess[3]
-    assert kkt.refactor() == DenseKKT(*pattern.arguments()).factorize(*values.arguments())
+    inertia = DenseKKT(*pattern.arguments()).factorize(*values.arguments())
+    given = (kkt.hess, values.hess), (kkt.jac, values.jac), (kkt.primal, values.primal), (kkt.dual, values.dual)
+    places = [(*both, int(k)) for both in given for k in rng.choice(both[0].size, 8, replace=False)]
+    for bad in (np.nan, np.inf):
+        for array, own, k in places:
+            array[k] = bad
+            call = kkt.attempt_call
+            if call is None:
+                with pytest.raises(NotFinite):
+                    kkt.refactor()
+            else:
+                ended = call()
+                assert ended != 0
+                with pytest.raises(NotFinite):
+                    kkt.resume(ended)
+            array[k] = own[k]
+            assert kkt.refactor() == inertia
+            assert kkt.factorizations > 9
 
 
 @pytest.mark.parametrize("system", SYSTEMS[:2])
