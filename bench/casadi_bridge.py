@@ -57,7 +57,7 @@ def program(bound: BoundProgram) -> tuple[ca.MX, ca.MX, ca.MX]:
     rows = [ca.MX(0)] * structure.row_count
     stacked, order = [], []
     for g, group in enumerate(structure.groups):
-        tape = group.values_tape
+        tape = group.programs.values_tape
         if not tape.outputs:
             continue
         data = data_of(bound.workspace, group, structure.data_start[g])

@@ -35,8 +35,8 @@ from stc.transcription.bind import BoundProgram
 def operations(transcription: Transcription) -> int:
     """Arithmetic operations (a sine is one) of all values and derivatives kernels over the whole motion."""
     groups = transcription.program.groups
-    tapes = [(g.size, tape) for g in groups for tape in (g.values_tape, g.derivatives_tape)]
-    return sum(size * (len(tape.ops) - tape.n_uniform_ops) for size, tape in tapes if tape is not None)
+    tapes = [(g.size, tape) for g in groups for tape in (g.programs.values_tape, g.programs.derivatives_tape)]
+    return sum(size * (len(tape.ops) - tape.n_uniform_ops) for size, tape in tapes)
 
 
 def alone(transcription: Transcription, bound: BoundProgram, number: int) -> tuple[Callable[[], Any], int]:
@@ -67,8 +67,7 @@ def casadi_code(
     from casadi_bridge import function_of
 
     group = transcription.program.groups[number]
-    tape = group.values_tape
-    assert tape is not None
+    tape = group.programs.values_tape
     u, v = ca.SX.sym("u", tape.n_uniform), ca.SX.sym("v", tape.n_varying)
     values = function_of(tape, "values")(u, v)
     count = len(group.unknown)
@@ -139,9 +138,7 @@ def main() -> None:
     groups = transcription.program.groups
     number = max(
         range(len(groups)),
-        key=lambda k: (
-            groups[k].size * sum(len(t.ops) for t in (groups[k].derivatives_tape,) if t is not None)
-        ),
+        key=lambda k: groups[k].size * len(groups[k].programs.derivatives_tape.ops),
     )
     largest, per_node = alone(transcription, bound, number)
     one = np.ones(bound.m)

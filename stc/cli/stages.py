@@ -82,7 +82,7 @@ def nlp(model: Model, method: str | None) -> str:
         where = f"from {at.min() / 2:g} to {at.max() / 2:g}" if len(at) else "nowhere"
         nodes = "1 node" if group.size == 1 else f"{group.size} nodes"
         lines.append(f"group {number}: {nodes}, frames {where}, {len(group.unknown)} unknowns a node")
-        for row, order in zip(group.rows, group.degrees):
+        for row, order in zip(group.rows, group.programs.degrees):
             low = "-inf" if row.lower is None else render(row.lower, _name)
             high = "inf" if row.upper is None else render(row.upper, _name)
             relation = (
@@ -93,7 +93,7 @@ def nlp(model: Model, method: str | None) -> str:
             lines.append(f"{_INDENT}{degree[order]:9}  {row.label + ': ' if row.label else ''}{relation}")
         if group.objective is not None:
             lines.append(
-                f"{_INDENT}{degree[group.objective_degree]:9}  minimise {render(group.objective, _name)}"
+                f"{_INDENT}{degree[group.programs.objective_degree]:9}  minimise {render(group.objective, _name)}"
             )
     return "\n".join(lines)
 
@@ -135,14 +135,11 @@ def tape(model: Model, method: str | None) -> str:
     parts = []
     for number, group in enumerate(found.program.groups):
         varying = [_name(key) for key in (*group.unknown, *group.data)]
-        assert group.values_tape is not None
-        assert group.derivatives_tape is not None
-        assert group.constants_tape is not None
         multipliers = [f"multiplier {r}" for r in range(len(group.rows))]
         for what, names, program in (
-            ("values", varying, group.values_tape),
-            ("derivatives", varying + multipliers, group.derivatives_tape),
-            ("constant derivatives", [_name(key) for key in group.data], group.constants_tape),
+            ("values", varying, group.programs.values_tape),
+            ("derivatives", varying + multipliers, group.programs.derivatives_tape),
+            ("constant derivatives", [_name(key) for key in group.data], group.programs.constants_tape),
         ):
             if not program.outputs:
                 continue

@@ -1,8 +1,8 @@
 """From lowered statements to kernels, index tables and the sparsity of the nonlinear program.
 
-Statements that stand on the same nodes form a *group*: one kernel evaluates them, LANES nodes at a time.  Each
-kernel reads its inputs from one workspace through an index table and writes its outputs in blocks; a gather
-then adds the outputs up to rows, gradient, Jacobian and Hessian entries::
+Statements that stand on the same nodes form a *group* (:mod:`stc.transcription.derive`): one kernel evaluates them,
+LANES nodes at a time.  Each kernel reads its inputs from one workspace through an index table and writes its outputs in
+blocks; a gather then adds the outputs up to rows, gradient, Jacobian and Hessian entries::
 
     workspace = | decision variables | multipliers | group 0: [node][data] | group 1 | ... | copies |
     buffer    = | group 0: [block][output][lane] | group 1 | ... | constants of group 0 | ...
@@ -17,157 +17,29 @@ Everything here depends on the text and on structural constants only; numbers ar
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen.engine import LANES
 from stc.codegen.runs import RUN, Copies, Runs, find_runs
-from stc.codegen.tape import Tape, build_tape
-from stc.problem import ConstantRef, ParameterRef, VariableRef
-from stc.records import dataclass, field
-from stc.symbolic.differentiate import gradient, jacobian_and_hessian
-from stc.symbolic.expr import Expr, sum_of, sym, symbols
-from stc.symbolic.structure import degree, mentions
+from stc.codegen.tape import Tape
+from stc.problem import ConstantRef
+from stc.records import dataclass
+from stc.transcription.derive import (
+    GRADIENT,
+    HESSIAN,
+    JACOBIAN,
+    Derivative,
+    Group,
+    ObjectiveFactor,
+    derive,
+)
 from stc.transcription.gather import Folding
-from stc.transcription.grid import IntArray, Nodes
+from stc.transcription.grid import IntArray
 from stc.transcription.layout import Layout
-from stc.transcription.lower import DataRef
-from stc.transcription.statements import Row, Statements, Summand
-
-REMEMBERED = 64
-"""Groups whose derivatives are kept."""
-DERIVED = (
-    "unknown", "data", "varying", "constant", "values_tape", "derivatives_tape", "constants_tape", "degrees",
-    "objective_degree", "bent",
-)  # fmt: skip
-GRADIENT, JACOBIAN, HESSIAN = 1, 2, 3
-
-
-@dataclass(frozen=True, slots=True)
-class MultiplierRef:
-    """The multiplier of a group's row; a kernel input."""
-
-    row: int
-
-
-@dataclass(frozen=True, slots=True)
-class ObjectiveFactor:
-    """The factor of the objective in the Lagrangian; a kernel input shared by all nodes."""
-
-
-class Derivative(NamedTuple):
-    """One output of a kernel: an entry of the objective's gradient, the Jacobian or the Lagrangian's Hessian.
-
-    ``row`` numbers the group's rows (Jacobian) or unknowns (Hessian), ``column`` its unknowns.
-    """
-
-    matrix: int
-    row: int
-    column: int
-
-
-@dataclass(slots=True)
-class Group:
-    """Statements that stand on the same nodes, and their kernels.
-
-    ``inputs`` are decision variables, then data; ``positions`` (len(unknown inputs), k) says where each
-    node finds its decision variables.  ``row_ids`` (rows, k) numbers the rows in the nonlinear program.  ``bent``
-    are the inputs by which second derivatives change with unknowns or multipliers.  ``varying`` are the outputs of
-    ``derivatives_tape``, ``constant`` those of ``constants_tape``, whose only inputs that vary are data.
-    """
-
-    nodes: Nodes
-    rows: list[Row]
-    summands: list[Summand]
-    unknown: list[VariableRef | ParameterRef] = field(default_factory=list)
-    data: list[DataRef] = field(default_factory=list)
-    positions: IntArray = field(default_factory=lambda: np.zeros((0, 0), np.int64))
-    row_ids: IntArray = field(default_factory=lambda: np.zeros((0, 0), np.int64))
-    objective: Expr | None = None
-    varying: list[Derivative] = field(default_factory=list)
-    constant: list[Derivative] = field(default_factory=list)
-    values_tape: Tape | None = None
-    derivatives_tape: Tape | None = None
-    constants_tape: Tape | None = None
-    degrees: list[int] = field(default_factory=list)
-    objective_degree: int = 0
-    bent: list[int] = field(default_factory=list)
-
-    @property
-    def size(self) -> int:
-        return len(self.nodes)
-
-    def derive(self, uniform: Sequence[object]) -> None:
-        """Differentiates the group's statements and writes their programs.
-
-        The values tape has the rows, then the objective; the other two have the objective's gradient, the
-        Jacobian and the lower triangle of the Lagrangian's Hessian, nonzeros only: what varies and what does not.
-        """
-        bodies = [row.body for row in self.rows]
-        if self.summands:
-            self.objective = sum_of([s.body for s in self.summands])
-        # Expressions are unique: the same motion on another number of frames asks for the same derivatives.
-        key = tuple(bodies), self.objective, tuple(uniform)
-        known = _derived.pop(key, None)
-        if known is None:
-            self._differentiate(bodies, uniform)
-            known = {name: getattr(self, name) for name in DERIVED}
-        for name, value in known.items():
-            setattr(self, name, value)
-        _derived[key] = known  # the last one used comes last
-        while len(_derived) > REMEMBERED:
-            del _derived[next(iter(_derived))]
-
-    def _differentiate(self, bodies: list[Expr], uniform: Sequence[object]) -> None:
-        every = bodies + ([self.objective] if self.objective is not None else [])
-        seen: dict[object, None] = {}
-        for e in every:
-            seen.update(dict.fromkeys(symbols(e)))
-        self.unknown = [k for k in seen if isinstance(k, VariableRef | ParameterRef)]
-        self.data = [k for k in seen if isinstance(k, DataRef)]
-        keys: list[object] = list(self.unknown)
-        self.degrees = [degree(e, keys) for e in bodies]
-        varying: list[object] = [*self.unknown, *self.data]
-        self.values_tape = build_tape(every, uniform, varying)
-        entries: dict[Derivative, Expr] = {}
-        if self.objective is not None:
-            self.objective_degree = degree(self.objective, keys)
-            slopes = gradient(self.objective, keys)
-            entries.update((Derivative(GRADIENT, 0, k), e) for k, e in enumerate(slopes) if not _is_zero(e))
-        curved = [sym(MultiplierRef(r)) * e for r, e in enumerate(bodies) if self.degrees[r] > 1]
-        if self.objective is not None and self.objective_degree > 1:
-            curved.append(sym(ObjectiveFactor()) * self.objective)
-        first, second = jacobian_and_hessian(bodies, sum_of(curved), keys)
-        entries.update((Derivative(JACOBIAN, r, k), e) for (r, k), e in first.items())
-        entries.update((Derivative(HESSIAN, a, b), e) for (a, b), e in second.items())
-        changing = {place for place, e in second.items() if mentions(e, _changes)}
-        self.bent = sorted({k for place in changing for k in place})
-        self.varying = [place for place, e in entries.items() if mentions(e, _varies)]
-        self.constant = [place for place, e in entries.items() if not mentions(e, _varies)]
-        multipliers = [MultiplierRef(r) for r in range(len(self.rows))]
-        self.derivatives_tape = build_tape(
-            [entries[place] for place in self.varying], uniform, [*varying, *multipliers]
-        )
-        self.constants_tape = build_tape([entries[place] for place in self.constant], uniform, self.data)
-
-
-_derived: dict[tuple[object, ...], dict[str, Any]] = {}
-
-
-def _changes(key: object) -> bool:
-    """Whether a symbol's value changes as a program is solved."""
-    return isinstance(key, VariableRef | ParameterRef | MultiplierRef)
-
-
-def _varies(key: object) -> bool:
-    """Whether a symbol's value changes while a program with its numbers is in use."""
-    return _changes(key) or isinstance(key, ObjectiveFactor)
-
-
-def _is_zero(e: Expr) -> bool:
-    return e.op == "num" and e.payload == 0.0
+from stc.transcription.statements import Statements
 
 
 class _Outputs:
@@ -339,8 +211,8 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
     """
     groups = build_groups(statements)
     uniform: list[object] = [*(ConstantRef(name) for name in constants), ObjectiveFactor()]
+    derive(groups, uniform)
     for group in groups:
-        group.derive(uniform)
         group.positions = np.array(
             [layout.position(k, group.nodes) for k in group.unknown], np.int64
         ).reshape(len(group.unknown), group.size)
@@ -355,32 +227,32 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
         inputs.append(np.concatenate([group.positions, data, n + group.row_ids]))
     copies = Copies(at)
     of_values = [
-        find_runs(_tape(g.values_tape), each[: len(each) - len(g.rows)], copies)
+        find_runs(g.programs.values_tape, each[: len(each) - len(g.rows)], copies)
         for g, each in zip(groups, inputs, strict=True)
     ]
     of_derivatives = [
-        find_runs(_tape(g.derivatives_tape), each, copies) for g, each in zip(groups, inputs, strict=True)
+        find_runs(g.programs.derivatives_tape, each, copies) for g, each in zip(groups, inputs, strict=True)
     ]
-    values_start, values_size = _starts(groups, [_tape(g.values_tape) for g in groups])
-    derivatives_start, varying_size = _starts(groups, [_tape(g.derivatives_tape) for g in groups])
+    values_start, values_size = _starts(groups, [g.programs.values_tape for g in groups])
+    derivatives_start, varying_size = _starts(groups, [g.programs.derivatives_tape for g in groups])
     constants_start, derivatives_size = _starts(
-        groups, [_tape(g.constants_tape) for g in groups], varying_size
+        groups, [g.programs.constants_tape for g in groups], varying_size
     )
     row_source = np.zeros(m, np.int32)
     objective_source: list[IntArray] = []
     outputs = _Outputs(derivatives_size)
     for k, (group, start) in enumerate(zip(groups, values_start, strict=True)):
-        width = len(_tape(group.values_tape).outputs)
+        width = len(group.programs.values_tape.outputs)
         for r in range(len(group.rows)):
             row_source[group.row_ids[r]] = outputs_at(start, width, r, group.size)
         if group.objective is not None:
             objective_source.append(outputs_at(start, width, len(group.rows), group.size))
-        outputs.add_all(group, group.varying, derivatives_start[k])
-        outputs.add_all(group, group.constant, constants_start[k])
+        outputs.add_all(group, group.programs.varying, derivatives_start[k])
+        outputs.add_all(group, group.programs.constant, constants_start[k])
     fixed = np.ones(n, bool)
     for group in groups:
-        fixed[group.positions[group.bent]] = False
-    degrees = [g.objective_degree for g in groups if g.objective is not None]
+        fixed[group.positions[group.programs.bent]] = False
+    degrees = [g.programs.objective_degree for g in groups if g.objective is not None]
     return Program(
         groups=groups,
         size=n,
@@ -412,11 +284,6 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
         objective_degree=max(degrees, default=0),
         fixed_curvature=fixed,
     )
-
-
-def _tape(tape: Tape | None) -> Tape:
-    assert tape is not None
-    return tape
 
 
 def data_of(workspace: NDArray[np.float64], group: Group, start: int) -> NDArray[np.float64]:
@@ -473,7 +340,7 @@ def _number_rows(
         r, k = len(group.rows), group.size
         group.row_ids = rank[at : at + r * k].reshape(r, k)
         at += r * k
-    linear = np.concatenate([np.repeat(np.array(g.degrees, np.int64) <= 1, g.size) for g in groups])
+    linear = np.concatenate([np.repeat(np.array(g.programs.degrees, np.int64) <= 1, g.size) for g in groups])
     return (
         frame[order].astype(np.int32),
         group_of[order],

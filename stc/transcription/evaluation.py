@@ -74,8 +74,7 @@ def fill_constants(program: Program, workspace: FloatArray, uniform: FloatArray,
     for group, data_start, start in zip(
         program.groups, program.data_start, program.constants_start, strict=True
     ):
-        tape = group.constants_tape
-        assert tape is not None
+        tape = group.programs.constants_tape
         if tape.outputs and group.size:
             values = reference.run(tape, uniform[: tape.n_uniform], data_of(workspace, group, data_start))
             outputs = blocks(values, np.float64).reshape(-1)

@@ -20,7 +20,7 @@ from stc.records import dataclass
 from stc.symbolic.counting import naive_hessian_ops, naive_jacobian_ops, shared_ops, tree_ops
 from stc.symbolic.differentiate import gradient, hessian, jacobian
 from stc.symbolic.expr import Expr, sum_of, sym
-from stc.transcription.assemble import Group, MultiplierRef, ObjectiveFactor
+from stc.transcription.derive import Group, MultiplierRef, ObjectiveFactor
 from stc.transcription.statements import unknowns
 
 if TYPE_CHECKING:

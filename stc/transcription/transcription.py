@@ -246,9 +246,8 @@ def transcribe(problem: Problem) -> Transcription:
     lowering = Lowering(problem, grid, layout, steps)
     statements = Sorter(problem, grid, lowering).run()
     program = assemble(statements, layout, list(problem.constants))
-    tapes = [g.values_tape for g in program.groups] + [g.derivatives_tape for g in program.groups]
-    result = Transcription(
-        problem, grid, layout, steps, lowering, statements, program, [t for t in tapes if t is not None]
-    )
+    programs = [g.programs for g in program.groups]
+    tapes = [one.values_tape for one in programs] + [one.derivatives_tape for one in programs]
+    result = Transcription(problem, grid, layout, steps, lowering, statements, program, tapes)
     result.seconds["derive"] = time.perf_counter() - begin
     return result

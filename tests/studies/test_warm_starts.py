@@ -45,7 +45,7 @@ def untouched(monkeypatch):
         for name in ("parse", "elaborate", "transcribe", "_transcribe", "read_problem"):
             monkeypatch.setattr(pipeline, name, refuse)
         monkeypatch.setattr("stc.transcription.transcription.compile_tapes", refuse)
-        monkeypatch.setattr("stc.transcription.assemble.jacobian_and_hessian", refuse)
+        monkeypatch.setattr("stc.transcription.derive.Group.differentiate", refuse)
 
     return seal
 

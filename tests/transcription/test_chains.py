@@ -13,10 +13,8 @@ from stc.transcription import transcribe
 def operations(rods: int, relative: bool, way: str) -> tuple[int, int]:
     """Per node: of the equations, and of their derivatives."""
     program = transcribe(read_problem(Source("chain.stc", chain(rods, relative, way)))).program
-    tapes = [(group.values_tape, group.derivatives_tape) for group in program.groups]
-    values, derivatives = (
-        max(len(tape.ops) for tape in of_kind if tape) for of_kind in zip(*tapes, strict=True)
-    )
+    tapes = [(group.programs.values_tape, group.programs.derivatives_tape) for group in program.groups]
+    values, derivatives = (max(len(tape.ops) for tape in of_kind) for of_kind in zip(*tapes, strict=True))
     return values, derivatives
 
 

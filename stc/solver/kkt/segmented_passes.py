@@ -214,9 +214,9 @@ def eliminate_all(
             ``most`` to these.
 
     Returns:
-        0, ``REFUSED`` when a pivot was not accepted or an entry is not finite, ``STALE_SCALE`` when the scale does not serve the matrix,
-        ``DOUBTED_SCALE`` when it was not tested but perhaps does not; ``state[COUNTED]`` becomes the number of negative
-        pivots.
+        0, ``REFUSED`` when a pivot was not accepted or an entry is not finite, ``STALE_SCALE`` when the scale does not
+        serve the matrix, ``DOUBTED_SCALE`` when it was not tested but perhaps does not; ``state[COUNTED]`` becomes the
+        number of negative pivots.
     """
     check = _load_rest(
         index, outer, rest, entries, target, first, second, source, variables, filled, given, diagonal, scale, most,

@@ -54,7 +54,12 @@ def test_attempts_refuse_what_is_not_finite(system):
     assert call is not None
     assert call() == 0
     inertia = DenseKKT(*pattern.arguments()).factorize(*values.arguments())
-    given = (kkt.hess, values.hess), (kkt.jac, values.jac), (kkt.primal, values.primal), (kkt.dual, values.dual)
+    given = (
+        (kkt.hess, values.hess),
+        (kkt.jac, values.jac),
+        (kkt.primal, values.primal),
+        (kkt.dual, values.dual),
+    )
     places = [(*both, int(k)) for both in given for k in rng.choice(both[0].size, 8, replace=False)]
     for bad in (np.nan, np.inf):
         for array, own, k in places:
