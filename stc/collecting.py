@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ def collect(
     return Solution(
         name=problem.name,
         source=source.text,
-        directory=str(Path(source.path).resolve().parent) if source.path else "",
+        directory=_folder_of(source.path) if source.path else "",
         constants=constants,
         overrides=overrides,
         method=problem.method,
@@ -60,6 +61,11 @@ def collect(
         replay=_replay_channels(problem, recovery),
         force_frames=_force_frames(problem),
     )
+
+
+@lru_cache(maxsize=16)
+def _folder_of(path: str) -> str:
+    return str(Path(path).resolve().parent)
 
 
 def _replay_channels(problem: Problem, recovery: Recovery) -> list[ReplayChannel]:

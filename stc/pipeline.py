@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from stc.language.syntax import SpecTree
     from stc.validate.statements import StatementCheck
 
+#: Sets of constants for which the problem is kept.
+RECENT = 8
 Callback = Callable[[Any], bool | None]
 FloatArray = NDArray[np.float64]
 
@@ -92,6 +94,7 @@ class Model:
         self.warnings: tuple[Diagnostic, ...] = ()
         self._transcriptions: dict[object, Transcription] = {}
         self._own_method = ""
+        self._recent: dict[object, tuple[Problem, Transcription]] = {}  # by the constants given last
         self._fewer: dict[tuple[Any, ...], FewerFrames | None] = {}  # of the last constants
 
     def _parsed(self) -> SpecTree:
@@ -138,6 +141,10 @@ class Model:
     ) -> tuple[Problem, Transcription] | None:
         """A transcription at hand that fits these constants, without elaborating them."""
         wanted = method or self._own_method
+        given = wanted, tuple(sorted(overrides.items()))
+        if given in self._recent:
+            self.warnings = tuple(self._recent[given][0].warnings)
+            return self._recent[given]
         if not any(known.problem.method == wanted for known in self._transcriptions.values()):
             return None
         values = constant_values(self.tree, overrides)
@@ -151,7 +158,10 @@ class Model:
                 and known.steps_fit(values)
             ):
                 self.warnings = tuple(problem.warnings)
-                return replace(problem, constants=values), known
+                if len(self._recent) >= RECENT:
+                    del self._recent[next(iter(self._recent))]
+                self._recent[given] = replace(problem, constants=values), known
+                return self._recent[given]
         return None
 
     def prepare(

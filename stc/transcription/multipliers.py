@@ -83,18 +83,37 @@ def multiplier_blocks(
     transcription: Transcription, row_multipliers: FloatArray, bound_multipliers: FloatArray
 ) -> list[MultiplierBlock]:
     """One block per statement with rows, per link and per bounded variable that has a multiplier."""
-    result = [
-        _block(kind, label, nodes, row_multipliers[ids])
-        for (kind, label), (nodes, ids, _) in rows_by_statement(transcription).items()
-    ]
-    for label, nodes, position in bound_nodes(transcription):
+    rows, bounds = transcription.remembered("multiplier blocks", _blocks)
+    result = [_filled(block, row_multipliers[ids]) for block, ids in rows]
+    for block, position in bounds:
         values = bound_multipliers[position]
         if values.any():
-            result.append(_block("bound", label, nodes, values))
+            result.append(_filled(block, values))
     return result
 
 
-def _block(kind: str, label: str, nodes: Nodes, values: FloatArray) -> MultiplierBlock:
-    return MultiplierBlock(
-        kind, label, nodes.position / 2.0, np.array([0, -1, 1], np.int8)[nodes.side], values
+Blocks = list[tuple[MultiplierBlock, IntArray]]
+"""Blocks without values, and where these are in a vector of multipliers."""
+
+
+def _blocks(transcription: Transcription) -> tuple[Blocks, Blocks]:
+    """Those of rows and those of bounds."""
+    return (
+        [
+            (_block(kind, label, nodes), ids)
+            for (kind, label), (nodes, ids, _) in rows_by_statement(transcription).items()
+        ],
+        [(_block("bound", label, nodes), at) for label, nodes, at in bound_nodes(transcription)],
     )
+
+
+def _block(kind: str, label: str, nodes: Nodes) -> MultiplierBlock:
+    sides = np.array([0, -1, 1], np.int8)[nodes.side]
+    frames = nodes.position / 2.0
+    for shared in (frames, sides):
+        shared.flags.writeable = False
+    return MultiplierBlock(kind, label, frames, sides, np.zeros(0))
+
+
+def _filled(block: MultiplierBlock, values: FloatArray) -> MultiplierBlock:
+    return MultiplierBlock(block.kind, block.label, block.nodes, block.sides, values)

@@ -40,6 +40,7 @@ class Steps:
         self.n = grid.n
         self.basis: list[Expr] = []
         self._coefficients: list[tuple[Expr, IntArray]] = []
+        self._last: tuple[tuple[tuple[str, float], ...], FloatArray] | None = None
         rows: list[NDArray[np.bool_]] = []
 
         def add(phi: Expr, coefficient: Expr, steps: IntArray) -> None:
@@ -89,12 +90,17 @@ class Steps:
         )
 
     def coefficients(self, constants: Mapping[str, float]) -> FloatArray:
-        """``A`` (len(basis), n) for these constants."""
+        """``A`` (len(basis), n) for these constants; not to be written to, the last one is kept."""
+        given = tuple(constants.items())
+        if self._last is not None and self._last[0] == given:
+            return self._last[1]
         result = np.zeros((len(self.basis), self.n))
         values: dict[object, float] = {ConstantRef(name): value for name, value in constants.items()}
         for expression, where in self._coefficients:
             k, steps = int(where[0]), where[1:]
             result[k, steps] = evaluate(expression, {**values, IndexRef(): steps.astype(float)})
+        result.flags.writeable = False
+        self._last = given, result
         return result
 
     def lengths(self, coefficients: FloatArray, values: Mapping[object, float]) -> FloatArray:
