@@ -10,8 +10,10 @@ from __future__ import annotations
 import ctypes
 import os
 import shutil
+import statistics
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,7 +54,7 @@ int solve(DMUMPS_STRUC_C *id, double *b) { id->rhs = b; id->job = 3; dmumps_c(id
 void stop(DMUMPS_STRUC_C *id) { id->job = -2; dmumps_c(id); free(id); }
 """
 
-#: Takes dmumps_c's place wherever it is called, and tells in the end how often that factorised, and how long it took.
+#: Takes dmumps_c's place wherever it is called, and tells in the end how long each factorisation took.
 AUDIT = """
 #define _GNU_SOURCE
 #include <link.h>
@@ -62,7 +64,8 @@ AUDIT = """
 #include "dmumps_c.h"
 
 static void (*real)(DMUMPS_STRUC_C *);
-static double seconds, least = 1e9;
+#define MOST 100000
+static double seconds[MOST];
 static long calls;
 
 static double used(void) {
@@ -75,11 +78,7 @@ static void watched(DMUMPS_STRUC_C *id) {
     double time = used();
     real(id);
     time = used() - time;
-    if (job == 2) {
-        calls++;
-        seconds += time;
-        if (time < least) least = time;
-    }
+    if (job == 2 && calls < MOST) seconds[calls++] = time;
 }
 unsigned la_version(unsigned version) { return LAV_CURRENT; }
 unsigned la_objopen(struct link_map *map, Lmid_t space, uintptr_t *cookie) { return LA_FLG_BINDTO | LA_FLG_BINDFROM; }
@@ -90,18 +89,25 @@ uintptr_t la_symbind64(Elf64_Sym *symbol, unsigned number, uintptr_t *from, uint
     return (uintptr_t)watched;
 }
 __attribute__((destructor)) static void tell(void) {
-    if (calls) fprintf(stderr, "\\nMUMPS %ld %.9f %.9f\\n", calls, seconds, least);
+    for (long k = 0; k < calls; k++) fprintf(stderr, k ? " %.9f" : "\\nMUMPS %.9f", seconds[k]);
+    if (calls) fprintf(stderr, "\\n");
 }
 """
 
 
 @dataclass(frozen=True)
 class Times:
-    """Of the factorisations of a solve: their number, the mean and the least of their seconds."""
+    """Of the factorisations of a solve: their number, the mean, the median and the least of their seconds."""
 
     calls: int
     mean: float
+    median: float
     least: float
+
+    @classmethod
+    def of(cls, seconds: Sequence[float]) -> Times:
+        """From those of each."""
+        return cls(len(seconds), statistics.fmean(seconds), statistics.median(seconds), min(seconds))
 
 
 def times_inside(command: list[str]) -> Times:
@@ -117,8 +123,7 @@ def times_inside(command: list[str]) -> Times:
         done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
     for line in done.stderr.splitlines():
         if line.startswith("MUMPS "):
-            calls, seconds, least = line.split()[1:]
-            return Times(int(calls), float(seconds) / int(calls), float(least))
+            return Times.of([float(word) for word in line.split()[1:]])
     raise LookupError("MUMPS was not called")
 
 

@@ -16,9 +16,12 @@ from stc.solver.places import (
     BLOCKED,
     BOUNDED_ERROR,
     CHANGED,
+    CRAWLS,
+    ERROR_BEFORE,
     FREE,
     LARGEST_MU,
     MU,
+    MU_BEFORE,
     SMALLEST_MU,
     TAU,
 )
@@ -37,6 +40,7 @@ class BarrierParameter:
         s[SMALLEST_MU], s[LARGEST_MU] = smallest, math.inf
         s[ADAPTIVE], s[FREE] = adaptive, adaptive and gaps > 0
         s[TAU], s[CHANGED], s[BLOCKED], s[BOUNDED_ERROR] = SMALLEST_TAU, 0.0, 0.0, 1.0
+        s[ERROR_BEFORE], s[MU_BEFORE], s[CRAWLS] = math.inf, math.inf, 0.0
         work.accepted.restart(math.inf)
 
     @property

@@ -16,14 +16,17 @@ from stc.solver.places import (
     CENTRING_STEP,
     CHANGED,
     COMBINE,
+    CRAWLS,
     DOUBT,
     DUAL_STEP,
     ERROR,
+    ERROR_BEFORE,
     FREE,
     LARGEST_MU,
     LENGTHS,
     MEASURE,
     MU,
+    MU_BEFORE,
     NEWTON,
     OBJECTIVE,
     PREDICT,
@@ -50,6 +53,9 @@ LONG = 0.1
 REACH = 0.3
 GAIN = 0.1
 NEAR_MU_BELOW, NEAR_MU_ABOVE = 0.1, 10.0
+#: Where the error has become RELAPSE times larger, so often, with a parameter no less than CRAWL times the one before,
+#: the free choice takes several steps for each small reduction: problems that are solved allow larger ones.
+RELAPSE, CRAWL, PATIENT = 10.0, 0.25, 2.0
 #: Why no step was found.
 CALL_MISSING, DOUBTFUL_SOLUTION = 1, 2
 
@@ -77,6 +83,12 @@ def update(calls: i64s, gaps: i64, target: f64s, accepted: f64s, s: f64s) -> Non
     if not isfinite(s[LARGEST_MU]):
         s[LARGEST_MU] = LARGEST_GROWTH * max(average, s[SMALLEST_MU])
     margin = MARGIN * s[BOUNDED_ERROR]
+    if s[FREE] != 0.0 and s[ERROR] > RELAPSE * s[ERROR_BEFORE] and s[MU] > CRAWL * s[MU_BEFORE]:
+        s[CRAWLS] += 1.0
+        if s[CRAWLS] >= PATIENT:
+            s[ADAPTIVE] = 0.0
+    s[ERROR_BEFORE] = s[ERROR]
+    s[MU_BEFORE] = s[MU]
     progress = 0
     if s[STUCK] == 0.0 and s[ADAPTIVE] != 0.0:
         progress = accepts(accepted, s[THETA] + margin, s[OBJECTIVE] + margin)

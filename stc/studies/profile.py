@@ -32,7 +32,7 @@ REPEATS = 5
 
 @dataclass(slots=True, eq=False)
 class Watch:
-    """A stop-watch over the calls of one function: their number, seconds in all, and the shortest.
+    """A stop-watch over the calls of one function: their number, seconds in all and of each, and the shortest.
 
     A solve may be of several programs, as one by way of fewer frames is: the shortest call is that of the last one.
     """
@@ -40,6 +40,7 @@ class Watch:
     calls: int = 0
     seconds: float = 0.0
     shortest: float = float("inf")
+    each: list[float] = field(default_factory=list)
     _calls_before: int = 0
     _floor_before: float = 0.0
 
@@ -59,8 +60,14 @@ class Watch:
         """Count a call that took so long; one that is not ``whole`` may have been shorter than it has to be."""
         self.calls += 1
         self.seconds += seconds
+        self.each.append(seconds)
         if whole:
             self.shortest = min(self.shortest, seconds)
+
+    def prolong(self, seconds: float) -> None:
+        """Add to the last call, which was not whole."""
+        self.seconds += seconds
+        self.each[-1] += seconds
 
     @property
     def floor(self) -> float:
@@ -112,7 +119,7 @@ class _TimedKKT(_Timed):
         try:
             return self._inner.resume(ended)
         finally:
-            self._watches[0].seconds += time.perf_counter() - begin
+            self._watches[0].prolong(time.perf_counter() - begin)
 
     @property
     def solve_call(self) -> Bound:
