@@ -9,14 +9,16 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stc.collecting import collect
 from stc.nested import COARSE, FINE, FewerFrames, Fineness, Nested
-from stc.problem import Problem
+from stc.problem import Problem, VariableRef
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.solver import Options, Result, Start, Status
 from stc.solver.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
+from stc.symbolic.expr import symbols
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
 
@@ -114,6 +116,18 @@ def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
     )
 
 
+#: A motion that strays from another one by no more than this share of its range is the same one.
+ALIKE = 0.25
+
+
+def _moving(transcription: Transcription) -> list[NDArray[np.int64]]:
+    """Where the values at the frames are of each variable that has a rate."""
+    stated = [statement.body for statement in transcription.problem.relations]
+    keys = {key for body in stated for key in symbols(body) if isinstance(key, VariableRef) and key.order}
+    names = {key.name for key in keys}
+    return [at for name, order, at, _, _ in transcription.layout.slots() if name in names and not order]
+
+
 @dataclass(slots=True)
 class ColdSolve:
     """A solve from a spec's own guess: by way of fewer frames where there are many, with their help where it is hard.
@@ -141,7 +155,7 @@ class ColdSolve:
         if self.transcription.is_quadratic:  # takes few steps anyway
             return self._fine(self.options, None, self.callback)
         fewer = self._reduce(FINE)
-        nested = Nested(self._coarse, self._follow, self._fine, self.options, self.callback)
+        nested = Nested(self._coarse, self._follow, self._alike, self._fine, self.options, self.callback)
         if fewer is not None:
             return nested.fewer_first(fewer.ratio)
         self._followed = self.transcription.bind(self.problem.constants)
@@ -175,6 +189,14 @@ class ColdSolve:
         before = None if self._reduced is None else self._reduced[0]
         found, self._followed = self.model.follow(motion, self.transcription, self.problem, before)
         return found
+
+    def _alike(self, start: Start, result: Result) -> bool:
+        """Whether all that has a rate stays near where it started."""
+        moving = self.transcription.remembered("moving", _moving)
+        return all(
+            float(np.abs(start.x[at] - result.x[at]).max()) <= ALIKE * float(np.ptp(result.x[at]))
+            for at in moving
+        )
 
     def _fine(self, options: Options, start: Start | None, told: Callback | None) -> Result:
         """All frames."""

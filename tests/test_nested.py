@@ -11,6 +11,7 @@ import stc
 from stc.nested import ITERATIONS, Nested, fewer_frames
 from stc.pipeline import Model
 from stc.solver import IterationRecord, Options, Result, Start, Status
+from stc.solving import ColdSolve
 
 PENDULUM = """
 constants: n = 400, T = 2, g = 9.81, umax = 14;
@@ -43,7 +44,7 @@ def test_the_solution_is_that_of_all_frames() -> None:
 
 
 CRANE = """
-constants: n = 300, g = 9.81, most = 3.75;
+constants: n = 400, g = 9.81, most = 3.75;
 variables: x, l, th, u, w;
 parameters: T;
 definitions: h = T/n;
@@ -93,12 +94,12 @@ def test_iterations_and_factorisations_of_all_solves_count() -> None:
 def test_fewer_frames_through_n_alone() -> None:
     assert fewer(PENDULUM) == {"n": 50.0}
     assert fewer(PENDULUM, n=1017) == {"n": 50.0}
-    assert fewer(PENDULUM, n=140) is None  # not few enough to be worth it
+    assert fewer(PENDULUM, n=399) is None  # not few enough to be worth it
 
 
 def test_fewer_frames_through_the_constant_that_others_follow_from() -> None:
     model = stc.load("luxo_jump")
-    found = fewer_frames(model.tree, {"k": 8}, model.problem(k=8))
+    found = fewer_frames(model.tree, {"k": 16}, model.problem(k=16))
     assert found is not None
     assert found.constants == {"k": 2.0}
     assert found.ratio == 1.0
@@ -110,7 +111,8 @@ def test_phases_that_are_shares_of_the_motion_end_at_whole_frames() -> None:
     assert fewer(text, n=1000) == {"n": 65.0}  # 63 would do, but for the phases
     assert fewer(text, n=1015) == {"n": 65.0}
     assert fewer(PENDULUM, n=1000) == {"n": 50.0}
-    assert fewer(text, n=335) is None  # 55 are not few enough with phases
+    assert fewer(PENDULUM, n=505) == {"n": 50.0}
+    assert fewer(text, n=505) is None  # 65 are not few enough
 
 
 def test_fewer_frames_through_several_constants_at_once() -> None:
@@ -180,8 +182,8 @@ def test_the_time_limit_is_that_of_all_solves() -> None:
 class Fake:
     """Solves that end as told, and what they were asked."""
 
-    def __init__(self, model: Model, coarse: Result, *fine: Result) -> None:
-        self.small, self.answers = model, [coarse, *fine]
+    def __init__(self, model: Model, coarse: Result, *fine: Result, alike: bool = False) -> None:
+        self.small, self.answers, self.alike = model, [coarse, *fine], alike
         self.asked: list[tuple[Options, Start | None]] = []
 
     def coarse(self, options: Options, told: object) -> stc.Solution:
@@ -198,7 +200,9 @@ class Fake:
 
     def run(self, options: Options | None = None) -> Result:
         start = Start(np.zeros(1), np.zeros(1), np.zeros(1))
-        nested = Nested(self.coarse, lambda _: start, self.fine, options or Options(), None)
+        nested = Nested(
+            self.coarse, lambda _: start, lambda *_: self.alike, self.fine, options or Options(), None
+        )
         return nested.fewer_first(1.0)
 
 
@@ -230,6 +234,50 @@ def test_a_worse_solution_is_compared_with_that_from_the_own_guess(small: Model)
     assert (result.objective, result.iterations) == (30.0, 29)
     fake = Fake(small, *answers, ended(Status.FAILED, 0.0, 20))
     assert fake.run().objective == 30.0
+
+
+def test_the_same_motion_is_taken_though_fewer_frames_promised_more(small: Model) -> None:
+    fake = Fake(small, ended(Status.OPTIMAL, 10.0, 7), ended(Status.OPTIMAL, 30.0, 2), alike=True)
+    assert (fake.run().objective, len(fake.asked)) == (30.0, 2)
+    fake = Fake(
+        small,
+        ended(Status.OPTIMAL, 10.0, 7),
+        ended(Status.FAILED, 30.0, 2),
+        ended(Status.OPTIMAL, 40.0, 2),
+        alike=True,
+    )
+    assert (fake.run().objective, len(fake.asked)) == (40.0, 3)
+
+
+@pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])
+def test_motions_are_alike_where_all_that_moves_stays_near(method: str) -> None:
+    _, found = stc.load(PENDULUM).transcription(method=method)
+    solving = ColdSolve(stc.load(PENDULUM), found.problem, found, {}, Options())
+    layout = found.layout
+    time = np.linspace(0.0, 1.0, 401)
+
+    def vector(th: np.ndarray, u: np.ndarray) -> np.ndarray:
+        x = np.zeros(layout.size)
+        for name, order, before, after, _ in layout.slots():
+            if order == 0:
+                x[before] = x[after] = th if name == "th" else u
+        return x
+
+    def are_alike(one: np.ndarray, other: np.ndarray) -> bool:
+        return solving._alike(Start(one), replace(ended(Status.OPTIMAL, 0.0, 1), x=other))
+
+    swing = 1.5 * time**2 * (3.0 - 2.0 * time)
+    own = vector(swing, np.sin(9.0 * time))
+    assert are_alike(own, vector(swing + 0.3 * np.sin(3.0 * time), -np.sin(9.0 * time)))
+    assert not are_alike(own, vector(swing + 0.6 * np.sin(3.0 * time), np.sin(9.0 * time)))
+
+
+def test_what_few_frames_have_flattered_is_not_solved_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    once = stc.load(PENDULUM).solve()
+    monkeypatch.setattr("stc.nested.WORSE", -1.0)  # as if they had promised more
+    assert stc.load(PENDULUM).solve().iterations == once.iterations
+    monkeypatch.setattr("stc.solving.ALIKE", -1.0)
+    assert stc.load(PENDULUM).solve().iterations > once.iterations
 
 
 @pytest.mark.parametrize("status", [Status.FAILED, Status.INFEASIBLE, Status.ITERATION_LIMIT])
