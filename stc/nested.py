@@ -55,10 +55,9 @@ class Fineness:
 
 
 FINE = Fineness(50, 25, 8.0)
-"""Frames that show the motion: with fewer of them it may be another one. What is different on
-all frames has to be found out there, in a few iterations or in as many as from the guess: with three times fewer frames
-that takes 1.5 times as long as without them, with eight times fewer no longer, with more it gains (random motions of
-eleven kinds)."""
+"""Frames that show the motion: with fewer of them it may be another one. What is different on all frames has to be
+found out there, in a few iterations or in as many as from the guess: with three times fewer frames that takes 1.5 times
+as long as without them, with eight times fewer no longer, with more it gains (random motions of eleven kinds)."""
 COARSE = Fineness(20, 8, 1.6)
 """For a start where none is known."""
 

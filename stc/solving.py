@@ -191,9 +191,9 @@ class ColdSolve:
         return found
 
     def _alike(self, start: Start, result: Result) -> bool:
-        """Whether all that has a rate stays near where it started."""
+        """Whether all that has a rate stays near where it started; False where nothing is known to have one."""
         moving = self.transcription.remembered("moving", _moving)
-        return all(
+        return bool(moving) and all(
             float(np.abs(start.x[at] - result.x[at]).max()) <= ALIKE * float(np.ptp(result.x[at]))
             for at in moving
         )
