@@ -40,7 +40,9 @@ class BarrierParameter:
         s[SMALLEST_MU], s[LARGEST_MU] = smallest, math.inf
         s[ADAPTIVE], s[FREE] = adaptive, adaptive and gaps > 0
         s[TAU], s[CHANGED], s[BLOCKED], s[BOUNDED_ERROR] = SMALLEST_TAU, 0.0, 0.0, 1.0
-        s[ERROR_BEFORE], s[MU_BEFORE], s[CRAWLS] = math.inf, math.inf, 0.0
+        s[ERROR_BEFORE], s[MU_BEFORE] = math.inf, math.inf
+        # With few bounds the error goes up for other reasons, such as multipliers without a limit.
+        s[CRAWLS] = 0.0 if work.form.many_gaps else -math.inf
         work.accepted.restart(math.inf)
 
     @property
