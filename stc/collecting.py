@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from stc.problem import Problem, VariableRef
+from stc.problem import Problem
 from stc.solution import ReplayChannel, Solution
 from stc.solver import Result
 from stc.solver.optimizers import DEFAULT
-from stc.symbolic.expr import symbols
 from stc.trajectory import Channel
 from stc.transcription import Transcription
 from stc.transcription.multipliers import multiplier_blocks
 from stc.transcription.recover import Recovery
 from stc.transcription.schemes import stencil_reach
+from stc.transcription.statements import highest_orders
 
 __all__ = ["collect"]
 
@@ -37,7 +37,7 @@ def collect(
     return Solution(
         name=problem.name,
         source=source.text,
-        directory=_folder_of(source.path) if source.path else "",
+        directory=_folder_of(source.path, Path.cwd()) if source.path else "",
         constants=constants,
         overrides=overrides,
         method=problem.method,
@@ -64,8 +64,9 @@ def collect(
 
 
 @lru_cache(maxsize=16)
-def _folder_of(path: str) -> str:
-    return str(Path(path).resolve().parent)
+def _folder_of(path: str, here: Path) -> str:
+    """The absolute folder of a file, of which a relative path is from ``here``."""
+    return str((here / path).resolve().parent)
 
 
 def _replay_channels(problem: Problem, recovery: Recovery) -> list[ReplayChannel]:
@@ -87,9 +88,6 @@ def _force_frames(problem: Problem) -> tuple[int, int]:
     """The frames at which central differences leave no statement out."""
     highest = 0
     if problem.method == "central":
-        for statement in problem.relations:
-            for key in symbols(statement.body):
-                if isinstance(key, VariableRef):
-                    highest = max(highest, key.order)
+        highest = max(highest_orders(problem, [r.body for r in problem.relations]).values(), default=0)
     reach = min(stencil_reach(highest), problem.n // 2) if highest > 1 else 0
     return reach, problem.n - reach

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from stc.collecting import collect
 from stc.nested import COARSE, FINE, FewerFrames, Fineness, Nested
-from stc.problem import Problem, VariableRef
+from stc.problem import Problem
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.solver import Options, Result, Start, Status
 from stc.solver.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
-from stc.symbolic.expr import symbols
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
+from stc.transcription.statements import highest_orders
 
 __all__ = ["ColdSolve", "solve"]
 
@@ -122,10 +122,9 @@ ALIKE = 0.25
 
 def _moving(transcription: Transcription) -> list[NDArray[np.int64]]:
     """Where the values at the frames are of each variable that has a rate."""
-    stated = [statement.body for statement in transcription.problem.relations]
-    keys = {key for body in stated for key in symbols(body) if isinstance(key, VariableRef) and key.order}
-    names = {key.name for key in keys}
-    return [at for name, order, at, _, _ in transcription.layout.slots() if name in names and not order]
+    problem = transcription.problem
+    highest = highest_orders(problem, [statement.body for statement in problem.relations])
+    return [at for name, order, at, _, _ in transcription.layout.slots() if highest[name] and not order]
 
 
 @dataclass(slots=True)

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
+import stc
 from stc.errors import UsageError
 from stc.solution import MultiplierBlock, ReplayChannel, Solution, SolutionError, UnknownNameError, read
 from stc.trajectory import Channel, FloatArray
@@ -357,3 +358,13 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.
         solution.save(path)
     assert path.read_bytes() == old
     assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
+
+
+def test_the_folder_of_a_spec_is_where_its_relative_path_led(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "rest.stc").write_text("constants: n = 2; variables: x; constraints: x = 1;")
+        monkeypatch.chdir(tmp_path / name)
+        assert stc.load("rest.stc").solve().directory == str((tmp_path / name).resolve())

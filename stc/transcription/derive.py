@@ -20,6 +20,7 @@ from stc.codegen import cache, engine
 from stc.codegen.tape import Tape, build_tape
 from stc.problem import ParameterRef, VariableRef
 from stc.records import dataclass, field
+from stc.symbolic.differentiate import gradient, jacobian_and_hessian
 from stc.symbolic.expr import Expr, reachable, sum_of, sym, symbols
 from stc.symbolic.structure import degree, mentions
 from stc.transcription.grid import IntArray, Nodes
@@ -122,8 +123,6 @@ class Group:
 
     def differentiate(self, uniform: Sequence[object]) -> Derived:
         """The derivatives and their programs, from the expressions."""
-        from stc.symbolic.differentiate import gradient, jacobian_and_hessian
-
         bodies = [row.body for row in self.rows]
         keys: list[object] = list(self.unknown)
         degrees = [degree(e, keys) for e in bodies]
@@ -188,7 +187,7 @@ _remembered: dict[tuple[object, ...], Derived] = {}
 
 
 def _name_of(groups: Sequence[Group], uniform: Sequence[object]) -> str:
-    """A hash of the groups' expressions, of their inputs, and of the code that differentiates them."""
+    """A hash of the groups' expressions, of the inputs that are uniform, and of the code that differentiates them."""
     number: dict[Expr, int] = {}
     lines = []
     for node in reachable(e for group in groups for e in group.bodies):
@@ -197,7 +196,7 @@ def _name_of(groups: Sequence[Group], uniform: Sequence[object]) -> str:
         lines.append(f"{node.op} {operands}" if operands else f"{node.op} {node.payload!r}")
     for group in groups:
         bodies = " ".join([str(number[e]) for e in group.bodies])
-        lines.append(f"group {len(group.rows)} {bodies} inputs {group.unknown!r} {group.data!r}")
+        lines.append(f"group {len(group.rows)} {bodies}")
     return cache.key_of("derivatives", sys.version, _own_digest(), repr(list(uniform)), "\n".join(lines))
 
 

@@ -140,7 +140,7 @@ class PlannedKKT(ByCopies):
         self._curved_source = couplings.hess_diagonal.astype(np.int32)
         self._diagonal, self._curvatures = np.zeros(size), np.zeros(1, dtype=np.int64)
         given = couplings.hess_count + couplings.jac_count
-        self._examine, self._collect = (
+        self._collect_checked, self._collect = (
             diagonal_of.bind(
                 self.n, self.m, given, couplings.hess_count, self._curved_source.size, couplings.hess_variable,
                 self._curved_source, checked, a.given, self._diagonal, self._curvatures,
@@ -257,7 +257,7 @@ class PlannedKKT(ByCopies):
         """``refactor``, one step after the other."""
         self._factorized = False
         self._take_attempts()
-        self._check_entries()
+        self._collect_all()
         if self._tally[plan_calls.FRESH]:
             self._plans.now.equilibrate()
             self._tally[plan_calls.FRESH] = 0
@@ -323,8 +323,13 @@ class PlannedKKT(ByCopies):
             self._counted += made
             self._plans.went_well(made)
 
-    def _check_entries(self) -> None:
-        if self._examine():
+    def _collect_all(self) -> None:
+        """Collect the diagonal, and look at all entries.
+
+        Raises:
+            NotFinite: one of them is not.
+        """
+        if self._collect_checked():
             # An elimination may have had another scale sought for them.
             self._scale[:] = 1.0
             self._tally[plan_calls.FRESH] = 1
@@ -333,7 +338,7 @@ class PlannedKKT(ByCopies):
     def _complete(self, ended: int | None) -> Inertia:
         """Factorise the matrix, collected and scaled; ``ended`` tells of an attempt."""
         if ended == ELIMINATED and self.tells_of_entries:
-            self._check_entries()
+            self._collect_all()
         self._counted += 1
         self.accuracy[0] = FINE
         inertia = self._refactor_by_plans(ended)
