@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -47,6 +48,26 @@ def test_the_cart_pole_means_the_same_in_both_notations(peers: ModuleType) -> No
     )
     assert np.allclose(cart, solution["q1''"], atol=1e-5)
     assert np.allclose(pole, solution["q2''"], atol=1e-5)
+
+
+def test_a_tool_may_run_in_another_python(
+    peers: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from bench.peers import runner
+    from bench.peers.contenders import contender
+
+    one = contender("Sleipnir")
+    monkeypatch.delenv("BENCH_PYTHON_SLEIPNIR", raising=False)
+    assert runner.interpreter(one) == sys.executable
+    other = tmp_path / "python"
+    for answers, takes_part in ((f'exec {sys.executable} -c "pass"', True), ("exit 1", False)):
+        other.write_text(f"#!/bin/sh\n{answers}\n", encoding="utf-8")
+        other.chmod(0o755)
+        monkeypatch.setenv("BENCH_PYTHON_SLEIPNIR", str(other))
+        assert runner.interpreter(one) == str(other)
+        present, absent = runner.available()
+        assert (one in present) == takes_part
+        assert any("Sleipnir" in line for line in absent) != takes_part
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from bench.peers import problems
-from bench.peers.casadi_ipopt import solved, weights
+from bench.peers.casadi_ipopt import solved
 from bench.peers.casadi_options import fatrop_options
 from bench.peers.task import Case, Task
 
@@ -178,7 +178,7 @@ def _staged(motion: Motion, n: int) -> tuple[dict[str, Any], dict[str, Any], dic
     guess = np.zeros((y.shape[0], n + 1))
     straight = np.outer(motion.end, np.linspace(0.0, 1.0, n + 1))
     guess[:size] = straight if motion.guess is None else motion.guess
-    trapezoid = ca.DM(weights(n, h)).T
+    trapezoid = ca.DM(problems.weights(n, h)).T
     program = {"x": ca.vec(w), "f": ca.dot(motion.cost(a, u), trapezoid), "g": ca.vertcat(*parts)}
     arguments = {
         "x0": guess.ravel("F"),

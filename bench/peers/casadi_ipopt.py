@@ -43,13 +43,6 @@ def trapezoidal_gaps(value: Any, rate: Any, h: float) -> Any:
     return value[:, 1:] - value[:, :-1] - h / 2 * (rate[:, 1:] + rate[:, :-1])
 
 
-def weights(n: int, h: float) -> np.ndarray:
-    """Of the trapezoidal sum over n + 1 nodes."""
-    w = np.full(n + 1, h)
-    w[0] = w[-1] = h / 2
-    return w
-
-
 def _boxes(rows: int, n: int) -> tuple[np.ndarray, np.ndarray]:
     return np.full((rows, n + 1), -np.inf), np.full((rows, n + 1), np.inf)
 
@@ -69,7 +62,7 @@ def _point(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     w = ca.MX.sym("w", 6, n + 1)
     place, speed, push = w[:2, :], w[2:4, :], w[4:, :]
     gaps = ca.vertcat(trapezoidal_gaps(place, speed, h), trapezoidal_gaps(speed, push, h))
-    objective = ca.dot(ca.sum1(push**2), ca.DM(weights(n, h)).T)
+    objective = ca.dot(ca.sum1(push**2), ca.DM(problems.weights(n, h)).T)
     lower, upper = _boxes(6, n)
     for share, *point in problems.WAYPOINTS:
         frame = round(share * n)
@@ -94,7 +87,7 @@ def _cart_pole(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, An
     w = ca.MX.sym("w", 5, n + 1)
     states, force = w[:4, :], w[4, :]
     gaps = trapezoidal_gaps(states, frame.map(n + 1)(states, force), h)
-    objective = ca.dot(force**2, ca.DM(weights(n, h)).T)
+    objective = ca.dot(force**2, ca.DM(problems.weights(n, h)).T)
     lower, upper = _boxes(5, n)
     lower[0], upper[0] = -problems.TRACK, problems.TRACK
     lower[4], upper[4] = -problems.FORCE, problems.FORCE
@@ -117,7 +110,7 @@ def _chain(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     angles, rates, accelerations, torques = ca.vertsplit(w, rods)
     gaps = ca.vertcat(trapezoidal_gaps(angles, rates, h), trapezoidal_gaps(rates, accelerations, h))
     laws = frame.map(n + 1)(angles, rates, accelerations, torques)
-    objective = ca.dot(ca.sum1(torques**2), ca.DM(weights(n, h)).T)
+    objective = ca.dot(ca.sum1(torques**2), ca.DM(problems.weights(n, h)).T)
     lower, upper = _boxes(4 * rods, n)
     lower[: 2 * rods, 0] = upper[: 2 * rods, 0] = 0.0
     lower[:rods, n] = upper[:rods, n] = problems.UPRIGHT
@@ -198,7 +191,7 @@ def _jump(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         rows += [(balance.map(n + 1)(places, rates, accelerations, torques, contact), 0.0, 0.0)]
         effort = ca.sum1(torques**2) + problems.WHIP * ca.sum1(accelerations[3:, :] ** 2)
         turns = ca.sumsqr(torques[:, 1:] - torques[:, :-1])
-        objective += ca.dot(effort, ca.DM(weights(n, h)).T) + problems.TURNS / h * turns
+        objective += ca.dot(effort, ca.DM(problems.weights(n, h)).T) + problems.TURNS / h * turns
         phases.append(w)
         guesses.append(guess.ravel("F"))
         lowers.append(lower.ravel("F"))

@@ -58,7 +58,14 @@ CONTENDERS = (
     Contender("PIQP, multistage", "PIQP", "quadratic", "piqp-multistage", "piqp", {"P1": 100_000}),
     Contender("Clarabel", "Clarabel", "quadratic", "clarabel", "clarabel", {"P1": 100_000}),
     Contender("SuperLU", "SuperLU (SciPy)", "quadratic", "superlu", "scipy", {"P1": 100_000}),
-    Contender("Sleipnir", "Sleipnir", "sleipnir_python", "", "sleipnir", {"P2": 10_000, "P3": 1000}),
+    Contender(
+        "Sleipnir",
+        "Sleipnir",
+        "sleipnir_python",
+        "",
+        "sleipnir",
+        {"P1": 10_000, "P2": 10_000, "P3": 1000, "P3s": 200, "P4": 50},
+    ),
     Contender("NLopt SLSQP", "NLopt", "nlopt_slsqp", "", "nlopt", {"P2": 50}),
     Contender("Drake, SNOPT", "Drake", "drake_collocation", "snopt", "pydrake", {"P2": 50}, same=False),
     Contender(

@@ -4,7 +4,7 @@ P1  a point through three waypoints, least acceleration: a quadratic problem
 P2  cart-pole swing-up of [Kelly2017], bounds on cart and force
 P3  a chain of five rods, hanging to upright in half a second, least torque: absolute angles, inverse dynamics
 P3s the same from a guess that swings: P3 has dozens of optima, and from its own guess, a straight line, tools end at
-    different ones; from this one, with 50 and 200 intervals, they end at the same
+    different ones; from this one, with 50 and 200 intervals, most end at the same
 P4  the same of 2, 10 and 20 rods
 P5  a lamp on a flat foot jumps: six coordinates, phases of fixed length, a plastic landing; inverse dynamics
 P6  the lamp's jump of the bundled specs, ``luxo_jump``
@@ -61,6 +61,13 @@ JUMP_DISTANCE, FOOT, REACH, FRICTION = 0.4, 0.1, 0.08, 0.6
 LAMP_TORQUE, LAMP_RATE, PITCH = 15.0, 20.0, 1.0
 #: Weights of accelerations of joints and of changes of torques.
 WHIP, TURNS = 1e-5, 1e-4
+
+
+def weights(n: int, h: float) -> np.ndarray:
+    """Of the trapezoidal sum over n + 1 nodes."""
+    w = np.full(n + 1, h)
+    w[0] = w[-1] = h / 2
+    return w
 
 
 def cart_pole_accelerations(

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.peers import problems
-from bench.peers.contenders import CONTENDERS, Contender
+from bench.peers.contenders import CONTENDERS, Contender, contender
 from bench.peers.task import Case
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -156,11 +156,27 @@ def run(command: list[str], env: dict[str, str], limit: float) -> Ended:
         return Ended(process.returncode, out.read(), err.read(), usage.ru_utime + usage.ru_stime, wall)
 
 
+def interpreter(one: Contender) -> str:
+    """The Python that a contender runs in.
+
+    That of this process, or, for a package that is not for it, the one that the environment variable
+    BENCH_PYTHON_PACKAGE names, such as BENCH_PYTHON_SLEIPNIR; it has NumPy and that package, but not this project.
+    """
+    return os.environ.get(f"BENCH_PYTHON_{one.needs.upper()}", "") or sys.executable
+
+
+def _has_package(one: Contender) -> bool:
+    python = interpreter(one)
+    if not one.needs or python == sys.executable:
+        return not one.needs or find_spec(one.needs) is not None
+    return run([python, "-c", f"import numpy, {one.needs}"], environment(), 60.0).code == 0
+
+
 def available() -> tuple[list[Contender], list[str]]:
     """Who can take part here, and a line about each who cannot."""
     present, absent = [], []
     for one in CONTENDERS:
-        if one.needs and find_spec(one.needs) is None:
+        if not _has_package(one):
             absent.append(f"{one.tool} is left out: its package is not installed here.")
         else:
             present.append(one)
@@ -168,7 +184,8 @@ def available() -> tuple[list[Contender], list[str]]:
 
 
 def _worker(name: str, case: Case, mode: str, *rest: str) -> list[str]:
-    return [sys.executable, "-m", "bench.peers.worker", name, json.dumps(asdict(case)), mode, *rest]
+    python = interpreter(contender(name))
+    return [python, "-m", "bench.peers.worker", name, json.dumps(asdict(case)), mode, *rest]
 
 
 def solve_only(

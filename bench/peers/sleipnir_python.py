@@ -1,4 +1,4 @@
-"""Sleipnir through its Python package: P2 and P3, the same trapezoidal programs."""
+"""Sleipnir through its Python package: the same trapezoidal programs."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from sleipnir.autodiff import cos, sin
 from sleipnir.optimization import ExitStatus, Problem, bounds
 
 from bench.peers import problems
-from bench.peers.casadi_ipopt import weights
 from bench.peers.task import Case, Outcome, Task
 
 
 def build(case: Case, variant: str) -> Task:
-    return _cart_pole(case) if case.problem == "P2" else _chain(case)
+    return {"P1": _point, "P2": _cart_pole}.get(case.problem, _chain)(case)
 
 
 def _solving(problem: Any, starts: list[tuple[Any, np.ndarray]], case: Case, cost: Any) -> Task:
@@ -39,6 +38,26 @@ def _solving(problem: Any, starts: list[tuple[Any, np.ndarray]], case: Case, cos
     return Task(solve)
 
 
+def _point(case: Case) -> Task:
+    n, h = case.n, problems.POINT_TIME / case.n
+    problem = Problem()
+    place, speed, push = (problem.decision_variable(2, n + 1) for _ in range(3))
+    for share, *point in problems.WAYPOINTS:
+        frame = round(share * n)
+        problem.subject_to(place[:, frame : frame + 1] == np.array([point]).T)
+    for frame in (0, n):
+        problem.subject_to(speed[:, frame : frame + 1] == np.zeros((2, 1)))
+    problem.subject_to(place[:, 1:] == place[:, :n] + h / 2 * (speed[:, 1:] + speed[:, :n]))
+    problem.subject_to(speed[:, 1:] == speed[:, :n] + h / 2 * (push[:, 1:] + push[:, :n]))
+    trapezoid = problems.weights(n, h)
+    objective: Any = 0.0
+    for k in range(n + 1):
+        objective = objective + trapezoid[k] * (push[0, k] * push[0, k] + push[1, k] * push[1, k])
+    problem.minimize(objective)
+    starts = [(unknown, np.zeros((2, n + 1))) for unknown in (place, speed, push)]
+    return _solving(problem, starts, case, lambda: float((push.value() ** 2 * trapezoid).sum()))
+
+
 def _cart_pole(case: Case) -> Task:
     n, h = case.n, problems.SWING_TIME / case.n
     problem = Problem()
@@ -59,7 +78,7 @@ def _cart_pole(case: Case) -> Task:
         )
         for k in range(n + 1)
     ]
-    trapezoid = weights(n, h)
+    trapezoid = problems.weights(n, h)
     objective: Any = 0.0
     for k in range(n + 1):
         objective = objective + trapezoid[k] * (force[0, k] * force[0, k])
@@ -80,7 +99,7 @@ def _chain(case: Case) -> Task:
         problem.subject_to(value[:, frame : frame + 1] == target)
     problem.subject_to(q[:, 1:] == q[:, :n] + h / 2 * (v[:, 1:] + v[:, :n]))
     problem.subject_to(v[:, 1:] == v[:, :n] + h / 2 * (a[:, 1:] + a[:, :n]))
-    trapezoid = weights(n, h)
+    trapezoid = problems.weights(n, h)
     objective: Any = 0.0
     for k in range(n + 1):
         column = [[unknown[i, k] for i in range(rods)] for unknown in (q, v, a)]
@@ -89,6 +108,6 @@ def _chain(case: Case) -> Task:
             objective = objective + trapezoid[k] * (tau[i, k] * tau[i, k])
     problem.minimize(objective)
     nothing = np.zeros((rods, n + 1))
-    line = np.tile(np.linspace(0.0, problems.UPRIGHT, n + 1), (rods, 1))
+    line = problems.chain_guess(case.problem, rods, n)
     starts = [(q, line), (v, nothing), (a, nothing), (tau, nothing)]
     return _solving(problem, starts, case, lambda: float((tau.value() ** 2 * trapezoid).sum()))
