@@ -212,11 +212,11 @@ class Nested:
         """
         self._begin = time.monotonic()
 
-        def another() -> Floats | None:
+        def another(left: int) -> tuple[Floats | None, int]:
             if not offered() or self._over:
-                return None
-            before = self._before()
-            return self.start(before).x if before.status == "optimal" else None
+                return None, 0
+            before = self._before(left)
+            return self.start(before).x if before.status == "optimal" else None, before.iterations
 
         return self._counted(
             self.fine(
@@ -224,10 +224,13 @@ class Nested:
             )
         )
 
-    def _before(self) -> Solution:
-        """The motion on fewer frames, counted."""
+    def _before(self, left: int | None = None) -> Solution:
+        """The motion on fewer frames, counted; found in the iterations that are ``left``, where that is told."""
+        attempt = self._attempt()
+        if left is not None:
+            attempt = replace(attempt, max_iterations=min(attempt.max_iterations, max(0, left)))
         # Not to a rougher tolerance: multipliers would not tell any more which constraints are active.
-        before = self.coarse(self._attempt(), self._told_from_afar if self.callback is not None else None)
+        before = self.coarse(attempt, self._told_from_afar if self.callback is not None else None)
         self._count(before)
         self._stopped = self._stopped or before.status == "interrupted"
         return before

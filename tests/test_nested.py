@@ -322,6 +322,19 @@ def test_a_solve_that_does_not_get_on_is_started_from_fewer_frames(monkeypatch: 
     assert solution.iterations > 3 + 5
 
 
+def test_the_limit_counts_the_iterations_on_fewer_frames_that_were_to_help(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    model = stc.load(PENDULUM.replace("n = 400", "n = 48"))
+    monkeypatch.setattr("stc.solver.sqp.SOON", 3)
+    needed = model.solve().iterations
+    for most in range(1, needed):
+        solution = model.solve(max_iterations=most)
+        assert solution.status == "iteration_limit"
+        assert solution.iterations <= most
+    assert model.solve(max_iterations=needed + 1).status == "optimal"
+
+
 @pytest.mark.parametrize(("lately", "expected"), [(3, ["near"]), (50, ["near", "far", "near"])])
 def test_a_solve_that_converges_when_its_steps_are_used_up_goes_on(
     lately: int, expected: list[str], monkeypatch: pytest.MonkeyPatch

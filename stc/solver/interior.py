@@ -214,7 +214,7 @@ class _Loop:
         if monitor.watched or monitor.is_late or self.stop is not None:
             most = 0
         else:
-            most = max(0, min(self.longest, min(self.last, self.options.max_iterations) - monitor.iterations))
+            most = max(0, min(self.longest, min(self.last, monitor.limit) - monitor.iterations))
         s[MOST], s[BEST_NEW] = most, 0.0
         s[BEST_KNOWN] = monitor.best is not None
         if monitor.best is not None:

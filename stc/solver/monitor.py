@@ -28,6 +28,7 @@ class Monitor:
 
     Attributes:
         iterations: steps taken so far.
+        limit: how many may be taken.
         history: one record per step, and one for the start.
         best: the best point in the user's terms, ``(violation, objective, x, row multipliers)``, or None.
     """
@@ -35,6 +36,7 @@ class Monitor:
     def __init__(self, options: Options, callback: Callback | None) -> None:
         self.options = options
         self.iterations = 0
+        self.limit = options.max_iterations
         self.history: list[IterationRecord] = []
         self.best: tuple[float, float, Floats, Floats] | None = None
         self._callback = callback
@@ -127,7 +129,7 @@ class Monitor:
         Raises:
             Stopped: when one is reached.
         """
-        if self.iterations >= self.options.max_iterations:
+        if self.iterations >= self.limit:
             raise Stopped(Status.ITERATION_LIMIT)
         if self.is_late:
             raise Stopped(Status.TIME_LIMIT)

@@ -117,9 +117,9 @@ class Reduced:
         part, another = self.known.part, start.another
         y, z = start.row_multipliers, start.bound_multipliers
 
-        def other() -> Floats | None:
-            x = another() if another is not None else None
-            return None if x is None else x[part.cols]
+        def other(left: int) -> tuple[Floats | None, int]:
+            x, spent = another(left) if another is not None else (None, 0)
+            return None if x is None else x[part.cols], spent
 
         return Start(
             np.asarray(start.x, float)[part.cols],

@@ -19,14 +19,16 @@ class Start:
         x: variables, (n,).
         row_multipliers: (m,) or None; sign convention of :mod:`stc.solver.nlp`.
         bound_multipliers: (n,) or None.
-        another: asked for other variables (n,) to start from where these do not lead to a solution soon; None where
-            there are none.
+        another: asked, with the number of iterations that are left, for other variables (n,) to start from where these
+            do not lead to a solution soon: those, or None, and how many iterations it took to find out.
     """
 
     x: Floats
     row_multipliers: Floats | None = None
     bound_multipliers: Floats | None = None
-    another: Callable[[], Floats | None] | None = field(default=None, repr=False, compare=False)
+    another: Callable[[int], tuple[Floats | None, int]] | None = field(
+        default=None, repr=False, compare=False
+    )
 
 
 @dataclass(slots=True)

@@ -191,7 +191,8 @@ class _Solve:
         outcome = self._barrier(form, x0, Tactics(budget=SOON))
         if outcome.end not in (End.STUCK, End.STATIONARY_VIOLATION) or form.linear:
             return outcome
-        x = self.start.another()
+        x, spent = self.start.another(self.monitor.limit - self.monitor.iterations)
+        self.monitor.limit -= spent  # it counts all of them together
         if x is not None:
             other = self._barrier(form, np.clip(x, self.nlp.x_lower, self.nlp.x_upper), Tactics(budget=SOON))
             if other.end is End.CONVERGED:

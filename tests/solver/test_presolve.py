@@ -112,15 +112,16 @@ def test_another_start_is_asked_for_in_terms_of_the_whole() -> None:
     less = presolved(program)
     assert less is not None
     other = np.arange(float(program.n))
-    start = less.start(Start(program.x0, another=lambda: other))
+    start = less.start(Start(program.x0, another=lambda left: (other, left - 3)))
     assert start.x.tolist() == program.x0[less.known.part.cols].tolist()
     assert start.another is not None
-    found = start.another()
+    found, spent = start.another(5)
     assert found is not None
+    assert spent == 2
     assert found.tolist() == less.known.part.cols.tolist()
-    none = less.start(Start(program.x0, another=lambda: None)).another
+    none = less.start(Start(program.x0, another=lambda left: (None, left))).another
     assert none is not None
-    assert none() is None
+    assert none(7) == (None, 7)
 
 
 @pytest.mark.parametrize("backend", ["auto", "python"])
