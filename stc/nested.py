@@ -224,13 +224,10 @@ class Nested:
             )
         )
 
-    def _before(self, left: int | None = None) -> Solution:
-        """The motion on fewer frames, counted; found in the iterations that are ``left``, where that is told."""
-        attempt = self._attempt()
-        if left is not None:
-            attempt = replace(attempt, max_iterations=min(attempt.max_iterations, max(0, left)))
+    def _before(self, most: int = ITERATIONS) -> Solution:
+        """The motion on fewer frames, counted; found in so many iterations at ``most``."""
         # Not to a rougher tolerance: multipliers would not tell any more which constraints are active.
-        before = self.coarse(attempt, self._told_from_afar if self.callback is not None else None)
+        before = self.coarse(self._attempt(most), self._told_from_afar if self.callback is not None else None)
         self._count(before)
         self._stopped = self._stopped or before.status == "interrupted"
         return before
@@ -249,10 +246,10 @@ class Nested:
             time_limit=max(0.0, self.options.time_limit - (time.monotonic() - self._begin)),
         )
 
-    def _attempt(self) -> Options:
+    def _attempt(self, most: int = ITERATIONS) -> Options:
         """The same for a solve that is given up where it does not get on."""
         left = self._left()
-        return replace(left, max_iterations=min(left.max_iterations, ITERATIONS), retries=0)
+        return replace(left, max_iterations=min(left.max_iterations, most, ITERATIONS), retries=0)
 
     def _count(self, done: Solution | Result) -> None:
         self._iterations += done.iterations

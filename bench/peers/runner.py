@@ -167,7 +167,7 @@ def interpreter(one: Contender) -> str:
 
 def _has_package(one: Contender) -> bool:
     python = interpreter(one)
-    if not one.needs or python == sys.executable:
+    if python == sys.executable:
         return not one.needs or find_spec(one.needs) is not None
     return run([python, "-c", f"import numpy, {one.needs}"], environment(), 60.0).code == 0
 

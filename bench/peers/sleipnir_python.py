@@ -16,7 +16,20 @@ def build(case: Case, variant: str) -> Task:
     return {"P1": _point, "P2": _cart_pole}.get(case.problem, _chain)(case)
 
 
-def _solving(problem: Any, starts: list[tuple[Any, np.ndarray]], case: Case, cost: Any) -> Task:
+def _joined(value: Any, rate: Any, n: int, h: float) -> Any:
+    """The trapezoidal rule between all nodes."""
+    return value[:, 1:] == value[:, :n] + h / 2 * (rate[:, 1:] + rate[:, :n])
+
+
+def _solving(problem: Any, starts: list[tuple[Any, np.ndarray]], case: Case, effort: Any, h: float) -> Task:
+    """Solves for the least integral of the squares of ``effort`` (rows, n + 1)."""
+    rows, nodes = effort.shape
+    trapezoid = problems.weights(case.n, h)
+    objective: Any = 0.0
+    for k in range(nodes):
+        for row in range(rows):
+            objective = objective + trapezoid[k] * (effort[row, k] * effort[row, k])
+    problem.minimize(objective)
     count = 0
 
     def counted(info: Any) -> bool:
@@ -33,7 +46,8 @@ def _solving(problem: Any, starts: list[tuple[Any, np.ndarray]], case: Case, cos
             unknown.set_value(start)
         status = problem.solve(timeout=case.time_limit, max_iterations=case.max_iterations)
         x = np.concatenate([np.asarray(unknown.value()).ravel() for unknown, _ in starts])
-        return Outcome(cost(), count, status == ExitStatus.SUCCESS, str(status), x)
+        cost = float((effort.value() ** 2 * trapezoid).sum())
+        return Outcome(cost, count, status == ExitStatus.SUCCESS, str(status), x)
 
     return Task(solve)
 
@@ -47,15 +61,10 @@ def _point(case: Case) -> Task:
         problem.subject_to(place[:, frame : frame + 1] == np.array([point]).T)
     for frame in (0, n):
         problem.subject_to(speed[:, frame : frame + 1] == np.zeros((2, 1)))
-    problem.subject_to(place[:, 1:] == place[:, :n] + h / 2 * (speed[:, 1:] + speed[:, :n]))
-    problem.subject_to(speed[:, 1:] == speed[:, :n] + h / 2 * (push[:, 1:] + push[:, :n]))
-    trapezoid = problems.weights(n, h)
-    objective: Any = 0.0
-    for k in range(n + 1):
-        objective = objective + trapezoid[k] * (push[0, k] * push[0, k] + push[1, k] * push[1, k])
-    problem.minimize(objective)
+    problem.subject_to(_joined(place, speed, n, h))
+    problem.subject_to(_joined(speed, push, n, h))
     starts = [(unknown, np.zeros((2, n + 1))) for unknown in (place, speed, push)]
-    return _solving(problem, starts, case, lambda: float((push.value() ** 2 * trapezoid).sum()))
+    return _solving(problem, starts, case, push, h)
 
 
 def _cart_pole(case: Case) -> Task:
@@ -78,16 +87,12 @@ def _cart_pole(case: Case) -> Task:
         )
         for k in range(n + 1)
     ]
-    trapezoid = problems.weights(n, h)
-    objective: Any = 0.0
-    for k in range(n + 1):
-        objective = objective + trapezoid[k] * (force[0, k] * force[0, k])
-        for row in range(4 if k < n else 0):
+    for k in range(n):
+        for row in range(4):
             mean = h / 2 * (rates[k][row] + rates[k + 1][row])
             problem.subject_to(states[row, k + 1] == states[row, k] + mean)
-    problem.minimize(objective)
     starts = [(states, start), (force, np.zeros((1, n + 1)))]
-    return _solving(problem, starts, case, lambda: float((force.value() ** 2 * trapezoid).sum()))
+    return _solving(problem, starts, case, force, h)
 
 
 def _chain(case: Case) -> Task:
@@ -97,17 +102,13 @@ def _chain(case: Case) -> Task:
     zero, upright = np.zeros((rods, 1)), np.full((rods, 1), problems.UPRIGHT)
     for value, frame, target in ((q, 0, zero), (v, 0, zero), (q, n, upright), (v, n, zero)):
         problem.subject_to(value[:, frame : frame + 1] == target)
-    problem.subject_to(q[:, 1:] == q[:, :n] + h / 2 * (v[:, 1:] + v[:, :n]))
-    problem.subject_to(v[:, 1:] == v[:, :n] + h / 2 * (a[:, 1:] + a[:, :n]))
-    trapezoid = problems.weights(n, h)
-    objective: Any = 0.0
+    problem.subject_to(_joined(q, v, n, h))
+    problem.subject_to(_joined(v, a, n, h))
     for k in range(n + 1):
         column = [[unknown[i, k] for i in range(rods)] for unknown in (q, v, a)]
         for i, torque in enumerate(problems.chain_torques(*column, sin, cos)):
             problem.subject_to(tau[i, k] == torque)
-            objective = objective + trapezoid[k] * (tau[i, k] * tau[i, k])
-    problem.minimize(objective)
     nothing = np.zeros((rods, n + 1))
-    line = problems.chain_guess(case.problem, rods, n)
-    starts = [(q, line), (v, nothing), (a, nothing), (tau, nothing)]
-    return _solving(problem, starts, case, lambda: float((tau.value() ** 2 * trapezoid).sum()))
+    angles = problems.chain_guess(case.problem, rods, n)
+    starts = [(q, angles), (v, nothing), (a, nothing), (tau, nothing)]
+    return _solving(problem, starts, case, tau, h)
