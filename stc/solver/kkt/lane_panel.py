@@ -155,10 +155,14 @@ def put_vectors(streamed: i64, vectors: i64, part: f64s, at: i64, x: f64s) -> No
 
 
 @native(fused=True, inline=True)
-def _update_four(distance: i64, count: i64, rows: i32s, factors: f64s, columns: f64s, work: f64s) -> None:
+def _update_four(
+    distance: i64, streamed: i64, count: i64, rows: i32s, factors: f64s, columns: f64s, work: f64s, target: f64s
+) -> None:  # fmt: skip
     """Subtract what four members leave; their rows of ``factors`` and ``columns`` are ``count`` vectors.
 
-    Meanwhile the memory of later factors, ``distance`` ahead, is asked for: to wait for it then takes longer.
+    Meanwhile the memory of later factors, ``distance`` ahead, is asked for: to wait for it then takes longer.  Or the
+    factors are copied to ``target`` past the caches where they are ``streamed``: they are in registers for a moment,
+    and a processor that multiplies has little else to store.
     """
     i = 0
     far = 8 * count
@@ -178,6 +182,15 @@ def _update_four(distance: i64, count: i64, rows: i32s, factors: f64s, columns: 
         b3 = load8(factors, e + 3 * far + 8)
         ask_ahead(distance, 4, far, e, factors)
         ask_ahead(distance, 4, far, e + 8, factors)
+        if streamed != 0:
+            stream8(target, e, a0)
+            stream8(target, e + 8, b0)
+            stream8(target, e + far, a1)
+            stream8(target, e + far + 8, b1)
+            stream8(target, e + 2 * far, a2)
+            stream8(target, e + 2 * far + 8, b2)
+            stream8(target, e + 3 * far, a3)
+            stream8(target, e + 3 * far + 8, b3)
         for j in range(i + 1):
             other = 8 * rows[j]
             at = 8 * j
@@ -203,6 +216,11 @@ def _update_four(distance: i64, count: i64, rows: i32s, factors: f64s, columns: 
         a1 = load8(factors, e + far)
         a2 = load8(factors, e + 2 * far)
         a3 = load8(factors, e + 3 * far)
+        if streamed != 0:
+            stream8(target, e, a0)
+            stream8(target, e + far, a1)
+            stream8(target, e + 2 * far, a2)
+            stream8(target, e + 3 * far, a3)
         for j in range(i + 1):
             other = 8 * rows[j]
             at = 8 * j
@@ -213,8 +231,9 @@ def _update_four(distance: i64, count: i64, rows: i32s, factors: f64s, columns: 
 
 @native(fused=True, inline=True)
 def _update_two(
-    distance: i64, count: i64, rows: i32s, length: i64, begin: i64, factors: f64s, columns: f64s, work: f64s
-) -> None:
+    distance: i64, streamed: i64, count: i64, rows: i32s, length: i64, begin: i64, factors: f64s, columns: f64s,
+    work: f64s, target: f64s,
+) -> None:  # fmt: skip
     """The same for two members, of rows that are ``length`` vectors apart and looked at from ``begin`` on."""
     far = 8 * length
     i = 0
@@ -230,6 +249,11 @@ def _update_two(
         b1 = load8(factors, e + far + 8)
         ask_ahead(distance, 2, far, e, factors)
         ask_ahead(distance, 2, far, e + 8, factors)
+        if streamed != 0:
+            stream8(target, e, a0)
+            stream8(target, e + 8, b0)
+            stream8(target, e + far, a1)
+            stream8(target, e + far + 8, b1)
         for j in range(i + 1):
             other = 8 * rows[j]
             at = 8 * (begin + j)
@@ -247,6 +271,9 @@ def _update_two(
         base = 4 * row * (row + 1)
         a0 = load8(factors, e)
         a1 = load8(factors, e + far)
+        if streamed != 0:
+            stream8(target, e, a0)
+            stream8(target, e + far, a1)
         for j in range(i + 1):
             other = 8 * rows[j]
             at = 8 * (begin + j)
@@ -256,8 +283,9 @@ def _update_two(
 
 @native(fast=True, inline=True)
 def _update_one(
-    distance: i64, count: i64, rows: i32s, begin: i64, factors: f64s, columns: f64s, work: f64s
-) -> None:
+    distance: i64, streamed: i64, count: i64, rows: i32s, begin: i64, factors: f64s, columns: f64s, work: f64s,
+    target: f64s,
+) -> None:  # fmt: skip
     """The same for one member."""
     for i in range(count):
         e = 8 * (begin + i)
@@ -265,6 +293,8 @@ def _update_one(
         base = 4 * row * (row + 1)
         a0 = load8(factors, e)
         ask_ahead(distance, 1, 0, e, factors)
+        if streamed != 0:
+            stream8(target, e, a0)
         for j in range(i + 1):
             other = 8 * rows[j]
             store8(work, base + other, load8(work, base + other) - a0 * load8(columns, 8 * (begin + j)))
@@ -481,8 +511,8 @@ def _scale_two(
 
 @native(fast=True, inline=True)
 def _take_three(
-    distance: i64, count: i64, kinds: i32s, rows: i32s, sources: i32s, growth: f64, suspect: f64, work: f64s,
-    columns: f64s, whole: f64s, factors: f64s, state: f64s,
+    distance: i64, streamed: i64, count: i64, kinds: i32s, rows: i32s, sources: i32s, growth: f64, suspect: f64,
+    work: f64s, columns: f64s, whole: f64s, factors: f64s, target: f64s, state: f64s,
 ) -> None:  # fmt: skip
     """Take three members out at once; ``whole`` is room for all of L."""
     length = 3 + count
@@ -498,43 +528,57 @@ def _take_three(
         else:
             _take_single(p, 3, length, growth, suspect, columns, whole, state)
             p += 1
-    _update_two(0, count, rows, length, 3, whole, columns, work)
+    _update_two(0, 0, count, rows, length, 3, whole, columns, work, target)
     last = 16 * length
-    _update_one(0, count, rows, 3, whole[last:], columns[last:], work)
+    _update_one(0, 0, count, rows, 3, whole[last:], columns[last:], work, target)
     _keep_corner(3, length, whole, factors)
     for k in range(3):
         for e in range(count):
             at = 8 * (6 + k * count + e)
-            ask_ahead(distance, 1, 0, at, factors)
-            store8(factors, at, load8(whole, 8 * (k * length + 3 + e)))
+            value = load8(whole, 8 * (k * length + 3 + e))
+            if streamed != 0:
+                stream8(target, at, value)
+            else:
+                ask_ahead(distance, 1, 0, at, factors)
+                store8(factors, at, value)
 
 
 @native(fast=True)
 def take_panel(
-    distance: i64, members: i64, count: i64, kinds: i32s, rows: i32s, sources: i32s, growth: f64, suspect: f64,
-    work: f64s, columns: f64s, factors: f64s, state: f64s,
+    distance: i64, streamed: i64, members: i64, count: i64, kinds: i32s, rows: i32s, sources: i32s, growth: f64,
+    suspect: f64, work: f64s, columns: f64s, factors: f64s, target: f64s, state: f64s,
 ) -> None:  # fmt: skip
-    """Take the members out of ``work`` and keep their factors; ``columns`` is room for them twice over."""
+    """Take the members out of ``work``; ``columns`` is room for them twice over.
+
+    Args:
+        factors: room for theirs, where they are kept unless they are ``streamed`` to ``target``.
+    """
     length = members + count
     # Room for C without the corner is followed by that for C and for L in the corner.
     corner = columns[8 * members * count :]
+    corner_vectors = panel_vectors(members, 0)
+    rest = factors[8 * corner_vectors :]
+    rest_target = target[8 * corner_vectors :]
     if members == 4:
         own = corner[128:]
         _take_corner(4, length, kinds, sources, growth, suspect, work, corner, own, factors, state)
-        _scale_four(count, kinds, sources, growth, work, own, columns, factors[80:], state)
-        _update_four(distance, count, rows, factors[80:], columns, work)
+        _scale_four(count, kinds, sources, growth, work, own, columns, rest, state)
+        _update_four(distance, streamed, count, rows, rest, columns, work, rest_target)
     elif members == 2:
         own = corner[32:]
         _take_corner(2, length, kinds, sources, growth, suspect, work, corner, own, factors, state)
-        _scale_two(count, kinds, sources, growth, work, own, columns, factors[24:], state)
-        _update_two(distance, count, rows, count, 0, factors[24:], columns, work)
+        _scale_two(count, kinds, sources, growth, work, own, columns, rest, state)
+        _update_two(distance, streamed, count, rows, count, 0, rest, columns, work, rest_target)
     elif members == 3:
         whole = columns[24 * length :]
         _take_three(
-            distance, count, kinds, rows, sources, growth, suspect, work, columns, whole, factors, state
-        )
+            distance, streamed, count, kinds, rows, sources, growth, suspect, work, columns, whole, factors, target,
+            state,
+        )  # fmt: skip
     else:
         for e in range(length):
             store8(columns, 8 * e, load8(work, 8 * sources[e]))
         _take_single(0, 1, length, growth, suspect, columns, factors, state)
-        _update_one(distance, count, rows, 1, factors, columns, work)
+        _update_one(distance, streamed, count, rows, 1, factors, columns, work, target)
+    if streamed != 0:
+        put_vectors(1, corner_vectors, factors, 0, target)

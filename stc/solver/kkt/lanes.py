@@ -42,7 +42,6 @@ from stc.solver.kkt.lane_panel import (
     WORST,
     ask_ahead,
     panel_vectors,
-    put_vectors,
     spread_in,
     take_panel,
 )
@@ -365,18 +364,15 @@ def eliminate(
                 members = panel[0]
                 count = panel[1]
                 rows = panel[2 + 2 * members :]
-                vectors = panel_vectors(members, count)
                 kept = factors[at:]
                 if streamed != 0:
                     kept = made[0:]
                 take_panel(
-                    writing, members, count, panel[2:], rows, rows[count:], growth, suspect, work, columns,
-                    kept, state,
+                    writing, streamed, members, count, panel[2:], rows, rows[count:], growth, suspect, work, columns,
+                    kept, factors[at:], state,
                 )  # fmt: skip
-                if streamed != 0:
-                    put_vectors(1, vectors, made, at, factors)
                 panel = rows[count + members * (members + count) :]
-                at += 8 * vectors
+                at += 8 * panel_vectors(members, count)
             if not (largest8(load8(state, WORST)) < 1.0):
                 return -1
         if sum8(load8(state, CHECK)) != 0.0 or (watched != 0 and spread_in(spread) > STALE):

@@ -14,6 +14,7 @@ import numpy as np
 
 from stc.codegen.calls import Bound
 from stc.records import dataclass, field
+from stc.solver.kkt.contract import COARSE
 from stc.solver.kkt.lane_panel import LARGEST
 from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
@@ -31,8 +32,9 @@ MATRICES = 40
 #: vain.
 SETTLED = (6, 30)
 FEWER = 0.97
-#: It is given up at once where its factors have to be tried on a right-hand side, and what tests its pivots is so many
-#: times larger than it was before: to refine solutions takes longer then than fewer operations save.
+#: It is given up at once where its factors have to be tried on a right-hand side, that leaves more than solves are
+#: content with, and what tests its pivots is so many times larger than it was before: to refine solutions takes longer
+#: then than fewer operations save.
 DOUBTED = 3.0
 #: How much the last matrix counts in the share of matrices that a plan suits, and the share that makes a trial worth
 #: its while.
@@ -283,7 +285,7 @@ class Plans:
             return False
         largest = self._frugal[1]
         self._frugal = None
-        if plan.probed[0] == 0.0 or plan.state[LARGEST] <= DOUBTED * largest:
+        if plan.probed[0] <= COARSE or plan.state[LARGEST] <= DOUBTED * largest:
             return False
         self._plans = [other for other in self._plans if other is not plan]
         self._known_cheaper.clear()
