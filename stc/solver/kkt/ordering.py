@@ -337,13 +337,19 @@ def _choose(
 
 @native
 def _choose_any(
-    done: i64, count: i64, waiting: i32s, margin: f64, stride: i64, sizes: f64s, most: f64s
+    all_taken: i64, done: i64, count: i64, waiting: i32s, margin: f64, stride: i64, sizes: f64s, most: f64s
 ) -> i64:  # fmt: skip
     """The same where every order costs the same: single pivots as long as there are strong ones."""
+    best = margin
+    chosen = -1
     for k in range(done, count):
         p = waiting[k]
-        if fabs(sizes[p * stride + p]) >= max(margin * most[p], NEGLIGIBLE):
-            return p * (stride + 1)
+        own = fabs(sizes[p * stride + p])
+        if own > NEGLIGIBLE and own >= best * most[p] and (all_taken != 0 or chosen < 0):
+            best = own / max(most[p], SMALLEST)
+            chosen = p
+    if chosen >= 0:
+        return chosen * (stride + 1)
     for k in range(done, count):
         p = waiting[k]
         q = -1
@@ -485,6 +491,7 @@ def order_stage(
     waiting: i32s,
     margin: f64,
     compared: f64,
+    all_taken: i64,
     sizes: f64s,
     degree: i32s,
     most: f64s,
@@ -506,6 +513,9 @@ def order_stage(
     Args:
         margin: the threshold that pivots are planned for.
         compared: pivots with at most this many times the fewest multiplications are compared by their fill.
+        all_taken: 1 where whoever eliminates takes all pivots in that order, whatever their values: then these count
+            to the end. Where pivots that turn out weak are taken later, it is better to expect little of that: once
+            every order costs the same, the sizes stay as they are.
         order: the slots in the order of their elimination, (count,).
         kinds: 1 or 2 where a pivot begins, 0 for the second of two, -1 for slots without a pivot: these come
             last, and the sizes then are as if they had been eliminated one by one.
@@ -530,7 +540,7 @@ def order_stage(
         if used + top > capacity:
             return -1
         if full:
-            chosen = _choose_any(done, count, waiting, margin, stride, sizes, most)
+            chosen = _choose_any(all_taken, done, count, waiting, margin, stride, sizes, most)
         else:
             chosen = _choose(
                 done, count, waiting, margin, compared, top, stride, sizes, degree, most, row_p, words, bits,
@@ -549,9 +559,10 @@ def order_stage(
                 # The one without diagonal comes second: its zeros stay zeros.
                 if fabs(sizes[p * stride + p]) < fabs(sizes[q * stride + q]):
                     p, q = q, p
+        if all_taken != 0 or not full:
+            _fill_pivot(p, q, margin, top, stride, sizes, most, row_p, row_q)
         if not full:
             _fill_bits(p, q, words, stride, sizes, bits, bits[stride * words :])
-            _fill_pivot(p, q, margin, top, stride, sizes, most, row_p, row_q)
             # Once a single pivot has coupled all that is left, nothing can be filled any more.
             coupled = 0
             for k in range(top):
@@ -561,7 +572,7 @@ def order_stage(
         if q >= 0:
             degree[q] = 0
         used = _drop(p, q, top, stride, sizes, used, lists)
-        if not full:
+        if all_taken != 0 or not full:
             for k in range(starts[done], used):
                 _measure(lists[k], top, stride, sizes, degree, most)
         for member in range(2 if kind == 2 else 1):

@@ -433,6 +433,7 @@ class PlannedKKT(ByCopies):
     def _refactor_whole(self) -> Inertia:
         if self._whole is None:
             self._whole = FrontalKKT.of_couplings(self._couplings, self._stage, self._arrays)
+        self._whole.irregular = self.irregular
         inertia = self._whole.refactor()
         self.nnz_factor = self._whole.nnz_factor
         calls = self._whole.solve_call, self._whole.solve_both_call

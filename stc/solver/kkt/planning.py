@@ -284,7 +284,7 @@ class _Walk:
         first, second = np.empty(CANDIDATES, dtype=np.int32), np.empty(CANDIDATES, dtype=np.int32)
         before = sizes.reshape(-1).copy()
         order_stage(
-            window, top, count, waiting, PLANNED, COMPARED, sizes.reshape(-1), degree, most, row_p, row_q,
+            window, top, count, waiting, PLANNED, COMPARED, 0, sizes.reshape(-1), degree, most, row_p, row_q,
             np.empty((window + SETS) * words_of(top), dtype=np.int64),
             first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
         )  # fmt: skip

@@ -9,6 +9,7 @@ from solver.kkt.kkt_problems import STRUCTURES, Builder, generic
 from solver.kkt.motions import holding, motion, parts, structure, system_of
 from solver.kkt.test_contract import check
 
+import stc
 from stc.solver.kkt import DenseKKT
 from stc.solver.kkt.lane_program import kind_of
 from stc.solver.kkt.lane_values import sizes_of
@@ -216,6 +217,21 @@ def test_entries_that_vanish_somewhere_are_no_pivots():
         kkt._found, kkt._kinds, kkt._couplings, places, values, np.ones(unknowns), np.ones(unknowns)
     )
     assert np.count_nonzero(sizes < 1e-3) == 1
+
+
+def test_a_lamp_in_flight_has_plans(monkeypatch):
+    """At the start of a segment nothing holds its state, and what is left of the stage cancels in many orders."""
+    whole = []
+    refactor_whole = SegmentedKKT._refactor_whole
+
+    def counted(kkt):
+        whole.append(kkt)
+        return refactor_whole(kkt)
+
+    monkeypatch.setattr(SegmentedKKT, "_refactor_whole", counted)
+    solved = stc.load("luxo_jump", k=4).solve(max_iterations=20)
+    assert solved.factorizations > 15
+    assert len(whole) <= 2
 
 
 def test_storage_grows_with_the_frames_only():

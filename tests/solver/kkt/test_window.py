@@ -71,6 +71,51 @@ def test_gather_merge_and_subtract(seed, density):
     np.testing.assert_array_equal(np.tril(flat.reshape(stride, stride)), np.tril(cleared))
 
 
+def dependent_rows(rng: np.random.Generator, variables: int, rows: int, rank: int) -> np.ndarray:
+    """[[H, J^T], [J, 0]] with few independent rows: what is left when these have been eliminated cancels."""
+    jacobian = rng.integers(-2, 3, (rows, rank)) @ rng.integers(-2, 3, (rank, variables)).astype(float)
+    size = variables + rows
+    matrix = np.zeros((size, size))
+    matrix[:variables, :variables] = np.diag(rng.uniform(0.5, 2.0, variables))
+    matrix[variables:, :variables] = jacobian
+    matrix[:variables, variables:] = jacobian.T
+    return matrix
+
+
+@given(SEEDS)
+def test_pivots_that_are_taken_whatever_their_values_are_none_that_cancel(seed):
+    """Also once all that is left is coupled, so that no order takes fewer operations."""
+    rng = np.random.default_rng(seed)
+    rows = int(rng.integers(2, 7))
+    matrix = dependent_rows(rng, int(rng.integers(2, 8)), rows, int(rng.integers(1, rows)))
+    size = len(matrix)
+    sizes = matrix.reshape(-1).copy()
+    order, kinds, *work = (np.zeros(size, dtype=np.int32) for _ in range(5))
+    starts, lists = np.zeros(size + 1, dtype=np.int32), np.zeros((size + 1) * size, dtype=np.int32)
+    pairs = np.zeros(50, dtype=np.int32), np.zeros(50, dtype=np.int32), np.zeros(50)
+    order_stage(
+        size, size, size, np.arange(size, dtype=np.int32), MARGIN, COMPARED, 1, sizes, work[0], np.zeros(size),
+        work[1], work[2], np.zeros((size + SETS) * words_of(size), dtype=np.int64), 50, *pairs, order, kinds, starts,
+        lists.size, lists,
+    )  # fmt: skip
+    assert sorted(order) == list(range(size))
+    rest = matrix.copy()
+    for k in range(size):
+        if kinds[k] == UNPLANNED:
+            break
+        if kinds[k] == SECOND:
+            continue
+        block = order[k : k + kinds[k]]
+        inverse = np.linalg.inv(rest[np.ix_(block, block)])
+        column = rest[:, block].copy()
+        column[block] = 0.0
+        assert np.abs(inverse).max() < 1e8
+        if np.abs(column @ inverse).max() > 0.5 / MARGIN:
+            break  # nothing better was left, and such are planned as if they were larger
+        rest[block, :] = rest[:, block] = 0.0
+        rest -= column @ inverse @ column.T
+
+
 @given(SEEDS)
 def test_planned_patterns_hold_all_fill(seed):
     """Elimination in the order found fills no entry outside the lists, whatever the values."""
@@ -87,7 +132,7 @@ def test_planned_patterns_hold_all_fill(seed):
     work = [np.zeros(stride, dtype=np.int32) for _ in range(3)]
     pairs = np.zeros(50, dtype=np.int32), np.zeros(50, dtype=np.int32), np.zeros(50)
     used = order_stage(
-        stride, top, count, leaving.copy(), MARGIN, COMPARED, sizes, work[0], np.zeros(stride), work[1], work[2],
+        stride, top, count, leaving.copy(), MARGIN, COMPARED, 0, sizes, work[0], np.zeros(stride), work[1], work[2],
         np.zeros((stride + SETS) * words_of(top), dtype=np.int64), 50, *pairs, order, kinds, starts, lists.size, lists,
     )  # fmt: skip
     assert used == starts[count]
