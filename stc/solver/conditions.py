@@ -152,61 +152,46 @@ def project_entries(
 @native(fast=True)
 def restrict(
     n: i64, m: i64, entries: i64, curved: i64, rows: i64s, cols: i64s, hess_rows: i64s, hess_cols: i64s, jac: f64s,
-    hess: f64s, fixed: f64s, active_x: f64s, active_rows: f64s, x: f64s, y: f64s, r: f64s, lagrangian: f64s,
-    x_target: f64s, row_target: f64s, dx: f64s, dy: f64s, out_hess: f64s, out_jac: f64s, rhs: f64s, out: f64s,
+    hess: f64s, active_x: f64s, active_rows: f64s, x: f64s, y: f64s, r: f64s, lagrangian: f64s, x_target: f64s,
+    row_target: f64s, dx: f64s, dy: f64s, out_hess: f64s, out_jac: f64s, rhs: f64s, largest: f64s,
 ) -> None:  # fmt: skip
     """Matrix and right-hand side of the Newton step on an active set.
 
-    ``fixed`` variables are active always, and all their derivatives are 0.
-
     ``dx`` and ``dy`` become the part of the step that the active set fixes: variables go to their bounds, multipliers
-    of rows that are not active to zero. ``out[0]`` is the largest entry of the Hessian that is left, ``out[1]`` is 1
-    where some are left out, else 0.
+    of rows that are not active to zero. The matrix has all entries, whatever is active: diagonals tell that (see
+    ``restricted_diagonals``). ``largest[0]`` becomes the largest entry of the Hessian.
     """
-    held = 0.0
+    moved = 0.0
     for i in range(n):
         dx[i] = x_target[i] - x[i] if active_x[i] != 0.0 else 0.0
         rhs[i] = -lagrangian[i]
-        held += active_x[i] - fixed[i]
-    moved = 0.0
-    for i in range(n):
         moved = max(moved, fabs(dx[i]))
-    met = 0.0
+    pulled = 0.0
     for k in range(m):
         dy[k] = 0.0 if active_rows[k] != 0.0 else -y[k]
         rhs[n + k] = row_target[k] - r[k] if active_rows[k] != 0.0 else 0.0
-        met += active_rows[k]
-    largest = 0.0
-    out[1] = 0.0 if held == 0.0 and met == float(m) else 1.0
-    if moved == 0.0 and out[1] == 0.0:  # nothing to leave out
-        for e in range(curved):
-            out_hess[e] = hess[e]
-            largest = max(largest, fabs(hess[e]))
-        for e in range(entries):
-            out_jac[e] = jac[e]
-        out[0] = largest
-        return
+        pulled = max(pulled, fabs(dy[k]))
+    high = 0.0
     for e in range(curved):
-        i, j = hess_rows[e], hess_cols[e]
-        value = hess[e]
-        kept = value * (1.0 - active_x[i]) * (1.0 - active_x[j])
-        out_hess[e] = kept
-        largest = max(largest, fabs(kept))
-        if moved > 0.0:
-            rhs[i] -= value * dx[j]
-            if i != j:
-                rhs[j] -= value * dx[i]
+        out_hess[e] = hess[e]
+        high = max(high, fabs(hess[e]))
+    largest[0] = high
     for e in range(entries):
-        k, i = rows[e], cols[e]
-        value = jac[e]
-        out_jac[e] = value * active_rows[k] * (1.0 - active_x[i])
-        rhs[i] -= value * dy[k]
-        if moved > 0.0:
-            rhs[n + k] -= value * dx[i] * active_rows[k]
+        out_jac[e] = jac[e]
+    if moved > 0.0:
+        for e in range(curved):
+            i, j = hess_rows[e], hess_cols[e]
+            rhs[i] -= hess[e] * dx[j]
+            if i != j:
+                rhs[j] -= hess[e] * dx[i]
+    if moved > 0.0 or pulled > 0.0:
+        for e in range(entries):
+            k, i = rows[e], cols[e]
+            rhs[i] -= jac[e] * dy[k]
+            rhs[n + k] -= jac[e] * dx[i] * active_rows[k]
     for i in range(n):
         if active_x[i] != 0.0:
             rhs[i] = 0.0
-    out[0] = largest
 
 
 @native(fast=True)
@@ -326,13 +311,20 @@ def point_conditions(
 
 @native(fast=True)
 def restricted_diagonals(
-    n: i64, m: i64, shift_x: f64, shift_y: f64, active_x: f64s, active_rows: f64s, primal: f64s, dual: f64s
-) -> None:
-    """Diagonals that hold active variables and leave out rows that are not active."""
+    n: i64, m: i64, shift_x: f64, shift_y: f64, firm: f64, loose: f64, soft: f64, fixed: f64s, equality: f64s,
+    active_x: f64s, active_rows: f64s, primal: f64s, dual: f64s,
+) -> None:  # fmt: skip
+    """Diagonals that hold active variables and leave out rows that are not active, nearly: as a barrier's do.
+
+    Args:
+        shift_x, shift_y: of variables and rows.
+        firm: of variables at their bounds; loose: of rows that are not active; soft: of active inequalities, at least.
+        fixed, equality: 1 for variables that have no derivatives, and for equations.
+    """
     for i in range(n):
-        primal[i] = 1.0 if active_x[i] != 0.0 else shift_x
+        primal[i] = shift_x if active_x[i] == 0.0 else 1.0 if fixed[i] != 0.0 else firm
     for k in range(m):
-        dual[k] = shift_y if active_rows[k] != 0.0 else 1.0
+        dual[k] = loose if active_rows[k] == 0.0 else shift_y if equality[k] != 0.0 else max(soft, shift_y)
 
 
 @native(fast=True)
@@ -351,22 +343,22 @@ def remaining(
 
 @native(fast=True)
 def advance(
-    n: i64, m: i64, x: f64s, y: f64s, dx: f64s, dy: f64s, solution: f64s, lower: f64s, upper: f64s, next_x: f64s,
-    next_y: f64s, out: f64s,
+    n: i64, m: i64, active_x: f64s, active_rows: f64s, x: f64s, y: f64s, dx: f64s, dy: f64s, solution: f64s,
+    lower: f64s, upper: f64s, next_x: f64s, next_y: f64s, out: f64s,
 ) -> None:  # fmt: skip
-    """The point after a Newton step on the active set, inside the bounds.
+    """The point after a Newton step on the active set, inside the bounds; what that fixes does not move any further.
 
     Results: the largest change of a variable; 0, or nan where the step is not finite.
     """
     largest = 0.0
     check = 0.0
     for i in range(n):
-        change = dx[i] + solution[i]
+        change = dx[i] + solution[i] * (1.0 - active_x[i])
         largest = max(largest, fabs(change))
         check += change * 0.0
         next_x[i] = min(max(x[i] + change, lower[i]), upper[i])
     for k in range(m):
-        change = dy[k] + solution[n + k]
+        change = dy[k] + solution[n + k] * active_rows[k]
         check += change * 0.0
         next_y[k] = y[k] + change
     out[0] = largest

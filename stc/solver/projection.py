@@ -50,10 +50,10 @@ class Projection:
         self.active_rows, self.row_target = np.zeros(m), np.zeros(m)
         self.errors = np.full(1, np.inf)
         self._evaluator = ev
-        of_x, of_rows, self._largest = np.zeros(3), np.zeros(3), np.zeros(2)
+        of_x, of_rows, self._largest = np.zeros(3), np.zeros(3), np.zeros(1)
         self.dx, self.dy = np.zeros(n), np.zeros(m)
         kkt = form.attached_kkt
-        self._diagonals = RestrictedDiagonals(kkt, self.active_x, self.active_rows)
+        self._diagonals = RestrictedDiagonals(form, self.active_x, self.active_rows)
         rows, cols = form.jac_rows, form.jac_cols
         project_x = form.held_factor, self.x_target, self.active_x, of_x
         project_rows = form.equality_factor, self.row_target, self.active_rows, of_rows
@@ -82,7 +82,7 @@ class Projection:
         )
         self._restrict = conditions.restrict.bind(
             n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows, form.hess_cols,
-            self.jac, self.hess, form.held_factor, self.active_x, self.active_rows, self.x, self.y, self.r,
+            self.jac, self.hess, self.active_x, self.active_rows, self.x, self.y, self.r,
             self.lagrangian, self.x_target, self.row_target, self.dx, self.dy, kkt.hess, kkt.jac, kkt.rhs,
             self._largest,
         )  # fmt: skip
@@ -125,8 +125,7 @@ class Projection:
     def factorize(self, regularity: int = 0) -> tuple[int, bool]:
         """Factorise for the Newton step on the active set; see ``factorize_restricted``."""
         self._restrict()
-        largest, irregular = self._largest.tolist()
-        return factorize_restricted(self._diagonals, largest, regularity, irregular=irregular != 0.0)
+        return factorize_restricted(self._diagonals, float(self._largest[0]), regularity)
 
 
 class ProjectionPair:
@@ -150,6 +149,8 @@ class ProjectionPair:
         places = projection_passes.EVALUATE, projection_passes.REMAINING, projection_passes.ADVANCE
         for k, (here, there) in enumerate(((one, other), (other, one))):
             advance = bind(
+                here.active_x,
+                here.active_rows,
                 here.x,
                 here.y,
                 here.dx,

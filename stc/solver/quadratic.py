@@ -38,7 +38,8 @@ FEW, MORE, EARLY, HARDLY_FEWER = 8, 2.0, 4, 0.75
 before, nor more than so many where the differences hardly get fewer."""
 NEGLIGIBLE, ROUNDING = 1e-6, 1e-9
 """Multipliers below this, and this share of the terms they balance, do not tell an active constraint."""
-REFINEMENTS = 2
+REFINEMENTS, ACCURATE = 4, 0.1
+"""Steps are refined so many times at most, until what they leave is less than this share of the tolerance."""
 BARRIER_STEPS, BARRIER_FACTORISATIONS = 30, 50
 """The barrier method ends after so many: more are spent where no curvature of the program is positive."""
 FIRST_BARRIER = 0.1
@@ -153,7 +154,7 @@ class QuadraticProgram:
     # -- active sets -------------------------------------------------------------------------------------------
 
     def _by_active_sets(self, guess: ActiveSet) -> QuadraticSolution | None:
-        form, point = self.form, self.point
+        form = self.form
         n, m = form.n, form.m
         tried: set[bytes] = set()
         differences: list[int] = []
@@ -163,15 +164,10 @@ class QuadraticProgram:
             fixed_d = np.empty(n)
             if not self._factorize(active, fixed_d):
                 return None
-            d, y = self._solved()
-            d += fixed_d
-            pull, moved = np.empty(n), np.empty(m)
-            finite = respond(
-                n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows,
-                form.hess_cols, point.jac, point.hess, point.gradient, d, y, pull, moved,
-            )  # fmt: skip
-            if finite != 0.0:
+            solved = self._solved(fixed_d)
+            if solved is None:
                 return None
+            d, y, pull, moved = solved
             better = ActiveSet(np.empty(n, np.int32), np.empty(m, np.int32))
             slack = self.tolerance
             different = better_signs(n, slack, active.x, form.held_factor, d, pull, *self.room_x, better.x)
@@ -195,42 +191,45 @@ class QuadraticProgram:
         self._fixed = np.maximum(form.held_factor, active.x != 0)
         self._held_rows = np.maximum(form.equality_factor, active.rows != 0)
         target_x = self._target(active.x, form.held, self.room_x)
-        target_rows = self._target(active.rows, form.equality, self.room_rows)
+        self._targets = target_rows = self._target(active.rows, form.equality, self.room_rows)
         nothing = self._nothing
-        largest = np.zeros(2)
+        largest = np.zeros(1)
         restrict(
             n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows, form.hess_cols,
-            point.jac, point.hess, form.held_factor, self._fixed, self._held_rows, nothing, nothing, nothing,
+            point.jac, point.hess, self._fixed, self._held_rows, nothing, nothing, nothing,
             point.gradient, target_x, target_rows, fixed_d, np.empty(m), kkt.hess, kkt.jac, kkt.rhs, largest,
         )  # fmt: skip
         # The next set of this program starts with what was needed here.
-        diagonals = RestrictedDiagonals(kkt, self._fixed, self._held_rows)
-        self.regularity, positive = factorize_restricted(
-            diagonals, float(largest[0]), self.regularity, irregular=bool(largest[1])
-        )
+        diagonals = RestrictedDiagonals(form, self._fixed, self._held_rows)
+        self.regularity, positive = factorize_restricted(diagonals, float(largest[0]), self.regularity)
         return positive
 
-    def _solved(self) -> tuple[Floats, Floats]:
-        """Step and multipliers; of dependent rows' multipliers the smallest ones.
+    def _solved(self, fixed_d: Floats) -> tuple[Floats, Floats, Floats, Floats] | None:
+        """Step and multipliers, and what the step does (see ``respond``); None where they are not finite.
 
-        Dependent rows are factorised with a small shift, whose effect on the step is then taken out again.
+        What has been factorised holds variables and leaves out rows nearly, and may have shifts against dependent ones,
+        of whose multipliers that finds the smallest. All that is taken out again by refinement.
         """
-        form, kkt = self.form, self._kkt
-        n = form.n
-        rhs_y = kkt.rhs[n:].copy()
-        kkt.solve_call()
-        kkt.check_solution()
-        dx, y = kkt.solution[:n].copy(), kkt.solution[n:].copy()
-        if self.regularity:
-            for _ in range(REFINEMENTS):
-                kkt.rhs[:n] = 0.0
-                # of active rows and free variables, which is what has been factorised
-                kkt.rhs[n:] = (rhs_y - form.jacobian_times(kkt.jac, dx)) * self._held_rows
-                kkt.solve_call()
-                kkt.check_solution()
-                dx += kkt.solution[:n]
-                y += kkt.solution[n:]
-        return dx, y
+        form, point, kkt = self.form, self.point, self._kkt
+        n, m = form.n, form.m
+        free = 1.0 - self._fixed
+        d, y, pull, moved = fixed_d.copy(), np.zeros(m), np.empty(n), np.empty(m)
+        for _ in range(1 + REFINEMENTS):
+            kkt.solve_call()
+            kkt.check_solution()
+            d += free * kkt.solution[:n]
+            y += self._held_rows * kkt.solution[n:]
+            finite = respond(
+                n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows,
+                form.hess_cols, point.jac, point.hess, point.gradient, d, y, pull, moved,
+            )  # fmt: skip
+            if finite != 0.0:
+                return None
+            kkt.rhs[:n] = free * pull
+            kkt.rhs[n:] = self._held_rows * (self._targets - moved)
+            if float(np.abs(kkt.rhs).max(initial=0.0)) <= ACCURATE * self.tolerance:
+                break
+        return d, y, pull, moved
 
     @staticmethod
     def _target(active: Signs, equal: NDArray[np.bool_], room: tuple[Floats, Floats]) -> Floats:
@@ -248,7 +247,8 @@ class QuadraticProgram:
         lower, upper = form.true_rows
         rhs_x = (self._fixed - 1.0) * new.lagrangian
         rhs_y = self._target(active.rows, form.equality, (lower - new.r, upper - new.r))
-        return form.kkt.solve(rhs_x, rhs_y)
+        dx, dy = form.kkt.solve(rhs_x, rhs_y)
+        return dx * (1.0 - self._fixed), dy * self._held_rows
 
     # -- barrier -----------------------------------------------------------------------------------------------
 

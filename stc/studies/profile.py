@@ -101,14 +101,6 @@ class _TimedKKT(_Timed):
         self._timed: dict[Watch, tuple[Bound, Bound]] = {}
 
     @property
-    def irregular(self) -> bool:
-        return bool(self._inner.irregular)
-
-    @irregular.setter
-    def irregular(self, irregular: bool) -> None:
-        self._inner.irregular = irregular
-
-    @property
     def attempt_call(self) -> Bound | None:
         call = self._inner.attempt_call
         return None if call is None else self._over(call, self._watches[0], self._attempt)

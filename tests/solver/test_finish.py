@@ -46,8 +46,16 @@ def test_one_row_needs_no_shift():
     assert form.kkt.factorizations == 1
 
 
-def test_that_rows_depend_on_one_another_is_found_once():
+def test_inequalities_that_depend_on_one_another_need_no_shift():
     finish, form, it = finish_of(lambda x: [(x[0], 1.0, INF), (2.0 * x[0], 2.0, INF)])
+    point = finish.attempt(it, 1e-3)
+    assert point is not None
+    assert point.x == pytest.approx([1.0, 0.0], abs=1e-8)
+    assert form.kkt.factorizations == 1
+
+
+def test_that_equations_depend_on_one_another_is_found_once():
+    finish, form, it = finish_of(lambda x: [(x[0], 1.0, 1.0), (2.0 * x[0], 2.0, 2.0)])
     point = finish.attempt(it, 1e-3)
     first = form.kkt.factorizations
     assert point is not None

@@ -7,6 +7,7 @@ import pytest
 from scaled_program import dense, scaled
 
 from stc.solver.projection import Projection
+from stc.solver.restricted import FIRM, LOOSE, SOFT
 
 
 @pytest.mark.parametrize("active", ["none", "some", "all rows"])
@@ -31,11 +32,23 @@ def test_the_system_on_an_active_set(active: str, seed: int) -> None:
     dx = np.where(free, 0.0, point.x_target - point.x)
     dy = np.where(met, 0.0, -point.y)
     kkt = form.attached_kkt
-    kept = dense(form.hess_rows, form.hess_cols, kkt.hess, (n, n))
-    np.testing.assert_allclose(kept + np.tril(kept, -1).T, hess * np.outer(free, free), atol=1e-14)
-    kept = dense(form.jac_rows, form.jac_cols, kkt.jac, (m, n))
-    np.testing.assert_allclose(kept, jac * np.outer(met, free), atol=1e-14)
+    np.testing.assert_array_equal(kkt.hess, point.hess)
+    np.testing.assert_array_equal(kkt.jac, point.jac)
     right = np.where(free, -point.lagrangian - hess @ dx - jac.T @ dy, 0.0)
     rows = np.where(met, point.row_target - point.r - jac @ dx, 0.0)
     np.testing.assert_allclose(kkt.rhs, np.concatenate([right, rows]), rtol=1e-12, atol=1e-12)
-    assert point._largest[0] == pytest.approx(np.abs(hess * np.outer(free, free)).max(initial=0.0))
+    assert point._largest[0] == np.abs(hess).max(initial=0.0)
+
+    # What is held and left out nearly moves hardly, and the others as if it did not at all.
+    firm = FIRM * max(1.0, point._largest[0])
+    point._diagonals.write(0.0, 0.0, firm)
+    assert np.all(kkt.dual == np.where(met, np.where(form.equality, 0.0, SOFT), LOOSE))
+    point._diagonals.write(1e-3, 1e-3, firm)
+    assert np.all(kkt.primal == np.where(free, 1e-3, np.where(form.held, 1.0, firm)))
+    matrix = np.block([[hess + np.diag(kkt.primal), jac.T], [jac, -np.diag(kkt.dual)]])
+    kept = np.concatenate([free, met])
+    exact = np.block([[hess + 1e-3 * np.eye(n), jac.T], [jac, -1e-3 * np.eye(m)]])[np.ix_(kept, kept)]
+    step = np.linalg.solve(matrix, kkt.rhs)
+    size = np.abs(step).max()
+    np.testing.assert_allclose(step[kept], np.linalg.solve(exact, kkt.rhs[kept]), atol=1e-2 * size)
+    assert np.abs(step[~kept]).max(initial=0.0) <= 1e-3 * size

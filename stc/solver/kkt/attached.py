@@ -26,8 +26,6 @@ def attached(kkt: KKTSystem, n: int, m: int, jac_count: int, hess_count: int) ->
 class _Copying:
     """See ``AttachedKKT``."""
 
-    irregular = False
-
     def __init__(self, kkt: KKTSystem, n: int, m: int, jac_count: int, hess_count: int) -> None:
         self._kkt, self._n = kkt, n
         self.hess, self.jac = np.zeros(hess_count), np.zeros(jac_count)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from stc.codegen.native import f64, f64s, i64, i64s, native
 from stc.solver.kkt.pivots import FACTORS, NEGATIVE, POSITIVE, REJECTED, STRAYED, ZERO
 
-__all__ = ["ACCOUNT", "MADE", "TALLY", "WASTED", "end", "has_served", "note_waste"]
+__all__ = ["ACCOUNT", "MADE", "TALLY", "end", "has_served", "note_waste"]
 
 #: In the tally of a system: attempts that succeeded since it was last looked at.
 MADE, TALLY = 0, 1

@@ -91,12 +91,7 @@ class AttachedKKT(KKTSystem, Protocol):
         kkt.solution               # dx, dy
 
     The arrays stay the same objects as long as the system lives. ``factorize`` and ``solve`` use the same ones.
-
-    Attributes:
-        irregular: tells ``refactor`` that the matrix lacks entries at some stages only, as one on an active set does.
     """
-
-    irregular: bool
 
     @property
     def hess(self) -> Floats:

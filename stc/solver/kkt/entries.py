@@ -63,7 +63,6 @@ def checked_values(*arrays: tuple[Floats, int, str]) -> list[Floats]:
 class ByCopies:
     """The calls of a ``KKTSystem`` for a system with arrays of its own: ``factorize`` and ``solve`` copy."""
 
-    irregular = False
     _factorized: bool
     _solve: Bound
     _solve_both: Bound

@@ -370,11 +370,11 @@ class FrontalKKT(ByCopies):
         """Forget entries that have been zero whenever a plan was made, but for the first one.
 
         Derivatives have many of them: a tenth of all, and a quarter of the factor. ``strangers``: whether some of those
-        left out are not zero now. What an active set lacks the next one has, and lacks something else.
+        left out are not zero now.
         """
         pattern = self._pattern
         self._growths += strangers
-        if self._growths > GROWTHS or self.irregular:
+        if self._growths > GROWTHS:
             self._present[:] = True
         self._present |= np.concatenate([self.hess[pattern.hess_off], self.jac]) != 0.0
         kept = np.flatnonzero(self._present)

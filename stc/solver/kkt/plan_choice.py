@@ -53,10 +53,6 @@ LONGEST_REST = 8
 #: time, up to this power of two.
 PATIENCE = 3
 LONGEST_PAUSE = 4
-#: Irregular matrices are tried as long as this share of the last ones was worth it, and once in so many later; the
-#: share is 1/2 at first, and the last one counts for half.
-WORTHWHILE = 0.2
-SELDOM = 16
 
 
 @dataclass
@@ -128,9 +124,6 @@ class Plans:
         self._begun_at = 0  # the number of matrices before the last restart
         # One made for its few operations and not yet tried, and what tested the pivots of that before it.
         self._frugal: tuple[Prepared, float] | None = None
-        self._is_irregular = False
-        self._irregular = 0  # such matrices
-        self._irregular_won = 0.5  # the share of those that plans suited
 
     def __iter__(self) -> Iterator[Prepared]:
         return iter(self._plans)
@@ -149,16 +142,11 @@ class Plans:
         if self._plans:
             self.now = self._plans[0]
 
-    def paused(self, irregular: bool) -> bool:
-        """Whether none is to be tried for the next matrix; ``irregular`` where it lacks entries at some stages."""
+    def paused(self) -> bool:
+        """Whether none is to be tried for the next matrix."""
         if self._pause > 0:
             self._pause -= 1
             return True
-        self._is_irregular = irregular
-        if irregular:
-            self._irregular += 1
-            if self._irregular_won < WORTHWHILE and self._irregular % SELDOM:
-                return True
         self.tried += 1
         return False
 
@@ -181,8 +169,6 @@ class Plans:
             self._take_up(plan, self.tried)
             yield plan
         self._choose_at = 0
-        if self._is_irregular:
-            return  # the next matrices will not be alike
         self._missed += self._unknowns
         if self._missed < (max(PLANNING, self._unknowns) << self._futile if self._futile else PLANNING):
             return
@@ -254,8 +240,7 @@ class Plans:
         return other, max(0, suited - self._choose_at - 1), max(0, refused - self._choose_at - 1)
 
     def went_well(self, matrices: int) -> None:
-        """Note that so many were factorised by the plan in use, none of them irregular."""
-        self._is_irregular = False
+        """Note that so many were factorised by the plan in use."""
         self._note_first(self.now, self.tried + 1)
         self.tried += matrices
         self.now.suited(matrices)
@@ -301,15 +286,10 @@ class Plans:
     def succeeded(self) -> None:
         """The factors of the plan in use are good."""
         self._failures = 0
-        if self._is_irregular:
-            self._irregular_won = 0.5 * (self._irregular_won + 1.0)
 
     def failed(self) -> None:
         """None of the candidates would do."""
         self.now = max(self._plans, key=lambda plan: plan.won)
-        if self._is_irregular:
-            self._irregular_won *= 0.5
-            return
         if self._latest is not None and self._latest.served == 0:
             self._futile = min(self._futile + 1, MOST_FUTILE)
         self._latest = None

@@ -279,7 +279,7 @@ class PlannedKKT(ByCopies):
         rest, plans, tally = self._rest, self._plans, self._tally
         first = bool(tally[plan_calls.FRESH])
         alike = rest.follows_plan and self._bindings == rest.bindings
-        if self.irregular or not (alike and (self._factorized or first)):
+        if not (alike and (self._factorized or first)):
             return None
         self._take_attempts()
         if first:
@@ -375,7 +375,7 @@ class PlannedKKT(ByCopies):
     def _refactor_by_plans(self, ended: int | None) -> Inertia | None:
         """Inertia, or None when a pivot is not good enough; ``ended`` tells of an attempt with the plan in use."""
         plans = self._plans
-        if plans.paused(self.irregular):
+        if plans.paused():
             return None
         rest = None
         for plan in plans.candidates(bool(self._curvatures[0]), self._new_plan):
@@ -433,7 +433,6 @@ class PlannedKKT(ByCopies):
     def _refactor_whole(self) -> Inertia:
         if self._whole is None:
             self._whole = FrontalKKT.of_couplings(self._couplings, self._stage, self._arrays)
-        self._whole.irregular = self.irregular
         inertia = self._whole.refactor()
         self.nnz_factor = self._whole.nnz_factor
         calls = self._whole.solve_call, self._whole.solve_both_call

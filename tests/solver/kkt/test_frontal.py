@@ -8,7 +8,6 @@ from solver.kkt.backends import printed_by
 from solver.kkt.kkt_problems import STRUCTURES, Builder, Pattern, Values, generic, sparse_diagonals
 
 from stc.solver.kkt import DenseKKT, FrontalKKT, frontal, pivots
-from stc.solver.kkt.attempts import WASTED
 
 
 def regular(rng: np.random.Generator, frames: int, kind: str) -> Pattern:
@@ -134,25 +133,6 @@ def test_matrices_that_leave_the_plan():
         assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
         kkt.solve(rng.normal(size=pattern.n), rng.normal(size=pattern.m))
         assert kkt.last_residual < 1e-11
-
-
-def test_what_active_sets_lack_is_not_left_out():
-    """Each lacks something else: to plan anew for every one would take far longer than the zeros do."""
-    rng = np.random.default_rng(9)
-    pattern = STRUCTURES["stencil"](rng, 30)
-    kkt, judge = FrontalKKT(*pattern.arguments()), DenseKKT(*pattern.arguments())
-    kkt.factorize(*generic(rng, pattern).arguments())
-    kkt.irregular = True
-    kkt.account[WASTED] = np.inf  # time for another plan
-    made = []
-    for _ in range(5):
-        values = generic(rng, pattern)
-        inactive = rng.random(pattern.m) < 0.2
-        values.jac[inactive[pattern.jac_rows]] = 0.0
-        values.dual = np.where(inactive, 1.0, values.dual)
-        assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
-        made.append(kkt._plans_made)
-    assert made == [2] * 5
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)

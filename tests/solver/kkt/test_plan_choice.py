@@ -61,7 +61,7 @@ def test_plans_that_do_not_even_suit_their_own_matrix_are_made_ever_more_rarely(
 
     good = None
     for number in range(2000):
-        if plans.paused(False):
+        if plans.paused():
             continue
         hopeless = number % 4 == 3
         for candidate in plans.candidates(True, make):
@@ -88,7 +88,7 @@ def test_fewer_operations_are_not_worth_less_accuracy(growth, residual, given_up
     """A plan whose pivots are larger, and whose trial leaves what solves would have to refine, goes as it came."""
     one, other = plan(0, 100), plan(1, 80)
     plans = plan_choice.Plans(1000, plan(0, 0))
-    plans.paused(False)
+    plans.paused()
     for candidate in plans.candidates(True, lambda thorough: one):
         assert candidate is one
         break
@@ -97,7 +97,7 @@ def test_fewer_operations_are_not_worth_less_accuracy(growth, residual, given_up
     plans.suited(one)
     for _ in range(SETTLED[0] - 1):
         plans.went_well(1)
-    plans.paused(False)
+    plans.paused()
     tried = []
     for candidate in plans.candidates(True, lambda thorough: other):
         tried.append(candidate)
