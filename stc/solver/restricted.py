@@ -18,6 +18,7 @@ __all__ = [
     "AGAINST_DEPENDENT_ROWS",
     "DUAL_SHIFT",
     "FIRM",
+    "FIRMER",
     "LOOSE",
     "SOFT",
     "RestrictedDiagonals",
@@ -27,9 +28,9 @@ __all__ = [
 DUAL_SHIFT = 1e-9
 PRIMAL_SHIFT = 1e-8
 """Relative to the largest entry of the Hessian, or to 1."""
-FIRM, LOOSE, SOFT = 1e6, 1e10, 1e-6
-"""The diagonals of variables that are held, relative to the same; of rows that are left out, which are to add little to
-the Hessian, however small its curvature is; and of active inequalities."""
+FIRM, FIRMER, LOOSE, SOFT = 1e6, 1e3, 1e10, 1e-6
+"""The diagonals of variables that are held, or so many times the largest entry of the Hessian; of rows that are left
+out, which are to add little to the Hessian, however small its curvature is; and of active inequalities."""
 AGAINST_DEPENDENT_ROWS = 1
 """The regularity with the one shift alone."""
 
@@ -72,12 +73,12 @@ def factorize_restricted(
     Returns:
         The regularity reached, and whether the curvature on the active set is positive with it.
     """
-    size = max(1.0, largest)
-    shifts = ((0.0, 0.0), (0.0, DUAL_SHIFT), (PRIMAL_SHIFT * size, DUAL_SHIFT))
+    flat = PRIMAL_SHIFT * max(1.0, largest)
+    shifts = ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT))
     kkt = diagonals.kkt
     m = kkt.dual.size
     while True:
-        diagonals.write(*shifts[regularity], FIRM * size)
+        diagonals.write(*shifts[regularity], max(FIRM, FIRMER * largest))
         try:
             inertia = kkt.refactor()
         except NotFinite:

@@ -7,7 +7,7 @@ import pytest
 from scaled_program import dense, scaled
 
 from stc.solver.projection import Projection
-from stc.solver.restricted import FIRM, LOOSE, SOFT
+from stc.solver.restricted import FIRM, FIRMER, LOOSE, SOFT
 
 
 @pytest.mark.parametrize("active", ["none", "some", "all rows"])
@@ -40,7 +40,7 @@ def test_the_system_on_an_active_set(active: str, seed: int) -> None:
     assert point._largest[0] == np.abs(hess).max(initial=0.0)
 
     # What is held and left out nearly moves hardly, and the others as if it did not at all.
-    firm = FIRM * max(1.0, point._largest[0])
+    firm = max(FIRM, FIRMER * point._largest[0])
     point._diagonals.write(0.0, 0.0, firm)
     assert np.all(kkt.dual == np.where(met, np.where(form.equality, 0.0, SOFT), LOOSE))
     point._diagonals.write(1e-3, 1e-3, firm)
