@@ -28,7 +28,7 @@ __all__ = [
 DUAL_SHIFT = 1e-9
 PRIMAL_SHIFT = 1e-8
 """Relative to the largest entry of the Hessian, or to 1."""
-FIRM, FIRMER, LOOSE, SOFT = 1e6, 1e3, 1e10, 1e-6
+FIRM, FIRMER, LOOSE, SOFT = 1e6, 1e3, 1e10, 1e-8
 """The diagonals of variables that are held, or so many times the largest entry of the Hessian; of rows that are left
 out, which are to add little to the Hessian, however small its curvature is; and of active inequalities."""
 AGAINST_DEPENDENT_ROWS = 1
