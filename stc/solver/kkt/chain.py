@@ -65,19 +65,26 @@ FOLDED = 5e7
 
 
 def find_chain(
-    couplings: Couplings, stage: NDArray[np.int64], numbered: Numbered, held: NDArray[np.bool_] | None
+    couplings: Couplings,
+    stage: NDArray[np.int64],
+    numbered: Numbered,
+    held: NDArray[np.bool_] | None,
+    *,
+    folded: bool = True,
 ) -> Chain | None:
     """Lay out a chain, or None where it would have too many kinds of stages.
 
     Args:
         stage, held: what ``numbered`` was found for.
+        folded: whether a long one may be gone through from both ends. Where stages are sparse, the last one may have
+            more rows than variables.
     """
-    if (np.diff(numbered.stages.pointers).astype(np.float64) ** 3).sum() >= FOLDED:
+    if folded and (np.diff(numbered.stages.pointers).astype(np.float64) ** 3).sum() >= FOLDED:
         row = row_of_stages(couplings, stage)
-        folded = fold(couplings, row, held) if row is not None else None
-        if folded is not None:
-            chain = lay_out_chain(folded[0], couplings.n, couplings.first, couplings.second, folded[1])
-            meeting = chain.kinds[chain.kind[sum(folded[1])]]
+        halves = fold(couplings, row, held) if row is not None else None
+        if halves is not None:
+            chain = lay_out_chain(halves[0], couplings.n, couplings.first, couplings.second, halves[1])
+            meeting = chain.kinds[chain.kind[sum(halves[1])]]
             if len(chain.kinds) <= KINDS and meeting.arrived.size and meeting.joined.size:
                 return chain
     chain = lay_out_chain(numbered, couplings.n, couplings.first, couplings.second)

@@ -9,7 +9,7 @@ from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import FrontalKKT
 from stc.solver.kkt.planned import PlannedKKT
-from stc.solver.kkt.segments import Numbered, find_segments, number_stages
+from stc.solver.kkt.segments import Numbered, Segmentation, find_segments, number_stages
 from stc.solver.nlp import Ints
 
 __all__ = ["new_system", "suits_chain"]
@@ -24,16 +24,32 @@ BYTES = 8.2
 #: For each unknown there should be so many entries off the diagonal, for each unknown of a stage: what is sparser takes
 #: less time in lanes, which waste no operation on zeros. Transcriptions with midpoints have half as many.
 DENSE = 0.1
+#: A chain of sparse wide stages is faster than segments, too, where these leave more than so much of a horizon to the
+#: window, as long as its factors and scaled entries take no more bytes than that.
+SEGMENTED = 0.6
+SHORT = 6 * 2**20
 
 
 def suits_chain(couplings: Couplings, numbered: Numbered) -> bool:
     """Whether a chain takes less time than segments or a window."""
-    width = np.diff(numbered.stages.pointers)
-    middle = np.median(width)
-    border = numbered.stages.border.size
-    near = BYTES * float(((width + border) ** 2.0).sum()) <= NEAR
+    middle = np.median(np.diff(numbered.stages.pointers))
     dense = couplings.first.size >= DENSE * middle * couplings.size
-    return bool(middle >= max(NARROW, border) and dense and (middle >= WIDE or near))
+    near = _bytes_of_chain(numbered) <= NEAR
+    return bool(middle >= max(NARROW, numbered.stages.border.size) and dense and (middle >= WIDE or near))
+
+
+def leaves_much(numbered: Numbered, found: Segmentation | None) -> bool:
+    """Whether segments, or a window where there are none, take longer than a chain of sparse stages."""
+    width = np.diff(numbered.stages.pointers)
+    taken = 0 if found is None else int(width[found.interior].sum())
+    wide = np.median(width) >= max(WIDE, numbered.stages.border.size)
+    return bool(wide and taken < SEGMENTED * width.sum() and _bytes_of_chain(numbered) <= SHORT)
+
+
+def _bytes_of_chain(numbered: Numbered) -> float:
+    """What its factors and scaled entries take, about."""
+    width = np.diff(numbered.stages.pointers)
+    return BYTES * float(((width + numbered.stages.border.size) ** 2.0).sum())
 
 
 def new_system(
@@ -53,13 +69,15 @@ def new_system(
     numbered = number_stages(couplings, stage, held)
     if numbered is not None:
         # Each family is loaded where it is needed: hardly a process needs both.
-        if suits_chain(couplings, numbered):
+        dense = suits_chain(couplings, numbered)
+        found = None if dense else find_segments(numbered)
+        if dense or leaves_much(numbered, found):
             from stc.solver.kkt.chain import ChainKKT, find_chain
 
-            chain = find_chain(couplings, stage, numbered, held)
+            chain = find_chain(couplings, stage, numbered, held, folded=dense)
             if chain is not None:
                 return ChainKKT(couplings, stage, chain)
-        found = find_segments(numbered)
+            found = find_segments(numbered)
         if found is not None:
             from stc.solver.kkt.segmented import SegmentedKKT
 

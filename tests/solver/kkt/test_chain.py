@@ -9,13 +9,14 @@ from solver.kkt.kkt_problems import Builder, Pattern, generic
 from solver.kkt.motions import chain_of, holding, motion, structure
 from solver.kkt.test_contract import check
 
+import stc
 from stc.codegen import threads
 from stc.solver.kkt import chain, choice, folding
 from stc.solver.kkt.chain import ChainKKT, find_chain
 from stc.solver.kkt.chain_elimination import FACTORS, FIELDS
-from stc.solver.kkt.choice import suits_chain
+from stc.solver.kkt.choice import leaves_much, suits_chain
 from stc.solver.kkt.reuse import StructuredKKT
-from stc.solver.kkt.segments import number_stages
+from stc.solver.kkt.segments import find_segments, number_stages
 
 
 def wide(rng: np.random.Generator, frames: int, states: int) -> Pattern:
@@ -213,6 +214,36 @@ def test_who_is_chosen(monkeypatch):
     assert find_chain(couplings, stage, numbered, None) is not None
     monkeypatch.setattr(chain, "KINDS", 2)
     assert find_chain(couplings, stage, numbered, None) is None
+
+
+def test_sparse_stages_are_a_chain_where_segments_leave_much(monkeypatch):
+    couplings, stage = structure(motion(np.random.default_rng(2), 60))
+    numbered = number_stages(couplings, stage)
+    assert numbered is not None
+    found = find_segments(numbered)
+    assert found is not None
+    assert not leaves_much(numbered, None)  # too narrow
+    monkeypatch.setattr(choice, "WIDE", 5)
+    assert leaves_much(numbered, None)
+    assert not leaves_much(numbered, found)
+    monkeypatch.setattr(choice, "SHORT", 1000)
+    assert not leaves_much(numbered, None)
+
+
+def test_a_short_jump_is_a_chain_from_one_end(monkeypatch):
+    """From the last frame on, at which joints stand still, there would be more rows than variables."""
+    chains = []
+    prepare = ChainKKT.__init__
+
+    def noted(kkt, couplings, stage, chain):
+        chains.append(chain)
+        prepare(kkt, couplings, stage, chain)
+
+    monkeypatch.setattr(ChainKKT, "__init__", noted)
+    monkeypatch.setattr(chain, "FOLDED", 0.0)
+    solved = stc.load("luxo_jump", k=1).solve(max_iterations=10)
+    assert solved.iterations == 10
+    assert [found.parts for found in chains] == [()]
 
 
 def test_the_next_solve_takes_over():
