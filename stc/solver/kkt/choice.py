@@ -77,7 +77,8 @@ def new_system(
             chain = find_chain(couplings, stage, numbered, held, folded=dense)
             if chain is not None:
                 return ChainKKT(couplings, stage, chain)
-            found = find_segments(numbered)
+            if dense:
+                found = find_segments(numbered)
         if found is not None:
             from stc.solver.kkt.segmented import SegmentedKKT
 

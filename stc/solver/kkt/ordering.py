@@ -339,7 +339,8 @@ def _choose(
 def _choose_any(
     all_taken: i64, done: i64, count: i64, waiting: i32s, margin: f64, stride: i64, sizes: f64s, most: f64s
 ) -> i64:  # fmt: skip
-    """The same where every order costs the same: single pivots as long as there are strong ones."""
+    """The same where every order costs the same: single pivots as long as there are strong ones, the strongest first
+    where all are taken as they come."""
     best = margin
     chosen = -1
     for k in range(done, count):
