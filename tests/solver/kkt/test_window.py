@@ -71,6 +71,24 @@ def test_gather_merge_and_subtract(seed, density):
     np.testing.assert_array_equal(np.tril(flat.reshape(stride, stride)), np.tril(cleared))
 
 
+def ordered(
+    sizes: np.ndarray, top: int, leaving: np.ndarray, *, all_taken: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Order, kinds, and the starts and lists of columns that ``order_stage`` finds; ``sizes`` are left as by that."""
+    stride, count = len(sizes), leaving.size
+    order, kinds = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
+    starts, lists = np.zeros(count + 1, dtype=np.int32), np.zeros((count + 1) * top, dtype=np.int32)
+    degree, row_p, row_q = (np.zeros(stride, dtype=np.int32) for _ in range(3))
+    pairs = np.zeros(50, dtype=np.int32), np.zeros(50, dtype=np.int32), np.zeros(50)
+    used = order_stage(
+        stride, top, count, leaving.copy(), MARGIN, COMPARED, int(all_taken), sizes.reshape(-1), degree,
+        np.zeros(stride), row_p, row_q, np.zeros((stride + SETS) * words_of(top), dtype=np.int64), 50, *pairs, order,
+        kinds, starts, lists.size, lists,
+    )  # fmt: skip
+    assert used == starts[count]
+    return order, kinds, starts, lists
+
+
 def dependent_rows(rng: np.random.Generator, variables: int, rows: int, rank: int) -> np.ndarray:
     """[[H, J^T], [J, 0]] with few independent rows: what is left when these have been eliminated cancels."""
     jacobian = rng.integers(-2, 3, (rows, rank)) @ rng.integers(-2, 3, (rank, variables)).astype(float)
@@ -89,15 +107,7 @@ def test_pivots_that_are_taken_whatever_their_values_are_none_that_cancel(seed):
     rows = int(rng.integers(2, 7))
     matrix = dependent_rows(rng, int(rng.integers(2, 8)), rows, int(rng.integers(1, rows)))
     size = len(matrix)
-    sizes = matrix.reshape(-1).copy()
-    order, kinds, *work = (np.zeros(size, dtype=np.int32) for _ in range(5))
-    starts, lists = np.zeros(size + 1, dtype=np.int32), np.zeros((size + 1) * size, dtype=np.int32)
-    pairs = np.zeros(50, dtype=np.int32), np.zeros(50, dtype=np.int32), np.zeros(50)
-    order_stage(
-        size, size, size, np.arange(size, dtype=np.int32), MARGIN, COMPARED, 1, sizes, work[0], np.zeros(size),
-        work[1], work[2], np.zeros((size + SETS) * words_of(size), dtype=np.int64), 50, *pairs, order, kinds, starts,
-        lists.size, lists,
-    )  # fmt: skip
+    order, kinds, _, _ = ordered(matrix.copy(), size, np.arange(size, dtype=np.int32), all_taken=True)
     assert sorted(order) == list(range(size))
     rest = matrix.copy()
     for k in range(size):
@@ -124,18 +134,10 @@ def test_planned_patterns_hold_all_fill(seed):
     top = int(rng.integers(2, stride + 1))
     matrix = np.zeros((stride, stride))
     matrix[:top, :top] = symmetric(rng, top, 0.3)
-    sizes = np.abs(matrix).reshape(-1).copy()
     leaving = np.sort(rng.choice(top, size=int(rng.integers(1, top + 1)), replace=False)).astype(np.int32)
     count = leaving.size
-    order, kinds = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
-    starts, lists = np.zeros(count + 1, dtype=np.int32), np.zeros((count + 1) * top, dtype=np.int32)
-    work = [np.zeros(stride, dtype=np.int32) for _ in range(3)]
-    pairs = np.zeros(50, dtype=np.int32), np.zeros(50, dtype=np.int32), np.zeros(50)
-    used = order_stage(
-        stride, top, count, leaving.copy(), MARGIN, COMPARED, 0, sizes, work[0], np.zeros(stride), work[1], work[2],
-        np.zeros((stride + SETS) * words_of(top), dtype=np.int64), 50, *pairs, order, kinds, starts, lists.size, lists,
-    )  # fmt: skip
-    assert used == starts[count]
+    sizes = np.abs(matrix)
+    order, kinds, starts, lists = ordered(sizes, top, leaving, all_taken=False)
     assert sorted(order) == leaving.tolist()
     rest = matrix.copy()
     for k in range(count):
@@ -154,8 +156,8 @@ def test_planned_patterns_hold_all_fill(seed):
         rest[np.abs(rest) < 1e-12] = 0.0
         rest[block, :] = rest[:, block] = 0.0
     else:
-        assert (sizes.reshape(stride, stride)[rest != 0.0] != 0.0).all()
-        assert not sizes.reshape(stride, stride)[leaving].any()
+        assert (sizes[rest != 0.0] != 0.0).all()
+        assert not sizes[leaving].any()
 
 
 @given(SEEDS, st.floats(0.0, 12.0))
