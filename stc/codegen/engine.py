@@ -20,6 +20,7 @@ from stc.codegen import cache
 from stc.codegen import machine as this_machine
 from stc.codegen.copying import COPY_IR, REPLACED, SYMBOL
 from stc.codegen.image import MAGIC, MappedImage, image_of, map_image, supported
+from stc.codegen.vector import WIDTH
 from stc.digests import blake2b
 from stc.records import dataclass
 
@@ -187,8 +188,11 @@ def vector_width() -> int:
 
     (Four are two instructions on machines with two per register, which is no loss.)
     """
-    features = host().features.split(",")
-    return 8 if {"+avx512f", "+avx512dq", "+avx512vl"} <= set(features) else 4
+    return _width_on(host())
+
+
+def _width_on(machine: Host) -> int:
+    return 8 if {"+avx512f", "+avx512dq", "+avx512vl"} <= set(machine.features.split(",")) else 4
 
 
 def vector_registers() -> int:
@@ -245,7 +249,7 @@ def parsed(ir: str, *, level: int, optimise: bool, machine: Host | None = None) 
         # Process-wide in LLVM, so set anew each time: what is compiled must not depend on what came before.
         for option in _LOOP_OPTIONS if optimise else _KERNEL_OPTIONS:
             llvm.set_option("stc", option)
-        module = llvm.parse_assembly(ir, llvm.create_context())
+        module = llvm.parse_assembly(ir.replace(WIDTH, str(_width_on(here))), llvm.create_context())
         module.triple = here.triple
         module.data_layout = str(target.target_data)
         if optimise:

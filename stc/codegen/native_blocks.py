@@ -79,9 +79,9 @@ class BlockBuilder:
         """A stack slot for a local, made in the entry block."""
         name = f"%s{len(self.entry)}"
         self.entry.append(f"  {name} = alloca {type_.ir}")
-        zero = {Type.F64: "0.0", Type.I64: "0", Type.BOOL: "false", Type.F64V: "zeroinitializer"}.get(
-            type_, "null"
-        )
+        zero = {Type.F64: "0.0", Type.I64: "0", Type.BOOL: "false"}.get(type_, "null")
+        if type_.lanes:
+            zero = "zeroinitializer"
         self.entry.append(f"  store {type_.ir} {initial or zero}, ptr {name}")
         return name
 
@@ -97,10 +97,9 @@ class BlockBuilder:
             if value.text.lstrip("-").isdigit():
                 return Value(Type.F64, hexadecimal(float(value.text)))
             return self.compute(Type.F64, f"sitofp i64 {value.text} to double")
-        if type_ is Type.F64V and value.type in (Type.F64, Type.I64, Type.BOOL):
+        if type_.lanes and value.type in (Type.F64, Type.I64, Type.BOOL):
             number = self.convert(value, Type.F64, node)
             first = self.compute(type_, f"insertelement {type_.ir} poison, double {number.text}, i64 0")
-            return self.compute(
-                type_, f"shufflevector {type_.ir} {first.text}, {type_.ir} poison, <8 x i32> zeroinitializer"
-            )
+            same = f"<{type_.lanes} x i32> zeroinitializer"
+            return self.compute(type_, f"shufflevector {type_.ir} {first.text}, {type_.ir} poison, {same}")
         raise self.error(node, f"{what} is {value.type.value} where {type_.value} is needed")

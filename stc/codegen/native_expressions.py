@@ -61,7 +61,10 @@ declare double @llvm.ceil.f64(double)
 declare double @llvm.copysign.f64(double, double)
 declare i64 @llvm.abs.i64(i64, i1)
 declare i64 @llvm.ctpop.i64(i64)
+declare <4 x double> @llvm.fabs.v4f64(<4 x double>)
 declare <8 x double> @llvm.fabs.v8f64(<8 x double>)
+declare <4 x double> @llvm.arithmetic.fence.v4f64(<4 x double>)
+declare <8 x double> @llvm.arithmetic.fence.v8f64(<8 x double>)
 """
     + PREFETCH
     + """
@@ -189,7 +192,7 @@ class ExpressionEmitter(BlockBuilder):
                 bits = int(value.text, 16) ^ (1 << 63)
                 return Value(Type.F64, f"0x{bits:016X}")
             return self.compute(Type.F64, f"fneg{self.flags} double {value.text}")
-        if value.type is Type.F64V:
+        if value.type.lanes:
             return self.compute(value.type, f"fneg{self.flags} {value.type.ir} {value.text}")
         if value.text.lstrip("-").isdigit():
             return Value(Type.I64, str(-int(value.text)))
@@ -202,15 +205,16 @@ class ExpressionEmitter(BlockBuilder):
 
     def binary(self, op: ast.operator, left: Value, right: Value, node: ast.AST) -> Value:
         """``left op right`` on scalars."""
-        if isinstance(op, ast.Div) and Type.F64V not in (left.type, right.type):
+        vector = left.type if left.type.lanes else right.type
+        if isinstance(op, ast.Div) and not vector.lanes:
             left, right = self.convert(left, Type.F64, node), self.convert(right, Type.F64, node)
             return self.compute(Type.F64, f"fdiv{self.flags} double {left.text}, {right.text}")
         name = _ARITHMETIC.get(type(op))
         if isinstance(op, ast.Div):
             name = "div"
-        if name is not None and Type.F64V in (left.type, right.type):
-            left, right = self.convert(left, Type.F64V, node), self.convert(right, Type.F64V, node)
-            return self.compute(Type.F64V, f"f{name}{self.flags} {Type.F64V.ir} {left.text}, {right.text}")
+        if name is not None and vector.lanes:
+            left, right = self.convert(left, vector, node), self.convert(right, vector, node)
+            return self.compute(vector, f"f{name}{self.flags} {vector.ir} {left.text}, {right.text}")
         left, right, type_ = self.common(left, right, node)
         if name is not None:
             if type_ is Type.F64:

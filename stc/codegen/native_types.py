@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.codegen.vector import WIDTH
 from stc.records import dataclass
 
 #: Annotations of compiled functions: scalars ...
@@ -36,6 +37,7 @@ class Type(Enum):
     I32S = "i32s"
     I64S = "i64s"
     F64V = "vector"
+    F64W = "vector as wide as registers"
 
     __hash__ = object.__hash__  # ten times faster than that of an Enum, and members are compared by identity
 
@@ -43,6 +45,11 @@ class Type(Enum):
     def is_array(self) -> bool:
         """Whether a value is a pointer to elements."""
         return self in _ELEMENT
+
+    @property
+    def lanes(self) -> str:
+        """How many floats a vector has, as text; empty where a value is none."""
+        return _LANES.get(self, "")
 
     @property
     def ir(self) -> str:
@@ -60,7 +67,15 @@ class Type(Enum):
         return _ELEMENT[self][1]
 
 
-_IR = {Type.F64: "double", Type.I64: "i64", Type.BOOL: "i1", Type.NONE: "void", Type.F64V: "<8 x double>"}
+_LANES = {Type.F64V: "8", Type.F64W: WIDTH}
+_IR = {
+    Type.F64: "double",
+    Type.I64: "i64",
+    Type.BOOL: "i1",
+    Type.NONE: "void",
+    Type.F64V: "<8 x double>",
+    Type.F64W: f"<{WIDTH} x double>",
+}
 _ELEMENT = {
     Type.F64S: ("double", Type.F64),
     Type.I32S: ("i32", Type.I64),
@@ -72,7 +87,7 @@ DTYPES: dict[Type, np.dtype[Any]] = {
     Type.I64S: np.dtype(np.int64),
 }
 
-_BY_NAME = {kind.value: kind for kind in Type if kind is not Type.F64V} | {"float": Type.F64, "int": Type.I64}
+_BY_NAME = {kind.value: kind for kind in Type if not kind.lanes} | {"float": Type.F64, "int": Type.I64}
 #: Types as most parameters and results have them, of hundreds of functions that are defined when a program starts.
 _PLAIN = {kind.value: kind for kind in (Type.F64, Type.I64, Type.F64S, Type.I32S, Type.I64S)}
 _PLAIN_RESULTS = {kind.value: kind for kind in (Type.F64, Type.I64, Type.NONE)}

@@ -6,6 +6,17 @@
     store8(sums, 0, total)
 
 Vectors are added, subtracted, multiplied and divided, by each other and by numbers.  In plain Python they are arrays.
+
+Where registers hold only four, a vector of eight takes two of them, so that inner loops run out of registers early.
+These take ``wide()`` numbers at a time instead, with functions whose names end in w, and go over the rest in turn:
+
+    part = 0
+    while part < 8:
+        total = splatw(0.0)
+        for t in range(n):
+            total += factors[t] * loadw(rows, 8 * t + part)
+        storew(sums, part, total)
+        part += wide()
 """
 
 from __future__ import annotations
@@ -17,23 +28,32 @@ from numpy.typing import NDArray
 
 __all__ = [
     "abs8",
+    "absw",
     "gather8",
     "largest8",
     "load8",
+    "loadw",
     "masked8",
     "max8",
+    "maxw",
     "negative8",
+    "negativew",
     "prefetch8",
     "scatter8",
     "splat8",
+    "splatw",
     "store8",
+    "storew",
     "stream8",
     "sum8",
     "sums8",
+    "wide",
 ]
 
 #: A local vector: it is never an argument, nor a result.
 Vector = Any
+#: ``wide()`` in plain Python.
+_WIDE = 8
 
 
 def load8(x: NDArray[np.float64], k: int) -> Vector:
@@ -105,6 +125,41 @@ def largest8(vector: Vector) -> float:
 def sum8(vector: Vector) -> float:
     """Sum of the eight, in any order."""
     return float(vector.sum())
+
+
+def wide() -> int:
+    """How many floats a register holds of the machine that code is made for: four or eight."""
+    return _WIDE
+
+
+def loadw(x: NDArray[np.float64], k: int) -> Vector:
+    """``x[k]`` and what follows, ``wide()`` numbers; the others that end in w do as those that end in 8."""
+    return x[k : k + _WIDE].copy()
+
+
+def storew(x: NDArray[np.float64], k: int, vector: Vector) -> None:
+    """See ``store8``."""
+    x[k : k + _WIDE] = vector
+
+
+def splatw(value: float) -> Vector:
+    """See ``splat8``."""
+    return np.full(_WIDE, value)
+
+
+def absw(vector: Vector) -> Vector:
+    """See ``abs8``."""
+    return np.abs(vector)
+
+
+def maxw(one: Vector, other: Vector) -> Vector:
+    """See ``max8``."""
+    return np.fmax(one, other)
+
+
+def negativew(vector: Vector) -> Vector:
+    """See ``negative8``."""
+    return (vector < 0.0).astype(np.float64)
 
 
 def sums8(x: NDArray[np.float64], k: int) -> Vector:

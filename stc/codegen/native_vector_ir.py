@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from stc.codegen import native_vector
 from stc.codegen.native_blocks import Value
 from stc.codegen.native_types import Type
-from stc.codegen.vector import PAST_CACHES, prefetch
+from stc.codegen.vector import PAST_CACHES, WIDTH, prefetch
 
 if TYPE_CHECKING:
     from stc.codegen.native_expressions import ExpressionEmitter
@@ -18,40 +18,47 @@ __all__ = ["vector_call"]
 
 def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: str) -> Value:
     """A call of one of the functions of stc.codegen.native_vector."""
-    vector = Type.F64V.ir
-    if target in (native_vector.load8, native_vector.store8, native_vector.stream8):
-        stores = target is not native_vector.load8
-        address = _address(emitter, node, name, 2 + stores)
-        if not stores:
-            return emitter.compute(Type.F64V, f"load {vector}, ptr {address}, align 8")
-        value = emitter.convert(emitter.number(node.args[2]), Type.F64V, node)
-        how = f"align 64{PAST_CACHES}" if target is native_vector.stream8 else "align 8"
+    if target is native_vector.wide:
+        return Value(Type.I64, WIDTH)
+    # Names end in 8 or w, and what is before that means the same.
+    what = target.__name__[:-1]
+    type_ = Type.F64W if target.__name__.endswith("w") else Type.F64V
+    vector, lanes = type_.ir, type_.lanes
+    if what in ("load", "store", "stream"):
+        address = _address(emitter, node, name, 2 if what == "load" else 3)
+        if what == "load":
+            return emitter.compute(type_, f"load {vector}, ptr {address}, align 8")
+        value = emitter.convert(emitter.number(node.args[2]), type_, node)
+        how = f"align 64{PAST_CACHES}" if what == "stream" else "align 8"
         emitter.emit(f"store {vector} {value.text}, ptr {address}, {how}")
         return Value(Type.NONE, "")
-    if target is native_vector.prefetch8:
+    if what == "prefetch":
         return _prefetched(emitter, node, name)
-    if target is native_vector.masked8:
+    if what == "masked":
         return _masked(emitter, node, name)
-    if target is native_vector.sums8:
+    if what == "sums":
         return _sums(emitter, node, name)
-    if target in (native_vector.gather8, native_vector.scatter8):
-        return _by_places(emitter, node, name, stores=target is native_vector.scatter8)
-    arguments = emitter.arguments(node, 2 if target is native_vector.max8 else 1, name, Type.F64V)
+    if what in ("gather", "scatter"):
+        return _by_places(emitter, node, name, stores=what == "scatter")
+    arguments = emitter.arguments(node, 2 if what == "max" else 1, name, type_)
     texts = [f"{vector} {argument.text}" for argument in arguments]
-    if target is native_vector.splat8:
+    if what == "splat":
         return arguments[0]
-    if target is native_vector.abs8:
-        return emitter.compute(Type.F64V, f"call {vector} @llvm.fabs.v8f64({texts[0]})")
-    if target is native_vector.negative8:
+    if what == "abs":
+        return emitter.compute(type_, f"call {vector} @llvm.fabs.v{lanes}f64({texts[0]})")
+    if what == "negative":
         below = emitter.compute(Type.BOOL, f"fcmp olt {texts[0]}, zeroinitializer")
-        return emitter.compute(Type.F64V, f"uitofp <8 x i1> {below.text} to {vector}")
-    if target is native_vector.largest8:
+        return emitter.compute(type_, f"uitofp <{lanes} x i1> {below.text} to {vector}")
+    if what == "largest":
         return emitter.compute(Type.F64, f"call nnan double @llvm.vector.reduce.fmax.v8f64({texts[0]})")
-    if target is native_vector.sum8:
+    if what == "sum":
         call = f"call reassoc double @llvm.vector.reduce.fadd.v8f64(double -0.0, {texts[0]})"
         return emitter.compute(Type.F64, call)
     larger = emitter.compute(Type.BOOL, f"fcmp ogt {texts[0]}, {arguments[1].text}")
-    return emitter.compute(Type.F64V, f"select <8 x i1> {larger.text}, {', '.join(texts)}")
+    choice = emitter.compute(type_, f"select <{lanes} x i1> {larger.text}, {', '.join(texts)}")
+    # Without the fence, where one of the two was just loaded from where the larger one goes, LLVM stores only what has
+    # changed, by a mask: processors without AVX-512 take ten times longer for that.
+    return emitter.compute(type_, f"call {vector} @llvm.arithmetic.fence.v{lanes}f64({vector} {choice.text})")
 
 
 def _address(emitter: ExpressionEmitter, node: ast.Call, name: str, count: int) -> str:
@@ -82,8 +89,15 @@ def _prefetched(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
 def _masked(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
     """masked8: nothing is read where the mask is 0, so that only the others need to exist."""
     address = _address(emitter, node, name, 3)
-    bits = emitter.compute(Type.I64, f"trunc i64 {emitter.integer(node.args[2], 'mask').text} to i8").text
-    mask = emitter.compute(Type.BOOL, f"bitcast i8 {bits} to <8 x i1>").text
+    # Without AVX-512, bits in a register would become a vector one by one.
+    integers = "<8 x i64>"
+    bits = emitter.integer(node.args[2], "mask").text
+    first = emitter.compute(Type.I64, f"insertelement {integers} poison, i64 {bits}, i64 0").text
+    same = f"shufflevector {integers} {first}, {integers} poison, <8 x i32> zeroinitializer"
+    spread = emitter.compute(Type.I64, same).text
+    each = f"<{', '.join(f'i64 {1 << lane}' for lane in range(8))}>"
+    found = emitter.compute(Type.I64, f"and {integers} {spread}, {each}").text
+    mask = emitter.compute(Type.BOOL, f"icmp eq {integers} {found}, {each}").text
     vector = Type.F64V.ir
     arguments = f"ptr {address}, i32 8, <8 x i1> {mask}, {vector} zeroinitializer"
     return emitter.compute(Type.F64V, f"call {vector} @llvm.masked.load.v8f64.p0({arguments})")

@@ -54,8 +54,10 @@ def _features(names: str) -> frozenset[str]:
 
 _V3 = _features("avx avx2 bmi bmi2 cx16 f16c fma lzcnt movbe popcnt sahf sse3 sse4.1 sse4.2 ssse3 xsave")
 _V4 = _V3 | _features("avx512f avx512bw avx512cd avx512dq avx512vl")
+#: What the processor has anyway, but tells how wide vectors are (``stc.codegen.engine.vector_width``).
+_WIDE = "+avx512f,+avx512dq,+avx512vl"
 #: Best first.
-LEVELS = (Level("x86-64-v4", "", _V4), Level("x86-64-v3", "", _V3))
+LEVELS = (Level("x86-64-v4", _WIDE, _V4), Level("x86-64-v3", "", _V3))
 
 
 def find(unit: str, host: Host, own_digest: str) -> bytes | None:

@@ -21,6 +21,9 @@ def hexadecimal(value: float) -> str:
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
 
 
+#: Stands for how many doubles registers hold, until it is known what machine code is made for.
+WIDTH = "{WIDTH}"
+
 #: How LLVM knows what ``prefetch`` calls.
 PREFETCH = "declare void @llvm.prefetch.p0(ptr, i32 immarg, i32 immarg, i32 immarg)"
 

@@ -6,22 +6,30 @@ import numpy as np
 import pytest
 
 from stc.arrays import aligned_zeros
+from stc.codegen import engine
 from stc.codegen.native import NativeError, f64, f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import (
     abs8,
+    absw,
     gather8,
     largest8,
     load8,
+    loadw,
     masked8,
     max8,
+    maxw,
     negative8,
+    negativew,
     prefetch8,
     scatter8,
     splat8,
+    splatw,
     store8,
+    storew,
     stream8,
     sum8,
     sums8,
+    wide,
 )
 
 
@@ -54,6 +62,42 @@ def test_products_and_extremes(plain):
     assert sums[9] == 0.0
     from_integers(sums)
     assert (sums[:8] == 3.0).all()
+
+
+@native(fused=True)
+def by_registers(rows: i64, x: f64s, most: f64s, total: f64s, negative: f64s) -> i64:
+    part = 0
+    turns = 0
+    while part < 8:
+        signs = splatw(0.0)
+        total_of_part = splatw(0.5)
+        for k in range(rows):
+            value = loadw(x, 8 * k + part)
+            total_of_part += 2.0 * value / (k + 1)
+            signs += negativew(value)
+            storew(most, part, maxw(absw(value), loadw(most, part)))
+        storew(total, part, total_of_part)
+        storew(negative, part, signs)
+        part += wide()
+        turns += 1
+    return turns
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_as_many_as_registers_hold(plain):
+    x, most, total, negative = (
+        np.random.default_rng(5).normal(size=(6, 8)),
+        np.ones(8),
+        np.zeros(8),
+        np.zeros(8),
+    )
+    call = by_registers.python if plain else by_registers
+    turns = call(6, x.reshape(-1), most, total, negative)
+    compiled = not plain and by_registers.is_compiled
+    assert turns == (8 // engine.vector_width() if compiled else 1)
+    np.testing.assert_array_equal(most, np.maximum(1.0, np.abs(x).max(axis=0)))
+    np.testing.assert_allclose(total, 0.5 + 2.0 * (1.0 / np.arange(1, 7)) @ x, rtol=1e-14)
+    np.testing.assert_array_equal(negative, (x < 0.0).sum(axis=0))
 
 
 @native
