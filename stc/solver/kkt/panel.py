@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
-from stc.codegen.native_vector import abs8, largest8, load8, max8, splat8, store8
+from stc.codegen.native_vector import abs8, largest8, load8, max8, splat8, store8, wide
 from stc.solver.kkt.pivots import (
     FACTORS,
     INDICES,
@@ -258,6 +258,25 @@ def _tile(taken: i64, length: i64, lower: f64s, panel: f64s, sums: f64s) -> None
     store8(sums, 7 * length, sum_7)
 
 
+@native(fast=True, inline=True)
+def _half_tile(taken: i64, length: i64, lower: f64s, panel: f64s, sums: f64s) -> None:
+    """Four by eight of the products."""
+    sum_0 = splat8(0.0)
+    sum_1 = splat8(0.0)
+    sum_2 = splat8(0.0)
+    sum_3 = splat8(0.0)
+    for at in range(0, taken * length, length):
+        row = load8(panel, at)
+        sum_0 += lower[at] * row
+        sum_1 += lower[at + 1] * row
+        sum_2 += lower[at + 2] * row
+        sum_3 += lower[at + 3] * row
+    store8(sums, 0, sum_0)
+    store8(sums, length, sum_1)
+    store8(sums, 2 * length, sum_2)
+    store8(sums, 3 * length, sum_3)
+
+
 @native(fast=True)
 def _update(
     taken: i64, members: i64, count: i64, rows: i32s, length: i64, stride: i64, panel: f64s, lower: f64s,
@@ -267,7 +286,11 @@ def _update(
     first = members // VECTOR * VECTOR
     for begin in range(first, members + count, VECTOR):
         for at in range(first, begin + VECTOR, VECTOR):
-            _tile(taken, length, lower[begin:], panel[at:], sums[at:])
+            if wide() == VECTOR:
+                _tile(taken, length, lower[begin:], panel[at:], sums[at:])
+            else:  # all of a tile would not fit the registers
+                _half_tile(taken, length, lower[begin:], panel[at:], sums[at:])
+                _half_tile(taken, length, lower[begin + 4 :], panel[at:], sums[at + 4 * length :])
         for k in range(max(begin, members), min(begin + VECTOR, members + count)):
             row = window[rows[k - members] * stride :]
             own = sums[(k - begin) * length + members :]
