@@ -88,7 +88,7 @@ def _forward_panel(
         _forward_corner(members, kinds, who, factors, other)
     own = factors[4 * members * (members + 1) :]
     p = 0
-    far = 8 * count
+    far = 8 * members
     if members == 4:
         y0 = load8(part, 8 * who[0])
         y1 = load8(part, 8 * who[1])
@@ -100,11 +100,11 @@ def _forward_panel(
         z3 = load8(other, 8 * who[3])
         for e in range(count):
             to = 8 * rows[e]
-            at = 8 * e
+            at = 32 * e
             f0 = load8(own, at)
-            f1 = load8(own, at + far)
-            f2 = load8(own, at + 2 * far)
-            f3 = load8(own, at + 3 * far)
+            f1 = load8(own, at + 8)
+            f2 = load8(own, at + 16)
+            f3 = load8(own, at + 24)
             store8(part, to, load8(part, to) - y0 * f0 - y1 * f1 - y2 * f2 - y3 * f3)
             if both != 0:
                 store8(other, to, load8(other, to) - z0 * f0 - z1 * f1 - z2 * f2 - z3 * f3)
@@ -112,10 +112,9 @@ def _forward_panel(
     while p < members:
         y = load8(part, 8 * who[p])
         z = load8(other, 8 * who[p])
-        row = p * far
         for e in range(count):
             to = 8 * rows[e]
-            f = load8(own, row + 8 * e)
+            f = load8(own, e * far + 8 * p)
             store8(part, to, load8(part, to) - y * f)
             if both != 0:
                 store8(other, to, load8(other, to) - z * f)
@@ -131,7 +130,7 @@ def _backward_panel(
 ) -> None:  # fmt: skip
     """Back substitution for one panel."""
     own = factors[4 * members * (members + 1) :]
-    far = 8 * count
+    far = 8 * members
     done = 0
     if members == 4:
         y0 = load8(part, 8 * who[0])
@@ -143,11 +142,11 @@ def _backward_panel(
         z2 = load8(other, 8 * who[2])
         z3 = load8(other, 8 * who[3])
         for e in range(count):
-            at = 8 * e
+            at = 32 * e
             f0 = load8(own, at)
-            f1 = load8(own, at + far)
-            f2 = load8(own, at + 2 * far)
-            f3 = load8(own, at + 3 * far)
+            f1 = load8(own, at + 8)
+            f2 = load8(own, at + 16)
+            f3 = load8(own, at + 24)
             value = load8(part, 8 * rows[e])
             y0 -= value * f0
             y1 -= value * f1
@@ -172,9 +171,8 @@ def _backward_panel(
     while done < members:
         y = load8(part, 8 * who[done])
         z = load8(other, 8 * who[done])
-        row = done * far
         for e in range(count):
-            f = load8(own, row + 8 * e)
+            f = load8(own, e * far + 8 * done)
             y -= load8(part, 8 * rows[e]) * f
             if both != 0:
                 z -= load8(other, 8 * rows[e]) * f

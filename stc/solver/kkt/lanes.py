@@ -311,7 +311,7 @@ def eliminate(
     result: f64s,
     work: f64s,
     scales: f64s,
-    columns: f64s,
+    known: f64s,
     made: f64s,
     matrix: f64s,
     watched: i64,
@@ -332,7 +332,7 @@ def eliminate(
         scale: of the unknowns, a vector in the order of the segments, and so is ``outer_most``: largest entries so
             far of the rows outside of segments, which are updated.
         result: where the entries are added that are left, as ``index`` tells.
-        work, scales, columns, most: work space; made: the same, for the factors of a panel.
+        work, scales, known, most: work space; made: the same, for the factors of a panel.
         matrix: the scaled entries, for products with the matrix.
         watched: 1 where ``outer_most`` and ``spread`` are asked for.
         spread: largest entry of the row that has the largest one, and the negative of the least, of the rows in
@@ -368,7 +368,7 @@ def eliminate(
                 if streamed != 0:
                     kept = made[0:]
                 take_panel(
-                    writing, streamed, members, count, panel[2:], rows, rows[count:], growth, suspect, work, columns,
+                    writing, streamed, members, count, panel[2:], rows, rows[count:], growth, suspect, work, known,
                     kept, factors[at:], state,
                 )  # fmt: skip
                 panel = rows[count + members * (members + count) :]

@@ -19,7 +19,7 @@ from stc.solver.kkt import lanes, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import SWEEPS, FrontalKKT
-from stc.solver.kkt.lane_panel import DISTANCE, PANEL, STATE
+from stc.solver.kkt.lane_panel import DISTANCE, KNOWN, PANEL, STATE
 from stc.solver.kkt.lane_program import WAYS, Program, effort_of, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import Layout, code_of, lay_out
 from stc.solver.kkt.lane_values import sizes_of
@@ -154,7 +154,7 @@ class SegmentedKKT(PlannedKKT):
             calls.append(
                 eliminate_part.bind(
                     *part.tables(tables), 1.0 / GROWTH, 1.0 / INVERSE, given, self._diagonal, self._scale, left,
-                    part.triangle, part.work, part.columns, part.made, self._matrix, part.vector, most,
+                    part.triangle, part.work, part.known, part.made, self._matrix, part.vector, most,
                     spreads[SPREADS * number :], factors, own_state, 0 if first else left.size, layout.outer,
                     0 if first else rest.unknowns.size,
                 )
@@ -259,7 +259,7 @@ class _Part:
         last = groups.stop == len(table)
         self.end = layout.outer if last else int(table[groups.stop, lanes.UNKNOWNS])
         self.triangle = aligned_zeros(4 * widest * (widest + 1))
-        self.columns = aligned_zeros(16 * PANEL * (widest + PANEL))
+        self.known = aligned_zeros(KNOWN)
         self.made = aligned_zeros(8 * PANEL * (widest + PANEL))
         self.work, self.vector = aligned_zeros(16 * widest), aligned_zeros(16 * widest)
 

@@ -64,7 +64,7 @@ def eliminate_part(
     result: f64s,
     work: f64s,
     scales: f64s,
-    columns: f64s,
+    known: f64s,
     made: f64s,
     matrix: f64s,
     row_most: f64s,
@@ -86,7 +86,7 @@ def eliminate_part(
     for k in range(SPREADS):
         spread[k] = -STALE
     negative = eliminate(
-        groups, table, index, code, growth, suspect, given, diagonal, scale, result, work, scales, columns,
+        groups, table, index, code, growth, suspect, given, diagonal, scale, result, work, scales, known,
         made, matrix, int(state[WATCHED]), row_most, most, spread, factors, state,
     )  # fmt: skip
     state[COUNTED] = 1.0 * negative
