@@ -37,6 +37,7 @@ __all__ = [
     "CHECK",
     "COUNTED",
     "DISTANCE",
+    "FETCHED",
     "KNOWN",
     "LARGEST",
     "NEGATIVE",
@@ -65,8 +66,8 @@ PANEL = 4
 #: Places in ``state``: what tests a pivot, the largest so far in each lane, should be below 1; pivots that are
 #: negative; the largest test of all groups; negative pivots of all together; the largest test up to which factors are
 #: trusted; how far ahead memory is asked for, 0 where it is near; matrices until the scale is tested again; whether
-#: factors are written past the caches; whether the scale is tested with the matrix at hand; 0 in each lane as long as
-#: all entries of the matrix are finite, else nan.
+#: factors are written past the caches; whether the scale is tested with the matrix at hand; whether the entries of the
+#: matrix are asked for ahead; 0 in each lane as long as all these are finite, else nan.
 WORST = 0
 NEGATIVE = 8
 LARGEST = 16
@@ -76,6 +77,7 @@ DISTANCE = 24
 UNWATCHED = 25
 STREAMED = 26
 WATCHED = 27
+FETCHED = 28
 CHECK = 32
 STATE = 40
 #: The scale is tested with one matrix in so many and one more, or, where it was far from not serving, with fewer.

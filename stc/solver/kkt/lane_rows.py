@@ -80,7 +80,7 @@ def _largest(
 
 @native(fast=True)
 def largest_in_segments(
-    distance: i64,
+    fetched: i64,
     groups: i64,
     table: i64s,
     index: i32s,
@@ -95,7 +95,7 @@ def largest_in_segments(
     """Largest entry of each row of S K S in the segments; ``most`` has those outside as far as they are known.
 
     Args:
-        distance: 0 where memory is near.
+        fetched: 1 where entries are asked for ahead.
         groups, table, index, code: see ``eliminate``.
         diagonal: that of the matrix, (N,).
         scales, part: work space.
@@ -111,7 +111,7 @@ def largest_in_segments(
             store8(part, 8 * k, 0.0)
         for step in range(group[STEPS]):
             here = group[UNKNOWNS] + 8 * step * own
-            if distance > 0:
+            if fetched != 0:
                 ask_for_step(step, group, index, diagonal, given)
             collect_own(step, group, scale, scales)
             collect_following(step, group, index, code, scale, scales)

@@ -35,6 +35,7 @@ from stc.codegen.native_vector import (
 from stc.solver.kkt.lane_panel import (
     CHECK,
     DISTANCE,
+    FETCHED,
     LARGEST,
     NEGATIVE,
     STALE,
@@ -211,8 +212,9 @@ def ask_for_step(
 
 @native(fast=True)
 def _load_step(
-    distance: i64, streamed: i64, watched: i64, step: i64, group: i64s, index: i32s, code: i32s, diagonal: f64s,
-    given: f64s, scale: f64s, work: f64s, scales: f64s, matrix: f64s, most: f64s, spread: f64s, state: f64s,
+    distance: i64, streamed: i64, fetched: i64, watched: i64, step: i64, group: i64s, index: i32s, code: i32s,
+    diagonal: f64s, given: f64s, scale: f64s, work: f64s, scales: f64s, matrix: f64s, most: f64s, spread: f64s,
+    state: f64s,
 ) -> None:  # fmt: skip
     """Carry over what the step before has left, and add the scaled entries of the matrix."""
     own = group[OWN]
@@ -254,7 +256,7 @@ def _load_step(
             work,
             state,
         )
-    if distance > 0:
+    if fetched != 0:
         ask_for_step(step, group, index, diagonal, given)
     count = group[ENTRIES]
     kept = kept[8 * (group[FIRST] + step * (own + count)) :]
@@ -346,6 +348,7 @@ def eliminate(
     negative = 0.0
     distance = int(state[DISTANCE])
     streamed = int(state[STREAMED])
+    fetched = int(state[FETCHED])
     writing = 0 if streamed != 0 else distance
     state[LARGEST] = 0.0
     store8(state, CHECK, splat8(0.0))
@@ -356,8 +359,8 @@ def eliminate(
         at = 8 * group[FACTORS]
         for step in range(group[STEPS]):
             _load_step(
-                distance, streamed, watched, step, group, index, code, diagonal, given, scale, work, scales, matrix,
-                most, spread, state,
+                distance, streamed, fetched, watched, step, group, index, code, diagonal, given, scale, work, scales,
+                matrix, most, spread, state,
             )  # fmt: skip
             panel = code[group[PANEL_CODE] :]
             for _panel in range(group[PANELS]):

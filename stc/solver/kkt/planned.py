@@ -20,7 +20,7 @@ from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, FrontalKKT
-from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, LARGEST, STATE, STREAMED, TRUSTED, UNWATCHED
+from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, FETCHED, LARGEST, STATE, STREAMED, TRUSTED, UNWATCHED
 from stc.solver.kkt.plan_choice import PLANS, Plans, Prepared
 from stc.solver.kkt.segmented_passes import diagonal_of
 from stc.solver.kkt.substitution import REPORT
@@ -46,6 +46,8 @@ AHEAD = 1200
 #: Factors of so many bytes leave what processors share as well: they are written past it, and substitutions, which read
 #: them in order, wait for memory only there.
 DISTANT = 2**22
+#: With factors of so many bytes the matrix, and what is known of its order, have left it when they are needed again.
+FAR = 2**24
 
 
 class Rest(Protocol):
@@ -94,6 +96,7 @@ def new_state(factors: Floats) -> Floats:
     state[TRUSTED] = SUSPECT
     state[DISTANCE] = AHEAD if factors.nbytes > NEAR else 0
     state[STREAMED] = 1.0 if factors.nbytes > DISTANT else 0.0
+    state[FETCHED] = 1.0 if factors.nbytes > FAR else 0.0
     return state
 
 

@@ -19,7 +19,7 @@ from stc.solver.kkt import lanes, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import SWEEPS, FrontalKKT
-from stc.solver.kkt.lane_panel import DISTANCE, KNOWN, PANEL, STATE
+from stc.solver.kkt.lane_panel import FETCHED, KNOWN, PANEL, STATE
 from stc.solver.kkt.lane_program import WAYS, Program, effort_of, kind_of, plan_panels
 from stc.solver.kkt.lane_tables import Layout, code_of, lay_out
 from stc.solver.kkt.lane_values import sizes_of
@@ -170,7 +170,7 @@ class SegmentedKKT(PlannedKKT):
         work = self._parts[0]
         equilibrate = equilibrate_all.bind(
             SWEEPS,
-            int(state[DISTANCE]),
+            int(state[FETCHED]),
             *tables,
             *outside,
             *self._rest_entries,

@@ -87,7 +87,7 @@ def diagonal_of(
 
 @native
 def _largest_of_rows(
-    distance: i64, groups: i64, table: i64s, index: i32s, code: i32s, outer: i64, rest: i64, entries: i64, first: i32s,
+    fetched: i64, groups: i64, table: i64s, index: i32s, code: i32s, outer: i64, rest: i64, entries: i64, first: i32s,
     second: i32s, source: i32s, given: f64s, diagonal: f64s, scale: f64s, most: f64s, scales: f64s, part: f64s,
 ) -> None:  # fmt: skip
     """Largest entry of each row of S K S."""
@@ -99,13 +99,13 @@ def _largest_of_rows(
         value = fabs(given[source[e]]) * scale[a] * scale[b]
         most[a] = max(most[a], value)
         most[b] = max(most[b], value)
-    largest_in_segments(distance, groups, table, index, code, given, diagonal, scale, most, scales, part)
+    largest_in_segments(fetched, groups, table, index, code, given, diagonal, scale, most, scales, part)
 
 
 @native
 def equilibrate_all(
     sweeps: i64,
-    distance: i64,
+    fetched: i64,
     groups: i64,
     table: i64s,
     index: i32s,
@@ -125,7 +125,7 @@ def equilibrate_all(
 ) -> i64:
     """Make ``scale`` serve the matrix (see ``stc.solver.kkt.values.equilibrate``); whether it did not do so before."""
     _largest_of_rows(
-        distance, groups, table, index, code, outer, rest, entries, first, second, source, given, diagonal, scale, most,
+        fetched, groups, table, index, code, outer, rest, entries, first, second, source, given, diagonal, scale, most,
         scales, part,
     )  # fmt: skip
     size = outer + rest
@@ -138,7 +138,7 @@ def equilibrate_all(
     for sweep in range(sweeps):
         if sweep > 0 or far != 0.0:
             _largest_of_rows(
-                distance, groups, table, index, code, outer, rest, entries, first, second, source, given, diagonal,
+                fetched, groups, table, index, code, outer, rest, entries, first, second, source, given, diagonal,
                 scale, most, scales, part,
             )  # fmt: skip
         if find_scale(size, most, scale) == 0:

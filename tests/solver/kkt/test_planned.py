@@ -11,7 +11,7 @@ from solver.kkt.motions import chain_of, motion, parts, system_of
 from solver.kkt.test_contract import check
 
 from stc.solver.kkt import planned
-from stc.solver.kkt.lane_panel import DISTANCE, RARELY, STREAMED, TRUSTED
+from stc.solver.kkt.lane_panel import DISTANCE, FETCHED, RARELY, STREAMED, TRUSTED
 
 SYSTEMS = pytest.mark.parametrize("system", [system_of, chain_of])
 
@@ -64,12 +64,14 @@ def test_memory_that_is_asked_for_changes_nothing(system, parameters, monkeypatc
     for near in (2**40, 0):
         monkeypatch.setattr(planned, "NEAR", near)
         monkeypatch.setattr(planned, "DISTANT", near)
+        monkeypatch.setattr(planned, "FAR", near)
         kkt = system(pattern)
         for _ in range(2):
             kkt.factorize(*values.arguments())
         assert kkt._by_plan
         assert (kkt._plans.now.state[DISTANCE] > 0) == (near == 0)
         assert (kkt._plans.now.state[STREAMED] > 0) == (near == 0)
+        assert (kkt._plans.now.state[FETCHED] > 0) == (near == 0)
         solutions.append(np.concatenate(kkt.solve(*rhs)))
     np.testing.assert_array_equal(*solutions)
 
