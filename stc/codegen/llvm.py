@@ -21,7 +21,7 @@ from typing import Final
 
 from stc.codegen.engine import LANES
 from stc.codegen.fetching import fetch
-from stc.codegen.operations import WRITTEN_OUT, MathFunctions, Operations, function_length
+from stc.codegen.operations import CIRCULAR, WRITTEN_OUT, MathFunctions, Operations, function_length
 from stc.codegen.residency import Residency, operands
 from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import Tape
@@ -179,6 +179,10 @@ class _Kernel:
             (op, a): tape.first_op + k for k, (op, a, _) in enumerate(tape.ops) if op in ("sin", "cos")
         }
         known: set[int] = set()
+        # Angles whose sines and cosines are written out, but not yet.
+        angles = dict.fromkeys(a for op, a, _ in tape.ops[tape.n_uniform_ops :] if op in CIRCULAR)
+        if self.functions.called:
+            angles.clear()
         for number in range(tape.n_uniform_ops, len(tape.ops)):
             op, a, b = tape.ops[number]
             slot = tape.first_op + number
@@ -190,16 +194,23 @@ class _Kernel:
                     residency.used(read)
                 if each.calls(op, a):
                     residency.vacate()
+                there = [a] if op in CIRCULAR else []
+                if there and a in angles:
+                    # Another one that is there already goes along: a processor has little else to do meanwhile.
+                    del angles[a]
+                    beside = next((angle for angle in angles if angle < slot), -1)
+                    if beside >= 0:
+                        del angles[beside]
+                        there.append(beside)
+                        each.circular_together(there, (first, residency.operand(beside, (a, beside))))
                 made.append((slot, each.emit(op, a, first, second)))
-                if op in (
-                    "sin",
-                    "cos",
-                ):  # the other one is there as well: from now on it is a value like others
-                    other = "cos" if op == "sin" else "sin"
-                    partner = slot_of.get((other, a), -1)
-                    if partner > slot:
-                        made.append((partner, each.circular(a, first)[other == "cos"]))
-                        known.add(partner)
+                # What is there as well is a value like others from now on.
+                for angle in there:
+                    for other in ("sin", "cos"):
+                        partner = slot_of.get((other, angle), -1)
+                        if partner > slot:
+                            made.append((partner, each.circular(angle, first)[other == "cos"]))
+                            known.add(partner)
             else:
                 for read in operands(tape, number):
                     residency.used(read)

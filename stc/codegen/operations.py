@@ -16,7 +16,7 @@ from typing import Final
 
 from stc.codegen.tape import Tape
 from stc.codegen.vector import Vector
-from stc.codegen.vector_math import BINARY, UNARY, sine_cosine
+from stc.codegen.vector_math import BINARY, UNARY, sine_cosine, sines_cosines
 
 _ARITHMETIC: Final = {
     "add": "fadd contract",
@@ -24,7 +24,7 @@ _ARITHMETIC: Final = {
     "mul": "fmul contract",
     "div": "fdiv",
 }
-_CIRCULAR: Final = ("sin", "cos", "tan")
+CIRCULAR: Final = ("sin", "cos", "tan")
 
 #: What functions are in code, in hundreds of instructions, where it is not one.
 _LENGTH: Final = {"pow": 2}
@@ -37,7 +37,7 @@ def function_length(tapes: Sequence[Tape]) -> int:
     """How much code the elementary functions of tapes would be, in hundreds of instructions."""
     total = 0
     for tape in tapes:
-        total += len({a for op, a, _ in tape.ops if op in _CIRCULAR})
+        total += len({a for op, a, _ in tape.ops if op in CIRCULAR})
         total += sum(_LENGTH.get(op, 1) for op, _, _ in tape.ops if op in UNARY or op in BINARY)
     return total
 
@@ -116,7 +116,7 @@ class Operations:
         self._functions = functions
         wanted: dict[int, set[str]] = {}
         for op, a, _ in tape.ops:
-            if op in _CIRCULAR:
+            if op in CIRCULAR:
                 wanted.setdefault(a, set()).add(op)
         self._wanted = wanted
         self._circular: dict[int, tuple[str, str]] = {}
@@ -125,7 +125,7 @@ class Operations:
         """Whether emitting the operation now would call a function; ``slot`` identifies the first operand."""
         if not self._functions.called:
             return False
-        return op in UNARY or op in BINARY or (op in _CIRCULAR and slot not in self._circular)
+        return op in UNARY or op in BINARY or (op in CIRCULAR and slot not in self._circular)
 
     def emit(self, op: str, slot: int, a: str, b: str) -> str:
         """Result of one operation; ``slot`` identifies the first operand."""
@@ -137,10 +137,18 @@ class Operations:
             return vector.neg(a)
         if op == "sqrt":
             return vector.call("sqrt", a)
-        if op in _CIRCULAR:
+        if op in CIRCULAR:
             pair = self.circular(slot, a)
             return vector.div(*pair) if op == "tan" else pair[op == "cos"]
         return self._functions.value(vector, op, *((a,) if op in UNARY else (a, b)))
+
+    def circular_together(self, slots: Sequence[int], angles: Sequence[str]) -> None:
+        """Compute sines and cosines of some slots step by step, for ``circular`` to return."""
+        each = []
+        for slot, a in zip(slots, angles, strict=True):
+            wanted = self._wanted[slot]
+            each.append((a, wanted != {"cos"}, wanted != {"sin"}))
+        self._circular.update(zip(slots, sines_cosines(self.vector, each), strict=True))
 
     def circular(self, slot: int, a: str) -> tuple[str, str]:
         """Sine and cosine of a slot, as far as the tape wants them, computed at the first call."""

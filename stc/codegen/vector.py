@@ -7,6 +7,7 @@ computed.  Operands are strings: a register, or a literal made by :meth:`Vector.
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from itertools import count
 from typing import Final
 
@@ -122,10 +123,14 @@ class Vector:
 
     def polynomial(self, x: str, coefficients: tuple[float, ...]) -> str:
         """Horner's rule; coefficients from the constant term up."""
-        result = self.real(coefficients[-1])
+        return self.polynomials([x], coefficients)[0]
+
+    def polynomials(self, xs: Sequence[str], coefficients: tuple[float, ...]) -> list[str]:
+        """The same for some arguments, step by step."""
+        results = [self.real(coefficients[-1])] * len(xs)
         for coefficient in reversed(coefficients[:-1]):
-            result = self.fma(result, x, self.real(coefficient))
-        return result
+            results = [self.fma(each, x, self.real(coefficient)) for each, x in zip(results, xs, strict=True)]
+        return results
 
     # ---- selection and bits -------------------------------------------------------------------------
 

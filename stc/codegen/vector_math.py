@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from stc.codegen.vector import Vector
@@ -117,29 +117,42 @@ def _bits_of(value: float) -> int:
 
 def sine_cosine(v: Vector, x: str, want_sine: bool = True, want_cosine: bool = True) -> tuple[str, str]:
     """sin x and cos x; one that is not wanted is returned as an empty name."""
-    size = v.call("fabs", x)
+    return sines_cosines(v, [(x, want_sine, want_cosine)])[0]
+
+
+def sines_cosines(v: Vector, angles: Sequence[tuple[str, bool, bool]]) -> list[tuple[str, str]]:
+    """The same for some angles at once, step by step: each step waits for the one before, those of others do not.
+
+    A processor would look for these by itself, but an angle's are about as many as it can hold back.
+    """
     largest = v.real(LARGEST_ANGLE if v.fused else LARGEST_ANGLE_UNFUSED)
-    x = v.select(v.compare("ole", size, largest), x, v.real(math.nan))
-    shifted = v.fma(x, v.real(2.0 / _PI), v.real(_TO_WHOLE))
-    quarter_turns = v.sub(shifted, v.real(_TO_WHOLE))
-    turns = v.bits(shifted)  # the whole number in its low bits
-    r = x
+    sizes = [v.call("fabs", x) for x, _, _ in angles]
+    inside = [v.compare("ole", size, largest) for size in sizes]
+    xs = [v.select(good, x, v.real(math.nan)) for good, (x, _, _) in zip(inside, angles, strict=True)]
+    shifted = [v.fma(x, v.real(2.0 / _PI), v.real(_TO_WHOLE)) for x in xs]
+    quarter_turns = [v.sub(each, v.real(_TO_WHOLE)) for each in shifted]
+    turns = [v.bits(each) for each in shifted]  # the whole number in its low bits
+    rs = xs
     for part in _HALF_PI if v.fused else _HALF_PI_SHORT:
-        r = v.fma(quarter_turns, v.real(-part), r)
-    z = v.mul(r, r)
-    sine = v.fma(v.mul(z, r), v.polynomial(z, _SIN), r)
-    cosine = v.fma(z, v.fma(z, v.polynomial(z, _COS), v.real(-0.5)), v.real(1.0))
-    odd = v.compare_whole("ne", v.integer("and", turns, v.whole(1)), v.whole(0))
+        rs = [v.fma(quarter, v.real(-part), r) for quarter, r in zip(quarter_turns, rs, strict=True)]
+    zs = [v.mul(r, r) for r in rs]
+    sines = v.polynomials(zs, _SIN)
+    sines = [v.fma(v.mul(z, r), sine, r) for z, r, sine in zip(zs, rs, sines, strict=True)]
+    cosines = v.polynomials(zs, (1.0, -0.5, *_COS))
+    results = []
     top = v.whole(-(2**63))
-    results = ["", ""]
-    if want_sine:
-        sign = v.integer("and", v.integer("shl", turns, v.whole(62)), top)
-        results[0] = v.flip_sign(v.select(odd, cosine, sine), sign)
-    if want_cosine:
-        following = v.integer("add", turns, v.whole(1))
-        sign = v.integer("and", v.integer("shl", following, v.whole(62)), top)
-        results[1] = v.flip_sign(v.select(odd, sine, cosine), sign)
-    return results[0], results[1]
+    for (_, want_sine, want_cosine), turn, sine, cosine in zip(angles, turns, sines, cosines, strict=True):
+        odd = v.compare_whole("ne", v.integer("and", turn, v.whole(1)), v.whole(0))
+        pair = ["", ""]
+        if want_sine:
+            sign = v.integer("and", v.integer("shl", turn, v.whole(62)), top)
+            pair[0] = v.flip_sign(v.select(odd, cosine, sine), sign)
+        if want_cosine:
+            following = v.integer("add", turn, v.whole(1))
+            sign = v.integer("and", v.integer("shl", following, v.whole(62)), top)
+            pair[1] = v.flip_sign(v.select(odd, sine, cosine), sign)
+        results.append((pair[0], pair[1]))
+    return results
 
 
 def _arc(v: Vector, y: str, x: str) -> str:

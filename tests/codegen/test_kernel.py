@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -239,6 +240,41 @@ def test_sine_and_cosine_of_one_argument_share_their_reduction() -> None:
     for tape in (both, one):
         ir = compile_tapes([tape], backend="llvm", cache=False).llvm_ir()
         assert ir[ir.index("define") :].count("@llvm.fabs.") == 1
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_angles_that_are_there_are_reduced_in_pairs(count: int) -> None:
+    """Also one of which the tape wants a tangent, or comes to the cosine long after; results are the same bits."""
+    names = [f"x{k}" for k in range(count)]
+    angles = [expr.sym(name) for name in names]
+    wanted = [expr.call(("sin", "cos", "tan")[k % 3], angle) for k, angle in enumerate(angles)]
+    outputs = [
+        *wanted,
+        expr.call("cos", sum(wanted, start=expr.call("cos", expr.sym("u")))),
+        expr.call("cos", angles[0]),
+    ]
+    tape = build_tape(outputs, ["u"], names)
+    setting = Setting(tape, 11)
+    kernels = compile_tapes([tape], backend="llvm", cache=False)
+    kernels[0](*setting.arguments)
+    np.testing.assert_allclose(setting.out, setting.expected(), rtol=1e-13, atol=1e-14)
+    together = setting.out.copy()
+    ir = kernels.llvm_ir()
+    lines = ir[ir.index("compute:") :].splitlines()
+    reductions = [k for k, line in enumerate(lines) if "@llvm.fabs." in line]
+    # one for each angle and the sum; those of a pair follow one another
+    assert len(reductions) == count + 1
+    assert sum(b - a == 1 for a, b in pairwise(reductions)) == count // 2
+    for k, want in enumerate(wanted):
+        alone = build_tape([want], ["u"], [names[k]])
+        one = Setting(alone, 11)
+        one.workspace, one.uniform, one.index = (
+            setting.workspace,
+            setting.uniform,
+            setting.index[:, [k]].copy(),
+        )
+        compile_tapes([alone], backend="llvm", cache=False)[0](*one.arguments)
+        np.testing.assert_array_equal(one.out[:, 0], together[:, k])
 
 
 def test_bound_calls_see_new_values() -> None:

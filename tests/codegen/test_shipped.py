@@ -53,6 +53,7 @@ class Box:
 
 @pytest.fixture
 def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
+    engine._stand_ins()  # which any first image in a process looks for, and keeps
     monkeypatch.setenv("STC_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(shipped, "FOLDER", tmp_path / "shipped")
     monkeypatch.setattr(native, "_registry", {})
