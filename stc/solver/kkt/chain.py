@@ -37,8 +37,8 @@ from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.folding import fold
 from stc.solver.kkt.frontal import SWEEPS
-from stc.solver.kkt.lane_panel import STATE
 from stc.solver.kkt.lane_program import effort_of
+from stc.solver.kkt.lane_state import STATE
 from stc.solver.kkt.plan_choice import Plans, Prepared
 from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, WHOLE, PlannedKKT, new_state, reading_distance
 from stc.solver.kkt.segmented_passes import equilibrate_all

@@ -26,7 +26,7 @@ from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.codegen.native_vector import abs8, gather8, largest8, load8, masked8, max8, splat8, store8
 from stc.solver.kkt.chain_panel import NEGATIVE, begin_tests, invert_corner, take_panel, worst_test
-from stc.solver.kkt.lane_panel import (
+from stc.solver.kkt.lane_state import (
     COUNTED,
     DISTANCE,
     LARGEST,

@@ -15,13 +15,14 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, native, sqrt
 from stc.codegen.native_vector import largest8, load8, max8, splat8, store8
-from stc.solver.kkt.lane_panel import LARGEST, ask_ahead
+from stc.solver.kkt.lane_memory import ask_ahead
+from stc.solver.kkt.lane_state import LARGEST
 
 __all__ = ["NEGATIVE", "begin_tests", "invert_corner", "take_panel", "worst_test"]
 
 #: Places in ``state``: the largest entries on the diagonal of D^-1 so far, in groups of eight; the largest products due
 #: to these, the same; a sum that is finite if all pivots are; negative pivots; the largest entry of D^-1 beside the
-#: diagonal; the square of the largest product due to one. Others are as in lane_panel.
+#: diagonal; the square of the largest product due to one. Others are as in lane_state.
 INVERSE, PRODUCT, CHECK, NEGATIVE, BESIDE, MIXED = 0, 8, 19, 20, 21, 22
 #: Of a panel's factors, behind those of the corner: the first terms of the largest products.
 FIRST_PRODUCTS = 12

@@ -29,7 +29,7 @@ from stc.solver.kkt.chain_elimination import (
     take_own,
 )
 from stc.solver.kkt.chain_rows import HELD, VECTORS, begin_products, end_products, subtract_rows
-from stc.solver.kkt.lane_panel import ask_ahead, ask_behind
+from stc.solver.kkt.lane_memory import ask_ahead, ask_behind
 
 __all__ = ["ONE", "UNITS", "backward_both", "backward_one_vector", "forward_both", "forward_one_vector"]
 

@@ -19,74 +19,23 @@ from stc.codegen.native import f64, f64s, i32s, i64, native
 from stc.codegen.native_vector import (
     abs8,
     absw,
-    largest8,
     load8,
     loadw,
     max8,
     maxw,
     negativew,
-    prefetch8,
     splatw,
     store8,
     storew,
-    stream8,
     wide,
 )
+from stc.solver.kkt.lane_memory import ask_ahead, put_vectors
+from stc.solver.kkt.lane_state import NEGATIVE, WORST
 
-__all__ = [
-    "CHECK",
-    "COUNTED",
-    "DISTANCE",
-    "FETCHED",
-    "KNOWN",
-    "LARGEST",
-    "NEGATIVE",
-    "PANEL",
-    "RARELY",
-    "STALE",
-    "STATE",
-    "STREAMED",
-    "TRUSTED",
-    "UNWATCHED",
-    "WATCHED",
-    "WORST",
-    "ask_ahead",
-    "ask_behind",
-    "is_doubtful",
-    "is_watched",
-    "note_watched",
-    "panel_vectors",
-    "put_together",
-    "put_vectors",
-    "take_panel",
-]
+__all__ = ["KNOWN", "PANEL", "panel_vectors", "take_panel"]
 
 #: Unknowns of a panel at most.
 PANEL = 4
-#: Places in ``state``: what tests a pivot, the largest so far in each lane, should be below 1; pivots that are
-#: negative; the largest test of all groups; negative pivots of all together; the largest test up to which factors are
-#: trusted; how far ahead memory is asked for, 0 where it is near; matrices until the scale is tested again; whether
-#: factors are written past the caches; whether the scale is tested with the matrix at hand; whether the entries of the
-#: matrix are asked for ahead; 0 in each lane as long as all these are finite, else nan.
-WORST = 0
-NEGATIVE = 8
-LARGEST = 16
-COUNTED = 17
-TRUSTED = 18
-DISTANCE = 24
-UNWATCHED = 25
-STREAMED = 26
-WATCHED = 27
-FETCHED = 28
-CHECK = 32
-STATE = 40
-#: The scale is tested with one matrix in so many and one more, or, where it was far from not serving, with fewer.
-SELDOM = 3.0
-RARELY = 11.0
-#: A scale serves as long as the largest entries of all rows are within this factor of 1; that far they are not far
-#: from where it does not.
-STALE = 1024.0
-UNEASY = 32.0
 #: Makes any number nothing, but not infinity.
 NO_SHARE = 1e-200
 #: Places in what is known of the members of a panel, eight numbers each: D^-1 on its diagonal, L in the corner (01, 02,
@@ -98,78 +47,9 @@ KNOWN = 136
 
 
 @native(inline=True)
-def is_watched(state: f64s) -> i64:
-    """Whether the scale is to be tested with the matrix at hand."""
-    state[UNWATCHED] -= 1.0
-    return 1 if state[UNWATCHED] < 0.0 else 0
-
-
-@native(inline=True)
-def spread_in(noted: f64s) -> f64:
-    """How far from 1 the largest entries of rows in segments are, from what ``eliminate`` has noted of them."""
-    return max(largest8(load8(noted, 0)), -1.0 / largest8(load8(noted, 8)))
-
-
-@native(inline=True)
-def note_watched(spread: f64, state: f64s) -> None:
-    """Note how far from 1 the largest entries of rows were when the scale was tested."""
-    state[UNWATCHED] = RARELY if spread < UNEASY else SELDOM
-
-
-@native(inline=True)
-def is_doubtful(state: f64s) -> i64:
-    """Whether factors that were not watched are not to be trusted, so that the scale has to be tested after all."""
-    if state[LARGEST] <= state[TRUSTED]:
-        return 0
-    state[UNWATCHED] = 0.0
-    return 1
-
-
-@native(small=True)
-def put_together(parts: i64, states: f64s, state: f64s) -> i64:
-    """The pivots and tests of all parts of an elimination, of which each has its own state; 1 where one was refused."""
-    state[COUNTED] = 0.0
-    state[LARGEST] = 0.0
-    for part in range(parts):
-        own = states[part * STATE :]
-        if own[COUNTED] < 0.0:
-            return 1
-        state[COUNTED] += own[COUNTED]
-        state[LARGEST] = max(state[LARGEST], own[LARGEST])
-    return 0
-
-
-@native(inline=True)
 def panel_vectors(members: i64, count: i64) -> i64:
     """How many vectors are kept of a panel."""
     return members * (members + 1) // 2 + members * count
-
-
-@native(inline=True)
-def ask_ahead(distance: i64, vectors: i64, far: i64, at: i64, x: f64s) -> None:
-    """Ask for what is so far ahead of some vectors of ``x``, which are ``far`` numbers apart."""
-    if distance > 0:
-        for k in range(vectors):
-            prefetch8(x, at + distance + k * far)
-
-
-@native(inline=True)
-def ask_behind(distance: i64, vectors: i64, at: i64, x: f64s) -> None:
-    """Ask for what is so far behind some vectors of ``x``, the last one first: processors foresee a steady descent."""
-    if distance > 0:
-        for k in range(vectors):
-            prefetch8(x, at - distance + 8 * (vectors - 1 - k))
-
-
-@native(inline=True)
-def put_vectors(streamed: i64, vectors: i64, part: f64s, at: i64, x: f64s) -> None:
-    """Copy some vectors of ``part`` to ``x`` from ``at`` on, past the caches when ``streamed``."""
-    if streamed != 0:
-        for k in range(vectors):
-            stream8(x, at + 8 * k, load8(part, 8 * k))
-    else:
-        for k in range(vectors):
-            store8(x, at + 8 * k, load8(part, 8 * k))
 
 
 @native(fused=True, inline=True)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import abs8, gather8, largest8, load8, max8, splat8, store8, stream8, sum8
-from stc.solver.kkt.lane_panel import ask_ahead
+from stc.solver.kkt.lane_memory import ask_ahead
 from stc.solver.kkt.lanes import (
     BORDER,
     ENTRIES,

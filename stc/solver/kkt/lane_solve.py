@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from stc.codegen.native import f64s, i32s, i64, i64s, native
 from stc.codegen.native_vector import load8, store8
-from stc.solver.kkt.lane_panel import ask_ahead, ask_behind, panel_vectors, put_vectors
+from stc.solver.kkt.lane_memory import ask_ahead, ask_behind, put_vectors
+from stc.solver.kkt.lane_panel import panel_vectors
 from stc.solver.kkt.lane_rows import add_following, add_outside
 from stc.solver.kkt.lanes import (
     BORDER,

@@ -32,7 +32,9 @@ from stc.codegen.native_vector import (
     stream8,
     sum8,
 )
-from stc.solver.kkt.lane_panel import (
+from stc.solver.kkt.lane_memory import ask_ahead
+from stc.solver.kkt.lane_panel import panel_vectors, take_panel
+from stc.solver.kkt.lane_state import (
     CHECK,
     DISTANCE,
     FETCHED,
@@ -41,10 +43,7 @@ from stc.solver.kkt.lane_panel import (
     STALE,
     STREAMED,
     WORST,
-    ask_ahead,
-    panel_vectors,
     spread_in,
-    take_panel,
 )
 
 __all__ = [
@@ -339,7 +338,7 @@ def eliminate(
         watched: 1 where ``outer_most`` and ``spread`` are asked for.
         spread: largest entry of the row that has the largest one, and the negative of the least, of the rows in
             segments: the maximum with what is there, eight of each.
-        factors: the factors; ``state``: see stc.solver.kkt.lane_panel.
+        factors: the factors; ``state``: see stc.solver.kkt.lane_state.
 
     Returns:
         How many pivots are negative, -1 when one was not accepted, an entry is not finite or ``scale`` has turned out

@@ -10,7 +10,7 @@ from __future__ import annotations
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, i64, i64s, native
 from stc.solver.kkt.attempts import MADE, has_served, note_waste
-from stc.solver.kkt.lane_panel import COUNTED, LARGEST, TRUSTED
+from stc.solver.kkt.lane_state import COUNTED, LARGEST, TRUSTED
 from stc.solver.kkt.pivots import NEGATIVE, POSITIVE, ZERO
 from stc.solver.kkt.segmented_passes import DOUBTED_SCALE
 

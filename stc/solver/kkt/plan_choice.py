@@ -15,7 +15,7 @@ import numpy as np
 from stc.codegen.calls import Bound
 from stc.records import dataclass, field
 from stc.solver.kkt.contract import COARSE
-from stc.solver.kkt.lane_panel import LARGEST
+from stc.solver.kkt.lane_state import LARGEST
 from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 

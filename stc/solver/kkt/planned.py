@@ -20,7 +20,7 @@ from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, FrontalKKT
-from stc.solver.kkt.lane_panel import COUNTED, DISTANCE, FETCHED, LARGEST, STATE, STREAMED, TRUSTED, UNWATCHED
+from stc.solver.kkt.lane_state import COUNTED, DISTANCE, FETCHED, LARGEST, STATE, STREAMED, TRUSTED, UNWATCHED
 from stc.solver.kkt.plan_choice import PLANS, Plans, Prepared
 from stc.solver.kkt.segmented_passes import diagonal_of
 from stc.solver.kkt.substitution import REPORT
@@ -91,7 +91,7 @@ class Rest(Protocol):
 
 
 def new_state(factors: Floats) -> Floats:
-    """What an elimination needs to know and tells (see stc.solver.kkt.lane_panel), for factors of that size."""
+    """What an elimination needs to know and tells (see stc.solver.kkt.lane_state), for factors of that size."""
     state = aligned_zeros(STATE)
     state[TRUSTED] = SUSPECT
     state[DISTANCE] = AHEAD if factors.nbytes > NEAR else 0

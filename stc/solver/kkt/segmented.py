@@ -19,8 +19,9 @@ from stc.solver.kkt import lanes, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import SWEEPS, FrontalKKT
-from stc.solver.kkt.lane_panel import FETCHED, KNOWN, PANEL, STATE
+from stc.solver.kkt.lane_panel import KNOWN, PANEL
 from stc.solver.kkt.lane_program import WAYS, Program, effort_of, kind_of, plan_panels
+from stc.solver.kkt.lane_state import FETCHED, STATE
 from stc.solver.kkt.lane_tables import Layout, code_of, lay_out
 from stc.solver.kkt.lane_values import sizes_of
 from stc.solver.kkt.plan_choice import Plans, Prepared

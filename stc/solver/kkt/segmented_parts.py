@@ -9,9 +9,9 @@ stc.solver.kkt.segmented_passes.
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
-from stc.solver.kkt.lane_panel import COUNTED, STALE, WATCHED
 from stc.solver.kkt.lane_rows import subtract_segments
 from stc.solver.kkt.lane_solve import backward, forward
+from stc.solver.kkt.lane_state import COUNTED, STALE, WATCHED
 from stc.solver.kkt.lanes import eliminate
 from stc.solver.kkt.values import add_to, bring_scaled, return_scaled
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
-from stc.solver.kkt.lane_panel import (
+from stc.solver.kkt.lane_rows import largest_in_segments
+from stc.solver.kkt.lane_state import (
     STALE,
     STATE,
     WATCHED,
@@ -20,7 +21,6 @@ from stc.solver.kkt.lane_panel import (
     put_together,
     spread_in,
 )
-from stc.solver.kkt.lane_rows import largest_in_segments
 from stc.solver.kkt.segmented_parts import (
     ACTIVE,
     BACKWARD,

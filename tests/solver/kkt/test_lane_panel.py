@@ -11,8 +11,9 @@ import pytest
 from stc.arrays import aligned_zeros
 from stc.codegen import engine, native
 from stc.codegen.vector import WIDTH
-from stc.solver.kkt.lane_panel import KNOWN, NEGATIVE, STATE, WORST, panel_vectors, take_panel
+from stc.solver.kkt.lane_panel import KNOWN, panel_vectors, take_panel
 from stc.solver.kkt.lane_program import triangle
+from stc.solver.kkt.lane_state import NEGATIVE, STATE, WORST
 
 GROWTH, SUSPECT = 1e-3, 1e-5
 KINDS = {

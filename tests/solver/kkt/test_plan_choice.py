@@ -11,7 +11,7 @@ from solver.kkt.motions import chain_of, motion, system_of
 from solver.kkt.test_contract import check
 
 from stc.codegen.calls import Bound, CallTable
-from stc.solver.kkt import DenseKKT, chain, lane_panel, plan_calls, plan_choice, planned, segmented
+from stc.solver.kkt import DenseKKT, chain, lane_state, plan_calls, plan_choice, planned, segmented
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.lane_program import plan_panels
 from stc.solver.kkt.plan_choice import SETTLED
@@ -45,7 +45,7 @@ def test_a_settled_plan_takes_no_more_operations(planning_is_free):
 
 def plan(slot, operations):
     """One that is never carried out."""
-    nothing, state = np.zeros(0), np.zeros(lane_panel.STATE)
+    nothing, state = np.zeros(0), np.zeros(lane_state.STATE)
     call = Bound.of_python(lambda: 0, ())
     return plan_choice.Prepared(slot, (), nothing, state, (nothing, nothing), call, operations, 0, True)
 
@@ -92,7 +92,7 @@ def test_fewer_operations_are_not_worth_less_accuracy(growth, residual, given_up
     for candidate in plans.candidates(True, lambda thorough: one):
         assert candidate is one
         break
-    one.state[lane_panel.LARGEST] = 1e-7
+    one.state[lane_state.LARGEST] = 1e-7
     assert not plans.disappoints(one)
     plans.suited(one)
     for _ in range(SETTLED[0] - 1):
@@ -102,7 +102,7 @@ def test_fewer_operations_are_not_worth_less_accuracy(growth, residual, given_up
     for candidate in plans.candidates(True, lambda thorough: other):
         tried.append(candidate)
         if candidate is other:
-            other.state[lane_panel.LARGEST] = growth
+            other.state[lane_state.LARGEST] = growth
             other.probed[0] = residual
             if plans.disappoints(other):
                 continue
@@ -321,10 +321,10 @@ def test_what_barriers_add_comes_and_goes():
     ],
 )
 def test_factors_are_trusted_as_far_as_they_have_proved_accurate(residual, accurate, trusted):
-    state, report = np.zeros(lane_panel.STATE), np.zeros(3)
-    state[lane_panel.LARGEST], state[lane_panel.TRUSTED] = 0.1, planned.SUSPECT
+    state, report = np.zeros(lane_state.STATE), np.zeros(3)
+    state[lane_state.LARGEST], state[lane_state.TRUSTED] = 0.1, planned.SUSPECT
     calls = CallTable(plan_calls.CALLS)
     calls.put(plan_calls.PROBE, Bound.of_python(report.__setitem__, (0, residual)))
     assert plan_calls.is_accurate(calls.cells, 0, report, state) == accurate
     calls.check()
-    assert state[lane_panel.TRUSTED] == pytest.approx(trusted)
+    assert state[lane_state.TRUSTED] == pytest.approx(trusted)

@@ -11,7 +11,7 @@ from solver.kkt.motions import chain_of, motion, parts, system_of
 from solver.kkt.test_contract import check
 
 from stc.solver.kkt import planned
-from stc.solver.kkt.lane_panel import DISTANCE, FETCHED, RARELY, STREAMED, TRUSTED
+from stc.solver.kkt.lane_state import DISTANCE, FETCHED, RARELY, STREAMED, TRUSTED
 
 SYSTEMS = pytest.mark.parametrize("system", [system_of, chain_of])
 

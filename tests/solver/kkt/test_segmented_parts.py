@@ -9,7 +9,7 @@ from solver.kkt.motions import motion, parts, system_of
 from solver.kkt.test_contract import check
 
 from stc.codegen import threads
-from stc.solver.kkt.lane_panel import COUNTED
+from stc.solver.kkt.lane_state import COUNTED
 
 
 def _plain(rng, pattern):
