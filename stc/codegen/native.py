@@ -106,6 +106,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _CTYPES: dict[Type, Any] = {Type.F64: ctypes.c_double, Type.I64: ctypes.c_int64, Type.NONE: None}
+#: So many calls are prepared one by one: that takes a tenth of the time it takes to make a function for all later ones.
+FEW_CALLS = 8
 _lock = threading.RLock()
 _registry: dict[str, dict[str, NativeFunction[..., Any]]] = {}
 _one_byte: Callable[[Any], Any] = ctypes.c_char.from_buffer
@@ -118,6 +120,13 @@ def array_address(array: Any, dtype: np.dtype[Any], what: str) -> int:
     Raises:
         NativeError: it is not.
     """
+    try:
+        if array.dtype is dtype and array.ndim == 1:
+            return _address_of(
+                _one_byte(array)
+            )  # refuses what is not contiguous; cheaper than array.ctypes.data
+    except (AttributeError, TypeError, ValueError):  # no array, or one that is read-only or empty
+        pass
     if not isinstance(array, np.ndarray):
         raise NativeError(f"{what} must be a {dtype} array, not {type(array).__name__}")
     if array.dtype != dtype or array.ndim != 1 or not array.flags.c_contiguous:
@@ -125,10 +134,7 @@ def array_address(array: Any, dtype: np.dtype[Any], what: str) -> int:
             f"{what} must be a one-dimensional C-contiguous array of {dtype}, "
             f"not {array.dtype} of shape {array.shape}, strides {array.strides}"
         )
-    try:
-        return _address_of(_one_byte(array))  # five times cheaper than array.ctypes.data
-    except (TypeError, ValueError):  # read-only, or empty
-        return int(array.ctypes.data)
+    return int(array.ctypes.data)
 
 
 class BoundFunction(Bound):
@@ -185,6 +191,7 @@ class NativeFunction(Generic[P, R]):
         self._python: Callable[..., Any] | None = None
         self._object: engine.LoadedObject | None = None
         self._symbol = ""
+        self._single_calls = 0
         if self._is_global:
             _registry.setdefault(function.__module__, {})[function.__qualname__] = self
 
@@ -208,7 +215,14 @@ class NativeFunction(Generic[P, R]):
         Raises:
             NativeError: a wrong argument; on first use, code outside the subset.
         """
-        call = self._call or self._prepare()
+        call = self._call
+        if call is None:
+            if not kwargs and self._single_calls < FEW_CALLS and len(args) == len(self.signature.names):
+                self.prepare()
+                if self.is_compiled:
+                    self._single_calls += 1
+                    return self.bind(*args)()
+            call = self._prepare()
         return call(*args, **kwargs)
 
     def bind(self, *args: Any) -> BoundFunction:
@@ -218,13 +232,14 @@ class NativeFunction(Generic[P, R]):
             NativeError: a wrong argument; on first use, code outside the subset.
         """
         self.prepare()
-        names, kinds = self.signature.names, self.signature.types
-        if len(args) != len(names):
-            raise NativeError(f"{self.__name__}() takes {len(names)} arguments, not {len(args)}")
+        arrays, integers, floats = self._arguments
+        if len(args) != len(self.signature.names):
+            raise NativeError(
+                f"{self.__name__}() takes {len(self.signature.names)} arguments, not {len(args)}"
+            )
         addresses = [0] * len(args)
-        for position, (name, type_, value) in enumerate(zip(names, kinds, args)):
-            if type_.is_array:
-                addresses[position] = array_address(value, DTYPES[type_], f"{self.__name__}(): {name}")
+        for position, dtype, what in arrays:
+            addresses[position] = array_address(args[position], dtype, what)
         if self._object is not None:
             if self._packed is None:
                 entry = self._object.address(self._symbol + ".packed")
@@ -236,12 +251,23 @@ class NativeFunction(Generic[P, R]):
             bound.allocate(addresses)
             cells.extend((bound.integers, bound.floats))
         bound.signature = self.signature
-        for position, (type_, value) in enumerate(zip(kinds, args)):
-            if type_ is Type.F64:
-                bound.floats[position] = value
-            elif type_ is Type.I64:
-                bound.integers[position] = value
+        for position in integers:
+            bound.integers[position] = args[position]
+        for position in floats:
+            bound.floats[position] = args[position]
         return bound
+
+    @functools.cached_property
+    def _arguments(self) -> tuple[list[tuple[int, np.dtype[Any], str]], list[int], list[int]]:
+        """Positions of the arrays, with their type and what to call them, of the integers, and of the floats."""
+        kinds = list(enumerate(self.signature.types))
+        arrays = [
+            (k, DTYPES[kind], f"{self.__name__}(): {self.signature.names[k]}")
+            for k, kind in kinds
+            if kind.is_array
+        ]
+        integers, floats = ([k for k, kind in kinds if kind is wanted] for wanted in (Type.I64, Type.F64))
+        return arrays, integers, floats
 
     def _from_cells(self, cells: list[Any], args: tuple[Any, ...]) -> Any:
         """A prepared call without machine code."""

@@ -7,12 +7,14 @@ constant that shapes nothing binds again in moments; nothing is differentiated o
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
 from stc.codegen import threads
+from stc.codegen.calls import Bound as Call
 from stc.codegen.calls import chain
 from stc.codegen.kernel import KernelSet
 from stc.problem import ConstantRef, Problem
@@ -21,13 +23,14 @@ from stc.solver.evaluator import Evaluator, Part, Scaling
 from stc.solver.keeping import Keeper
 from stc.symbolic.expr import Expr, evaluate, symbols
 from stc.transcription.assemble import Program, data_of
-from stc.transcription.evaluation import evaluator, fill_constants, kernel_calls
+from stc.transcription.evaluation import Piece, copied_within, evaluator, fill_constants, kernel_calls
 from stc.transcription.grid import Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import DataRef, data_values
 from stc.transcription.statements import Bound as BoundStatement
 from stc.transcription.statements import Statements
 from stc.transcription.steps import Steps
+from stc.transcription.wanted import Wanted
 
 FloatArray = NDArray[np.float64]
 
@@ -206,12 +209,11 @@ class BoundProgram:
         self.values_buffer = aligned_zeros(program.values_size)
         self.derivatives_buffer = aligned_zeros(program.derivatives_size)
         fill_constants(program, self.workspace, self.uniform, self.derivatives_buffer)
+        self._wanted: list[tuple[Part | None, Wanted]] = []
+        self._calls: dict[tuple[str, bool, bool], list[Any]] = {}
         #: The kernels alone: what is at ``workspace`` in, their buffers out.
-        common = program, kernels, self.workspace, self.uniform
-        self.values_kernels = chain([c for c, _, _ in kernel_calls(*common, self.values_buffer, values=True)])
-        self.derivatives_kernels = chain(
-            [c for c, _, _ in kernel_calls(*common, self.derivatives_buffer, values=False)]
-        )
+        self.values_kernels = chain([piece.call for piece in self.pieces(values=True, cut=False)])
+        self.derivatives_kernels = chain([piece.call for piece in self.pieces(values=False, cut=False)])
         self.counts = np.zeros(2, np.int64)
         #: How long values and derivatives take on one thread and on two, whatever the scaling.
         self.paces = threads.record(), threads.record()
@@ -240,6 +242,40 @@ class BoundProgram:
     def derivative_evaluations(self) -> int:
         """How often derivatives have been evaluated."""
         return int(self.counts[1])
+
+    def wanted(self, part: Part | None) -> Wanted:
+        """What of the program is wanted, and how it leaves the kernels: of the last two parts that were asked for."""
+        for other, known in self._wanted:
+            if other is part:
+                return known
+        made = Wanted.of(self.program, part)
+        self._wanted[:] = [*self._wanted[-1:], (part, made)]
+        return made
+
+    def pieces(self, values: bool, cut: bool) -> list[Piece]:
+        """See :func:`stc.transcription.evaluation.kernel_calls`."""
+        key = "kernels", values, cut
+        if key not in self._calls:
+            buffer = self.values_buffer if values else self.derivatives_buffer
+            common = self.program, self.kernels, self.workspace, self.uniform
+            self._calls[key] = kernel_calls(*common, buffer, values, cut)
+        return self._calls[key]
+
+    def copies(self, values: bool) -> list[Call]:
+        """Calls that copy within the workspace what kernels of values or derivatives are to find together."""
+        key = "copies", values, False
+        if key not in self._calls:
+            positions = self.program.copied_values if values else self.program.copied_derivatives
+            self._calls[key] = copied_within(self.workspace, positions)
+        return self._calls[key]
+
+    def foldings(self) -> list[list[Call]]:
+        """Calls that add up outputs of gradient, Jacobian and Hessian."""
+        key = "foldings", False, False
+        if key not in self._calls:
+            matrices = self.program.gradient, self.program.jacobian, self.program.hessian
+            self._calls[key] = [matrix.folding.bind(self.derivatives_buffer) for matrix in matrices]
+        return self._calls[key]
 
     def evaluator(self, scaling: Scaling) -> Evaluator:
         """Arrays of its own for one scaling, and the calls that fill them."""

@@ -5,9 +5,8 @@ Where that is much work, each step is cut into pieces that two threads share; re
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +14,10 @@ from numpy.typing import NDArray
 from stc.codegen import reference, threads
 from stc.codegen.calls import Bound, chain
 from stc.codegen.kernel import KernelSet
-from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Part, Places, Scaling
-from stc.transcription.assemble import Program, Sparsity, blocks, data_of
-from stc.transcription.gather import add_up, begin, collect, place, scatter, total
+from stc.transcription.assemble import Program, blocks, data_of
+from stc.transcription.gather import Copying, add_up, begin, place, total
+from stc.transcription.wanted import Wanted
 
 if TYPE_CHECKING:
     from stc.transcription.bind import BoundProgram
@@ -34,6 +33,15 @@ OUTPUTS = 16_000
 SHARED = 12
 
 
+class Piece(NamedTuple):
+    """A call of a kernel, where its outputs begin and end in a buffer, and how many operations it takes."""
+
+    call: Bound
+    begin: int
+    end: int
+    operations: int
+
+
 def kernel_calls(
     program: Program,
     kernels: KernelSet,
@@ -42,10 +50,10 @@ def kernel_calls(
     buffer: FloatArray,
     values: bool,
     cut: bool = False,
-) -> list[tuple[Bound, int, int]]:
+) -> list[Piece]:
     """Calls of the kernels of all groups, those of values or those of derivatives, whole or in pieces.
 
-    With each call comes where its outputs begin and end in ``buffer``.
+    Their outputs follow one another in ``buffer``.
     """
     starts, indices = program.derivatives_start, program.index_derivatives
     if values:
@@ -59,11 +67,27 @@ def kernel_calls(
         width = count * lanes
         if width and blocks:
             out = buffer[start : start + blocks * width].reshape(blocks, count, lanes)
-            pieces = max(blocks * lanes * len(tape.ops) / OPERATIONS, blocks * width / OUTPUTS) if cut else 1
+            work = lanes * len(tape.ops)
+            pieces = max(blocks * work / OPERATIONS, blocks * width / OUTPUTS) if cut else 1
             for piece in _pieces(blocks, pieces, 2):
                 call = kernels.bind(number, workspace, uniform, index[piece], out[piece])
-                calls.append((call, start + piece.start * width, start + piece.stop * width))
+                ends = start + piece.start * width, start + piece.stop * width
+                calls.append(Piece(call, *ends, work * (piece.stop - piece.start)))
     return calls
+
+
+def _together(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
+    """Pieces in a row, as many as are no more than one: to copy their outputs takes some calls each time."""
+    some: list[Piece] = []
+    operations = 0
+    for piece in pieces:
+        operations += piece.operations
+        if some and (piece.end - some[0].begin > OUTPUTS or operations > OPERATIONS):
+            yield some
+            some, operations = [], piece.operations
+        some.append(piece)
+    if some:
+        yield some
 
 
 def fill_constants(program: Program, workspace: FloatArray, uniform: FloatArray, buffer: FloatArray) -> None:
@@ -126,48 +150,38 @@ class _Steps:
         return [place(values[at], scale[at], into[at]) for at in self.cut(len(values))]
 
     def place_variables(
-        self, values: FloatArray, scale: FloatArray, part: Part | None, into: FloatArray
+        self, values: FloatArray, scale: FloatArray, its: Wanted, into: FloatArray
     ) -> list[Bound]:
         """Those of a part among the others, which stay what they are."""
-        if part is None:
+        if its.part is None:
             return self.place(values, scale, into)
-        absent = np.ones(len(into), bool)
-        absent[part.cols] = False
-        others = np.flatnonzero(absent).astype(np.int32)
+        others = its.others(len(into))
         return [
-            *self._spread(part.x[others], np.ones(len(others)), others, into),
-            *self._spread(values, scale, part.cols, into),
+            *self._spread(its, its.part.x[others], np.ones(len(others)), others, into),
+            *self._spread(its, values, scale, its.part.cols, into),
         ]
 
     def place_multipliers(
-        self, values: FloatArray, scale: FloatArray, part: Part | None, into: FloatArray
+        self, values: FloatArray, scale: FloatArray, its: Wanted, into: FloatArray
     ) -> list[Bound]:
         """Those of a part's rows; no entry of a part depends on other rows' multipliers."""
-        if part is None:
+        if its.part is None:
             return self.place(values, scale, into)
-        return self._spread(values, scale, part.rows, into)
+        return self._spread(its, values, scale, its.part.rows, into)
 
-    def _spread(self, values: FloatArray, scale: FloatArray, at: Places, into: FloatArray) -> list[Bound]:
-        own = np.arange(len(at), dtype=np.int32)
+    def _spread(
+        self, its: Wanted, values: FloatArray, scale: FloatArray, at: Places, into: FloatArray
+    ) -> list[Bound]:
         return [
             chain(calls)
             for piece in self.cut(len(at))
-            if (calls := scatter(values, own[piece], at[piece], scale[piece], into, self.cell()))
+            if (calls := its.spread(at, piece).bind(values[piece], scale[piece], into, self.cell()))
         ]
 
-    def copied(self, workspace: FloatArray, positions: tuple[Places, Places]) -> list[Bound]:
-        """Copies within the workspace what kernels are to find together."""
-        source, target = positions
-        if not len(source):
-            return []
-        unread = np.zeros(1)  # numbers that no wanted entry depends on need not be finite
-        return scatter(workspace, source, target, np.ones(len(source)), workspace, unread)
-
-    def collect(
-        self, buffer: FloatArray, first: NDArray[np.int32], scale: FloatArray, out: FloatArray
-    ) -> list[Bound]:
+    def collect(self, its: Wanted, buffer: FloatArray, scale: FloatArray, out: FloatArray) -> list[Bound]:
         return [
-            chain(collect(buffer, first[at], scale[at], out[at], self.cell())) for at in self.cut(len(first))
+            chain(its.rows(at).bind(buffer, scale[at], out[at], self.cell()))
+            for at in self.cut(len(its.row_source))
         ]
 
     def call(self) -> Bound:
@@ -180,46 +194,9 @@ class _Steps:
         return chain(calls)
 
 
-@dataclass(frozen=True, slots=True)
-class _Wanted:
-    """What of a program's numbers is to leave its kernels.
-
-    Attributes:
-        program: its objective, rows and matrices, as the kernels fill them.
-        row_source, gradient, jacobian, hessian: those that are wanted, as in :class:`Program`, at their own places.
-        part: which those are; None for all.
-    """
-
-    program: Program
-    row_source: NDArray[np.int32]
-    gradient: Sparsity
-    jacobian: Sparsity
-    hessian: Sparsity
-    part: Part | None
-
-    @classmethod
-    def of(cls, program: Program, part: Part | None) -> _Wanted:
-        gradient, jacobian, hessian = program.gradient, program.jacobian, program.hessian
-        if part is None:
-            return cls(program, program.row_source, gradient, jacobian, hessian, None)
-        place = np.full(program.size, -1, np.int32)
-        place[part.cols] = np.arange(len(part.cols))
-        at = np.flatnonzero(place[gradient.cols] >= 0)
-        return cls(
-            program,
-            program.row_source[part.rows],
-            replace(
-                gradient, rows=gradient.rows[at], cols=place[gradient.cols[at]], first=gradient.first[at]
-            ),
-            replace(jacobian, rows=part.jac_rows, cols=part.jac_cols, first=jacobian.first[part.jac]),
-            replace(hessian, rows=part.hess_rows, cols=part.hess_cols, first=hessian.first[part.hess]),
-            part,
-        )
-
-
 def evaluator(nlp: BoundProgram, scaling: Scaling, part: Part | None = None) -> Evaluator:
     """Arrays of its own for one scaling, and the calls that fill them; of a part of the program, if one is given."""
-    its = _Wanted.of(nlp.program, part)
+    its = nlp.wanted(part)
     result = Evaluator.allocate(len(scaling.variable), len(scaling.row), len(its.jacobian), len(its.hessian))
     objective = np.array([scaling.objective])
     result.values_call = _values_call(nlp, its, scaling, objective, result)
@@ -235,65 +212,56 @@ def _shared(nlp: BoundProgram, values: bool) -> bool:
     )
 
 
+def copied_within(workspace: FloatArray, positions: tuple[Places, Places]) -> list[Bound]:
+    """Copies within the workspace what kernels are to find together."""
+    source, target = positions
+    unread = np.zeros(1)  # numbers that no wanted entry depends on need not be finite
+    return Copying.of(source, target).bind(workspace, np.ones(len(source)), workspace, unread)
+
+
 def _values_call(
-    nlp: BoundProgram, its: _Wanted, scaling: Scaling, objective: FloatArray, result: Evaluator
+    nlp: BoundProgram, its: Wanted, scaling: Scaling, objective: FloatArray, result: Evaluator
 ) -> Bound:
-    program, buffer, shared = nlp.program, nlp.values_buffer, _shared(nlp, values=True)
+    buffer, shared = nlp.values_buffer, _shared(nlp, values=True)
     steps = _Steps(result.values_status, nlp.counts[:1], shared, nlp.paces[0])
-    kernels = kernel_calls(program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, True, cut=shared)
     steps.phases = [
-        steps.place_variables(result.x, scaling.variable, its.part, nlp.workspace[: nlp.n]),
-        steps.copied(nlp.workspace, program.copied_values),
-        [call for call, _, _ in kernels],
+        steps.place_variables(result.x, scaling.variable, its, nlp.workspace[: nlp.n]),
+        nlp.copies(values=True),
+        [piece.call for piece in nlp.pieces(values=True, cut=shared)],
         [
-            total(buffer, program.objective_source, objective, result.f, steps.cell()),
-            *steps.collect(buffer, its.row_source, scaling.row, result.r),
+            total(buffer, nlp.program.objective_source, objective, result.f, steps.cell()),
+            *steps.collect(its, buffer, scaling.row, result.r),
         ],
     ]
     return steps.call()
 
 
 def _derivatives_call(
-    nlp: BoundProgram, its: _Wanted, scaling: Scaling, objective: FloatArray, result: Evaluator
+    nlp: BoundProgram, its: Wanted, scaling: Scaling, objective: FloatArray, result: Evaluator
 ) -> Bound:
     program, buffer = nlp.program, nlp.derivatives_buffer
     n, m = nlp.n, nlp.m
-    gradient, jacobian, hessian = its.gradient, its.jacobian, its.hessian
-    of_gradient = scaling.gradient()[gradient.cols]
-    matrices = (
-        (jacobian, scaling.jacobian(jacobian.rows, jacobian.cols), result.jac),
-        (hessian, scaling.hessian(hessian.rows, hessian.cols), result.hess),
+    scales = (
+        scaling.gradient()[its.gradient.cols],
+        scaling.jacobian(its.jacobian.rows, its.jacobian.cols),
+        scaling.hessian(its.hessian.rows, its.hessian.cols),
     )
+    outs = result.gradient, result.jac, result.hess
     steps = _Steps(result.derivatives_status, nlp.counts[1:], _shared(nlp, values=False), nlp.paces[1])
 
     def copied(begin: int, end: int, status: FloatArray) -> Iterator[Bound]:
         """Copies the outputs at these places of the buffer to where they belong."""
-        ends = np.array(
-            [begin, end], np.int32
-        )  # of the type of what is searched, which is not converted then
-        at = slice(*np.searchsorted(gradient.first, ends))
-        if at.start < at.stop:
-            yield from scatter(
-                buffer, gradient.first[at], gradient.cols[at], of_gradient[at], result.gradient, status
-            )
-        for part, scale, out in matrices:
-            at = slice(*np.searchsorted(part.first, ends))
-            if at.start < at.stop:
-                yield from collect(buffer, part.first[at], scale[at], out[at], status)
+        for number, at, copying in its.outputs(begin, end):
+            yield from copying.bind(buffer, scales[number][at], outs[number], status)
 
     def folded() -> Iterator[Bound]:
         """Adds up what belongs together, and copies it again."""
         status = steps.cell()
-        for part, scale, out, place_of in (
-            (gradient, of_gradient, result.gradient, gradient.cols),
-            *((*matrix, None) for matrix in matrices),
-        ):
-            calls = part.folding.bind(buffer)
+        for number, calls in enumerate(nlp.foldings()):
             if calls:
                 yield from calls
-                at = np.flatnonzero(np.isin(part.first, part.folding.changed()))
-                into = at.astype(np.int32) if place_of is None else place_of[at]
-                yield from scatter(buffer, part.first[at], into, scale[at], out, status)
+                at, copying = its.folded(number)
+                yield from copying.bind(buffer, scales[number][at], outs[number], status)
 
     def constants() -> list[Bound]:
         """What of the constants remains to be done at each evaluation: to tell that they are not finite."""
@@ -306,18 +274,16 @@ def _derivatives_call(
 
     steps.phases = [
         [
-            *steps.place_variables(result.x, scaling.variable, its.part, nlp.workspace[:n]),
-            *steps.place_multipliers(result.y, scaling.row, its.part, nlp.workspace[n : n + m]),
+            *steps.place_variables(result.x, scaling.variable, its, nlp.workspace[:n]),
+            *steps.place_multipliers(result.y, scaling.row, its, nlp.workspace[n : n + m]),
             place(result.weight, objective, nlp.uniform[-1:]),
         ],
-        steps.copied(nlp.workspace, program.copied_derivatives),
+        nlp.copies(values=False),
         [
             *constants(),
             *(
-                chain([call, *copied(begin, end, steps.cell())])
-                for call, begin, end in kernel_calls(
-                    program, nlp.kernels, nlp.workspace, nlp.uniform, buffer, values=False, cut=True
-                )
+                chain([*(piece.call for piece in some), *copied(some[0].begin, some[-1].end, steps.cell())])
+                for some in _together(nlp.pieces(values=False, cut=True))
             ),
         ],
         [chain(calls)] if (calls := list(folded())) else [],

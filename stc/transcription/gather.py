@@ -110,51 +110,76 @@ def place(values: FloatArray, scale: FloatArray, into: FloatArray) -> Bound:
     return _bind(_place, _place_numpy, len(values), values, scale, into)
 
 
-def collect(
-    buffer: FloatArray, source: PlaceArray, scale: FloatArray, out: FloatArray, status: FloatArray
-) -> list[Bound]:
-    """Calls for ``out = scale * buffer[source]``, as :func:`scatter`."""
-    return scatter(buffer, source, _places(np.arange(len(source))), scale, out, status)
+@dataclass(slots=True)
+class Copying:
+    """What is copied from a buffer to where it belongs: ``out[at] = scale * buffer[source]``.
 
+    Runs of consecutive places are copied, the rest is gathered.  Which those are is found once, whatever the scale.
 
-def scatter(
-    buffer: FloatArray,
-    source: PlaceArray,
-    at: PlaceArray,
-    scale: FloatArray,
-    out: FloatArray,
-    status: FloatArray,
-) -> list[Bound]:
-    """Calls for ``out[at] = scale * buffer[source]`` that make ``status`` (1,) nan where an entry is not finite.
-
-    Runs of consecutive places are copied, the rest is gathered; ``scale`` is as long as ``at``.
+    Attributes:
+        source, at: (k,) int32 places of both.
+        run_source, run_at, run_length: (runs,) int32 of the runs; run_first: where they begin in ``source``.
+        single: (singles,) what of ``source`` is in none.
     """
-    new = np.ones(len(at), bool)
-    new[1:] = (source[1:] - source[:-1] != 1) | (at[1:] - at[:-1] != 1)
-    begins = np.flatnonzero(new)
-    length = np.diff(begins, append=len(at))
-    calls = []
-    long = length >= RUN
-    if long.any():
+
+    source: PlaceArray
+    at: PlaceArray
+    run_source: PlaceArray
+    run_at: PlaceArray
+    run_length: PlaceArray
+    run_first: PlaceArray
+    single: IntArray
+
+    @classmethod
+    def of(cls, source: PlaceArray, at: PlaceArray | None = None) -> Copying:
+        """What goes from some places to others, (k,) both; to 0, 1, 2, ... by default."""
+        if at is None:
+            at = np.arange(len(source), dtype=np.int32)
+        new = np.ones(len(at), bool)
+        new[1:] = (source[1:] - source[:-1] != 1) | (at[1:] - at[:-1] != 1)
+        begins = np.flatnonzero(new)
+        length = np.diff(begins, append=len(at))
+        long = length >= RUN
         first = begins[long]
-        runs = _places(source[first]), _places(at[first]), _places(length[long])
-        common = buffer, out, status
-        if (scale == 1.0).all():
-            calls.append(_bind(_copy_runs, _copy_runs_numpy, len(first), *runs, *common))
-        else:
-            factors = _places(first), scale
-            calls.append(_bind(_scale_runs, _scale_runs_numpy, len(first), *runs, *factors, *common))
-    single = np.flatnonzero(np.repeat(~long, length))
-    if len(single):
-        rest = source[single], at[single], scale[single], buffer, out, status
-        calls.append(_bind(_scatter, _scatter_numpy, len(single), *rest))
-    return calls
+        return cls(
+            source,
+            at,
+            _places(source[first]),
+            _places(at[first]),
+            _places(length[long]),
+            _places(first),
+            np.flatnonzero(np.repeat(~long, length)),
+        )
+
+    @classmethod
+    def to(cls, at: PlaceArray) -> Copying:
+        """What goes from places 0, 1, 2, ... to those given, (k,)."""
+        return cls.of(np.arange(len(at), dtype=np.int32), at)
+
+    def bind(self, buffer: FloatArray, scale: FloatArray, out: FloatArray, status: FloatArray) -> list[Bound]:
+        """Calls that copy, and make ``status`` (1,) nan where an entry is not finite; ``scale`` (k,)."""
+        calls = []
+        if len(self.run_first):
+            runs = self.run_source, self.run_at, self.run_length
+            common = buffer, out, status
+            if (scale == 1.0).all():
+                calls.append(_bind(_copy_runs, _copy_runs_numpy, len(self.run_first), *runs, *common))
+            else:
+                factors = self.run_first, scale
+                calls.append(
+                    _bind(_scale_runs, _scale_runs_numpy, len(self.run_first), *runs, *factors, *common)
+                )
+        single = self.single
+        if len(single):
+            rest = self.source[single], self.at[single], scale[single], buffer, out, status
+            calls.append(_bind(_scatter, _scatter_numpy, len(single), *rest))
+        return calls
 
 
 def total(
     buffer: FloatArray, source: PlaceArray, scale: FloatArray, out: FloatArray, status: FloatArray
 ) -> Bound:
-    """A call for ``out[0] = scale[0] * sum(buffer[source])``; status as above."""
+    """A call for ``out[0] = scale[0] * sum(buffer[source])``; status as in :meth:`Copying.bind`."""
     return _bind(_total, _total_numpy, len(source), source, scale, buffer, out, status)
 
 

@@ -53,7 +53,8 @@ class Box:
 
 @pytest.fixture
 def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
-    engine._stand_ins()  # which any first image in a process looks for, and keeps
+    engine.host()  # which a process looks for first, and keeps
+    engine._stand_ins()
     monkeypatch.setenv("STC_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(shipped, "FOLDER", tmp_path / "shipped")
     monkeypatch.setattr(native, "_registry", {})

@@ -19,7 +19,7 @@ from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.solver.evaluator import Scaling, evaluator_of, python_evaluator
 from stc.transcription import evaluation, transcribe
-from stc.transcription.gather import FEW, RUN, Folding, collect, scatter, total
+from stc.transcription.gather import FEW, RUN, Copying, Folding, total
 
 PROBLEMS = Path(__file__).parent.parent / "problems" / "traj"
 SPECS = {
@@ -100,6 +100,8 @@ def test_pieces_and_threads_give_the_same_bits(name, monkeypatch):
     evaluators = [nlp.evaluator(scaling)]
     for limit, size in (("OPERATIONS", 50), ("NUMBERS", 10), ("OUTPUTS", 60), ("SHARED", 1)):
         monkeypatch.setattr(evaluation, limit, size)  # everything is large
+    nlp._calls.clear()  # pieces are cut anew
+    nlp._wanted.clear()
     for count in (1, 2):
         threads.limit(count)
         evaluators.append(nlp.evaluator(scaling))
@@ -189,7 +191,7 @@ def test_outputs_add_up_to_entries(backend, counts, seed):
         out, scale = np.zeros(len(counts)), np.exp2(rng.integers(-2, 3, len(counts)))
         first = source[start[:-1]].astype(np.int32)
         calls: list[Bound] = Folding.of(start, source, doubled).bind(buffer)
-        chain([*calls, *collect(buffer, first, scale, out, np.zeros(1))])()
+        chain([*calls, *Copying.of(first).bind(buffer, scale, out, np.zeros(1))])()
     assert out.tolist() == (scale * expected).tolist()
 
 
@@ -212,14 +214,14 @@ def test_numbers_go_to_their_places_in_runs_or_one_by_one(backend, lengths, alik
     expected[at] = scale * buffer[source]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STC_BACKEND", backend)
-        for call in scatter(buffer, source, at, scale, out, status):
+        for call in Copying.of(source, at).bind(buffer, scale, out, status):
             assert call.native == (backend == "auto")
             call()
         np.testing.assert_array_equal(out, expected)
         assert status[0] == 0.0
         if len(source):
             buffer[source[rng.integers(len(source))]] = np.inf
-            for call in scatter(buffer, source, at, scale, out, status):
+            for call in Copying.of(source, at).bind(buffer, scale, out, status):
                 call()
             assert np.isnan(status[0])
 

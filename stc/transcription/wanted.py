@@ -1,0 +1,116 @@
+"""What of a program's numbers is to leave its kernels: all of them, or those of a part; and where each goes.
+
+That is the same whatever the scaling, of which a solve has several, so it is found once for all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.records import dataclass, field
+from stc.solver.evaluator import Part, Places
+from stc.transcription.assemble import Program, Sparsity
+from stc.transcription.gather import Copying
+
+__all__ = ["Wanted"]
+
+Known = TypeVar("Known")
+
+
+@dataclass(slots=True)
+class Wanted:
+    """What is wanted of a program.
+
+    Attributes:
+        row_source: as in :class:`Program`, of the rows that are wanted.
+        gradient, jacobian, hessian: the entries that are wanted, at their own places.
+        part: which those are; None for all.
+    """
+
+    row_source: Places
+    gradient: Sparsity
+    jacobian: Sparsity
+    hessian: Sparsity
+    part: Part | None
+    _known: dict[Any, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, program: Program, part: Part | None) -> Wanted:
+        """All that a program has, or a part of it."""
+        gradient, jacobian, hessian = program.gradient, program.jacobian, program.hessian
+        if part is None:
+            return cls(program.row_source, gradient, jacobian, hessian, None)
+        place = np.full(program.size, -1, np.int32)
+        place[part.cols] = np.arange(len(part.cols))
+        at = np.flatnonzero(place[gradient.cols] >= 0)
+        return cls(
+            program.row_source[part.rows],
+            replace(
+                gradient, rows=gradient.rows[at], cols=place[gradient.cols[at]], first=gradient.first[at]
+            ),
+            replace(jacobian, rows=part.jac_rows, cols=part.jac_cols, first=jacobian.first[part.jac]),
+            replace(hessian, rows=part.hess_rows, cols=part.hess_cols, first=hessian.first[part.hess]),
+            part,
+        )
+
+    def _once(self, key: Any, make: Callable[[], Known]) -> Known:
+        if key not in self._known:
+            self._known[key] = make()
+        found: Known = self._known[key]
+        return found
+
+    def others(self, size: int) -> Places:
+        """The variables, of so many, that are not in the part."""
+        assert self.part is not None
+        cols = self.part.cols
+        return self._once("others", lambda: _without(size, cols))
+
+    def spread(self, places: Places, piece: slice) -> Copying:
+        """How numbers go to a piece of these places, of which there are few kinds."""
+        key = "spread", id(places), piece.start, piece.stop
+        return self._once(key, lambda: Copying.to(places[piece]))
+
+    def rows(self, piece: slice) -> Copying:
+        """How a piece of the rows leaves the values' buffer."""
+        return self._once(("rows", piece.start, piece.stop), lambda: Copying.of(self.row_source[piece]))
+
+    def outputs(self, begin: int, end: int) -> list[tuple[int, slice, Copying]]:
+        """How what is at these places of the derivatives' buffer leaves it: of which matrix, which entries, how."""
+        return self._once(("outputs", begin, end), lambda: list(self._outputs(begin, end)))
+
+    def _outputs(self, begin: int, end: int) -> Iterator[tuple[int, slice, Copying]]:
+        # of the type of what is searched, which is not converted then
+        ends = np.array([begin, end], np.int32)
+        for number, matrix in enumerate((self.gradient, self.jacobian, self.hessian)):
+            first, last = np.searchsorted(matrix.first, ends).tolist()
+            if first < last:
+                at = slice(first, last)
+                yield number, at, Copying.of(matrix.first[at], self._targets(number)[at])
+
+    def folded(self, number: int) -> tuple[Places, Copying]:
+        """Which entries of a matrix leave it again when outputs have been added up, and how."""
+        return self._once(("folded", number), lambda: self._folded(number))
+
+    def _folded(self, number: int) -> tuple[Places, Copying]:
+        matrix = (self.gradient, self.jacobian, self.hessian)[number]
+        at = np.flatnonzero(np.isin(matrix.first, matrix.folding.changed()))
+        return at.astype(np.int32), Copying.of(matrix.first[at], self._targets(number)[at])
+
+    def _targets(self, number: int) -> Places:
+        """Where entries go: a gradient has all variables, also those by which it is zero."""
+        if number == 0:
+            return self.gradient.cols
+        count = len(self.jacobian if number == 1 else self.hessian)
+        return self._once(("targets", number), lambda: np.arange(count, dtype=np.int32))
+
+
+def _without(size: int, places: Places) -> NDArray[np.int32]:
+    """All places below ``size`` but these."""
+    absent = np.ones(size, bool)
+    absent[places] = False
+    return np.flatnonzero(absent).astype(np.int32)
