@@ -6,7 +6,7 @@ constant that shapes nothing binds again in moments; nothing is differentiated o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -68,20 +68,25 @@ class Numbers:
     ) -> None:
         self.steps, self.coefficients = steps, coefficients
         self.weights = {k: table.values(coefficients) for k, table in enumerate(statements.weights)}
-        self.constants: dict[object, float | FloatArray] = {
-            ConstantRef(name): value for name, value in constants.items()
-        }
+        self.constants: dict[object, float] = {ConstantRef(name): value for name, value in constants.items()}
+        self._known: dict[Expr, float] = {}
 
     def data(self, ref: DataRef, nodes: Nodes) -> FloatArray:
         return data_values(ref, nodes, self.steps, self.coefficients, self.weights)
 
     def at(self, e: Expr, nodes: Nodes) -> FloatArray:
         """The value of ``e`` at every node. (k,)"""
-        given = dict(self.constants)
-        for key in symbols(e):
-            if isinstance(key, DataRef):
-                given[key] = self.data(key, nodes)
-        return np.broadcast_to(np.asarray(evaluate(e, given), float), (len(nodes),))
+        data = [key for key in symbols(e) if isinstance(key, DataRef)]
+        if data:
+            given: dict[object, float | FloatArray] = {
+                **self.constants,
+                **{key: self.data(key, nodes) for key in data},
+            }
+            return np.broadcast_to(np.asarray(evaluate(e, given), float), (len(nodes),))
+        value = self._known.get(e)
+        if value is None:
+            value = self._known[e] = float(evaluate(e, self.constants))
+        return np.full(len(nodes), value)
 
 
 def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, numbers: Numbers) -> Bounds:
@@ -151,12 +156,17 @@ def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Num
         into.upper[at[tighter]], into.upper_from[at[tighter]] = hi[tighter], bound.relation
 
 
-def _once(positions: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+def _once(positions: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
     """Splits indices so that no position occurs twice in a part."""
-    _, first = np.unique(positions, return_index=True)
-    if len(first) == len(positions):
-        return [np.arange(len(positions))]
-    return [np.array([k]) for k in range(len(positions))]
+    left = np.arange(len(positions))
+    while len(left):
+        at = positions[left]
+        if (at[1:] > at[:-1]).all():  # as they mostly are
+            yield left
+            return
+        _, first = np.unique(at, return_index=True)
+        yield left[first]
+        left = np.delete(left, first)
 
 
 class BoundProgram:
