@@ -20,8 +20,8 @@ from stc.codegen import cache
 from stc.codegen import machine as this_machine
 from stc.codegen.copying import COPY_IR, REPLACED, SYMBOL
 from stc.codegen.image import MAGIC, MappedImage, image_of, map_image, supported
+from stc.codegen.sources import digest_of
 from stc.codegen.vector import WIDTH
-from stc.digests import blake2b
 from stc.records import dataclass
 
 #: Instances per block of kernels: the unit of the memory layout on every machine.
@@ -55,10 +55,7 @@ _counter = itertools.count()
 @lru_cache(maxsize=1)
 def own_digest() -> str:
     """Hash of this package's source: an object made by another version of the code generator is not this one's."""
-    digest = blake2b(digest_size=32)
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
+    return cache.key_of(*[digest_of(str(path)) for path in sorted(Path(__file__).parent.glob("*.py"))])
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,6 @@ import linecache
 import threading
 import types
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any, Generic, ParamSpec, TypeVar, overload
 
 import numpy as np
@@ -74,7 +73,7 @@ from stc.codegen.native_types import (
     location,
     signature_of,
 )
-from stc.digests import blake2b
+from stc.codegen.sources import digest_of
 
 __all__ = [
     "Bound",
@@ -347,15 +346,8 @@ def _source_digest(filename: str) -> str:
     """Hash of a file's text as it is on disk, or of what was never in a file."""
     if not filename.startswith("<"):
         with contextlib.suppress(OSError):
-            status = Path(filename).stat()
-            return _file_digest(filename, status.st_mtime_ns, status.st_size)
+            return digest_of(filename)
     return cache.key_of(_text_of(filename))
-
-
-@functools.lru_cache(maxsize=256)
-def _file_digest(filename: str, changed: int, size: int) -> str:
-    """Hash of a file's content, which is another one when it ``changed``."""
-    return blake2b(Path(filename).read_bytes(), digest_size=32).hexdigest()
 
 
 def _text_of(filename: str) -> str:

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stc.codegen import cache, engine
+from stc.codegen.sources import digest_of
 from stc.codegen.tape import Tape, build_tape
 from stc.problem import ParameterRef, VariableRef
 from stc.records import dataclass, field
@@ -205,7 +206,7 @@ def _own_digest() -> str:
     """Hash of the code that what is kept depends on."""
     package = Path(__file__).parent.parent
     sources = [Path(__file__), *sorted((package / "symbolic").rglob("*.py"))]
-    return cache.key_of(engine.own_digest(), *(path.read_text(encoding="utf-8") for path in sources))
+    return cache.key_of(engine.own_digest(), *[digest_of(str(path)) for path in sources])
 
 
 def _plain(derived: Derived) -> tuple[Any, ...]:
