@@ -497,7 +497,8 @@ class Unit:
 
 def units() -> list[Unit]:
     """What the functions known so far would be compiled as, each whole module by itself."""
-    return [Unit(list(functions.values())) for functions in _registry.values()]
+    roots = [[f for f in functions.values() if not f.inline] for functions in _registry.values()]
+    return [Unit(some) for some in roots if some]
 
 
 def load_all() -> None:
@@ -505,15 +506,19 @@ def load_all() -> None:
     for module, functions in list(_registry.items()):
         if module.startswith("stc."):
             for native_function in list(functions.values()):
-                native_function.prepare()
+                if not native_function.inline:
+                    native_function.prepare()
 
 
 def _compile_unit(wanted: NativeFunction[..., Any]) -> None:
-    """Compile, or find on disk, a function together with those of its module that are not compiled yet."""
+    """Compile, or find on disk, a function together with those of its module that are not compiled yet.
+
+    What is copied into its callers is a function by itself only where it is the one wanted.
+    """
     roots = [wanted]
-    if wanted._is_global:
+    if wanted._is_global and not wanted.inline:
         siblings = _registry.get(wanted.function.__module__, {}).values()
-        roots = [f for f in siblings if f is wanted or not f.is_compiled]
+        roots = [f for f in siblings if f is wanted or not (f.is_compiled or f.inline)]
         if not any(f is wanted for f in roots):  # the module was reloaded, and this is its former self
             roots = [wanted]
     Unit(roots).load()

@@ -109,7 +109,7 @@ def share_of(count: i64, parts: i64) -> i64:
     return (count + parts - 1) // parts
 
 
-@native(inline=True)
+@native
 def padded(count: i64) -> i64:
     """Room for so many numbers in whole blocks."""
     return share_of(count, BLOCK) * BLOCK

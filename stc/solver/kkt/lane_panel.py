@@ -46,7 +46,7 @@ MOST = 104
 KNOWN = 136
 
 
-@native(inline=True)
+@native
 def panel_vectors(members: i64, count: i64) -> i64:
     """How many vectors are kept of a panel."""
     return members * (members + 1) // 2 + members * count
