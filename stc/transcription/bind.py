@@ -7,14 +7,12 @@ constant that shapes nothing binds again in moments; nothing is differentiated o
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
 from stc.codegen import threads
-from stc.codegen.calls import Bound as Call
 from stc.codegen.calls import chain
 from stc.codegen.kernel import KernelSet
 from stc.problem import ConstantRef, Problem
@@ -220,7 +218,12 @@ class BoundProgram:
         self.derivatives_buffer = aligned_zeros(program.derivatives_size)
         fill_constants(program, self.workspace, self.uniform, self.derivatives_buffer)
         self._wanted: list[tuple[Part | None, Wanted]] = []
-        self._calls: dict[tuple[str, bool, bool], list[Any]] = {}
+        self._pieces: dict[tuple[bool, bool], list[Piece]] = {}
+        #: What copies within the workspace, and what adds up outputs of gradient, Jacobian and Hessian.
+        self.copies_for_values = copied_within(self.workspace, program.copied_values)
+        self.copies_for_derivatives = copied_within(self.workspace, program.copied_derivatives)
+        matrices = program.gradient, program.jacobian, program.hessian
+        self.foldings = [matrix.folding.bind(self.derivatives_buffer) for matrix in matrices]
         #: The kernels alone: what is at ``workspace`` in, their buffers out.
         self.values_kernels = chain([piece.call for piece in self.pieces(values=True, cut=False)])
         self.derivatives_kernels = chain([piece.call for piece in self.pieces(values=False, cut=False)])
@@ -264,28 +267,11 @@ class BoundProgram:
 
     def pieces(self, values: bool, cut: bool) -> list[Piece]:
         """See :func:`stc.transcription.evaluation.kernel_calls`."""
-        key = "kernels", values, cut
-        if key not in self._calls:
+        if (values, cut) not in self._pieces:
             buffer = self.values_buffer if values else self.derivatives_buffer
             common = self.program, self.kernels, self.workspace, self.uniform
-            self._calls[key] = kernel_calls(*common, buffer, values, cut)
-        return self._calls[key]
-
-    def copies(self, values: bool) -> list[Call]:
-        """Calls that copy within the workspace what kernels of values or derivatives are to find together."""
-        key = "copies", values, False
-        if key not in self._calls:
-            positions = self.program.copied_values if values else self.program.copied_derivatives
-            self._calls[key] = copied_within(self.workspace, positions)
-        return self._calls[key]
-
-    def foldings(self) -> list[list[Call]]:
-        """Calls that add up outputs of gradient, Jacobian and Hessian."""
-        key = "foldings", False, False
-        if key not in self._calls:
-            matrices = self.program.gradient, self.program.jacobian, self.program.hessian
-            self._calls[key] = [matrix.folding.bind(self.derivatives_buffer) for matrix in matrices]
-        return self._calls[key]
+            self._pieces[values, cut] = kernel_calls(*common, buffer, values, cut)
+        return self._pieces[values, cut]
 
     def evaluator(self, scaling: Scaling) -> Evaluator:
         """Arrays of its own for one scaling, and the calls that fill them."""

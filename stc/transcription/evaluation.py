@@ -226,7 +226,7 @@ def _values_call(
     steps = _Steps(result.values_status, nlp.counts[:1], shared, nlp.paces[0])
     steps.phases = [
         steps.place_variables(result.x, scaling.variable, its, nlp.workspace[: nlp.n]),
-        nlp.copies(values=True),
+        nlp.copies_for_values,
         [piece.call for piece in nlp.pieces(values=True, cut=shared)],
         [
             total(buffer, nlp.program.objective_source, objective, result.f, steps.cell()),
@@ -257,7 +257,7 @@ def _derivatives_call(
     def folded() -> Iterator[Bound]:
         """Adds up what belongs together, and copies it again."""
         status = steps.cell()
-        for number, calls in enumerate(nlp.foldings()):
+        for number, calls in enumerate(nlp.foldings):
             if calls:
                 yield from calls
                 at, copying = its.folded(number)
@@ -278,7 +278,7 @@ def _derivatives_call(
             *steps.place_multipliers(result.y, scaling.row, its, nlp.workspace[n : n + m]),
             place(result.weight, objective, nlp.uniform[-1:]),
         ],
-        nlp.copies(values=False),
+        nlp.copies_for_derivatives,
         [
             *constants(),
             *(

@@ -100,7 +100,7 @@ def test_pieces_and_threads_give_the_same_bits(name, monkeypatch):
     evaluators = [nlp.evaluator(scaling)]
     for limit, size in (("OPERATIONS", 50), ("NUMBERS", 10), ("OUTPUTS", 60), ("SHARED", 1)):
         monkeypatch.setattr(evaluation, limit, size)  # everything is large
-    nlp._calls.clear()  # pieces are cut anew
+    nlp._pieces.clear()  # pieces are cut anew
     nlp._wanted.clear()
     for count in (1, 2):
         threads.limit(count)
