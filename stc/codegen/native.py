@@ -121,9 +121,8 @@ def array_address(array: Any, dtype: np.dtype[Any], what: str) -> int:
     """
     try:
         if array.dtype is dtype and array.ndim == 1:
-            return _address_of(
-                _one_byte(array)
-            )  # refuses what is not contiguous; cheaper than array.ctypes.data
+            # cheaper than array.ctypes.data; it refuses what is not contiguous
+            return _address_of(_one_byte(array))
     except (AttributeError, TypeError, ValueError):  # no array, or one that is read-only or empty
         pass
     if not isinstance(array, np.ndarray):

@@ -117,17 +117,16 @@ class Copying:
     Runs of consecutive places are copied, the rest is gathered.  Which those are is found once, whatever the scale.
 
     Attributes:
-        source, at: (k,) int32 places of both.
-        run_source, run_at, run_length: (runs,) int32 of the runs; run_first: where they begin in ``source``.
-        single: (singles,) what of ``source`` is in none.
+        run_source, run_at, run_length: (runs,) int32 of the runs; run_first: which of all places they begin with.
+        single_source, single_at: (singles,) int32 of what is in none; single: which of all places these are.
     """
 
-    source: PlaceArray
-    at: PlaceArray
     run_source: PlaceArray
     run_at: PlaceArray
     run_length: PlaceArray
     run_first: PlaceArray
+    single_source: PlaceArray
+    single_at: PlaceArray
     single: IntArray
 
     @classmethod
@@ -141,14 +140,15 @@ class Copying:
         length = np.diff(begins, append=len(at))
         long = length >= RUN
         first = begins[long]
+        single = np.flatnonzero(np.repeat(~long, length))
         return cls(
-            source,
-            at,
             _places(source[first]),
             _places(at[first]),
             _places(length[long]),
             _places(first),
-            np.flatnonzero(np.repeat(~long, length)),
+            _places(source[single]),
+            _places(at[single]),
+            single,
         )
 
     @classmethod
@@ -169,10 +169,9 @@ class Copying:
                 calls.append(
                     _bind(_scale_runs, _scale_runs_numpy, len(self.run_first), *runs, *factors, *common)
                 )
-        single = self.single
-        if len(single):
-            rest = self.source[single], self.at[single], scale[single], buffer, out, status
-            calls.append(_bind(_scatter, _scatter_numpy, len(single), *rest))
+        if len(self.single):
+            rest = self.single_source, self.single_at, scale[self.single], buffer, out, status
+            calls.append(_bind(_scatter, _scatter_numpy, len(self.single), *rest))
         return calls
 
 

@@ -90,7 +90,8 @@ class Wanted:
             first, last = np.searchsorted(matrix.first, ends).tolist()
             if first < last:
                 at = slice(first, last)
-                yield number, at, Copying.of(matrix.first[at], self._targets(number)[at])
+                into = self._targets(number, np.arange(first, last, dtype=np.int32))
+                yield number, at, Copying.of(matrix.first[at], into)
 
     def folded(self, number: int) -> tuple[Places, Copying]:
         """Which entries of a matrix leave it again when outputs have been added up, and how."""
@@ -98,15 +99,12 @@ class Wanted:
 
     def _folded(self, number: int) -> tuple[Places, Copying]:
         matrix = (self.gradient, self.jacobian, self.hessian)[number]
-        at = np.flatnonzero(np.isin(matrix.first, matrix.folding.changed()))
-        return at.astype(np.int32), Copying.of(matrix.first[at], self._targets(number)[at])
+        at = np.flatnonzero(np.isin(matrix.first, matrix.folding.changed())).astype(np.int32)
+        return at, Copying.of(matrix.first[at], self._targets(number, at))
 
-    def _targets(self, number: int) -> Places:
-        """Where entries go: a gradient has all variables, also those by which it is zero."""
-        if number == 0:
-            return self.gradient.cols
-        count = len(self.jacobian if number == 1 else self.hessian)
-        return self._once(("targets", number), lambda: np.arange(count, dtype=np.int32))
+    def _targets(self, number: int, entries: Places) -> Places:
+        """Where entries of a matrix go: a gradient has all variables, also those by which it is zero."""
+        return entries if number else self.gradient.cols[entries]
 
 
 def _without(size: int, places: Places) -> NDArray[np.int32]:
