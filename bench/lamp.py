@@ -43,13 +43,14 @@ def alone(transcription: Transcription, bound: BoundProgram, number: int) -> tup
     """A call of one group's values and derivatives kernels alone, and their operations per node."""
     program, kernels = transcription.program, transcription.kernels
     assert kernels is not None
-    calls, count = [], 0
+    calls, count, kept = [], 0, None
     for k, index in (
         (number, program.index_values[number]),
         (number + len(program.groups), program.index_derivatives[number]),
     ):
         out = aligned_zeros((index.shape[0], len(kernels.tapes[k].outputs), index.shape[2]))
-        calls.append(kernels.bind(k, bound.workspace, bound.uniform, index, out))
+        calls.append(kernels.bind(k, bound.workspace, bound.uniform, index, out, kept))
+        kept = out
         count += len(kernels.tapes[k].ops) - kernels.tapes[k].n_uniform_ops
 
     def call() -> None:
@@ -69,7 +70,7 @@ def casadi_code(
     group = transcription.program.groups[number]
     tape = group.programs.values_tape
     u, v = ca.SX.sym("u", tape.n_uniform), ca.SX.sym("v", tape.n_varying)
-    values = function_of(tape, "values")(u, v)
+    values = function_of(tape, "values")(u, v)[: len(tape.outputs) - group.programs.kept]
     count = len(group.unknown)
     weights = ca.SX.sym("y", values.shape[0])
     unknown = v[:count]

@@ -136,9 +136,10 @@ def tape(model: Model, method: str | None) -> str:
     for number, group in enumerate(found.program.groups):
         varying = [_name(key) for key in (*group.unknown, *group.data)]
         multipliers = [f"multiplier {r}" for r in range(len(group.rows))]
+        kept = [f"kept {k}" for k in range(group.programs.kept)]
         for what, names, program in (
             ("values", varying, group.programs.values_tape),
-            ("derivatives", varying + multipliers, group.programs.derivatives_tape),
+            ("derivatives", varying + multipliers + kept, group.programs.derivatives_tape),
             ("constant derivatives", [_name(key) for key in group.data], group.programs.constants_tape),
         ):
             if not program.outputs:

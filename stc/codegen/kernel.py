@@ -7,6 +7,7 @@ instances in blocks of ``LANES`` (the last block filled up with any valid instan
     uniform    float64 (n_uniform or more,)
     index      int32   (n_blocks, n_runs, LANES)      where in the workspace runs of inputs begin
     out        float64 (n_blocks, n_out, LANES)
+    kept       float64 (n_blocks, kept_width, LANES)  outputs of another kernel, for tapes that take some
 
 The same tapes run in NumPy when LLVM is missing or not wanted.
 """
@@ -36,6 +37,8 @@ Backend = Literal["auto", "llvm", "numpy"]
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int32]
 
+_NOTHING: FloatArray = np.zeros((0, 0, LANES))
+
 
 class Kernel:
     """One compiled tape."""
@@ -49,46 +52,67 @@ class Kernel:
 
     def install(self, loaded: engine.LoadedObject, symbol: str) -> None:
         """Adopt machine code."""
-        pointers = [ctypes.c_void_p] * 4
+        pointers = [ctypes.c_void_p] * 5
         self._entry = ctypes.CFUNCTYPE(None, *pointers, ctypes.c_int64)(loaded.address(symbol))
         self._packed = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(loaded.address(symbol + ".packed"))
         self._object = loaded
 
     def __call__(
-        self, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray
+        self,
+        workspace: FloatArray,
+        uniform: FloatArray,
+        index: IndexArray,
+        out: FloatArray,
+        kept: FloatArray | None = None,
     ) -> None:
         """Evaluate all blocks.
 
         Raises:
             ValueError: an array of wrong type, shape or layout, or a run that reaches out of the workspace.
         """
-        self._check(workspace, uniform, index, out)
+        arrays = self._checked(workspace, uniform, index, out, kept)
         if self._entry is None:
-            self._run_numpy(workspace, uniform, index, out)
+            self._run_numpy(*arrays)
         else:
-            arrays = (workspace, uniform, index, out)
             self._entry(*[array.ctypes.data for array in arrays], index.shape[0])
 
-    def bind(self, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray) -> Bound:
+    def bind(
+        self,
+        workspace: FloatArray,
+        uniform: FloatArray,
+        index: IndexArray,
+        out: FloatArray,
+        kept: FloatArray | None = None,
+    ) -> Bound:
         """Check and convert once; the result evaluates when called, at 0.1 microseconds of overhead.
 
         Raises:
             ValueError: as on a call.
         """
-        self._check(workspace, uniform, index, out)
-        arrays = (workspace, uniform, index, out)
+        arrays = self._checked(workspace, uniform, index, out, kept)
         if self._packed is None:
             return Bound.of_python(self._run_numpy, arrays)
         cells = [array.ctypes.data for array in arrays]
         return Bound.of_native(self._packed, [*cells, index.shape[0]], (arrays, self._object))
 
-    def _check(self, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray) -> None:
-        tape, runs = self.tape, self.runs.count
+    def _checked(
+        self,
+        workspace: FloatArray,
+        uniform: FloatArray,
+        index: IndexArray,
+        out: FloatArray,
+        kept: FloatArray | None,
+    ) -> tuple[FloatArray, FloatArray, IndexArray, FloatArray, FloatArray]:
+        """All of them, if they are as they should be."""
+        tape, runs, width = self.tape, self.runs.count, self.runs.kept_width
+        if kept is None:
+            kept = _NOTHING
         for name, array, dtype in (
             ("workspace", workspace, np.float64),
             ("uniform", uniform, np.float64),
             ("index", index, np.int32),
             ("out", out, np.float64),
+            ("kept", kept, np.float64),
         ):
             if not isinstance(array, np.ndarray) or array.dtype != dtype or not array.flags.c_contiguous:
                 raise ValueError(f"{name} must be a C-contiguous array of {np.dtype(dtype)}")
@@ -101,15 +125,23 @@ class Kernel:
             raise ValueError(f"index has shape {index.shape}, not (blocks, {runs}, {LANES})")
         if out.shape != (blocks, len(tape.outputs), LANES):
             raise ValueError(f"out has shape {out.shape}, not ({blocks}, {len(tape.outputs)}, {LANES})")
+        if width and kept.shape != (blocks, width, LANES):
+            raise ValueError(f"kept has shape {kept.shape}, not ({blocks}, {width}, {LANES})")
         if not out.flags.writeable:
             raise ValueError("out is read-only")
         if index.size and (index.min() < 0 or index.max() + RUN > workspace.size):
             raise ValueError(
                 f"index points outside the workspace of {workspace.size} values, of which {RUN} are read at once"
             )
+        return workspace, uniform, index, out, kept
 
     def _run_numpy(
-        self, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray
+        self,
+        workspace: FloatArray,
+        uniform: FloatArray,
+        index: IndexArray,
+        out: FloatArray,
+        kept: FloatArray,
     ) -> None:
         tape = self.tape
         blocks = index.shape[0]
@@ -117,6 +149,8 @@ class Kernel:
         for v, place in enumerate(self.runs.places):
             if place >= 0:
                 varying[v] = workspace[index[:, place // RUN].reshape(-1) + place % RUN]
+        for slot, row in self.runs.kept_rows(tape).items():
+            varying[slot - tape.n_uniform] = kept[:, row].reshape(-1)
         values = reference.run(tape, uniform[: tape.n_uniform], varying)
         out[...] = values.reshape(len(tape.outputs), blocks, LANES).transpose(1, 0, 2)
 
@@ -150,10 +184,16 @@ class KernelSet:
         return iter(self._kernels)
 
     def bind(
-        self, k: int, workspace: FloatArray, uniform: FloatArray, index: IndexArray, out: FloatArray
+        self,
+        k: int,
+        workspace: FloatArray,
+        uniform: FloatArray,
+        index: IndexArray,
+        out: FloatArray,
+        kept: FloatArray | None = None,
     ) -> Bound:
         """A zero-argument callable that runs kernel ``k`` on these arrays; see :meth:`Kernel.bind`."""
-        return self._kernels[k].bind(workspace, uniform, index, out)
+        return self._kernels[k].bind(workspace, uniform, index, out, kept)
 
     def llvm_ir(self) -> str:
         """One LLVM module with all of these kernels, as text."""

@@ -8,6 +8,8 @@ A kernel runs over blocks of :data:`LANES` instances, or over pairs of blocks wh
 
               index[block][run][lane]   (int32)          out[block][output][lane]   (double)
 
+                     and what another kernel has found:  kept[block][output][lane]  (double)
+
 The order of the tape is kept: inputs are fetched at the first use of their run and outputs stored as soon as they
 are known, so that few values are alive at once; :mod:`stc.codegen.residency` decides which of them stay in
 registers.  The IR needs no optimisation passes: common subexpressions are shared and constants folded already,
@@ -64,14 +66,16 @@ class _Kernel:
         self.vector = Vector(self.body, width, fused, "v")
         self.shared = self._once_per_call()
         self.inputs = self._listed_inputs()
-        # a few registers are for what goes on inside one operation
+        self.kept = runs.kept_rows(tape)
+        # four registers are for what goes on inside one operation
         self.residency = Residency(
             tape,
             self.vector,
-            max(registers - 6, 4),
+            max(registers - 4, 4),
             self.shared,
             self.inputs,
             self._fetch_run,
+            self._fetch_kept if self.kept else None,
         )
         self.last_part = "compute"
         self._per_block()
@@ -131,6 +135,21 @@ class _Kernel:
             for v, place in enumerate(self.runs.places)
             if place // RUN == run
         }
+
+    def _fetch_kept(self, slot: int) -> str:
+        """An input that another kernel has found, of one block or of two beside each other; "" for other inputs."""
+        if slot not in self.kept:
+            return ""
+        vector, offset = self.vector, 8 * LANES * self.kept[slot]
+        parts = []
+        for group in self.groups:
+            pointer = vector.let(f"getelementptr inbounds i8, ptr %source{group}, i64 {offset}")
+            parts.append(vector.let(f"load <{LANES} x double>, ptr {pointer}, align 8"))
+        if len(parts) == 1:
+            return parts[0]
+        chosen = ", ".join(f"i32 {lane}" for lane in range(self.width))
+        both = ", ".join(f"<{LANES} x double> {part}" for part in parts)
+        return vector.let(f"shufflevector {both}, <{self.width} x i32> <{chosen}>")
 
     def _fetch_loop(self) -> list[str]:
         """Fetches the listed inputs before anything else of a block."""
@@ -237,7 +256,8 @@ class _Kernel:
         return "\n".join(
             [
                 f"define void @{self.symbol}(ptr noalias readonly %workspace, ptr noalias readonly %uniform, "
-                "ptr noalias readonly %index, ptr noalias %out, i64 %blocks) nounwind {",
+                "ptr noalias readonly %index, ptr noalias %out, ptr noalias readonly %kept, "
+                "i64 %blocks) nounwind {",
                 "entry:",
                 f"  %shared = alloca [{max(len(self.shared), 1)} x {vector.f}], align {size}",
                 f"  %inputs = alloca [{max(listed, 1)} x {vector.f}], align {size}",
@@ -275,13 +295,15 @@ def _block_pointers(tape: Tape, runs: Runs, group: int) -> list[str]:
         f"  %where{group} = getelementptr inbounds i8, ptr %index, i64 %skipped{group}",
         f"  %filled{group} = mul i64 %block{group}, {8 * LANES * len(tape.outputs)}",
         f"  %target{group} = getelementptr inbounds i8, ptr %out, i64 %filled{group}",
+        f"  %found{group} = mul i64 %block{group}, {8 * LANES * runs.kept_width}",
+        f"  %source{group} = getelementptr inbounds i8, ptr %kept, i64 %found{group}",
     ]
 
 
 def _packed(symbol: str) -> list[str]:
-    """An entry for prepared calls: the five arguments come from consecutive 8-byte cells."""
+    """An entry for prepared calls: the six arguments come from consecutive 8-byte cells."""
     lines = [f"define void @{symbol}.packed(ptr %cells) nounwind {{"]
-    types = ("ptr", "ptr", "ptr", "ptr", "i64")
+    types = ("ptr", "ptr", "ptr", "ptr", "ptr", "i64")
     for position, type_ in enumerate(types):
         lines.append(f"  %p{position} = getelementptr inbounds i64, ptr %cells, i64 {position}")
         lines.append(f"  %a{position} = load {type_}, ptr %p{position}, align 8")

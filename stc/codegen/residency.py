@@ -26,6 +26,7 @@ class Residency:
         shared: slot -> place of the values that lie in memory from the start, in ``%shared``.
         inputs: slot -> place of the varying inputs that are in ``%inputs``.
         fetch: emits the code that fetches another varying input; returns the registers of all that come with it.
+        load: emits the code that loads an input from where one load is enough; returns "" for other slots.
     """
 
     def __init__(
@@ -36,12 +37,15 @@ class Residency:
         shared: dict[int, int],
         inputs: dict[int, int],
         fetch: Callable[[int], dict[int, str]],
+        load: Callable[[int], str] | None = None,
     ) -> None:
         self._vector = vector
         self._capacity = capacity
         self._shared = shared
         self._inputs = inputs
         self._fetch = fetch
+        self._load_input = load
+        self._loaded: set[int] = set()  # slots that need no home: they can be loaded again
         self._size = 8 * vector.lanes
         self._uses = _uses(tape)
         self._registers: dict[int, str] = {}  # slot -> register
@@ -70,6 +74,9 @@ class Residency:
             register = self._load("inputs", self._inputs[slot])
         elif slot in self._homes:
             register = self._load("homes", self._homes[slot])
+        elif self._load_input is not None and (loaded := self._load_input(slot)):
+            register = loaded
+            self._loaded.add(slot)
         else:
             fetched = self._fetch(slot)
             for other, its_register in fetched.items():
@@ -108,7 +115,7 @@ class Residency:
     def _move_out(self, victim: int) -> None:
         register = self._registers.pop(victim)
         del self._next_use[victim]
-        if victim in self._homes or victim in self._inputs:
+        if victim in self._homes or victim in self._inputs or victim in self._loaded:
             return  # still there from the first time
         if self._free:
             place = self._free.pop()

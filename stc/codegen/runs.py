@@ -7,6 +7,8 @@ quarter of the instructions.  An input without neighbours is a run of its own.
 
 Where neighbours are apart at a few instances, as on both sides of a jump, a copy of them is kept at the end of the
 workspace, where they are together.
+
+What another kernel has found for the same instances needs none of this: it lies in blocks of lanes already.
 """
 
 from __future__ import annotations
@@ -39,10 +41,15 @@ class Runs:
     Attributes:
         places: per varying input ``RUN * run + place within the run``, -1 where it is not fetched.
         count: number of runs.
+        kept: inputs that follow those of ``places`` are outputs of another kernel for the same instances: of this
+            one and the next ones.
+        kept_width: how many outputs that kernel has, 0 where there is none.
     """
 
     places: tuple[int, ...]
     count: int
+    kept: int = 0
+    kept_width: int = 0
 
     @classmethod
     def alone(cls, n_varying: int) -> Runs:
@@ -51,7 +58,12 @@ class Runs:
 
     def digest(self) -> str:
         """The content, as text."""
-        return f"{RUN} {self.count} {' '.join(map(str, self.places))}"
+        return f"{RUN} {self.count} {' '.join(map(str, self.places))} kept {self.kept} {self.kept_width}"
+
+    def kept_rows(self, tape: Tape) -> dict[int, int]:
+        """Which output of the other kernel each input is that comes from there: slot -> number."""
+        own = len(self.places)
+        return {tape.n_uniform + v: self.kept + v - own for v in range(own, tape.n_varying)}
 
 
 class Copies:
@@ -119,22 +131,23 @@ class _Run:
         return tuple(int(self.members[k][instance]) if k in self.members else -1 for k in range(RUN))
 
 
-def find_runs(tape: Tape, positions: _Ints, copies: Copies) -> Found:
+def find_runs(tape: Tape, positions: _Ints, copies: Copies, kept: tuple[int, int] = (0, 0)) -> Found:
     """Runs of the inputs that a tape uses.
 
     Args:
         tape: whose inputs they are.
-        positions: (n_varying, k) where each is in the workspace, for each instance.
+        positions: (inputs, k) where each is in the workspace, for each instance.
         copies: receives what is to be copied.
+        kept: where inputs after these are among another kernel's outputs, and how many outputs that has.
     """
-    wanted = used_inputs(tape)
+    wanted = [v for v in used_inputs(tape) if v < len(positions)]
     size = positions.shape[1]
     if size == 0 or not wanted:
-        return Found(Runs((-1,) * tape.n_varying, 0), np.zeros((0, size), np.int64), [])
+        return Found(Runs((-1,) * len(positions), 0, *kept), np.zeros((0, size), np.int64), [])
     sample = positions[wanted][:, np.linspace(0, size - 1, _SAMPLE).astype(np.int64)]
     mostly = np.sort(sample - sample[:1], axis=1)[:, _SAMPLE // 2]
     found: list[_Run] = []
-    places = [-1] * tape.n_varying
+    places = [-1] * len(positions)
     for k in np.argsort(mostly, kind="stable").tolist():
         v, begin = wanted[k], int(mostly[k])
         for number in range(max(len(found) - RUN, 0), len(found)):
@@ -151,7 +164,7 @@ def find_runs(tape: Tape, positions: _Ints, copies: Copies) -> Found:
         for instance in np.flatnonzero(run.apart).tolist():
             copied.append(run.at(instance))
             at[instance] = copies.place(copied[-1])
-    return Found(Runs(tuple(places), len(found)), starts, copied)
+    return Found(Runs(tuple(places), len(found), *kept), starts, copied)
 
 
 def used_inputs(tape: Tape) -> list[int]:

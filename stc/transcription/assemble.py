@@ -230,9 +230,11 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
         find_runs(g.programs.values_tape, each[: len(each) - len(g.rows)], copies)
         for g, each in zip(groups, inputs, strict=True)
     ]
-    of_derivatives = [
-        find_runs(g.programs.derivatives_tape, each, copies) for g, each in zip(groups, inputs, strict=True)
-    ]
+    of_derivatives = []
+    for g, each in zip(groups, inputs, strict=True):
+        width = len(g.programs.values_tape.outputs)
+        kept = (width - g.programs.kept, width) if g.programs.kept else (0, 0)
+        of_derivatives.append(find_runs(g.programs.derivatives_tape, each, copies, kept))
     values_start, values_size = _starts(groups, [g.programs.values_tape for g in groups])
     derivatives_start, varying_size = _starts(groups, [g.programs.derivatives_tape for g in groups])
     constants_start, derivatives_size = _starts(

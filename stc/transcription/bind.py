@@ -217,6 +217,10 @@ class BoundProgram:
         self.values_buffer = aligned_zeros(program.values_size)
         self.derivatives_buffer = aligned_zeros(program.derivatives_size)
         fill_constants(program, self.workspace, self.uniform, self.derivatives_buffer)
+        #: Whether the derivatives kernels take what the values kernels have found, and for which variables that is:
+        #: for none yet.
+        self.keeps = any(group.programs.kept for group in program.groups)
+        self.noted = np.full(self.n, np.nan)
         self._wanted: list[tuple[Part | None, Wanted]] = []
         self._pieces: dict[tuple[bool, bool], list[Piece]] = {}
         #: What copies within the workspace, and what adds up outputs of gradient, Jacobian and Hessian.
@@ -224,7 +228,7 @@ class BoundProgram:
         self.copies_for_derivatives = copied_within(self.workspace, program.copied_derivatives)
         matrices = program.gradient, program.jacobian, program.hessian
         self.foldings = [matrix.folding.bind(self.derivatives_buffer) for matrix in matrices]
-        #: The kernels alone: what is at ``workspace`` in, their buffers out.
+        #: The kernels alone: what is at ``workspace`` in, their buffers out.  Those of derivatives come second.
         self.values_kernels = chain([piece.call for piece in self.pieces(values=True, cut=False)])
         self.derivatives_kernels = chain([piece.call for piece in self.pieces(values=False, cut=False)])
         self.counts = np.zeros(2, np.int64)
@@ -268,9 +272,9 @@ class BoundProgram:
     def pieces(self, values: bool, cut: bool) -> list[Piece]:
         """See :func:`stc.transcription.evaluation.kernel_calls`."""
         if (values, cut) not in self._pieces:
-            buffer = self.values_buffer if values else self.derivatives_buffer
+            buffers = self.values_buffer, self.derivatives_buffer
             common = self.program, self.kernels, self.workspace, self.uniform
-            self._pieces[values, cut] = kernel_calls(*common, buffer, values, cut)
+            self._pieces[values, cut] = kernel_calls(*common, buffers, values, cut)
         return self._pieces[values, cut]
 
     def evaluator(self, scaling: Scaling) -> Evaluator:

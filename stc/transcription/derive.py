@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import marshal
 import sys
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,7 +22,7 @@ from stc.codegen.tape import Tape, build_tape
 from stc.problem import ParameterRef, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import gradient, jacobian_and_hessian
-from stc.symbolic.expr import Expr, reachable, sum_of, sym, symbols
+from stc.symbolic.expr import FUNCTIONS, Expr, call, reachable, substitute, sum_of, sym, symbols
 from stc.symbolic.structure import degree, mentions
 from stc.transcription.grid import IntArray, Nodes
 from stc.transcription.lower import DataRef
@@ -45,6 +45,13 @@ class ObjectiveFactor:
     """The factor of the objective in the Lagrangian; a kernel input shared by all nodes."""
 
 
+@dataclass(frozen=True, slots=True)
+class KeptRef:
+    """What a function has given at a node, by number; an input of the derivatives kernel."""
+
+    number: int
+
+
 class Derivative(NamedTuple):
     """One output of a kernel: an entry of the objective's gradient, the Jacobian or the Lagrangian's Hessian.
 
@@ -61,8 +68,10 @@ class Derived:
     """What a group's statements are differentiated to.
 
     Attributes:
-        values_tape: the rows, then the objective.
-        derivatives_tape, constants_tape: ``varying`` and ``constant``; the inputs of the latter that vary are data.
+        values_tape: the rows, then the objective, then what of functions is kept for the derivatives.
+        derivatives_tape, constants_tape: ``varying`` and ``constant``; inputs of the former that vary are unknowns,
+            data, multipliers and what is kept, of the latter data.
+        kept: how many outputs are.
         varying, constant: the objective's gradient, the Jacobian and the lower triangle of the Lagrangian's Hessian,
             nonzeros only: what changes while a program with its numbers is in use, and what does not.
         degrees, objective_degree: of the rows and the objective as polynomials; see :mod:`stc.symbolic.structure`.
@@ -72,6 +81,7 @@ class Derived:
     values_tape: Tape
     derivatives_tape: Tape
     constants_tape: Tape
+    kept: int
     varying: list[Derivative]
     constant: list[Derivative]
     degrees: list[int]
@@ -144,18 +154,43 @@ class Group:
         constant = [place for place, e in entries.items() if not mentions(e, _varies)]
         inputs: list[object] = [*self.unknown, *self.data]
         multipliers = [MultiplierRef(r) for r in range(len(self.rows))]
+        kept = _kept(self.bodies, [entries[place] for place in varying], frozenset(inputs))
+        known = [KeptRef(k) for k in range(len(kept))]
+        results = dict(zip(kept, map(sym, known), strict=True))
         return Derived(
-            values_tape=build_tape(self.bodies, uniform, inputs),
+            values_tape=build_tape([*self.bodies, *kept], uniform, inputs),
             derivatives_tape=build_tape(
-                [entries[place] for place in varying], uniform, [*inputs, *multipliers]
+                [substitute(entries[place], {}, results) for place in varying],
+                uniform,
+                [*inputs, *multipliers, *known],
             ),
             constants_tape=build_tape([entries[place] for place in constant], uniform, self.data),
+            kept=len(kept),
             varying=varying,
             constant=constant,
             degrees=degrees,
             objective_degree=objective_degree,
             bent=sorted({k for place in changing for k in place}),
         )
+
+
+_PARTNER = {"sin": "cos", "cos": "sin"}
+"""Functions that take hardly longer together than one of them does."""
+
+
+def _kept(bodies: Sequence[Expr], derivatives: Sequence[Expr], inputs: Set[object]) -> list[Expr]:
+    """The functions of a node's inputs that the derivatives need and the values have, or nearly have.
+
+    A function takes as long as ten operations or twenty, and to keep what it gives takes one or two.
+    """
+    had = set(reachable(bodies))
+    return [
+        node
+        for node in reachable(derivatives)
+        if node.op in FUNCTIONS
+        and (node in had or (node.op in _PARTNER and call(_PARTNER[node.op], node.args[0]) in had))
+        and not inputs.isdisjoint(symbols(node))
+    ]
 
 
 def derive(groups: Sequence[Group], uniform: Sequence[object]) -> None:
@@ -216,14 +251,16 @@ def _plain(derived: Derived) -> tuple[Any, ...]:
         for tape in (derived.values_tape, derived.derivatives_tape, derived.constants_tape)
     ]
     places = [[tuple(place) for place in places] for places in (derived.varying, derived.constant)]
-    return tapes, places, derived.degrees, derived.objective_degree, derived.bent
+    return tapes, derived.kept, places, derived.degrees, derived.objective_degree, derived.bent
 
 
-def _derived(tapes: Any, places: Any, degrees: list[int], objective_degree: int, bent: list[int]) -> Derived:
+def _derived(
+    tapes: Any, kept: int, places: Any, degrees: list[int], objective_degree: int, bent: list[int]
+) -> Derived:
     """From :func:`_plain`."""
     values, derivatives, constants = (Tape(*tape) for tape in tapes)
     varying, constant = ([Derivative(*place) for place in some] for some in places)
-    return Derived(values, derivatives, constants, varying, constant, degrees, objective_degree, bent)
+    return Derived(values, derivatives, constants, kept, varying, constant, degrees, objective_degree, bent)
 
 
 def _load(name: str, count: int) -> list[Derived] | None:

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen import reference, threads
-from stc.codegen.calls import Bound, chain
+from stc.codegen.calls import Bound, chain, chain_until
 from stc.codegen.kernel import KernelSet
 from stc.solver.evaluator import Evaluator, Part, Places, Scaling
 from stc.transcription.assemble import Program, blocks, data_of
-from stc.transcription.gather import Copying, add_up, begin, place, total
+from stc.transcription.gather import Copying, add_up, all_same, begin, note, place, total
 from stc.transcription.wanted import Wanted
 
 if TYPE_CHECKING:
@@ -47,13 +47,13 @@ def kernel_calls(
     kernels: KernelSet,
     workspace: FloatArray,
     uniform: FloatArray,
-    buffer: FloatArray,
+    buffers: tuple[FloatArray, FloatArray],
     values: bool,
     cut: bool = False,
 ) -> list[Piece]:
     """Calls of the kernels of all groups, those of values or those of derivatives, whole or in pieces.
 
-    Their outputs follow one another in ``buffer``.
+    Their outputs follow one another in the ``buffers``, of values and of derivatives.
     """
     starts, indices = program.derivatives_start, program.index_derivatives
     if values:
@@ -66,11 +66,16 @@ def kernel_calls(
         blocks, _, lanes = index.shape
         width = count * lanes
         if width and blocks:
-            out = buffer[start : start + blocks * width].reshape(blocks, count, lanes)
+            out = buffers[0 if values else 1][start : start + blocks * width].reshape(blocks, count, lanes)
+            # all that the values kernel finds is there for the derivatives kernel, which knows what it needs
+            found = len(kernels.tapes[k].outputs)
+            at = program.values_start[k]
+            kept = buffers[0][at : at + blocks * found * lanes].reshape(blocks, found, lanes)
             work = lanes * len(tape.ops)
             pieces = max(blocks * work / OPERATIONS, blocks * width / OUTPUTS) if cut else 1
             for piece in _pieces(blocks, pieces, 2):
-                call = kernels.bind(number, workspace, uniform, index[piece], out[piece])
+                given = None if values else kept[piece]
+                call = kernels.bind(number, workspace, uniform, index[piece], out[piece], given)
                 ends = start + piece.start * width, start + piece.stop * width
                 calls.append(Piece(call, *ends, work * (piece.stop - piece.start)))
     return calls
@@ -135,6 +140,7 @@ class _Steps:
         self.status, self.counter, self.shared, self.pace = status, counter, shared, pace
         self.phases: list[list[Bound]] = []
         self.cells: list[FloatArray] = []
+        self.same = np.zeros(0, np.int64)
 
     def cell(self) -> FloatArray:
         """Where a call notes that its numbers are not finite: its own cell where others note at the same time."""
@@ -145,6 +151,12 @@ class _Steps:
 
     def cut(self, count: int) -> Iterator[slice]:
         return _pieces(count, count / NUMBERS if self.shared else 1)
+
+    def note(self, variables: FloatArray, noted: FloatArray) -> list[Bound]:
+        """Notes which variables they are, and by ``same`` whether they were noted already."""
+        cuts = list(self.cut(len(variables)))
+        self.same = np.zeros(len(cuts), np.int64)
+        return [note(variables[at], noted[at], self.same[k : k + 1]) for k, at in enumerate(cuts)]
 
     def place(self, values: FloatArray, scale: FloatArray, into: FloatArray) -> list[Bound]:
         return [place(values[at], scale[at], into[at]) for at in self.cut(len(values))]
@@ -204,6 +216,11 @@ def evaluator(nlp: BoundProgram, scaling: Scaling, part: Part | None = None) -> 
     return result
 
 
+def unless(condition: Bound, calls: Sequence[Bound]) -> Bound:
+    """A call that makes the others unless the first one gives something else than 0."""
+    return chain_until([(condition, True), *((call, False) for call in calls)])
+
+
 def _shared(nlp: BoundProgram, values: bool) -> bool:
     return (
         nlp.kernels.backend == "llvm"
@@ -224,9 +241,10 @@ def _values_call(
 ) -> Bound:
     buffer, shared = nlp.values_buffer, _shared(nlp, values=True)
     steps = _Steps(result.values_status, nlp.counts[:1], shared, nlp.paces[0])
+    variables = nlp.workspace[: nlp.n]
     steps.phases = [
-        steps.place_variables(result.x, scaling.variable, its, nlp.workspace[: nlp.n]),
-        nlp.copies_for_values,
+        steps.place_variables(result.x, scaling.variable, its, variables),
+        [*nlp.copies_for_values, *(steps.note(variables, nlp.noted) if nlp.keeps else [])],
         [piece.call for piece in nlp.pieces(values=True, cut=shared)],
         [
             total(buffer, nlp.program.objective_source, objective, result.f, steps.cell()),
@@ -247,7 +265,9 @@ def _derivatives_call(
         scaling.hessian(its.hessian.rows, its.hessian.cols),
     )
     outs = result.gradient, result.jac, result.hess
-    steps = _Steps(result.derivatives_status, nlp.counts[1:], _shared(nlp, values=False), nlp.paces[1])
+    shared = _shared(nlp, values=False)
+    steps = _Steps(result.derivatives_status, nlp.counts[1:], shared, nlp.paces[1])
+    variables = nlp.workspace[:n]
 
     def copied(begin: int, end: int, status: FloatArray) -> Iterator[Bound]:
         """Copies the outputs at these places of the buffer to where they belong."""
@@ -272,12 +292,25 @@ def _derivatives_call(
             return []
         return list(copied(program.varying_size, program.derivatives_size, steps.cell()))
 
+    def values() -> Iterator[list[Bound]]:
+        """What the values kernels have found is there, unless the last values were those of other variables."""
+        if not nlp.keeps:
+            return
+        notes = steps.note(variables, nlp.noted)
+        calls = [piece.call for piece in nlp.pieces(values=True, cut=shared)]
+        if shared:
+            yield [*notes, *nlp.copies_for_values]
+            yield [unless(all_same(steps.same), [call]) for call in calls]
+        else:
+            yield [unless(notes[0], [*nlp.copies_for_values, *calls])]
+
     steps.phases = [
         [
-            *steps.place_variables(result.x, scaling.variable, its, nlp.workspace[:n]),
+            *steps.place_variables(result.x, scaling.variable, its, variables),
             *steps.place_multipliers(result.y, scaling.row, its, nlp.workspace[n : n + m]),
             place(result.weight, objective, nlp.uniform[-1:]),
         ],
+        *values(),
         nlp.copies_for_derivatives,
         [
             *constants(),

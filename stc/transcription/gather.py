@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from stc.codegen import engine
 from stc.codegen.calls import Bound
 from stc.codegen.native import NativeFunction, f64, f64s, i32s, i64, i64s, native
+from stc.codegen.native_math import fabs
 from stc.records import dataclass
 
 FloatArray = NDArray[np.float64]
@@ -108,6 +109,16 @@ def place(values: FloatArray, scale: FloatArray, into: FloatArray) -> Bound:
     if (scale == 1.0).all():
         return _bind(_copy, _copy_numpy, len(values), values, into)
     return _bind(_place, _place_numpy, len(values), values, scale, into)
+
+
+def note(values: FloatArray, noted: FloatArray, same: IntArray) -> Bound:
+    """A call that tells, by ``same`` (1,) too, whether ``noted`` is ``values`` (k,) already; from then on it is."""
+    return _bind(_note, _note_numpy, len(values), values, noted, same)
+
+
+def all_same(same: IntArray) -> Bound:
+    """A call that tells whether all of ``same`` (k,) are 1."""
+    return _bind(_all_same, _all_same, len(same), same)
 
 
 @dataclass(slots=True)
@@ -223,6 +234,24 @@ def _place(count: i64, values: f64s, scale: f64s, into: f64s) -> None:
         into[k] = values[k] * scale[k]
 
 
+@native(fast=True)
+def _note(count: i64, values: f64s, noted: f64s, same: i64s) -> i64:
+    difference = 0.0
+    for k in range(count):
+        difference += fabs(values[k] - noted[k])
+        noted[k] = values[k]
+    same[0] = 1 if difference == 0.0 else 0  # nan is not
+    return same[0]
+
+
+@native
+def _all_same(count: i64, same: i64s) -> i64:
+    for k in range(count):
+        if same[k] == 0:
+            return 0
+    return 1
+
+
 @native
 def _fold(count: i64, source: i32s, into: i32s, buffer: f64s) -> None:
     for k in range(count):
@@ -326,6 +355,12 @@ def _copy_numpy(count: int, values: FloatArray, into: FloatArray) -> None:
 
 def _place_numpy(count: int, values: FloatArray, scale: FloatArray, into: FloatArray) -> None:
     np.multiply(values, scale, out=into)
+
+
+def _note_numpy(count: int, values: FloatArray, noted: FloatArray, same: IntArray) -> int:
+    same[0] = np.array_equal(values, noted)
+    noted[:] = values
+    return int(same[0])
 
 
 @np.errstate(all="ignore")
