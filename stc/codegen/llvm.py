@@ -23,10 +23,10 @@ from typing import Final
 
 from stc.codegen.engine import LANES
 from stc.codegen.fetching import fetch
-from stc.codegen.operations import CIRCULAR, WRITTEN_OUT, MathFunctions, Operations, function_length
+from stc.codegen.operations import WRITTEN_OUT, MathFunctions, Operations, function_length
 from stc.codegen.residency import Residency, operands
 from stc.codegen.runs import RUN, Runs
-from stc.codegen.tape import Tape
+from stc.codegen.tape import CIRCULAR, TOGETHER, Tape
 from stc.codegen.vector import PREFETCH, Vector, hexadecimal, prefetch
 
 #: Operations per basic block.
@@ -71,11 +71,12 @@ class _Kernel:
         self.residency = Residency(
             tape,
             self.vector,
-            max(registers - 4, 4),
+            max(registers - 4, TOGETHER + 2),
             self.shared,
             self.inputs,
             self._fetch_run,
-            self._fetch_kept if self.kept else None,
+            self.kept.keys(),
+            self._load_kept,
         )
         self.last_part = "compute"
         self._per_block()
@@ -136,10 +137,8 @@ class _Kernel:
             if place // RUN == run
         }
 
-    def _fetch_kept(self, slot: int) -> str:
-        """An input that another kernel has found, of one block or of two beside each other; "" for other inputs."""
-        if slot not in self.kept:
-            return ""
+    def _load_kept(self, slot: int) -> str:
+        """An input that another kernel has found, of one block or of two beside each other."""
         vector, offset = self.vector, 8 * LANES * self.kept[slot]
         parts = []
         for group in self.groups:
@@ -215,13 +214,16 @@ class _Kernel:
                     residency.vacate()
                 there = [a] if op in CIRCULAR else []
                 if there and a in angles:
-                    # Another one that is there already goes along: a processor has little else to do meanwhile.
+                    # Others that are there already go along: a processor has little else to do meanwhile.
                     del angles[a]
-                    beside = next((angle for angle in angles if angle < slot), -1)
-                    if beside >= 0:
-                        del angles[beside]
-                        there.append(beside)
-                        each.circular_together(there, (first, residency.operand(beside, (a, beside))))
+                    beside = [angle for angle in angles if angle < slot][: TOGETHER - 1]
+                    registers = [first]
+                    for angle in beside:
+                        del angles[angle]
+                        there.append(angle)
+                        registers.append(residency.operand(angle, tuple(there)))
+                    if beside:
+                        each.circular_together(there, registers)
                 made.append((slot, each.emit(op, a, first, second)))
                 # What is there as well is a value like others from now on.
                 for angle in there:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from stc.codegen.tape import Tape
+from stc.codegen.tape import CIRCULAR, Tape
 from stc.codegen.vector import Vector
 from stc.codegen.vector_math import BINARY, UNARY, sine_cosine, sines_cosines
 
@@ -24,7 +24,6 @@ _ARITHMETIC: Final = {
     "mul": "fmul contract",
     "div": "fdiv",
 }
-CIRCULAR: Final = ("sin", "cos", "tan")
 
 #: What functions are in code, in hundreds of instructions, where it is not one.
 _LENGTH: Final = {"pow": 2}

@@ -8,7 +8,7 @@ allocator was made for unknown futures, makes compilation four times faster and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Set
 
 from stc.codegen.tape import Tape
 from stc.codegen.vector import Vector
@@ -26,7 +26,8 @@ class Residency:
         shared: slot -> place of the values that lie in memory from the start, in ``%shared``.
         inputs: slot -> place of the varying inputs that are in ``%inputs``.
         fetch: emits the code that fetches another varying input; returns the registers of all that come with it.
-        load: emits the code that loads an input from where one load is enough; returns "" for other slots.
+        outside: slots of varying inputs that one load fetches, whenever they are needed.
+        load: emits the code that does so.
     """
 
     def __init__(
@@ -37,15 +38,16 @@ class Residency:
         shared: dict[int, int],
         inputs: dict[int, int],
         fetch: Callable[[int], dict[int, str]],
-        load: Callable[[int], str] | None = None,
+        outside: Set[int],
+        load: Callable[[int], str],
     ) -> None:
         self._vector = vector
         self._capacity = capacity
         self._shared = shared
         self._inputs = inputs
         self._fetch = fetch
-        self._load_input = load
-        self._loaded: set[int] = set()  # slots that need no home: they can be loaded again
+        self._outside = outside
+        self._load_outside = load
         self._size = 8 * vector.lanes
         self._uses = _uses(tape)
         self._registers: dict[int, str] = {}  # slot -> register
@@ -74,9 +76,8 @@ class Residency:
             register = self._load("inputs", self._inputs[slot])
         elif slot in self._homes:
             register = self._load("homes", self._homes[slot])
-        elif self._load_input is not None and (loaded := self._load_input(slot)):
-            register = loaded
-            self._loaded.add(slot)
+        elif slot in self._outside:
+            register = self._load_outside(slot)
         else:
             fetched = self._fetch(slot)
             for other, its_register in fetched.items():
@@ -115,8 +116,8 @@ class Residency:
     def _move_out(self, victim: int) -> None:
         register = self._registers.pop(victim)
         del self._next_use[victim]
-        if victim in self._homes or victim in self._inputs or victim in self._loaded:
-            return  # still there from the first time
+        if victim in self._homes or victim in self._inputs or victim in self._outside:
+            return  # it is there already
         if self._free:
             place = self._free.pop()
         else:

@@ -19,6 +19,9 @@ The operators are those of :data:`OPERATORS` and nothing else.  What is reduced 
   (a divisor below 5.6e-309 in magnitude).
 - Uniform factors of a product are multiplied with each other first, once per call.
 - Expressions that are equal as polynomials are computed once, whichever way they are written.
+
+Operations come in the order of :func:`_schedule`, but for the angles of sines and cosines: those are computed a few at
+a time, so that back ends can have their functions computed side by side.
 """
 
 from __future__ import annotations
@@ -36,6 +39,12 @@ from stc.symbolic.expr import FUNCTIONS, Expr, reachable
 
 OPERATORS: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2, "neg": 1, **FUNCTIONS}
 """The operators of a tape and how many operands each takes."""
+
+CIRCULAR: Final = ("sin", "cos", "tan")
+"""The operators that have most of their work in common, if they have their operand in common."""
+
+TOGETHER: Final = 4
+"""Sines and cosines of so many angles are computed together; see :func:`stc.codegen.vector_math.sines_cosines`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +143,23 @@ class Tape:
         return "\n".join(lines)
 
 
+def _order(program: Program, roots: Sequence[int]) -> list[int]:
+    """The operations that the roots need: circular functions first, after the angles of a few of them each time."""
+    order = _schedule(program, roots)
+    wanted: dict[int, list[int]] = {}
+    for k in order:
+        if program.op[k] in CIRCULAR and not program.uniform[k]:
+            wanted.setdefault(program.a[k], []).append(k)
+    if len(wanted) < 2:
+        return order
+    angles = list(wanted)
+    first: list[int] = []
+    for at in range(0, len(angles), TOGETHER):
+        some = angles[at : at + TOGETHER]
+        first += [*some, *(k for angle in some for k in wanted[angle])]
+    return _schedule(program, [*first, *roots])
+
+
 def _schedule(program: Program, roots: Sequence[int]) -> list[int]:
     """The operations that the roots need, operands first, depth first, the larger operand first.
 
@@ -191,7 +217,7 @@ def build_tape(outputs: Sequence[Expr], uniform: Sequence[Hashable], varying: Se
     program = Program(len(uniform), len(varying))
     number = Lowering(program, reachable(outputs), input_of).number
     roots = [number[e] for e in outputs]
-    order = _schedule(program, roots)
+    order = _order(program, roots)
     order = [k for k in order if program.uniform[k]] + [k for k in order if not program.uniform[k]]
 
     used = set(roots)

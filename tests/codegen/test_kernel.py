@@ -20,7 +20,7 @@ from stc.codegen.calls import Bound, chain, chain_until
 from stc.codegen.kernel import LANES, KernelSet, compile_tapes, effort
 from stc.codegen.native import f64, f64s, i64, native
 from stc.codegen.runs import RUN
-from stc.codegen.tape import OPERATORS, Tape, build_tape
+from stc.codegen.tape import OPERATORS, TOGETHER, Tape, build_tape
 from stc.symbolic import expr
 
 Array = NDArray[np.float64]
@@ -242,8 +242,22 @@ def test_sine_and_cosine_of_one_argument_share_their_reduction() -> None:
         assert ir[ir.index("define") :].count("@llvm.fabs.") == 1
 
 
-@pytest.mark.parametrize("count", [1, 2, 5])
-def test_angles_that_are_there_are_reduced_in_pairs(count: int) -> None:
+def test_angles_are_computed_before_functions_that_go_together() -> None:
+    names = [f"x{k}" for k in range(7)]
+    sums = [sum(map(expr.sym, names[: k + 1]), start=expr.num(0.0)) for k in range(7)]
+    tape = build_tape([expr.call(("sin", "cos")[k % 2], angle) for k, angle in enumerate(sums)], [], names)
+    kernels = compile_tapes([tape], backend="llvm", cache=False)
+    lines = kernels.llvm_ir()
+    lines = lines[lines.index("compute:") :].splitlines()
+    reductions = [k for k, line in enumerate(lines) if "@llvm.fabs." in line]
+    assert [b - a == 1 for a, b in pairwise(reductions)] == [True, True, True, False, True, True]
+    setting = Setting(tape, 5)
+    kernels[0](*setting.arguments)
+    np.testing.assert_allclose(setting.out, setting.expected(), rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 9])
+def test_angles_that_are_there_are_reduced_together(count: int) -> None:
     """Also one of which the tape wants a tangent, or comes to the cosine long after; results are the same bits."""
     names = [f"x{k}" for k in range(count)]
     angles = [expr.sym(name) for name in names]
@@ -262,9 +276,9 @@ def test_angles_that_are_there_are_reduced_in_pairs(count: int) -> None:
     ir = kernels.llvm_ir()
     lines = ir[ir.index("compute:") :].splitlines()
     reductions = [k for k, line in enumerate(lines) if "@llvm.fabs." in line]
-    # one for each angle and the sum; those of a pair follow one another
+    # one for each angle and the sum; those of angles that go together follow one another
     assert len(reductions) == count + 1
-    assert sum(b - a == 1 for a, b in pairwise(reductions)) == count // 2
+    assert sum(b - a == 1 for a, b in pairwise(reductions)) == count - -(-count // TOGETHER)
     for k, want in enumerate(wanted):
         alone = build_tape([want], ["u"], [names[k]])
         one = Setting(alone, 11)
