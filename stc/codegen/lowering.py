@@ -83,8 +83,12 @@ class Program:
         return result if exponent > 0 else self.emit("div", self.constant(1.0), result)
 
 
-def inverted_divisors(nodes: Sequence[Expr], uniform: Collection[Hashable]) -> set[Expr]:
+def inverted_divisors(
+    nodes: Sequence[Expr], uniform: Collection[Hashable], given: Container[Hashable] = ()
+) -> set[Expr]:
     """The divisors whose reciprocal is to be computed once instead of dividing by them.
+
+    Of all nodes; the keys of symbols that are uniform, and the nodes that are varying inputs, tell which vary.
 
     Those that serve several quotients, the uniform ones, products of such and uniform factors, and the
     factors of those products (derivatives of ``a/b`` divide by ``b*b``).
@@ -98,7 +102,7 @@ def inverted_divisors(nodes: Sequence[Expr], uniform: Collection[Hashable]) -> s
         if node.op == "sym":
             if node.payload not in uniform:
                 varying.add(node)
-        elif any(arg in varying for arg in node.args):
+        elif node in given or any(arg in varying for arg in node.args):
             varying.add(node)
         if node in quotients:
             if quotients[node] > 1 or node not in varying:
@@ -125,13 +129,18 @@ class Lowering:
         self.number: dict[Expr, int] = {}
         self._input_of = input_of
         self._inverted = inverted_divisors(
-            nodes, {k for k, slot in input_of.items() if program.uniform[slot]}
+            nodes, {k for k, slot in input_of.items() if program.uniform[slot]}, input_of
         )
         self._inverse: dict[Expr, int] = {}
         self._uses = Counter(arg for node in nodes for arg in node.args)
         self._equal: dict[Fingerprint, int] = {}
         for node in nodes:
-            self.number[node] = self._leaf(node) if not node.args else self._once(node)
+            if not node.args:
+                self.number[node] = self._leaf(node)
+            elif node in input_of:
+                self.number[node] = self._equal[node.fingerprint] = input_of[node]
+            else:
+                self.number[node] = self._once(node)
 
     def _leaf(self, node: Expr) -> int:
         if node.op == "num":

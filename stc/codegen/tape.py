@@ -205,8 +205,9 @@ def _schedule(program: Program, roots: Sequence[int]) -> list[int]:
 def build_tape(outputs: Sequence[Expr], uniform: Sequence[Hashable], varying: Sequence[Hashable]) -> Tape:
     """Compile expressions to a tape whose inputs are the symbols with the given keys, in the given order.
 
-    Only what the outputs need is computed, and every distinct value once.  The result depends on the
-    structure of the expressions alone, so that equal problems give equal digests in every process.
+    Whole expressions may be varying inputs as well: what contains one of them takes it from there.  Only what the
+    outputs need is computed, and every distinct value once.  The result depends on the structure of the expressions
+    alone, so that equal problems give equal digests in every process.
 
     Raises:
         ValueError: an expression contains a symbol that is not an input, or an input is named twice.
@@ -215,7 +216,8 @@ def build_tape(outputs: Sequence[Expr], uniform: Sequence[Hashable], varying: Se
     if len(input_of) != len(uniform) + len(varying):
         raise ValueError("an input of the tape is named twice")
     program = Program(len(uniform), len(varying))
-    number = Lowering(program, reachable(outputs), input_of).number
+    given = frozenset(key for key in varying if isinstance(key, Expr))
+    number = Lowering(program, reachable(outputs, given), input_of).number
     roots = [number[e] for e in outputs]
     order = _order(program, roots)
     order = [k for k in order if program.uniform[k]] + [k for k in order if not program.uniform[k]]

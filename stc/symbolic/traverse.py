@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, Final
 from weakref import WeakKeyDictionary
@@ -15,15 +15,19 @@ from stc.symbolic.node import Expr, rebuild
 _by_order = attrgetter("order")
 
 
-def reachable(roots: Iterable[Expr]) -> list[Expr]:
-    """Every node below the roots, themselves included, each once; sorted by ``order``, operands first."""
+def reachable(roots: Iterable[Expr], leaves: Collection[Expr] = ()) -> list[Expr]:
+    """Every node below the roots, themselves included, each once; sorted by ``order``, operands first.
+
+    What is below the ``leaves`` alone is left out.
+    """
     seen = set(roots)
-    stack = list(seen)
+    stack = [root for root in seen if root not in leaves] if leaves else list(seen)
     while stack:
         for arg in stack.pop().args:
             if arg not in seen:
                 seen.add(arg)
-                stack.append(arg)
+                if arg not in leaves:
+                    stack.append(arg)
     return sorted(seen, key=_by_order)
 
 

@@ -22,7 +22,7 @@ from stc.codegen.tape import Tape, build_tape
 from stc.problem import ParameterRef, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import gradient, jacobian_and_hessian
-from stc.symbolic.expr import FUNCTIONS, Expr, call, reachable, substitute, sum_of, sym, symbols
+from stc.symbolic.expr import FUNCTIONS, Expr, call, reachable, sum_of, sym, symbols
 from stc.symbolic.structure import degree, mentions
 from stc.transcription.grid import IntArray, Nodes
 from stc.transcription.lower import DataRef
@@ -43,13 +43,6 @@ class MultiplierRef:
 @dataclass(frozen=True, slots=True)
 class ObjectiveFactor:
     """The factor of the objective in the Lagrangian; a kernel input shared by all nodes."""
-
-
-@dataclass(frozen=True, slots=True)
-class KeptRef:
-    """What a function has given at a node, by number; an input of the derivatives kernel."""
-
-    number: int
 
 
 class Derivative(NamedTuple):
@@ -155,14 +148,10 @@ class Group:
         inputs: list[object] = [*self.unknown, *self.data]
         multipliers = [MultiplierRef(r) for r in range(len(self.rows))]
         kept = _kept(self.bodies, [entries[place] for place in varying], frozenset(inputs))
-        known = [KeptRef(k) for k in range(len(kept))]
-        results = dict(zip(kept, map(sym, known), strict=True))
         return Derived(
             values_tape=build_tape([*self.bodies, *kept], uniform, inputs),
             derivatives_tape=build_tape(
-                [substitute(entries[place], {}, results) for place in varying],
-                uniform,
-                [*inputs, *multipliers, *known],
+                [entries[place] for place in varying], uniform, [*inputs, *multipliers, *kept]
             ),
             constants_tape=build_tape([entries[place] for place in constant], uniform, self.data),
             kept=len(kept),

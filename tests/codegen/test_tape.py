@@ -97,6 +97,21 @@ def test_half_powers_use_the_square_root(exponent: float) -> None:
     assert np.isnan(run(e, x=-1.0))
 
 
+def test_whole_expressions_may_be_inputs() -> None:
+    sine = call("sin", X * X + C)
+    outputs = [sine * Y, Y / sine, X * X + C, call("sin", C + X * X), sine]
+    tape = build_tape(outputs, ["c"], ["x", "y", sine])
+    assert tape.count_ops() == {"add": 1, "div": 1, "mul": 2}
+    results = reference.run(tape, [3.0], [[2.0], [5.0], [0.25]])
+    assert results.ravel().tolist() == [1.25, 20.0, 7.0, 0.25, 0.25]
+
+
+def test_what_is_below_an_input_alone_is_left_out() -> None:
+    below = call("exp", sym("unknown"))
+    tape = build_tape([below * X], [], ["x", below])
+    assert tape.count_ops() == {"mul": 1}
+
+
 @pytest.mark.parametrize("exponent", [-0.71, 0.25, 65.0, 1e10])
 def test_other_powers_stay(exponent: float) -> None:
     e = raw("pow", X, num(exponent))
