@@ -13,9 +13,11 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.records import dataclass, field
+from stc.solver.convexity import Bending
 from stc.solver.evaluator import Evaluator, Part, PartlyEvaluable, Places, Scaling, python_evaluator
 from stc.solver.keeping import Keeper, once
 from stc.solver.kkt.arrangement import sort_by_key
@@ -99,6 +101,12 @@ class Reduced:
             self.all_variables(x), self.all_multipliers(multipliers), objective_factor
         )
         return gradient[part.cols], jac[part.jac], hess[part.hess]
+
+    def row_bends(self) -> NDArray[np.int8]:
+        """See :class:`stc.solver.convexity.Bending`; a function of fewer variables bends no other way."""
+        if not isinstance(self.whole, Bending):
+            return np.zeros(self.m, np.int8)
+        return self.whole.row_bends()[self.known.part.rows]
 
     def evaluator(self, scaling: Scaling) -> Evaluator:
         """See :class:`stc.solver.evaluator.Evaluable`."""

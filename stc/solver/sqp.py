@@ -8,6 +8,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.solver.active_set import lacked_curvature, newton_on_active_set, newton_point, smaller_multipliers
+from stc.solver.convexity import is_convex
 from stc.solver.dual_estimate import possible_gain
 from stc.solver.interior import feasible_first, optimise
 from stc.solver.keeping import give_back, kept_form, key_of, once
@@ -153,7 +154,7 @@ class _Solve:
         for again in ways:
             if outcome.end in (End.CONVERGED, End.UNBOUNDED):
                 break
-            if outcome.end is End.STATIONARY_VIOLATION and form.linear:
+            if outcome.end is End.STATIONARY_VIOLATION and is_convex(self.nlp):
                 break
             outcome = self._better(outcome, self._settle(again(form, x0)))
         return self._conclude(outcome)
@@ -190,6 +191,8 @@ class _Solve:
         before = self.monitor.iterations
         outcome = self._barrier(form, x0, Tactics(budget=SOON))
         if outcome.end not in (End.STUCK, End.STATIONARY_VIOLATION) or form.linear:
+            return outcome
+        if outcome.end is End.STATIONARY_VIOLATION and is_convex(self.nlp):
             return outcome
         x, spent = self.start.another(self.monitor.limit - self.monitor.iterations)
         self.monitor.limit -= spent  # it counts all of them together

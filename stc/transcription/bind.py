@@ -21,6 +21,7 @@ from stc.solver.evaluator import Evaluator, Part, Scaling
 from stc.solver.keeping import Keeper
 from stc.symbolic.expr import Expr, evaluate, symbols
 from stc.transcription.assemble import Program, data_of
+from stc.transcription.bending import row_bends
 from stc.transcription.evaluation import Piece, copied_within, evaluator, fill_constants, kernel_calls
 from stc.transcription.grid import Nodes
 from stc.transcription.layout import Layout
@@ -259,6 +260,10 @@ class BoundProgram:
     def derivative_evaluations(self) -> int:
         """How often derivatives have been evaluated."""
         return int(self.counts[1])
+
+    def row_bends(self) -> NDArray[np.int8]:
+        """See :class:`stc.solver.convexity.Bending`."""
+        return row_bends(self.program, self.numbers)
 
     def wanted(self, part: Part | None) -> Wanted:
         """What of the program is wanted, and how it leaves the kernels: of the last two parts that were asked for."""
