@@ -27,6 +27,7 @@ from evaluator import clock_cycle, repeats_for, timed
 
 import stc
 from stc.arrays import aligned_zeros
+from stc.codegen.calls import chain
 from stc.transcription import Transcription
 from stc.transcription.assemble import data_of
 from stc.transcription.bind import BoundProgram
@@ -53,11 +54,7 @@ def alone(transcription: Transcription, bound: BoundProgram, number: int) -> tup
         kept = out
         count += len(kernels.tapes[k].ops) - kernels.tapes[k].n_uniform_ops
 
-    def call() -> None:
-        calls[0]()
-        calls[1]()
-
-    return call, count
+    return chain(calls), count
 
 
 def casadi_code(
@@ -143,11 +140,7 @@ def main() -> None:
     )
     largest, per_node = alone(transcription, bound, number)
     one = np.ones(bound.m)
-
-    def everything() -> None:
-        bound.values_kernels()
-        bound.derivatives_kernels()
-
+    everything = chain([bound.values_kernels, bound.derivatives_kernels])
     bound.derivatives(bound.x0, one, 1.0)
     contenders: dict[str, Callable[[], Any]] = {"all kernels": everything, "largest kernel": largest}
     with tempfile.TemporaryDirectory() as folder:
