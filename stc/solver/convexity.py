@@ -26,7 +26,7 @@ def is_convex(nlp: NLP) -> bool:
     """
     if np.all(nlp.row_linear):
         return True
-    if not isinstance(nlp, Bending):
+    if np.any(~nlp.row_linear & (nlp.row_lower == nlp.row_upper)) or not isinstance(nlp, Bending):
         return False
     bends = nlp.row_bends()
     upper = np.isposinf(nlp.row_upper) | (bends > 0)
