@@ -94,7 +94,7 @@ CASES = (
     Case("compile", "P4", 50, 20),
 )
 
-#: Solves before those that are timed.
+#: Solves before those that are timed: the elimination's plan settles in them, the same way with one thread and two.
 SETTLING = 6
 
 
@@ -190,9 +190,7 @@ def repeated(case: Case, rounds: int) -> list[Round]:
         return timed(work, repeats)
 
     once = []
-    for _ in range(
-        SETTLING
-    ):  # the elimination's plan settles in the first solves: those are the same, one by one
+    for _ in range(SETTLING):
         once.append(measure(2)[0])
         threads.limit(1)
         other()

@@ -46,35 +46,17 @@ class Kernel:
     def __init__(self, tape: Tape, runs: Runs) -> None:
         self.tape = tape
         self.runs = runs
-        self._entry: Callable[..., Any] | None = None
         self._packed: Callable[..., Any] | None = None
         self._object: engine.LoadedObject | None = None
 
     def install(self, loaded: engine.LoadedObject, symbol: str) -> None:
         """Adopt machine code."""
-        pointers = [ctypes.c_void_p] * 5
-        self._entry = ctypes.CFUNCTYPE(None, *pointers, ctypes.c_int64)(loaded.address(symbol))
         self._packed = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(loaded.address(symbol + ".packed"))
         self._object = loaded
 
-    def __call__(
-        self,
-        workspace: FloatArray,
-        uniform: FloatArray,
-        index: IndexArray,
-        out: FloatArray,
-        kept: FloatArray | None = None,
-    ) -> None:
-        """Evaluate all blocks.
-
-        Raises:
-            ValueError: an array of wrong type, shape or layout, or a run that reaches out of the workspace.
-        """
-        arrays = self._checked(workspace, uniform, index, out, kept)
-        if self._entry is None:
-            self._run_numpy(*arrays)
-        else:
-            self._entry(*[array.ctypes.data for array in arrays], index.shape[0])
+    def __call__(self, *arrays: NDArray[Any]) -> None:
+        """Evaluate all blocks: what :meth:`bind` prepares, called once."""
+        self.bind(*arrays)()
 
     def bind(
         self,
@@ -87,7 +69,7 @@ class Kernel:
         """Check and convert once; the result evaluates when called, at 0.1 microseconds of overhead.
 
         Raises:
-            ValueError: as on a call.
+            ValueError: an array of wrong type, shape or layout, or a run that reaches out of the workspace.
         """
         arrays = self._checked(workspace, uniform, index, out, kept)
         if self._packed is None:
@@ -302,7 +284,7 @@ def _load_or_compile(kernels: KernelSet, cache: bool) -> None:
                 *(tape.digest() for tape in tapes),
                 *(of_tape.digest() for of_tape in runs),
             ),
-            [name + suffix for name in names for suffix in ("", ".packed")],
+            [name + ".packed" for name in names],
             partial(make, number),
             use_cache=cache,
         )

@@ -73,10 +73,9 @@ class _Kernel:
             self.vector,
             max(registers - 4, TOGETHER + 2),
             self.shared,
-            self.inputs,
+            self.inputs.keys() | self.kept.keys(),
+            self._load_input,
             self._fetch_run,
-            self.kept.keys(),
-            self._load_kept,
         )
         self.last_part = "compute"
         self._per_block()
@@ -137,9 +136,13 @@ class _Kernel:
             if place // RUN == run
         }
 
-    def _load_kept(self, slot: int) -> str:
-        """An input that another kernel has found, of one block or of two beside each other."""
-        vector, offset = self.vector, 8 * LANES * self.kept[slot]
+    def _load_input(self, slot: int) -> str:
+        """A listed input, or one that another kernel has found, of one block or of two beside each other."""
+        vector, size = self.vector, 8 * self.width
+        if slot in self.inputs:
+            pointer = vector.let(f"getelementptr inbounds i8, ptr %inputs, i64 {size * self.inputs[slot]}")
+            return vector.let(f"load {vector.f}, ptr {pointer}, align {size}")
+        offset = 8 * LANES * self.kept[slot]
         parts = []
         for group in self.groups:
             pointer = vector.let(f"getelementptr inbounds i8, ptr %source{group}, i64 {offset}")

@@ -24,10 +24,9 @@ class Residency:
         vector: receives the instructions that move values.
         capacity: how many values may stay in registers between two operations.
         shared: slot -> place of the values that lie in memory from the start, in ``%shared``.
-        inputs: slot -> place of the varying inputs that are in ``%inputs``.
-        fetch: emits the code that fetches another varying input; returns the registers of all that come with it.
         outside: slots of varying inputs that one load fetches, whenever they are needed.
         load: emits the code that does so.
+        fetch: emits the code that fetches another varying input; returns the registers of all that come with it.
     """
 
     def __init__(
@@ -36,18 +35,16 @@ class Residency:
         vector: Vector,
         capacity: int,
         shared: dict[int, int],
-        inputs: dict[int, int],
-        fetch: Callable[[int], dict[int, str]],
         outside: Set[int],
         load: Callable[[int], str],
+        fetch: Callable[[int], dict[int, str]],
     ) -> None:
         self._vector = vector
         self._capacity = capacity
         self._shared = shared
-        self._inputs = inputs
-        self._fetch = fetch
         self._outside = outside
         self._load_outside = load
+        self._fetch = fetch
         self._size = 8 * vector.lanes
         self._uses = _uses(tape)
         self._registers: dict[int, str] = {}  # slot -> register
@@ -72,12 +69,10 @@ class Residency:
         register = self._registers.get(slot)
         if register is not None:
             return register
-        if slot in self._inputs:
-            register = self._load("inputs", self._inputs[slot])
+        if slot in self._outside:
+            register = self._load_outside(slot)
         elif slot in self._homes:
             register = self._load("homes", self._homes[slot])
-        elif slot in self._outside:
-            register = self._load_outside(slot)
         else:
             fetched = self._fetch(slot)
             for other, its_register in fetched.items():
@@ -116,7 +111,7 @@ class Residency:
     def _move_out(self, victim: int) -> None:
         register = self._registers.pop(victim)
         del self._next_use[victim]
-        if victim in self._homes or victim in self._inputs or victim in self._outside:
+        if victim in self._homes or victim in self._outside:
             return  # it is there already
         if self._free:
             place = self._free.pop()

@@ -154,7 +154,7 @@ class _Solve:
         for again in ways:
             if outcome.end in (End.CONVERGED, End.UNBOUNDED):
                 break
-            if outcome.end is End.STATIONARY_VIOLATION and is_convex(self.nlp):
+            if self._is_proof(outcome):
                 break
             outcome = self._better(outcome, self._settle(again(form, x0)))
         return self._conclude(outcome)
@@ -192,7 +192,7 @@ class _Solve:
         outcome = self._barrier(form, x0, Tactics(budget=SOON))
         if outcome.end not in (End.STUCK, End.STATIONARY_VIOLATION) or form.linear:
             return outcome
-        if outcome.end is End.STATIONARY_VIOLATION and is_convex(self.nlp):
+        if self._is_proof(outcome):
             return outcome
         x, spent = self.start.another(self.monitor.limit - self.monitor.iterations)
         self.monitor.limit -= spent  # it counts all of them together
@@ -206,6 +206,10 @@ class _Solve:
             mu = inner(it.gap, it.z) / max(1, form.gaps)
             return optimise(form, it, mu, self.options, self.monitor, tactics=Tactics())
         return outcome
+
+    def _is_proof(self, outcome: Outcome) -> bool:
+        """Whether the outcome is a violation that is the smallest of all."""
+        return outcome.end is End.STATIONARY_VIOLATION and once(is_convex, self.nlp)
 
     def _linear_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
         """A quadratic program without inequalities: its optimality conditions are linear equations.

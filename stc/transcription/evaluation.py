@@ -5,6 +5,7 @@ Where that is much work, each step is cut into pieces that two threads share; re
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -55,9 +56,9 @@ def kernel_calls(
 
     Their outputs follow one another in the ``buffers``, of values and of derivatives.
     """
-    starts, indices = program.derivatives_start, program.index_derivatives
+    starts, indices, buffer = program.derivatives_start, program.index_derivatives, buffers[1]
     if values:
-        starts, indices = program.values_start, program.index_values
+        starts, indices, buffer = program.values_start, program.index_values, buffers[0]
     calls = []
     for k, (index, start) in enumerate(zip(indices, starts, strict=True)):
         number = k if values else k + len(program.groups)
@@ -66,19 +67,25 @@ def kernel_calls(
         blocks, _, lanes = index.shape
         width = count * lanes
         if width and blocks:
-            out = buffers[0 if values else 1][start : start + blocks * width].reshape(blocks, count, lanes)
-            # all that the values kernel finds is there for the derivatives kernel, which knows what it needs
-            found = len(kernels.tapes[k].outputs)
-            at = program.values_start[k]
-            kept = buffers[0][at : at + blocks * found * lanes].reshape(blocks, found, lanes)
+            out = _in_blocks(buffer, start, blocks, count, lanes)
+            kept = None
+            if not values:
+                # All that the values kernel finds is there; the derivatives kernel knows what it needs of it.
+                found = len(kernels.tapes[k].outputs)
+                kept = _in_blocks(buffers[0], program.values_start[k], blocks, found, lanes)
             work = lanes * len(tape.ops)
             pieces = max(blocks * work / OPERATIONS, blocks * width / OUTPUTS) if cut else 1
             for piece in _pieces(blocks, pieces, 2):
-                given = None if values else kept[piece]
+                given = None if kept is None else kept[piece]
                 call = kernels.bind(number, workspace, uniform, index[piece], out[piece], given)
                 ends = start + piece.start * width, start + piece.stop * width
                 calls.append(Piece(call, *ends, work * (piece.stop - piece.start)))
     return calls
+
+
+def _in_blocks(buffer: FloatArray, start: int, *shape: int) -> FloatArray:
+    """A kernel's outputs, which begin at ``start``: a view (blocks, outputs, lanes)."""
+    return buffer[start : start + math.prod(shape)].reshape(shape)
 
 
 def _together(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
