@@ -3,15 +3,18 @@
 ``dataclass`` is that of the standard library for the classes of this package, with the same meaning: fields,
 ``field``, ``replace``, ``asdict``, pickling and pattern matching work alike.  The standard library generates and
 compiles up to seven methods of each class when its module is imported, 0.3 ms a class, which for the hundred classes
-that a solve imports took as long as a small solve itself.  Here they are generated when they are called, which most
-never are.
+that a solve imports took as long as a small solve itself.  Here all classes have the same methods at first, which look
+for the class that they are called for, and replace themselves by methods of its own.  Most are never called, nor are
+most classes' fields looked at.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection
-from dataclasses import MISSING, Field, field
+from collections.abc import Callable
+from dataclasses import MISSING, Field, FrozenInstanceError, field
+from operator import attrgetter
+from reprlib import recursive_repr
 from typing import TYPE_CHECKING, Any
 
 __all__ = ["dataclass", "field"]
@@ -33,135 +36,185 @@ else:
         """Make a class with annotated fields a data class; the arguments mean what they do in the standard library."""
 
         def make(plain: type) -> type:
-            return _Maker(plain, frozen, slots, kw_only).made(eq, repr)
+            return _made(plain, frozen, slots, eq, repr, kw_only)
 
         return make if cls is None else make(cls)
 
 
-#: Instances that are made before a constructor is worth generating: that takes as long as thirty of them.
-_OFTEN = 30
+#: Instances that are made before a constructor is worth generating: that takes as long as a hundred of them.
+_OFTEN = 100
+#: Where the fields of a class are, under the name that the standard library has for them.
+_FIELDS = "__dataclass_fields__"
 
 
-class _Maker:
-    """Makes one class."""
+def _made(plain: type, frozen: bool, slots: bool, eq: bool, repr: bool, kw_only: bool) -> type:
+    """The data class of a class."""
+    names = dict(plain.__dict__)
+    own = {
+        name: (annotation, names.get(name, MISSING), kw_only)
+        for name, annotation in plain.__annotations__.items()
+        if not str(annotation).startswith(("ClassVar", "typing.ClassVar"))
+    }
+    for name, (_, default, _) in own.items():
+        value = default.default if isinstance(default, Field) else default
+        if type(value).__hash__ is None:
+            raise ValueError(f"{plain.__qualname__}.{name}: a default that can change; use default_factory")
+    late = _LateFields(plain, own)
+    added: dict[str, Any] = {_FIELDS: late, "__match_args__": late.match_args()}
+    own_hash = "__hash__" in names and not (names["__hash__"] is None and "__eq__" in names)
+    methods: dict[str, Any] = {"__init__": _init}
+    if repr:
+        methods["__repr__"] = _repr
+    if eq:
+        methods["__eq__"] = _eq
+    added.update((name, method) for name, method in methods.items() if name not in names)
+    if frozen:
+        added["__setattr__"], added["__delattr__"] = _setattr, _delattr
+    if eq and not own_hash:
+        added["__hash__"] = _hash if frozen else None
+    for name, (_, default, _) in own.items():
+        if isinstance(default, Field) and default.default is not MISSING:
+            added[name] = default.default
+    if slots:
+        return _with_slots(plain, frozen, names, own, added)
+    for name, value in added.items():
+        setattr(plain, name, value)
+    for name, (_, default, _) in own.items():
+        if isinstance(default, Field) and default.default is MISSING:
+            delattr(plain, name)
+    return plain
 
-    def __init__(self, plain: type, frozen: bool, slots: bool, kw_only: bool) -> None:
-        self.plain = plain
-        self.frozen = frozen
-        self.slots = slots
-        self.own = {
-            name: _field_of(plain, name, annotation, kw_only)
-            for name, annotation in plain.__annotations__.items()
-            if not str(annotation).startswith(("ClassVar", "typing.ClassVar"))
-        }
-        self.fields: dict[str, Field[Any]] = {}
+
+def _with_slots(
+    plain: type, frozen: bool, names: dict[str, Any], own: dict[str, Any], added: dict[str, Any]
+) -> type:
+    """The class anew: slots are settled when a class is made."""
+    names.update(added)
+    for name in (*own, "__dict__", "__weakref__"):
+        names.pop(name, None)
+    inherited = {slot for base in plain.__mro__[1:-1] for slot in base.__dict__.get("__slots__", ())}
+    names["__slots__"] = tuple(name for name in own if name not in inherited)
+    if frozen:  # pickling and copying would set attributes
+        names.setdefault("__getstate__", _state)
+        names.setdefault("__setstate__", _restore)
+    made = type(plain)(plain.__name__, plain.__bases__, names)
+    made.__qualname__ = plain.__qualname__
+    return made
+
+
+class _LateFields:
+    """The fields of a class, made when somebody asks for them, which then stand in its place.
+
+    Of each of its ``own``: annotation, default (or what ``field`` has given) and whether it is for keywords only.
+    """
+
+    def __init__(self, plain: type, own: dict[str, tuple[Any, Any, bool]]) -> None:
+        self.all: dict[str, tuple[Any, Any, bool]] = {}
         for base in reversed(plain.__mro__[1:]):
-            if "__dataclass_fields__" in base.__dict__:
-                self.fields.update(base.__dict__["__dataclass_fields__"])
-        self.fields.update(self.own)
+            inherited = base.__dict__.get(_FIELDS)
+            if isinstance(inherited, _LateFields):
+                self.all.update(inherited.all)
+            elif inherited is not None:
+                self.all.update({name: (each.type, each, each.kw_only) for name, each in inherited.items()})
+        self.all.update(own)
 
-    def made(self, eq: bool, repr: bool) -> type:
-        """The class."""
-        names = dict(self.plain.__dict__)
-        added: dict[str, Any] = {
-            "__dataclass_fields__": self.fields,
-            "__match_args__": tuple(f.name for f in self.fields.values() if f.init and not f.kw_only),
-        }
-        own_hash = "__hash__" in names and not (names["__hash__"] is None and "__eq__" in names)
-        if eq and not own_hash:
-            added["__hash__"] = None
-        if repr:
-            added["__repr__"] = _representation(tuple(f.name for f in self.fields.values() if f.repr))
-        methods = {name: added[name] for name in added if name not in names or name == "__hash__"}
-        made: Any = self._with_slots(names, methods) if self.slots else self._in_place(methods)
-        if eq:
-            compared = tuple(f.name for f in self.fields.values() if f.compare)
-            if "__eq__" not in names:
-                made.__eq__ = _late(made, "__eq__", lambda: (_equal_text(compared), {}))
-            if self.frozen and not own_hash:
-                made.__hash__ = _late(made, "__hash__", lambda: (_hash_text(compared), {}))
-        if "__init__" not in names:
-            made.__init__ = _few_inits(made, self.fields, self.frozen)
-        if self.frozen:
-            made.__setattr__ = _refusing(made, "__setattr__", self.fields, "assign to")
-            made.__delattr__ = _refusing(made, "__delattr__", self.fields, "delete")
-        return made
+    def match_args(self) -> tuple[str, ...]:
+        """The fields that a constructor takes by position."""
+        return tuple([name for name, (_, default, late) in self.all.items() if not _is_apart(default, late)])
 
-    def _in_place(self, methods: dict[str, Any]) -> type:
-        for name, value in methods.items():
-            setattr(self.plain, name, value)
-        for name, each in self.own.items():
-            if each.default is not MISSING:
-                setattr(self.plain, name, each.default)
-            elif isinstance(self.plain.__dict__.get(name), Field):
-                delattr(self.plain, name)
-        return self.plain
-
-    def _with_slots(self, names: dict[str, Any], methods: dict[str, Any]) -> type:
-        """The class anew: slots are settled when a class is made."""
-        for name in (*self.own, "__dict__", "__weakref__"):
-            names.pop(name, None)
-        inherited = {slot for base in self.plain.__mro__[1:-1] for slot in base.__dict__.get("__slots__", ())}
-        names["__slots__"] = tuple(name for name in self.own if name not in inherited)
-        names.update(methods)
-        if self.frozen:  # pickling and copying would set attributes
-            names.setdefault("__getstate__", _state)
-            names.setdefault("__setstate__", _restore)
-        made = type(self.plain)(self.plain.__name__, self.plain.__bases__, names)
-        made.__qualname__ = self.plain.__qualname__
-        return made
+    def __get__(self, instance: Any, cls: type) -> dict[str, Field[Any]]:
+        owner = next(each for each in cls.__mro__ if each.__dict__.get(_FIELDS) is self)
+        fields = {name: _field_of(name, *each) for name, each in self.all.items()}
+        setattr(owner, _FIELDS, fields)
+        return fields
 
 
-def _field_of(plain: type, name: str, annotation: Any, kw_only: bool) -> Field[Any]:
-    default = plain.__dict__.get(name, MISSING)
+def _is_apart(default: Any, kw_only: bool) -> bool:
+    """Whether no constructor takes a field by position."""
+    if not isinstance(default, Field):
+        return kw_only
+    return not default.init or (kw_only if default.kw_only is MISSING else default.kw_only)
+
+
+def _field_of(name: str, annotation: Any, default: Any, kw_only: bool) -> Field[Any]:
     made: Any = default if isinstance(default, Field) else field(default=default)
-    if made.default is not MISSING and type(made.default).__hash__ is None:
-        raise ValueError(f"{plain.__qualname__}.{name}: a default that can change; use default_factory")
     made.name, made.type, made._field_type = name, annotation, dataclasses._FIELD  # type: ignore[attr-defined]
     if made.kw_only is MISSING:
         made.kw_only = kw_only
     return made
 
 
-def _values(names: tuple[str, ...], of: str) -> str:
-    """Text of a tuple of an object's fields."""
-    return f"({''.join(f'{of}.{name}, ' for name in names)})"
+def _owner(self: Any, method: str, shared: Callable[..., Any]) -> type:
+    """The class whose ``method`` has been called for an object: the first one that has this."""
+    return next(cls for cls in type(self).__mro__ if cls.__dict__.get(method) is shared)
 
 
-def _late(cls: type, name: str, text: Callable[[], tuple[str, dict[str, Any]]]) -> Callable[..., Any]:
-    """A method that, when it is first called, is replaced by the one that ``text`` gives the source of."""
-
-    def method(self: Any, *args: Any, **kwargs: Any) -> Any:
-        source, names = text()
-        exec(source, names)
-        real = names[name]
-        real.__qualname__, real.__module__ = f"{cls.__qualname__}.{name}", cls.__module__
-        setattr(cls, name, real)
-        return real(self, *args, **kwargs)
-
-    method.__name__, method.__qualname__ = name, f"{cls.__qualname__}.{name}"
-    return method
+def _fields_of(cls: type) -> dict[str, Field[Any]]:
+    found: dict[str, Field[Any]] = getattr(cls, _FIELDS)
+    return found
 
 
-def _representation(names: tuple[str, ...]) -> Callable[[Any], str]:
-    from reprlib import recursive_repr
-
-    def __repr__(self: Any) -> str:
-        values = ", ".join(f"{name}={getattr(self, name)!r}" for name in names)
-        return f"{type(self).__qualname__}({values})"
-
-    return recursive_repr()(__repr__)
+def _put(cls: type, name: str, real: Callable[..., Any]) -> Callable[..., Any]:
+    """Put a method in the place of the shared one."""
+    real.__name__, real.__qualname__, real.__module__ = name, f"{cls.__qualname__}.{name}", cls.__module__
+    setattr(cls, name, real)
+    return real
 
 
-def _refusing(cls: type, name: str, fields: Collection[str], what: str) -> Callable[..., None]:
-    """A method that refuses to change fields; subclasses may have further attributes."""
+def _compared(cls: type) -> Callable[[Any], tuple[Any, ...]]:
+    """What gives the fields of an object that count when it is compared."""
+    names = [f.name for f in _fields_of(cls).values() if f.compare]
+    if len(names) > 1:
+        return attrgetter(*names)
+    get = attrgetter(*names) if names else None
+    return lambda self: () if get is None else (get(self),)
 
-    def method(self: Any, attribute: str, *value: Any) -> None:
-        if type(self) is cls or attribute in fields:
-            raise dataclasses.FrozenInstanceError(f"cannot {what} field {attribute!r}")
-        getattr(super(cls, self), name)(attribute, *value)
 
-    return method
+def _eq(self: Any, other: object) -> Any:
+    cls = _owner(self, "__eq__", _eq)
+    values = _compared(cls)
+
+    def __eq__(self: Any, other: object) -> Any:
+        return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
+
+    return _put(cls, "__eq__", __eq__)(self, other)
+
+
+def _hash(self: Any) -> int:
+    cls = _owner(self, "__hash__", _hash)
+    values = _compared(cls)
+
+    def __hash__(self: Any) -> int:
+        return hash(values(self))
+
+    found: int = _put(cls, "__hash__", __hash__)(self)
+    return found
+
+
+@recursive_repr()
+def _repr(self: Any) -> str:
+    fields = _fields_of(_owner(self, "__repr__", _repr)).values()
+    values = ", ".join(f"{f.name}={getattr(self, f.name)!r}" for f in fields if f.repr)
+    return f"{type(self).__qualname__}({values})"
+
+
+def _change(
+    self: Any, method: str, shared: Callable[..., Any], what: str, attribute: str, *value: Any
+) -> None:
+    """Refuse to change fields; subclasses may have further attributes."""
+    cls: Any = None
+    for cls in [each for each in type(self).__mro__ if each.__dict__.get(method) is shared]:
+        if type(self) is cls or attribute in _fields_of(cls):
+            raise FrozenInstanceError(f"cannot {what} field {attribute!r}")
+    getattr(super(cls, self), method)(attribute, *value)
+
+
+def _setattr(self: Any, attribute: str, value: Any) -> None:
+    _change(self, "__setattr__", _setattr, "assign to", attribute, value)
+
+
+def _delattr(self: Any, attribute: str) -> None:
+    _change(self, "__delattr__", _delattr, "delete", attribute)
 
 
 def _state(self: Any) -> list[Any]:
@@ -173,49 +226,70 @@ def _restore(self: Any, state: list[Any]) -> None:
         object.__setattr__(self, name, value)
 
 
-def _equal_text(names: tuple[str, ...]) -> str:
-    return (
-        "def __eq__(self, other):\n"
-        "    if other.__class__ is self.__class__:\n"
-        f"        return {_values(names, 'self')} == {_values(names, 'other')}\n"
-        "    return NotImplemented"
-    )
+class _Constructor:
+    """What the shared constructor does for a class; it reads a table where a generated one would have been compiled.
 
+    Attributes:
+        calls: how often it has been called.
+        plain: fields that are given by position; ordinary: whether all fields can be given.
+        optional: of each field, in order, its default and what makes it.
+        put: sets an attribute.
+    """
 
-def _hash_text(names: tuple[str, ...]) -> str:
-    return f"def __hash__(self):\n    return hash({_values(names, 'self')})"
+    def __init__(self, cls: type) -> None:
+        fields = _fields_of(cls)
+        self.cls = cls
+        self.calls = 0
+        self.plain = [name for name, each in fields.items() if not each.kw_only]
+        self.ordinary = all(each.init for each in fields.values())
+        self.optional = {name: (each.default, each.default_factory) for name, each in fields.items()}
+        self.frozen = cls.__dict__.get("__setattr__") is _setattr
+        self.put = object.__setattr__ if self.frozen else setattr
+        self.has_more = hasattr(cls, "__post_init__")
 
-
-def _few_inits(cls: type, fields: dict[str, Field[Any]], frozen: bool) -> Callable[..., None]:
-    """A constructor that reads the fields anew at every call; where it is called often, or wrongly, it is replaced."""
-    generated = _late(cls, "__init__", lambda: _init_text(cls, fields, frozen))
-    plain = [name for name, each in fields.items() if not each.kw_only]
-    ordinary = all(each.init for each in fields.values())
-    put = object.__setattr__ if frozen else setattr
-    calls = 0
-
-    def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
-        nonlocal calls
-        calls += 1
-        values = {**dict(zip(plain, args)), **kwargs}
-        fits = ordinary and len(args) <= len(plain) and len(values) == len(args) + len(kwargs)
-        if calls > _OFTEN or not fits or not fields.keys() >= values.keys():
-            return generated(self, *args, **kwargs)
-        for name, each in fields.items():
-            if name in values:
-                put(self, name, values[name])
-            elif each.default is not MISSING:
-                put(self, name, each.default)
-            elif each.default_factory is not MISSING:
-                put(self, name, each.default_factory())
-            else:
-                return generated(self, *args, **kwargs)
-        if hasattr(cls, "__post_init__"):
-            self.__post_init__()
+    def construct(self, instance: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> None:
+        """``__init__``; where it is called often, or wrongly, it is replaced."""
+        self.calls += 1
+        if self.calls > _OFTEN or not self.ordinary or len(args) > len(self.plain):
+            return self._generate(instance, args, kwargs)
+        put = self.put
+        given = dict(zip(self.plain, args))
+        if kwargs:
+            given.update(kwargs)
+            if len(given) < len(args) + len(kwargs) or not self.optional.keys() >= kwargs.keys():
+                return self._generate(instance, args, kwargs)
+        for name, value in given.items():
+            put(instance, name, value)
+        if len(given) < len(self.optional):
+            for name, (default, make) in self.optional.items():
+                if name in given:
+                    continue
+                if default is not MISSING:
+                    put(instance, name, default)
+                elif make is not MISSING:
+                    put(instance, name, make())
+                else:
+                    return self._generate(instance, args, kwargs)
+        if self.has_more:
+            instance.__post_init__()
         return None
 
-    __init__.__qualname__ = f"{cls.__qualname__}.__init__"
-    return __init__
+    def _generate(self, instance: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> None:
+        source, names = _init_text(self.cls, _fields_of(self.cls), self.frozen)
+        exec(source, names)
+        _put(self.cls, "__init__", names["__init__"])(instance, *args, **kwargs)
+
+
+_constructors: dict[type, _Constructor] = {}
+
+
+def _init(self: Any, *args: Any, **kwargs: Any) -> None:
+    found = _constructors.get(type(self))
+    if found is None:
+        cls = _owner(self, "__init__", _init)
+        found = _constructors.get(cls) or _Constructor(cls)
+        _constructors[cls] = _constructors[type(self)] = found
+    found.construct(self, args, kwargs)
 
 
 def _init_text(cls: type, fields: dict[str, Field[Any]], frozen: bool) -> tuple[str, dict[str, Any]]:

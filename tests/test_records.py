@@ -150,6 +150,52 @@ def test_behaviour_is_that_of_the_standard_library(
     assert behaviour(family(records.dataclass, **options)) == theirs
 
 
+def mixed(decorate: Callable[..., Any], base: dict[str, Any], derived: dict[str, Any]) -> list[Any]:
+    """What can be observed of a class whose base has other methods than it has itself."""
+
+    @decorate(**base)
+    class Base:
+        name: str
+        size: float = 1.0
+
+    @decorate(**derived)
+    class Derived(Base):
+        more: int = 2
+
+    class Plain(Derived):
+        pass
+
+    seen: list[Any] = []
+    for cls in Base, Derived, Plain:
+        one, same, other = cls("a"), cls("a"), cls("a", float("nan"))
+        seen += [
+            one == same,
+            one == other,
+            other == other,
+            one != same,
+            cls("b").size,
+            outcome(lambda a=one, b=same: hash(a) == hash(b)),
+        ]
+        seen.append("object at" if " at 0x" in repr(one) else repr(one))
+        seen += [outcome(lambda o=one: setattr(o, "name", "c")), outcome(lambda o=one: setattr(o, "free", 1))]
+        seen.append(vars(cls("a", 3.0)))
+    seen += [
+        Base("a") == Derived("a"),
+        Derived("a") == Plain("a"),
+        [f.name for f in dataclasses.fields(Plain)],
+    ]
+    return seen
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+@pytest.mark.parametrize("less", ["eq", "repr"])
+@pytest.mark.parametrize("of_base", [False, True])
+def test_classes_and_their_bases_keep_their_own_methods(frozen: bool, less: str, of_base: bool) -> None:
+    whole, partly = {"frozen": frozen}, {"frozen": frozen, less: False}
+    base, derived = (partly, whole) if of_base else (whole, partly)
+    assert mixed(records.dataclass, base, derived) == mixed(dataclasses.dataclass, base, derived)
+
+
 @records.dataclass(frozen=True, slots=True)
 class Frozen:
     name: str
