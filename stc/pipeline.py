@@ -24,7 +24,6 @@ from stc.alignment import Alignment
 from stc.bundled import find_spec
 from stc.collecting import collect
 from stc.errors import Diagnostic, Source, SpecError, StcError, UsageError
-from stc.guess_file import GivenValues, SolutionValues, read_guess
 from stc.language import read_problem
 from stc.language.constant_values import constant_values
 from stc.language.elaborate import elaborate
@@ -43,6 +42,7 @@ from stc.transcription.guess import check_names
 from stc.transcription.schemes import METHODS
 
 if TYPE_CHECKING:
+    from stc.guess_file import GivenValues
     from stc.language.syntax import SpecTree
     from stc.validate.statements import StatementCheck
 
@@ -257,9 +257,12 @@ class Model:
         if warm_start is not None:
             start = self._start(warm_start, transcription, problem)
         elif guess is not None:
-            values = guess if not isinstance(guess, str | os.PathLike) else read_guess(guess)
-            check_names(values, problem)
-            start = Start(transcription.bind(problem.constants, guess=values).x0)
+            if isinstance(guess, str | os.PathLike):
+                from stc.guess_file import read_guess
+
+                guess = read_guess(guess)
+            check_names(guess, problem)
+            start = Start(transcription.bind(problem.constants, guess=guess).x0)
         warm = start is not None and start.row_multipliers is not None
         options = replace(
             _options(tolerance=tolerance, max_iterations=max_iterations, time_limit=time_limit),
@@ -366,6 +369,8 @@ class Model:
             if not optimal:
                 return Start(earlier.x), None
             return Start(earlier.x, earlier.row_multipliers, earlier.bound_multipliers), None
+        from stc.guess_file import SolutionValues
+
         bound = transcription.bind(problem.constants, guess=SolutionValues(earlier, alignment), check=False)
         if not optimal or not earlier.multipliers:
             return Start(bound.x0), bound

@@ -66,7 +66,9 @@ def load(key: str) -> bytes | None:
 def load_from(folder: Path, key: str) -> bytes | None:
     """The same from another folder, which is not the user's."""
     try:
-        content = (folder / (key + SUFFIX)).read_bytes()
+        # Path.read_bytes takes three times as long.
+        with open(f"{folder}/{key}{SUFFIX}", "rb", buffering=0) as file:  # noqa: PTH123
+            content = file.read()
     except OSError:
         return None
     header = len(_MAGIC) + 32

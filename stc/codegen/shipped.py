@@ -8,6 +8,7 @@ whatever was changed since is compiled as if nothing had been shipped, as is eve
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,10 +69,13 @@ def find(unit: str, host: Host, own_digest: str) -> bytes | None:
         host: this machine.
         own_digest: of the code generator.
     """
-    for level in LEVELS:
-        if level.runs_on(host):
-            return cache.load_from(FOLDER, _key(level, unit, own_digest))
-    return None
+    level = _best_level(host)
+    return None if level is None else cache.load_from(FOLDER, _key(level, unit, own_digest))
+
+
+@lru_cache(maxsize=1)
+def _best_level(host: Host) -> Level | None:
+    return next((level for level in LEVELS if level.runs_on(host)), None)
 
 
 def _key(level: Level, unit: str, own_digest: str) -> str:

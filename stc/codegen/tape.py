@@ -30,12 +30,14 @@ import struct
 from collections import Counter
 from collections.abc import Hashable, Sequence
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from stc.codegen.lowering import ABSENT, Lowering, Program
 from stc.digests import sha256
 from stc.records import dataclass
 from stc.symbolic.expr import FUNCTIONS, Expr, reachable
+
+if TYPE_CHECKING:
+    from stc.codegen.lowering import Program
 
 OPERATORS: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2, "neg": 1, **FUNCTIONS}
 """The operators of a tape and how many operands each takes."""
@@ -212,6 +214,8 @@ def build_tape(outputs: Sequence[Expr], uniform: Sequence[Hashable], varying: Se
     Raises:
         ValueError: an expression contains a symbol that is not an input, or an input is named twice.
     """
+    from stc.codegen.lowering import ABSENT, Lowering, Program
+
     input_of: dict[Hashable, int] = {key: slot for slot, key in enumerate((*uniform, *varying))}
     if len(input_of) != len(uniform) + len(varying):
         raise ValueError("an input of the tape is named twice")

@@ -29,7 +29,6 @@ from stc.problem import (
 )
 from stc.symbolic.expr import ZERO, Expr, mul, num, render, sub, sum_of, sym, symbols
 from stc.symbolic.rules import coefficient
-from stc.symbolic.variation import euler_lagrange
 
 
 def force_name(coordinate: str) -> str:
@@ -58,6 +57,8 @@ def equations_of_motion(context: Context) -> list[Relation]:
         if not coordinates:
             hint = "an energy of motion has terms such as `m*x'^2/2`"
             context.error(energies[0], "no variable's first derivative appears in this Lagrangian", hint)
+        from stc.symbolic.variation import euler_lagrange
+
         variations = euler_lagrange(
             lagrangian,
             [(sym(VariableRef(name)), sym(VariableRef(name, 1))) for name in coordinates],

@@ -7,6 +7,7 @@ one structured system, and moves along the step as far as the filter allows.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +15,6 @@ from stc.solver.active_set import Finish
 from stc.solver.barrier_parameter import BarrierParameter
 from stc.solver.barrier_passes import DOUBTFUL_SOLUTION
 from stc.solver.curvature import leave_saddle
-from stc.solver.elastic import ElasticProblem
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import LineSearch, barrier_value
 from stc.solver.iterate import Iterate, evaluate
@@ -53,12 +53,14 @@ from stc.solver.places import (
 from stc.solver.products import inner
 from stc.solver.progress import Drift, Nearest, Stall
 from stc.solver.progress_passes import LARGEST_ERROR
-from stc.solver.restoration import Acceptance, back_from, elastic_start
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.search_passes import NOT_FINITE
 from stc.solver.stages import BLOCKED, FACTORIZATION, LAGS, LOOK, SEARCH, stages_of
 from stc.solver.unboundedness import is_unbounded
 from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
+
+if TYPE_CHECKING:
+    from stc.solver.elastic import ElasticProblem
 
 __all__ = ["feasible_first", "optimise"]
 
@@ -113,6 +115,8 @@ def feasible_first(
     form: ScaledProblem, it: Iterate, options: Options, monitor: Monitor, tactics: Tactics
 ) -> Outcome:
     """As :func:`optimise`, from the feasible point that the elastic problem without an objective leads to."""
+    from stc.solver.restoration import elastic_start
+
     elastic, start, mu = elastic_start(form, it, options.initial_barrier)
     outcome = optimise(elastic, start, mu, options, monitor, tactics=tactics)
     end = _return(form, it, elastic, outcome, options)
@@ -404,6 +408,8 @@ class _Loop:
             return self._give_up()
         if it.theta <= FEASIBLE * self.options.tolerance:
             return self._give_up()
+        from stc.solver.restoration import Acceptance, elastic_start
+
         theta = it.theta
         search.filter.add(theta, barrier_value(it.f, it.gap, barrier.mu))
         elastic, start, mu = elastic_start(form, it, barrier.mu)
@@ -423,6 +429,8 @@ def _return(
     form: ScaledProblem, it: Iterate, elastic: ElasticProblem, outcome: Outcome, options: Options
 ) -> End | None:
     """Move ``it`` to where an elastic problem without an objective ended; why to stop there, or None."""
+    from stc.solver.restoration import back_from
+
     assert outcome.iterate is not None
     w, z = back_from(elastic, outcome.iterate)
     restored = evaluate(form, w, np.zeros(form.m), z)

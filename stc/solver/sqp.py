@@ -9,7 +9,6 @@ import numpy as np
 from stc.records import dataclass
 from stc.solver.active_set import lacked_curvature, newton_on_active_set, newton_point, smaller_multipliers
 from stc.solver.convexity import is_convex
-from stc.solver.dual_estimate import possible_gain
 from stc.solver.interior import feasible_first, optimise
 from stc.solver.keeping import give_back, kept_form, key_of, once
 from stc.solver.kkt import KKTSystem, structured_kkt
@@ -328,6 +327,8 @@ class _Solve:
         """
         if outcome.end is not End.STUCK:
             return False
+        from stc.solver.dual_estimate import possible_gain
+
         return possible_gain(self.nlp, point.x, point.y, self._assess(point).bound_multipliers) > LARGEST_GAIN
 
     def _confirms(self, point: _Point, y: Floats) -> bool:

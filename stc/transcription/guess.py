@@ -8,18 +8,21 @@ nothing is pinned.  Derivatives that are unknowns of their own start from differ
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.errors import Diagnostic, SpecError, UsageError
-from stc.guess_file import GivenValues, NodeValues
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef
 from stc.symbolic.expr import evaluate, symbols
 from stc.transcription.grid import Grid, Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import Expander
 from stc.transcription.steps import Steps
+
+if TYPE_CHECKING:
+    from stc.guess_file import GivenValues, NodeValues
 
 FloatArray = NDArray[np.float64]
 

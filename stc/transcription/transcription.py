@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from stc.codegen.kernel import Backend, KernelSet, compile_tapes
 from stc.codegen.tape import Tape
 from stc.errors import EvaluationError, Span
-from stc.guess_file import GivenValues
 from stc.memory import without_collection
 from stc.problem import ConstantRef, Problem, VariableRef
 from stc.records import dataclass, field
@@ -27,6 +26,9 @@ from stc.transcription.lower import Expander, Lowering
 from stc.transcription.recover import Recovery
 from stc.transcription.statements import LINK, Sorter, Statements, highest_orders
 from stc.transcription.steps import Steps
+
+if TYPE_CHECKING:
+    from stc.guess_file import GivenValues
 
 FloatArray = NDArray[np.float64]
 
