@@ -27,7 +27,6 @@ from stc.records import dataclass
 from stc.same_motion import check_same_motion, takes_longer
 from stc.solution import Solution
 from stc.solver import IterationRecord, Options, Result, Start, Status
-from stc.solver.nlp import Floats
 
 __all__ = [
     "COARSE",
@@ -58,8 +57,8 @@ FINE = Fineness(50, 25, 8.0)
 """Frames that show the motion: with fewer of them it may be another one. What is different on all frames has to be
 found out there, in a few iterations or in as many as from the guess: with three times fewer frames that takes 1.5 times
 as long as without them, with eight times fewer no longer, with more it gains (random motions of eleven kinds)."""
-COARSE = Fineness(20, 8, 1.6)
-"""For a start where none is known."""
+COARSE = Fineness(20, 8, 1.6), Fineness(40, 16, 1.6), Fineness(80, 32, 1.6)
+"""For starts where none is known, one after the other."""
 
 
 ITERATIONS = 150
@@ -203,20 +202,26 @@ class Nested:
                 other = replace(found, iterations=0, factorizations=0)
         return self._counted(other)
 
-    def fewer_for_help(self, own: Start, offered: Callable[[], bool]) -> Result:
+    def fewer_for_help(self, own: Start, offered: Callable[[Fineness], bool]) -> Result:
         """The same from the spec's own guess, started anew from fewer frames where it does not get on.
 
         Args:
             own: the guess.
-            offered: whether there are fewer frames to be solved; called when they are needed.
+            offered: whether there are fewer frames to be solved, of that fineness; called when they are needed.
         """
         self._begin = time.monotonic()
+        levels = iter(COARSE)
 
-        def another(left: int) -> tuple[Floats | None, int]:
-            if not offered() or self._over:
-                return None, 0
-            before = self._before(left)
-            return self.start(before).x if before.status == "optimal" else None, before.iterations
+        def another(left: int) -> tuple[Start | None, int]:
+            spent = 0
+            for fineness in levels:
+                if self._over or not offered(fineness):
+                    break
+                before = self._before(left - spent)
+                spent += before.iterations
+                if before.status == "optimal":
+                    return self.start(before), spent
+            return None, spent
 
         return self._counted(
             self.fine(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.collecting import collect
-from stc.nested import COARSE, FINE, FewerFrames, Fineness, Nested
+from stc.nested import FINE, FewerFrames, Fineness, Nested
 from stc.problem import Problem
 from stc.records import dataclass, field
 from stc.solution import Solution
@@ -158,7 +158,9 @@ class ColdSolve:
         if fewer is not None:
             return nested.fewer_first(fewer.ratio)
         self._followed = self.transcription.bind(self.problem.constants)
-        return nested.fewer_for_help(Start(self._followed.x0), lambda: self._reduce(COARSE) is not None)
+        return nested.fewer_for_help(
+            Start(self._followed.x0), lambda fineness: self._reduce(fineness) is not None
+        )
 
     def _reduce(self, fineness: Fineness) -> FewerFrames | None:
         fewer = self.model.on_fewer_frames(self.problem, self.given, fineness)

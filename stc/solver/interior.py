@@ -7,6 +7,7 @@ one structured system, and moves along the step as far as the filter allows.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -151,6 +152,7 @@ class _Loop:
         self.drift = Drift(self.work)
         self.last = monitor.iterations + tactics.budget
         self.escapes = self.restorations = 0
+        self.early = False
         self.adaptive = tactics.adaptive
         self.error = np.inf
         self.longest = LONGEST_RUN if form.size + form.m <= SMALL else 1
@@ -294,6 +296,7 @@ class _Loop:
             return False
         lately = monitor.history[-1 - LATELY :]
         if self.tactics.budget < LATELY or not self.error <= MUCH_NEARER * lately[0].optimality:
+            self.early = True
             return True
         self.last = monitor.iterations + LATELY
         return False
@@ -303,7 +306,7 @@ class _Loop:
         return Outcome(end, self.form, it.w[: self.form.n].copy(), it.y.copy(), self.error, it.snapshot())
 
     def _give_up(self) -> Outcome:
-        return self.nearest.outcome()
+        return replace(self.nearest.outcome(), early=self.early)
 
     # -- moves -----------------------------------------------------------------------------------------------------
 
@@ -410,6 +413,9 @@ class _Loop:
             return self._give_up()
         from stc.solver.restoration import Acceptance, elastic_start
 
+        if not self.tactics.patient and self.restorations >= self.tactics.brief_restorations:
+            self.early = True
+            return self._give_up()
         theta = it.theta
         search.filter.add(theta, barrier_value(it.f, it.gap, barrier.mu))
         elastic, start, mu = elastic_start(form, it, barrier.mu)

@@ -36,12 +36,14 @@ class Tactics:
         brief_restorations: those that end where the filter accepts. Where steps fail again after so many, the next ones
             go on to the least violation: on a way between nowhere and nearly there, that tells whether there is a
             feasible point.
+        patient: whether to go on so; else the attempt ends there.
     """
 
     adaptive: bool = True
     largest_theta: float = 30.0
     budget: int = 500
     brief_restorations: int = 3
+    patient: bool = True
 
 
 @dataclass(slots=True)
@@ -54,6 +56,7 @@ class Outcome:
         x, y: the point, (n,) and (m,), in the formulation's scale.
         error: KKT error there.
         iterate: the last iterate of the barrier, where there was one.
+        early: whether it could have gone on: its steps were used up, or its patience.
     """
 
     end: End
@@ -62,3 +65,4 @@ class Outcome:
     y: Floats
     error: float
     iterate: Iterate | None = None
+    early: bool = False

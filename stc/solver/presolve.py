@@ -125,9 +125,9 @@ class Reduced:
         part, another = self.known.part, start.another
         y, z = start.row_multipliers, start.bound_multipliers
 
-        def other(left: int) -> tuple[Floats | None, int]:
-            x, spent = another(left) if another is not None else (None, 0)
-            return None if x is None else x[part.cols], spent
+        def other(left: int) -> tuple[Start | None, int]:
+            found, spent = another(left) if another is not None else (None, 0)
+            return None if found is None else self.start(found), spent
 
         return Start(
             np.asarray(start.x, float)[part.cols],

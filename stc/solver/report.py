@@ -19,16 +19,15 @@ class Start:
         x: variables, (n,).
         row_multipliers: (m,) or None; sign convention of :mod:`stc.solver.nlp`.
         bound_multipliers: (n,) or None.
-        another: asked, with the number of iterations that are left, for other variables (n,) to start from where these
-            do not lead to a solution soon: those, or None, and how many iterations it took to find out.
+        another: asked, with the number of iterations that are left, for another start where this one does not lead to a
+            solution soon, and again where that one does not: one, or None where there are no more, and how many
+            iterations it took to find out.
     """
 
     x: Floats
     row_multipliers: Floats | None = None
     bound_multipliers: Floats | None = None
-    another: Callable[[int], tuple[Floats | None, int]] | None = field(
-        default=None, repr=False, compare=False
-    )
+    another: Callable[[int], tuple[Start | None, int]] | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(slots=True)

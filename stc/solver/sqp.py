@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,6 +44,8 @@ FEWER = 2
 """Brief restorations of the later attempts."""
 SOON = 150
 """Iterations after which another start is asked for."""
+HELPED = 100
+"""The same where that was one from fewer frames: from more of them it may take less."""
 
 
 def minimize(
@@ -141,10 +144,7 @@ class _Solve:
     def _solve(self, form: ScaledProblem, x0: Floats) -> Result:
         options = self.options
         if options.warm_start and self.start.row_multipliers is not None:
-            y = form.scaled_multipliers(self.start.row_multipliers)
-            z = self.start.bound_multipliers
-            z = np.zeros(form.n) if z is None else form.scaled_bound_multipliers(z)
-            outcome = self._settle(self._warm(form, x0 / form.x_scale, y, z))
+            outcome = self._settle(self._warm(form, x0, self.start, options.trusting, Tactics()))
         else:
             outcome = self._settle(self._cold(form, x0))
         ways = [self._feasible_first, self._held_barrier, self._nearby, self._elsewhere][: options.retries]
@@ -158,26 +158,32 @@ class _Solve:
             outcome = self._better(outcome, self._settle(again(form, x0)))
         return self._conclude(outcome)
 
-    def _warm(self, form: ScaledProblem, x: Floats, y: Floats, z: Floats) -> Outcome:
-        """Steps from a neighbour's scaled solution; where they do not converge, a short barrier path to it."""
-        others = True
-        if not self.options.trusting:
+    def _warm(
+        self, form: ScaledProblem, x0: Floats, start: Start, trusting: bool, tactics: Tactics
+    ) -> Outcome:
+        """Steps from a neighbour's solution; where they do not converge, a short barrier path to it."""
+        assert start.row_multipliers is not None
+        x, y, z = x0 / form.x_scale, form.scaled_multipliers(start.row_multipliers), np.zeros(form.n)
+        if start.bound_multipliers is not None:
+            z = form.scaled_bound_multipliers(start.bound_multipliers)
+        thorough = trusting
+        if not trusting:
             outcome = self._by_newton(form, x, y, NEIGHBOUR_STEPS, PATIENCE)
             if outcome is not None:
                 return outcome
             if not form.gaps:  # no other active set to be found
-                return self._barrier(form, x * form.x_scale, Tactics())
-            # An active set so wrong that it leaves no positive curvature is hardly ever put right by another one.
-            others = not lacked_curvature(form)
-        point = None
-        if others:
-            from stc.solver.warm_start import from_neighbour
+                return self._barrier(form, x0, tactics)
+            # An active set so wrong that it leaves no positive curvature is hardly ever put right by another one: let
+            # a barrier find that.
+            thorough = lacked_curvature(form)
+        from stc.solver.warm_start import from_neighbour
 
-            point = from_neighbour(form, x, y, z, self.options, self.monitor)
+        options = replace(self.options, trusting=thorough)
+        point = from_neighbour(form, x, y, z, options, self.monitor)
         it = warm_iterate(form, x, y)
         if point is not None:
             return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it)
-        return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=Tactics())
+        return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=tactics)
 
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """From the guess; where that does not lead to a solution soon, from another one, if there is one."""
@@ -187,24 +193,33 @@ class _Solve:
                 return outcome
         if self.start.another is None:
             return self._barrier(form, x0, Tactics())
-        before = self.monitor.iterations
-        outcome = self._barrier(form, x0, Tactics(budget=SOON))
+        patient = once(is_convex, self.nlp)
+        outcome = self._barrier(form, x0, Tactics(budget=SOON, patient=patient))
         if outcome.end not in (End.STUCK, End.STATIONARY_VIOLATION) or form.linear:
             return outcome
         if self._is_proof(outcome):
             return outcome
-        x, spent = self.start.another(self.monitor.limit - self.monitor.iterations)
-        self.monitor.limit -= spent  # it counts all of them together
-        if x is not None:
-            other = self._barrier(form, np.clip(x, self.nlp.x_lower, self.nlp.x_upper), Tactics(budget=SOON))
+        while True:
+            start, spent = self.start.another(self.monitor.limit - self.monitor.iterations)
+            self.monitor.limit -= spent  # it counts all of them together
+            if start is None:
+                break
+            other = self._from(form, start, Tactics(budget=HELPED, patient=False))
             if other.end is End.CONVERGED:
                 return other
-        if outcome.end is End.STUCK and self.monitor.iterations - before >= SOON:
+        if outcome.early:
             it = outcome.iterate  # it was on its way
             assert it is not None
             mu = inner(it.gap, it.z) / max(1, form.gaps)
             return optimise(form, it, mu, self.options, self.monitor, tactics=Tactics())
         return outcome
+
+    def _from(self, form: ScaledProblem, start: Start, tactics: Tactics) -> Outcome:
+        """From another start than the guess."""
+        x = between(np.asarray(start.x, dtype=float), self.nlp.x_lower, self.nlp.x_upper)
+        if start.row_multipliers is None:
+            return self._barrier(form, x, tactics)
+        return self._warm(form, x, start, False, tactics)
 
     def _is_proof(self, outcome: Outcome) -> bool:
         """Whether the outcome is a violation that is the smallest of all."""
