@@ -8,7 +8,6 @@ from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.multipliers import least_squares_multipliers
 from stc.solver.nlp import Floats
-from stc.solver.passes import push_inside as move_inside
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import workspace_of
 
@@ -51,13 +50,14 @@ def warm_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
 def _inside(form: Formulation, x: Floats, push: float) -> Floats:
     """``w`` (n + m,) at ``x`` moved inside the bounds, less far where functions are undefined there."""
     n = form.n
-    ev = workspace_of(form).evaluator
-    w = np.empty(form.size)
+    work = workspace_of(form)
+    ev, w, move_inside = work.evaluator, work.start_w, work.push_inside_call
     while True:
+        move_inside.set("push", push)
         w[:n], w[n:] = x, form.target
         if form.any_held:
             np.copyto(w[:n], form.held_value, where=form.held)
-        move_inside(form.size, push, form.lower, form.upper, w)
+        move_inside()
         ev.x[:] = w[:n]
         ev.values_call()
         if ev.values_status[0] == 0.0 or push < SMALLEST_PUSH:
@@ -65,5 +65,5 @@ def _inside(form: Formulation, x: Floats, push: float) -> Floats:
         push *= 0.1
     if form.any_inequality:
         np.copyto(w[n:], ev.r, where=form.inequality)
-        move_inside(form.size, push, form.lower, form.upper, w)
+        move_inside()
     return w

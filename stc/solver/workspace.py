@@ -108,6 +108,7 @@ class Workspace:
         primal, d, sigma, ratio: diagonals without shifts, and what they are made of.
         shifts: of the Hessian's diagonal in the last factorisation, (n,).
         trial_w, trial_c, trial_gap: the point tried.
+        start_w: the point to start from, which ``push_inside_call`` moves inside its bounds by its ``push``.
         kkt: the linear algebra, with arrays of its own.
     """
 
@@ -136,7 +137,12 @@ class Workspace:
         self.shifts = zeros(n)
         self.step, self.affine, self.centring, self.correction = (Step(form) for _ in range(4))
         self.correction_c = zeros(m)
-        self.trial_w, self.trial_gap, self.trial_c = zeros(size), zeros(gaps), zeros(m)
+        self.start_w, self.trial_w, self.trial_gap, self.trial_c = (
+            zeros(size),
+            zeros(size),
+            zeros(gaps),
+            zeros(m),
+        )
         self._trial_y, self._trial_z, self._trial_dual = zeros(m), zeros(gaps), zeros(size)
         self._pull, self._turn = zeros(size), zeros(size)
         self._nowhere = np.zeros(1)
@@ -162,6 +168,8 @@ class Workspace:
         extra = np.zeros(n) if form.extra_diagonal is None else form.extra_diagonal
         step = self.step
         affine, centring = self.affine, self.centring
+        self.push_inside_call = passes.push_inside.bind(size, 0.0, form.lower, form.upper, self.start_w)
+        self._log_sum_call = passes.log_sum.bind(gaps, it.gap)
         self._mean_centre_call = step_passes.mean_centre.bind(gaps, it.gap, self.centre, s)
         scratch = np.zeros(gaps), np.zeros(gaps), np.zeros(4 * step_passes.BLOCK), np.zeros(4 * CENTRING.size)
         self._choose_call = step_passes.choose_centring.bind(
@@ -332,7 +340,7 @@ class Workspace:
             own.become(it)
         s = self.s
         s[OBJECTIVE], s[THETA] = own.f, own.theta
-        s[LOGARITHMS] = passes.log_sum(own.gap.size, own.gap)
+        s[LOGARITHMS] = self._log_sum_call()
 
     def errors(self, mu: float = 0.0) -> Errors:
         """Errors of the optimality conditions with barrier parameter ``mu``."""
