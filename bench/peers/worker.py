@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import sys
 
-#: Seconds of repeated solving after the first one, and how often at most.
-BUDGET, REPEATS = 1.5, 40
+#: Seconds of repeated solving after the first one, and how often at most: short solves, too, are to last longer than a
+#: moment in which somebody else is at work.
+BUDGET, REPEATS = 1.5, 400
 
 
 def used() -> float:
