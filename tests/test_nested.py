@@ -69,10 +69,11 @@ def test_limits_that_fewer_frames_reach_elsewhere(monkeypatch: pytest.MonkeyPatc
     found = sqp.lacked_curvature
     monkeypatch.setattr(sqp, "lacked_curvature", lambda form: without.append(found(form)) or without[-1])
     model = stc.load(CRANE)
-    nested, direct = model.solve(), model.solve(fewer_first=False)
+    # To the usual tolerance the objective of the direct solve is right to 1.3e-8 only.
+    nested, direct = model.solve(), model.solve(fewer_first=False, tolerance=1e-10)
     assert without == [True]
     assert nested.status == direct.status == "optimal"
-    assert nested.objective == pytest.approx(direct.objective, rel=1e-7)
+    assert nested.objective == pytest.approx(direct.objective, rel=1e-8)
     assert nested.iterations <= 50
 
 

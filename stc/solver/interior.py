@@ -411,11 +411,11 @@ class _Loop:
             return self._give_up()
         if it.theta <= FEASIBLE * self.options.tolerance:
             return self._give_up()
-        from stc.solver.restoration import Acceptance, elastic_start
-
         if not self.tactics.patient and self.restorations >= self.tactics.brief_restorations:
             self.early = True
             return self._give_up()
+        from stc.solver.restoration import Acceptance, elastic_start
+
         theta = it.theta
         search.filter.add(theta, barrier_value(it.f, it.gap, barrier.mu))
         elastic, start, mu = elastic_start(form, it, barrier.mu)

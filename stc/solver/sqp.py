@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -178,8 +177,7 @@ class _Solve:
             thorough = lacked_curvature(form)
         from stc.solver.warm_start import from_neighbour
 
-        options = replace(self.options, trusting=thorough)
-        point = from_neighbour(form, x, y, z, options, self.monitor)
+        point = from_neighbour(form, x, y, z, self.options.tolerance, self.monitor, thorough=thorough)
         it = warm_iterate(form, x, y)
         if point is not None:
             return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it)

@@ -13,7 +13,6 @@ import numpy as np
 
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
-from stc.solver.options import Options
 from stc.solver.primal_dual import PrimalDual, measure
 from stc.solver.quadratic import QuadraticProgram, QuadraticSolution, guess_from_multipliers
 from stc.solver.scaled_problem import ScaledProblem
@@ -33,9 +32,19 @@ EXACT = 0.1
 
 
 def from_neighbour(
-    form: ScaledProblem, x: Floats, y: Floats, z: Floats, options: Options, monitor: Monitor
+    form: ScaledProblem,
+    x: Floats,
+    y: Floats,
+    z: Floats,
+    tolerance: float,
+    monitor: Monitor,
+    *,
+    thorough: bool,
 ) -> PrimalDual | None:
     """Solve from a primal-dual point, scaled: variables (n,), multipliers of rows (m,) and bounds (n,).
+
+    Args:
+        thorough: how each quadratic program is solved, see ``QuadraticProgram.solve``.
 
     Returns:
         The solution, with positive curvature on its active set; None when the iteration did not converge.
@@ -47,13 +56,13 @@ def from_neighbour(
     smallest, patience = point.error, PATIENCE
     regularity = 0
     for _ in range(STEPS):
-        program = QuadraticProgram(form, point, EXACT * options.tolerance, regularity)
-        found = program.solve(active, thorough=options.trusting)
+        program = QuadraticProgram(form, point, EXACT * tolerance, regularity)
+        found = program.solve(active, thorough=thorough)
         regularity = min(program.regularity, DEPENDENT)
         if found is None:
             return None
         active = found.active
-        new = _moved(form, point, program, found, EXACT * options.tolerance)
+        new = _moved(form, point, program, found, EXACT * tolerance)
         if new is None:
             return None
         monitor.count()
@@ -62,7 +71,7 @@ def from_neighbour(
         monitor.record(
             partial(form.as_stated, new.x, new.y), f_user, violation, new.error, step, 1.0, 0.0, 0.0, "warm"
         )
-        if new.error <= options.tolerance:
+        if new.error <= tolerance:
             return new
         if new.error > REDUCTION * smallest:
             patience -= 1
