@@ -172,12 +172,12 @@ class ChainKKT(PlannedKKT):
         own += self._other_most.nbytes + sum(vector.nbytes for vector in self._aside)
         return own + (self._whole.nbytes if self._whole is not None else 0)
 
-    def _programs(self, thorough: bool) -> tuple[list[ChainProgram], NDArray[np.int64]]:
+    def _programs(self, thorough: bool) -> list[tuple[list[ChainProgram], NDArray[np.int64]]]:
         """See ``PlannedKKT``; which program each stage has, too."""
         scale, couplings = self._scale[self._place], self._couplings
         values = self._arrays.given[self._source] * scale[couplings.first] * scale[couplings.second]
         diagonal = self._own_diagonal() * scale**2
-        return plan_chain(self._chain, self._stride, values, diagonal, thorough=thorough)
+        return [plan_chain(self._chain, self._stride, values, diagonal, thorough=thorough)]
 
     def _prepare(self, programs: tuple[list[ChainProgram], NDArray[np.int64]], slot: int) -> Prepared:
         """See ``PlannedKKT``."""

@@ -100,6 +100,11 @@ class Prepared:
         return RESTING * 2 ** min(self.failed + 1, LONGEST_REST)
 
 
+#: Makes a plan for the matrix at hand: in one way for 0, in the best of several for 1; then in the second best of these
+#: for 2, and so on, or none when there are no more.
+Make = Callable[[int], Prepared | None]
+
+
 class Plans:
     """The plans of one system.
 
@@ -121,6 +126,9 @@ class Plans:
         self._failures = self._pause = 0
         self._choose_at = 0  # the matrix from which on the plan to begin with is to be chosen anew
         self._settled = 0  # how often another one was made with more effort, or all there is to it
+        self._number = (
+            0  # of the last plan made with more effort, among those that were found at the same time
+        )
         self._begun_at = 0  # the number of matrices before the last restart
         # One made for its few operations and not yet tried, and what tested the pivots of that before it.
         self._frugal: tuple[Prepared, float] | None = None
@@ -150,12 +158,12 @@ class Plans:
         self.tried += 1
         return False
 
-    def candidates(self, curved: bool, make: Callable[[bool], Prepared]) -> Iterator[Prepared]:
+    def candidates(self, curved: bool, make: Make) -> Iterator[Prepared]:
         """Plans to try for the matrix at hand, each in use meanwhile: that in use, others that suited some, a new one.
 
         Args:
             curved: whether its H is not zero.
-            make: plans for it; as few operations as it can find when told so.
+            make: plans for it, see ``Make``.
         """
         first = self.now
         if self.tried >= self._choose_at or first.curved != curved:
@@ -269,12 +277,25 @@ class Plans:
         if self._frugal is None or self._frugal[0] is not plan:
             return False
         largest = self._frugal[1]
-        self._frugal = None
         if plan.probed[0] <= COARSE or plan.state[LARGEST] <= DOUBTED * largest:
+            self._frugal = None
             return False
+        self._give_up(plan)
+        return True
+
+    def refused(self, plan: Prepared) -> None:
+        """Note that a plan did not suit the last matrix."""
+        if self._frugal is not None and self._frugal[0] is plan:
+            self._give_up(plan)
+        else:
+            plan.refused(self.tried)
+
+    def _give_up(self, plan: Prepared) -> None:
+        """Forget a plan that was made for its few operations; the one with the next fewest is tried then."""
         self._plans = [other for other in self._plans if other is not plan]
         self._known_cheaper.clear()
-        return True  # and so would be the next one
+        self._frugal = None
+        self._settled = 0
 
     def _note_first(self, plan: Prepared, number: int) -> None:
         if not plan.suited_from:
@@ -297,7 +318,7 @@ class Plans:
         if self._failures >= PATIENCE:
             self._pause = 2 ** min(self._failures - PATIENCE, LONGEST_PAUSE)
 
-    def _first(self, curved: bool, make: Callable[[bool], Prepared]) -> Prepared:
+    def _first(self, curved: bool, make: Make) -> Prepared:
         """The plan in use, or the latest, of those that were made where H was zero or of the others."""
         now = self.now
         is_settled = not curved or self._settles_after(self.tried) > 0
@@ -310,12 +331,15 @@ class Plans:
             return self._earliest(alike)
         if not is_settled:
             # By now the entries have the sizes that they will keep.
-            other = make(True)
-            found = other.operations < FEWER * now.operations
+            self._number += 1
+            other = make(self._number)
+            found = other is not None and other.operations < FEWER * now.operations
             self._settled = len(SETTLED) if found else self._settled + 1
             while self._settle_at <= now.served:
                 self._settled += 1
-            if found and len(self._plans) < PLANS:
+            if not found:
+                self._number = 0
+            if other is not None and found and len(self._plans) < PLANS:
                 self._keep(other)
                 self._frugal = other, float(now.state[LARGEST])
                 if now.suited_from:
@@ -346,8 +370,10 @@ class Plans:
         self._plans.append(plan)
         self._known_cheaper.clear()
 
-    def _another(self, make: Callable[[bool], Prepared]) -> Prepared:
+    def _another(self, make: Make) -> Prepared:
         self._missed = 0
         self._next_at = self.tried + MATRICES
-        self._keep(make(False))
+        made = make(0)
+        assert made is not None
+        self._keep(made)
         return self._plans[-1]

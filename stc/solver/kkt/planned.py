@@ -169,6 +169,7 @@ class PlannedKKT(ByCopies):
         self._attempt: Bound | None = None  # the same for the next matrix, and all that goes with it
         self._bindings = -1  # of the rest, that these two are made for
         self._offered: Prepared | None = None
+        self._found_by_effort: list[Any] = []  # programs of the last thorough search
 
     @property
     @abstractmethod
@@ -176,8 +177,8 @@ class PlannedKKT(ByCopies):
         """Memory held, about."""
 
     @abstractmethod
-    def _programs(self, thorough: bool) -> Any:
-        """Plan the pivots for values like those of the matrix at hand, without p.
+    def _programs(self, thorough: bool) -> list[Any]:
+        """Plan the pivots for values like those of the matrix at hand, without p: those of the fewest operations first.
 
         What barrier and shifts add to the diagonal comes and goes: pivots that need it would fail sooner or later.
         """
@@ -396,7 +397,7 @@ class PlannedKKT(ByCopies):
                 if plan.probed[2] >= plan_calls.SINGULAR:
                     return None  # no plan can help that
                 rest = None
-            plan.refused(plans.tried)
+            plans.refused(plan)
         if rest is None:
             plans.failed()
             return None
@@ -444,9 +445,18 @@ class PlannedKKT(ByCopies):
         self._tally[plan_calls.NOW] = WHOLE
         return inertia
 
-    def _new_plan(self, thorough: bool) -> Prepared:
+    def _new_plan(self, number: int) -> Prepared | None:
+        """See ``plan_choice.Make``."""
         slot = min(set(range(PLANS + 1)) - {plan.slot for plan in self._plans})
-        return self._prepare(self._programs(thorough), slot)
+        if number == 0:
+            return self._prepare(self._programs(False)[0], slot)
+        if number == 1:
+            self._found_by_effort = self._programs(True)
+        return (
+            self._prepare(self._found_by_effort[number - 1], slot)
+            if number <= len(self._found_by_effort)
+            else None
+        )
 
     def _bind_solve(self, plan: Prepared) -> None:
         """Prepare the calls that depend on the rest's factors, too."""

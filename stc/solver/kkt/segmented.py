@@ -118,17 +118,19 @@ class SegmentedKKT(PlannedKKT):
         own += self._left_entries.nbytes + self._left_most.nbytes + sum(left.nbytes for left in self._left)
         return own + self._rest.nbytes + (self._whole.nbytes if self._whole is not None else 0)
 
-    def _programs(self, thorough: bool) -> list[Program]:
+    def _programs(self, thorough: bool) -> list[list[Program]]:
         """See ``PlannedKKT``."""
         scale, couplings = self._scale[self._layout.places], self._couplings
         diagonal = self._own_diagonal() * scale[: couplings.size] ** 2
         sizes = sizes_of(
             self._found, self._kinds, couplings, self._source, self._arrays.given, scale, diagonal
         )
-        return [
+        by_kind = [
             plan_panels(kind, *known, thorough=thorough)
             for kind, known in zip(self._kinds, sizes, strict=True)
         ]
+        most = max(len(programs) for programs in by_kind)
+        return [[programs[min(k, len(programs) - 1)] for programs in by_kind] for k in range(most)]
 
     def _prepare(self, programs: list[Program], slot: int) -> Prepared:
         """See ``PlannedKKT``."""

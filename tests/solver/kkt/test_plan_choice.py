@@ -40,7 +40,64 @@ def test_a_settled_plan_takes_no_more_operations(planning_is_free):
         plan_panels(kkt._kinds[0], values, np.ones(kkt._kinds[0].own), thorough=effort)
         for effort in (False, True)
     )
-    assert thorough.operations <= plain.operations
+    assert len(plain) == 1
+    assert thorough[0].operations <= plain[0].operations
+    operations = [program.operations for program in thorough]
+    assert operations == sorted(set(operations))
+
+
+def test_the_next_best_of_a_search_is_tried_where_the_best_is_no_good(planning_is_free):
+    """Orders that expect small pivots take the fewest operations, and sometimes turn out inaccurate."""
+    plans, made = plan_choice.Plans(1000, plan(0, 0)), []
+    good = plan(0, 100)
+    found = [plan(1, 70), plan(2, 80), plan(3, 90), plan(4, 99)]
+
+    def make(number):
+        made.append(number)
+        if number == 0:
+            return good
+        return found[number - 1] if number <= len(found) else None
+
+    used = []
+    for _ in range(40):
+        plans.paused()
+        for candidate in plans.candidates(True, make):
+            candidate.state[lane_state.LARGEST] = 1e-5 if candidate is found[0] else 1e-8
+            candidate.probed[0] = 1e-9
+            if candidate is found[1]:  # a pivot is refused
+                plans.refused(candidate)
+                continue
+            if plans.disappoints(candidate):
+                continue
+            plans.suited(candidate)
+            plans.succeeded()
+            used.append(candidate)
+            break
+    assert made == [0, 1, 2, 3]
+    assert used[: SETTLED[0] + 2] == [good] * (SETTLED[0] + 2)
+    assert used[SETTLED[0] + 2 :] == [found[2]] * (40 - SETTLED[0] - 2)
+    assert list(plans) == [good, found[2]]
+
+
+def test_a_search_ends_where_nothing_found_is_any_good(planning_is_free):
+    plans, made = plan_choice.Plans(1000, plan(0, 0)), []
+    good = plan(0, 100)
+
+    def make(number):
+        made.append(number)
+        return good if number == 0 else plan(number, 50 + 10 * number) if number < 4 else None
+
+    for _ in range(200):
+        plans.paused()
+        for candidate in plans.candidates(True, make):
+            if candidate is not good:
+                plans.refused(candidate)
+                continue
+            plans.suited(candidate)
+            plans.succeeded()
+            break
+    assert made == [0, 1, 2, 3, 4, 1, 2, 3, 4]
+    assert list(plans) == [good]
 
 
 def plan(slot, operations):
@@ -55,7 +112,7 @@ def test_plans_that_do_not_even_suit_their_own_matrix_are_made_ever_more_rarely(
     """Matrices that no plan can help come again with each solve."""
     plans, made = plan_choice.Plans(unknowns, plan(0, 0)), []
 
-    def make(thorough):
+    def make(number):
         made.append(plans.tried)
         return plan(len(made), 100)
 
@@ -89,7 +146,7 @@ def test_fewer_operations_are_not_worth_less_accuracy(growth, residual, given_up
     one, other = plan(0, 100), plan(1, 80)
     plans = plan_choice.Plans(1000, plan(0, 0))
     plans.paused()
-    for candidate in plans.candidates(True, lambda thorough: one):
+    for candidate in plans.candidates(True, lambda number: one):
         assert candidate is one
         break
     one.state[lane_state.LARGEST] = 1e-7
@@ -99,7 +156,7 @@ def test_fewer_operations_are_not_worth_less_accuracy(growth, residual, given_up
         plans.went_well(1)
     plans.paused()
     tried = []
-    for candidate in plans.candidates(True, lambda thorough: other):
+    for candidate in plans.candidates(True, lambda number: other):
         tried.append(candidate)
         if candidate is other:
             other.state[lane_state.LARGEST] = growth
@@ -307,8 +364,9 @@ def test_what_barriers_add_comes_and_goes():
     before = kkt._programs(thorough=True)
     kkt.primal *= 7.0
     for one, other in zip(before, kkt._programs(thorough=True), strict=True):
-        for panel, same in zip(one.panels, other.panels, strict=True):
-            np.testing.assert_array_equal(panel, same)
+        for kind, the_same in zip(one, other, strict=True):
+            for panel, same in zip(kind.panels, the_same.panels, strict=True):
+                np.testing.assert_array_equal(panel, same)
 
 
 @pytest.mark.parametrize(
