@@ -42,6 +42,7 @@ __all__ = [
     "scatter8",
     "splat8",
     "splatw",
+    "spread8",
     "store8",
     "storew",
     "stream8",
@@ -90,6 +91,24 @@ def masked8(x: NDArray[np.float64], k: int, mask: int) -> Vector:
 def gather8(x: NDArray[np.float64], places: NDArray[np.int32], k: int) -> Vector:
     """The elements of ``x`` at ``places[k]`` to ``places[k + 7]``."""
     return x[places[k : k + 8]]
+
+
+def spread8(
+    x: NDArray[np.float64],
+    places: NDArray[np.int32],
+    k: int,
+    out: NDArray[np.float64],
+    first: int,
+    second: int,
+    third: int,
+    fourth: int,
+) -> None:
+    """``gather8`` of the places, and of those one, two and three behind: four vectors that follow one another in ``x``.
+
+    They are written to ``out[first]`` and what follows, to ``out[second]``, ...
+    """
+    for ahead, at in enumerate((first, second, third, fourth)):
+        out[at : at + 8] = x[places[k : k + 8] + ahead]
 
 
 def scatter8(x: NDArray[np.float64], places: NDArray[np.int32], k: int, vector: Vector) -> None:

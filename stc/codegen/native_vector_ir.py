@@ -38,6 +38,8 @@ def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: s
         return _masked(emitter, node, name)
     if what == "sums":
         return _sums(emitter, node, name)
+    if what == "spread":
+        return _spread(emitter, node, name)
     if what in ("gather", "scatter"):
         return _by_places(emitter, node, name, stores=what == "scatter")
     arguments = emitter.arguments(node, 2 if what == "max" else 1, name, type_)
@@ -130,6 +132,60 @@ def _sums(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
                 halves.append(emitter.compute(Type.F64V, shuffle).text)
             rows.append(emitter.compute(Type.F64V, f"fadd {vector} {halves[0]}, {halves[1]}").text)
     return Value(Type.F64V, rows[0])
+
+
+#: How four vectors of four become the four of their first, second, ... elements: pairs of them, then pairs of these.
+_TURNS = ((0, 4, 2, 6), (1, 5, 3, 7)), ((0, 1, 4, 5), (2, 3, 6, 7))
+
+
+def _spread(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
+    """spread8: the four numbers at each place are loaded at once, and transposed."""
+    if len(node.args) != 8:
+        raise emitter.error(node, f"{name}() takes 8 arguments, not {len(node.args)}")
+    array = emitter.expression(node.args[0])
+    places, first = emitter.element_address(
+        ast.copy_location(ast.Subscript(node.args[1], node.args[2], ast.Load()), node)
+    )
+    if array.type is not Type.F64S or places is not Type.I32S:
+        raise emitter.error(node, f"{name}() needs an array of floats and one of 32-bit integers")
+    vector = "<4 x double>"
+
+    def shuffled(one: str, other: str, lanes: tuple[int, ...]) -> str:
+        order = ", ".join(f"i32 {lane}" for lane in lanes)
+        mask = f"<{len(lanes)} x i32> <{order}>"
+        return emitter.compute(Type.F64V, f"shufflevector {vector} {one}, {vector} {other}, {mask}").text
+
+    halves = []
+    for half in range(2):
+        rows = []
+        for lane in range(4 * half, 4 * half + 4):
+            at = emitter.compute(Type.I64, f"getelementptr inbounds i32, ptr {first}, i64 {lane}").text
+            narrow = emitter.compute(Type.I64, f"load i32, ptr {at}, align 4").text
+            place = emitter.compute(Type.I64, f"sext i32 {narrow} to i64").text
+            element = emitter.compute(
+                Type.F64S, f"getelementptr inbounds double, ptr {array.text}, i64 {place}"
+            ).text
+            rows.append(emitter.compute(Type.F64V, f"load {vector}, ptr {element}, align 8").text)
+        evens, odds = _TURNS[0]
+        low, high = _TURNS[1]
+        pairs = [shuffled(rows[k], rows[k + 1], lanes) for lanes in (evens, odds) for k in (0, 2)]
+        halves.append(
+            [
+                shuffled(pairs[0], pairs[1], low),
+                shuffled(pairs[2], pairs[3], low),
+                shuffled(pairs[0], pairs[1], high),
+                shuffled(pairs[2], pairs[3], high),
+            ]
+        )
+    for k in range(4):
+        whole = shuffled(halves[0][k], halves[1][k], tuple(range(8)))
+        type_, address = emitter.element_address(
+            ast.copy_location(ast.Subscript(node.args[3], node.args[4 + k], ast.Load()), node)
+        )
+        if type_ is not Type.F64S:
+            raise emitter.error(node, f"{name}() needs an array of floats")
+        emitter.emit(f"store {Type.F64V.ir} {whole}, ptr {address}, align 8")
+    return Value(Type.NONE, "")
 
 
 def _by_places(emitter: ExpressionEmitter, node: ast.Call, name: str, stores: bool) -> Value:

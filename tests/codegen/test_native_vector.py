@@ -24,6 +24,7 @@ from stc.codegen.native_vector import (
     scatter8,
     splat8,
     splatw,
+    spread8,
     store8,
     storew,
     stream8,
@@ -152,6 +153,24 @@ def test_sums_of_eight_vectors(plain):
     assert out[0] == out[9] == 0.0
 
 
+@native
+def turned(x: f64s, places: i32s, out: f64s) -> None:
+    spread8(x, places, 1, out, 8, 32, 0, 20)
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_four_vectors_whose_lanes_follow_one_another(plain):
+    x, places = (
+        np.random.default_rng(7).normal(size=50),
+        np.array([99, 3, 46, 0, 7, 8, 21, 21, 40], dtype=np.int32),
+    )
+    out = np.full(42, np.nan)
+    (turned.python if plain else turned)(x, places, out)
+    for ahead, at in enumerate((8, 32, 0, 20)):
+        np.testing.assert_array_equal(out[at : at + 8], x[places[1:] + ahead])
+    assert np.isnan(out[[16, 19, 28, 31, 40]]).all()
+
+
 def test_what_is_picked_and_summed_are_floats():
     @native
     def wrong(x: i64s) -> f64:
@@ -169,9 +188,19 @@ def test_what_is_picked_and_summed_are_floats():
     def too_many(x: f64s) -> f64:
         return sum8(sums8(x, 0, 1))
 
+    @native
+    def wrong_places(x: f64s) -> None:
+        spread8(x, x, 0, x, 0, 8, 16, 24)
+
+    @native
+    def too_few_places(x: f64s, places: i32s) -> None:
+        spread8(x, places, 0, x, 0, 8)
+
     for function, message in (
         (wrong, "needs an array of floats"),
         (too_few, "takes 3 arguments"),
+        (wrong_places, "one of 32-bit integers"),
+        (too_few_places, "takes 8 arguments"),
         (wrong_sums, "needs an array of floats"),
         (too_many, "takes 2 arguments"),
     ):

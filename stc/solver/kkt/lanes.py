@@ -28,6 +28,7 @@ from stc.codegen.native_vector import (
     negative8,
     prefetch8,
     splat8,
+    spread8,
     store8,
     stream8,
     sum8,
@@ -45,10 +46,17 @@ from stc.solver.kkt.lane_state import (
     WORST,
     spread_in,
 )
+from stc.solver.kkt.segments import RUN
 
 __all__ = [
     "FIELDS",
+    "LISTED",
+    "PAIRED",
+    "RUN",
+    "RUNS",
+    "SINGLE",
     "ask_for_step",
+    "bring_entries",
     "collect_ends",
     "collect_following",
     "collect_own",
@@ -74,9 +82,18 @@ PANELS, PANEL_CODE, CLEARED, CLEARED_CODE, EMPTY, EMPTY_CODE, MOVED, MOVED_CODE 
 RESULTS, RESULT_CODE, RESULT_INDEX = 22, 23, 24
 #: ... where factors begin and how many vectors a step has; segments, the other lanes being copies of the first; where
 #: the places of F in the next step's U, and the places of the panels in ``code``, are listed in ``code``; where the
-#: scaled entries begin: those of L with the first stage, then the diagonal and the entries of each step.
+#: scaled entries begin: those of L with the first stage, then the diagonal and the entries of each step; ...
 FACTORS, FACTOR_STEP, SEGMENTS, FOLLOWING, PANEL_STARTS, MATRIX, ADDED = 25, 26, 27, 28, 29, 30, 31
-FIELDS = 32
+#: ... where ``index`` has the runs of the entries (see ``RUN``), 0 where they are brought for each step anew.
+RUNS = 32
+FIELDS = 33
+#: The entries of RUN steps in a row that follow one another in memory, as kernels leave them, are brought at once. How
+#: many there are is listed first: entries whose runs begin with step 0, 1, 2 and 3 in all lanes; then pairs of entries
+#: that take turns in memory, whose runs are half as many steps and begin with step 0 and 1; then others. After these
+#: numbers come the entries.
+PAIRED = RUN
+SINGLE = RUN + RUN // 2
+LISTED = SINGLE + 1
 #: Entries of the matrix are asked for so many steps ahead; a line of memory has those of a lane for so many or more.
 STEPS_AHEAD = 8
 STEPS_OF_LINE = 4
@@ -128,14 +145,74 @@ def note_outside(group: i64s, index: i32s, part: f64s, most: f64s) -> None:
             most[at] = max(most[at], part[8 * (own + k) + lane])
 
 
+@native(inline=True)
+def _bring_one(begin: i64, end: i64, entry: i64, count: i64, sources: i32s, given: f64s, ring: f64s) -> None:
+    """Bring an entry of some steps to where these are in ``ring``; ``sources`` are those of the first step of all."""
+    for step in range(begin, end):
+        store8(ring, 8 * (step % RUN * count + entry), gather8(given, sources, 8 * (step * count + entry)))
+
+
+@native(fast=True)
+def bring_entries(
+    step: i64, steps: i64, count: i64, runs: i32s, sources: i32s, given: f64s, ring: f64s
+) -> None:
+    """Bring the entries of a step, and of the next ones as far as they follow in memory, to ``ring``.
+
+    There, a step has its entries, ``count`` vectors, in the places of the one RUN before, which has been done with.
+    When each number is fetched at its turn, that takes eight lines of memory for a vector, and all of them for the next
+    step again.
+
+    Args:
+        steps: how many there are; runs: see ``RUN``; sources: where each step's entries are in ``given``.
+    """
+    own = sources[8 * step * count :]
+    first = 8 * count * (step % RUN)
+    second = 8 * count * ((step + 1) % RUN)
+    third = 8 * count * ((step + 2) % RUN)
+    fourth = 8 * count * ((step + 3) % RUN)
+    listed = runs[LISTED:]
+    for phase in range(RUN):
+        number = runs[phase]
+        if step % RUN == phase:
+            if step + RUN <= steps:
+                for k in range(number):
+                    at = 8 * listed[k]
+                    spread8(given, own, at, ring, first + at, second + at, third + at, fourth + at)
+            else:
+                for k in range(number):
+                    _bring_one(step, steps, listed[k], count, sources, given, ring)
+        elif step == 0:
+            for k in range(number):
+                _bring_one(0, min(phase, steps), listed[k], count, sources, given, ring)
+        listed = listed[number:]
+    for phase in range(RUN // 2):
+        number = runs[PAIRED + phase]
+        if step % (RUN // 2) == phase:
+            if step + RUN // 2 <= steps:
+                for k in range(number):
+                    one = 8 * listed[2 * k]
+                    other = 8 * listed[2 * k + 1]
+                    spread8(given, own, one, ring, first + one, first + other, second + one, second + other)
+            else:
+                for k in range(2 * number):
+                    _bring_one(step, steps, listed[k], count, sources, given, ring)
+        elif step == 0:
+            for k in range(2 * number):
+                _bring_one(0, min(phase, steps), listed[k], count, sources, given, ring)
+        listed = listed[2 * number :]
+    for k in range(runs[SINGLE]):
+        _bring_one(step, step + 1, listed[k], count, sources, given, ring)
+
+
 @native(fast=True, inline=True)
 def _load_entries(
-    distance: i64, streamed: i64, watched: i64, added: i64, count: i64, sources: i32s, places: i32s, given: f64s,
-    scales: f64s, matrix: f64s, most: f64s, work: f64s, state: f64s,
+    distance: i64, streamed: i64, watched: i64, added: i64, brought: i64, count: i64, sources: i32s, places: i32s,
+    given: f64s, ring: f64s, scales: f64s, matrix: f64s, most: f64s, work: f64s, state: f64s,
 ) -> None:  # fmt: skip
     """Add or store scaled entries in the triangle, keep them, and note their magnitudes in both of their rows.
 
-    And note in ``state`` whether they are finite: pivots need not tell.
+    And note in ``state`` whether they are finite: pivots need not tell.  They are in ``ring`` where they have been
+    ``brought``.
     """
     check = load8(state, CHECK)
     i = 0
@@ -150,7 +227,12 @@ def _load_entries(
             if watched != 0:
                 most_i = load8(most, i)
         j = 8 * places[3 * k + 2]
-        value = gather8(given, sources, 8 * k) * scale_i * load8(scales, j)
+        value = splat8(0.0)
+        if brought != 0:
+            value = load8(ring, 8 * k)
+        else:
+            value = gather8(given, sources, 8 * k)
+        value = value * scale_i * load8(scales, j)
         check += value * 0.0
         if streamed != 0:
             stream8(matrix, 8 * k, value)
@@ -212,8 +294,8 @@ def ask_for_step(
 @native(fast=True)
 def _load_step(
     distance: i64, streamed: i64, fetched: i64, watched: i64, step: i64, group: i64s, index: i32s, code: i32s,
-    diagonal: f64s, given: f64s, scale: f64s, work: f64s, scales: f64s, matrix: f64s, most: f64s, spread: f64s,
-    state: f64s,
+    diagonal: f64s, given: f64s, ring: f64s, scale: f64s, work: f64s, scales: f64s, matrix: f64s, most: f64s,
+    spread: f64s, state: f64s,
 ) -> None:  # fmt: skip
     """Carry over what the step before has left, and add the scaled entries of the matrix."""
     own = group[OWN]
@@ -245,10 +327,12 @@ def _load_step(
             streamed,
             watched,
             1,
+            0,
             group[FIRST],
             index[group[FIRST_INDEX] :],
             code[group[FIRST_CODE] :],
             given,
+            ring,
             scales,
             kept,
             most,
@@ -276,24 +360,26 @@ def _load_step(
     sources = index[group[ENTRY_INDEX] + 8 * step * count :]
     places = code[group[ENTRY_CODE] :]
     kept = kept[8 * own :]
-    _load_entries(
-        distance, streamed, watched, 1, added, sources, places, given, scales, kept, most, work, state
-    )
-    _load_entries(
-        distance,
-        streamed,
-        watched,
-        0,
-        count - added,
-        sources[8 * added :],
-        places[3 * added :],
-        given,
-        scales,
-        kept[8 * added :],
-        most,
-        work,
-        state,
-    )
+    if group[RUNS] > 0:
+        bring_entries(
+            step, group[STEPS], count, index[group[RUNS] :], index[group[ENTRY_INDEX] :], given, ring
+        )
+        own_ring = ring[8 * count * (step % RUN) :]
+        _load_entries(
+            distance, streamed, watched, 1, 1, added, sources, places, given, own_ring, scales, kept, most, work, state
+        )  # fmt: skip
+        _load_entries(
+            distance, streamed, watched, 0, 1, count - added, sources, places[3 * added :], given,
+            own_ring[8 * added :], scales, kept[8 * added :], most, work, state,
+        )  # fmt: skip
+    else:
+        _load_entries(
+            distance, streamed, watched, 1, 0, added, sources, places, given, ring, scales, kept, most, work, state
+        )  # fmt: skip
+        _load_entries(
+            distance, streamed, watched, 0, 0, count - added, sources[8 * added :], places[3 * added :], given, ring,
+            scales, kept[8 * added :], most, work, state,
+        )  # fmt: skip
     if watched != 0:
         _watch_step(step, group, following, most, spread)
 
@@ -307,6 +393,7 @@ def eliminate(
     growth: f64,
     suspect: f64,
     given: f64s,
+    ring: f64s,
     diagonal: f64s,
     scale: f64s,
     result: f64s,
@@ -333,7 +420,8 @@ def eliminate(
         scale: of the unknowns, a vector in the order of the segments, and so is ``outer_most``: largest entries so
             far of the rows outside of segments, which are updated.
         result: where the entries are added that are left, as ``index`` tells.
-        work, scales, known, most: work space; made: the same, for the factors of a panel.
+        work, scales, known, most: work space; made: the same, for the factors of a panel; ring: the same, for the
+            entries of RUN steps.
         matrix: the scaled entries, for products with the matrix.
         watched: 1 where ``outer_most`` and ``spread`` are asked for.
         spread: largest entry of the row that has the largest one, and the negative of the least, of the rows in
@@ -358,8 +446,8 @@ def eliminate(
         at = 8 * group[FACTORS]
         for step in range(group[STEPS]):
             _load_step(
-                distance, streamed, fetched, watched, step, group, index, code, diagonal, given, scale, work, scales,
-                matrix, most, spread, state,
+                distance, streamed, fetched, watched, step, group, index, code, diagonal, given, ring, scale, work,
+                scales, matrix, most, spread, state,
             )  # fmt: skip
             panel = code[group[PANEL_CODE] :]
             for _panel in range(group[PANELS]):

@@ -156,8 +156,8 @@ class SegmentedKKT(PlannedKKT):
             most = self._most if first else self._left_most[number - 1]
             calls.append(
                 eliminate_part.bind(
-                    *part.tables(tables), 1.0 / GROWTH, 1.0 / INVERSE, given, self._diagonal, self._scale, left,
-                    part.triangle, part.work, part.known, part.made, self._matrix, part.vector, most,
+                    *part.tables(tables), 1.0 / GROWTH, 1.0 / INVERSE, given, part.ring, self._diagonal, self._scale,
+                    left, part.triangle, part.work, part.known, part.made, self._matrix, part.vector, most,
                     spreads[SPREADS * number :], factors, own_state, 0 if first else left.size, layout.outer,
                     0 if first else rest.unknowns.size,
                 )
@@ -265,6 +265,7 @@ class _Part:
         self.known = aligned_zeros(KNOWN)
         self.made = aligned_zeros(8 * PANEL * (widest + PANEL))
         self.work, self.vector = aligned_zeros(16 * widest), aligned_zeros(16 * widest)
+        self.ring = aligned_zeros(8 * lanes.RUN * int(table[:, lanes.ENTRIES].max(initial=0)))
 
     def tables(self, tables: tuple[Any, ...]) -> tuple[Any, ...]:
         """Those of a plan for these groups alone: how many, their fields, what these refer to."""

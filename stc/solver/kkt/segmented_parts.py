@@ -59,6 +59,7 @@ def eliminate_part(
     growth: f64,
     suspect: f64,
     given: f64s,
+    ring: f64s,
     diagonal: f64s,
     scale: f64s,
     result: f64s,
@@ -86,7 +87,7 @@ def eliminate_part(
     for k in range(SPREADS):
         spread[k] = -STALE
     negative = eliminate(
-        groups, table, index, code, growth, suspect, given, diagonal, scale, result, work, scales, known,
+        groups, table, index, code, growth, suspect, given, ring, diagonal, scale, result, work, scales, known,
         made, matrix, int(state[WATCHED]), row_most, most, spread, factors, state,
     )  # fmt: skip
     state[COUNTED] = 1.0 * negative

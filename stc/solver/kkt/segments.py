@@ -56,6 +56,10 @@ WORTH = 0.8
 EVENING = 0.015
 SHARED = 5e4
 SMALLER_PART = 0.25
+#: Entries of so many steps are loaded at once where all segments have them at the same places of lines of memory (see
+#: stc.solver.kkt.lane_tables): lengths that are whole multiples of that are worth this share of all.
+RUN = 4
+WHOLE = 0.02
 #: Kinds of codes of entries: inside a stage, with the next stage, with the border, on the diagonal of H; variables
 #: that are held. Without these, a segment that begins right before a waypoint has a matrix without inverse.
 INSIDE, ACROSS, BORDERING, CURVED, HELD = range(5)
@@ -322,6 +326,9 @@ def _span(lengths: Int64s, width: int) -> tuple[float, int]:
     even = int(np.argmin(np.where(groups % 2 == 0, cost, np.inf)))
     if cost[even] <= (1.0 + EVENING) * cost[best]:
         best = even
+    whole = int(np.argmin(np.where((steps % RUN == 0) & (groups % 2 == groups[best] % 2), cost, np.inf)))
+    if cost[whole] <= (1.0 + WHOLE) * cost[best]:
+        best = whole
     return float(cost[best]), int(steps[best])
 
 
