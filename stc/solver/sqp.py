@@ -41,7 +41,7 @@ ROUNDING = 1e-12
 DISPROOF = 0.1
 FEWER = 2
 """Brief restorations of the later attempts."""
-SOON = 150
+SOON = 300
 """Iterations after which another start is asked for."""
 HELPED = 100
 """The same where that was one from fewer frames: from more of them it may take less."""
