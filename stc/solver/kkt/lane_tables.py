@@ -10,6 +10,7 @@ from stc.records import dataclass
 from stc.solver.kkt import lanes
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.lane_program import Kind, Program, triangle
+from stc.solver.kkt.lane_runs import are_worthwhile, runs_of
 from stc.solver.kkt.seams import Sewn
 from stc.solver.kkt.segments import LANES, Group, Segmentation
 
@@ -17,13 +18,6 @@ __all__ = ["Layout", "Rest", "code_of", "lay_out"]
 
 Int32s = NDArray[np.int32]
 Int64s = NDArray[np.int64]
-
-#: Runs of entries are brought at once where a step has so many of them that their lines leave the memory next to a
-#: processor before the next step, and all together take so many bytes that they leave its own; entries that make no
-#: runs are this share of all at most.
-MANY_ENTRIES = 64
-NOT_NEAR = 2**20
-MOST_SINGLE = 0.25
 
 
 @dataclass(frozen=True)
@@ -128,10 +122,9 @@ def lay_out(found: Segmentation, kinds: list[Kind], sewn: Sewn, source: Int32s, 
         order, row[lanes.ADDED] = kind.order
         of_steps = own_sources[at][..., order].transpose(0, 2, 1)
         row[lanes.ENTRY_INDEX] = index.put(of_steps)
-        if kind.rows.size >= MANY_ENTRIES and 8 * source.size >= NOT_NEAR:
-            runs = _runs(of_steps)
-            if runs is not None:
-                row[lanes.RUNS] = index.put(runs)
+        runs = runs_of(of_steps) if are_worthwhile(kind.rows.size, source.size) else None
+        if runs is not None:
+            row[lanes.RUNS] = index.put(runs)
         row[lanes.FIRST] = kind.following.size
         row[lanes.FIRST_INDEX] = index.put(np.full((kind.following.size, LANES), one))
         row[lanes.MATRIX] = matrix
@@ -140,57 +133,6 @@ def lay_out(found: Segmentation, kinds: list[Kind], sewn: Sewn, source: Int32s, 
     for row, results in zip(table, rest.results, strict=True):
         row[lanes.RESULT_INDEX] = index.put(results)
     return Layout(index.array(), table, places, outer, length, LANES * matrix, rest)
-
-
-def _runs(sources: Int32s) -> Int32s | None:
-    """Entries of several steps that are brought at once (see ``lanes.RUN``); None where few of them can be.
-
-    Args:
-        sources: where each step's entries are in memory, (steps, entries, LANES).
-    """
-    entries = sources.shape[1]
-    ahead = np.diff(sources, axis=0)
-    phase = _phase((ahead == 1).all(axis=2), lanes.RUN)
-    of_pair = _phase((ahead == 2).all(axis=2), lanes.RUN // 2)
-    first_of = {sources[0, e].tobytes(): e for e in np.flatnonzero((phase < 0) & (of_pair >= 0))}
-    partner = np.full(entries, -1)
-    for e in first_of.values():
-        other = first_of.get((sources[0, e] + 1).tobytes(), -1)
-        if (
-            other >= 0
-            and partner[e] < 0
-            and partner[other] < 0
-            and np.array_equal(sources[:, other], sources[:, e] + 1)
-        ):
-            partner[e], partner[other] = other, e
-    # Of a pair, the first one leads; the other one is wherever that is.
-    leads = np.flatnonzero((partner >= 0) & (sources[0, :, 0] < sources[0, partner, 0]))
-    single = np.flatnonzero((phase < 0) & (partner < 0))
-    if single.size > MOST_SINGLE * entries:
-        return None
-    # In the order of memory.
-    by_place = np.argsort(sources[0, :, 0], kind="stable")
-    in_fours = [by_place[phase[by_place] == k] for k in range(lanes.RUN)]
-    leads = by_place[np.isin(by_place, leads)]
-    in_twos = [leads[of_pair[leads] == k] for k in range(lanes.RUN // 2)]
-    counts = [part.size for part in (*in_fours, *in_twos, single)]
-    pairs = [np.stack([part, partner[part]], axis=1).reshape(-1) for part in in_twos]
-    return np.concatenate([counts, *in_fours, *pairs, single]).astype(np.int32)
-
-
-def _phase(follows: NDArray[np.bool_], length: int) -> Int64s:
-    """With which step the runs of each entry begin, each of ``length`` steps, or -1, (entries,).
-
-    Args:
-        follows: whether an entry of a step is followed in memory by that of the next one, (steps - 1, entries).
-    """
-    steps = len(follows) + 1
-    phase = np.full(follows.shape[1], -1)
-    for begin in range(length):
-        whole = (steps - begin) // length * length
-        inside = np.arange(begin, begin + whole).reshape(-1, length)[:, :-1].reshape(-1)
-        phase[(phase < 0) & follows[inside].all(axis=0)] = begin
-    return phase
 
 
 def _by_stage(found: Segmentation, kinds: list[Kind], source: Int32s) -> list[Int32s]:

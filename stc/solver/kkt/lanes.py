@@ -28,13 +28,13 @@ from stc.codegen.native_vector import (
     negative8,
     prefetch8,
     splat8,
-    spread8,
     store8,
     stream8,
     sum8,
 )
 from stc.solver.kkt.lane_memory import ask_ahead
 from stc.solver.kkt.lane_panel import panel_vectors, take_panel
+from stc.solver.kkt.lane_runs import RUN, bring_entries
 from stc.solver.kkt.lane_state import (
     CHECK,
     DISTANCE,
@@ -46,17 +46,11 @@ from stc.solver.kkt.lane_state import (
     WORST,
     spread_in,
 )
-from stc.solver.kkt.segments import RUN
 
 __all__ = [
     "FIELDS",
-    "LISTED",
-    "PAIRED",
-    "RUN",
     "RUNS",
-    "SINGLE",
     "ask_for_step",
-    "bring_entries",
     "collect_ends",
     "collect_following",
     "collect_own",
@@ -84,16 +78,9 @@ RESULTS, RESULT_CODE, RESULT_INDEX = 22, 23, 24
 #: the places of F in the next step's U, and the places of the panels in ``code``, are listed in ``code``; where the
 #: scaled entries begin: those of L with the first stage, then the diagonal and the entries of each step; ...
 FACTORS, FACTOR_STEP, SEGMENTS, FOLLOWING, PANEL_STARTS, MATRIX, ADDED = 25, 26, 27, 28, 29, 30, 31
-#: ... where ``index`` has the runs of the entries (see ``RUN``), 0 where they are brought for each step anew.
+#: ... where ``index`` has the runs of the entries (see stc.solver.kkt.lane_runs), 0 where each step loads its own.
 RUNS = 32
 FIELDS = 33
-#: The entries of RUN steps in a row that follow one another in memory, as kernels leave them, are brought at once. How
-#: many there are is listed first: entries whose runs begin with step 0, 1, 2 and 3 in all lanes; then pairs of entries
-#: that take turns in memory, whose runs are half as many steps and begin with step 0 and 1; then others. After these
-#: numbers come the entries.
-PAIRED = RUN
-SINGLE = RUN + RUN // 2
-LISTED = SINGLE + 1
 #: Entries of the matrix are asked for so many steps ahead; a line of memory has those of a lane for so many or more.
 STEPS_AHEAD = 8
 STEPS_OF_LINE = 4
@@ -143,65 +130,6 @@ def note_outside(group: i64s, index: i32s, part: f64s, most: f64s) -> None:
         for k in range(group[NEXT] + group[LEFT] + group[BORDER]):
             at = outside[8 * k + lane]
             most[at] = max(most[at], part[8 * (own + k) + lane])
-
-
-@native(inline=True)
-def _bring_one(begin: i64, end: i64, entry: i64, count: i64, sources: i32s, given: f64s, ring: f64s) -> None:
-    """Bring an entry of some steps to where these are in ``ring``; ``sources`` are those of the first step of all."""
-    for step in range(begin, end):
-        store8(ring, 8 * (step % RUN * count + entry), gather8(given, sources, 8 * (step * count + entry)))
-
-
-@native(fast=True)
-def bring_entries(
-    step: i64, steps: i64, count: i64, runs: i32s, sources: i32s, given: f64s, ring: f64s
-) -> None:
-    """Bring the entries of a step, and of the next ones as far as they follow in memory, to ``ring``.
-
-    There, a step has its entries, ``count`` vectors, in the places of the one RUN before, which has been done with.
-    When each number is fetched at its turn, that takes eight lines of memory for a vector, and all of them for the next
-    step again.
-
-    Args:
-        steps: how many there are; runs: see ``RUN``; sources: where each step's entries are in ``given``.
-    """
-    own = sources[8 * step * count :]
-    first = 8 * count * (step % RUN)
-    second = 8 * count * ((step + 1) % RUN)
-    third = 8 * count * ((step + 2) % RUN)
-    fourth = 8 * count * ((step + 3) % RUN)
-    listed = runs[LISTED:]
-    for phase in range(RUN):
-        number = runs[phase]
-        if step % RUN == phase:
-            if step + RUN <= steps:
-                for k in range(number):
-                    at = 8 * listed[k]
-                    spread8(given, own, at, ring, first + at, second + at, third + at, fourth + at)
-            else:
-                for k in range(number):
-                    _bring_one(step, steps, listed[k], count, sources, given, ring)
-        elif step == 0:
-            for k in range(number):
-                _bring_one(0, min(phase, steps), listed[k], count, sources, given, ring)
-        listed = listed[number:]
-    for phase in range(RUN // 2):
-        number = runs[PAIRED + phase]
-        if step % (RUN // 2) == phase:
-            if step + RUN // 2 <= steps:
-                for k in range(number):
-                    one = 8 * listed[2 * k]
-                    other = 8 * listed[2 * k + 1]
-                    spread8(given, own, one, ring, first + one, first + other, second + one, second + other)
-            else:
-                for k in range(2 * number):
-                    _bring_one(step, steps, listed[k], count, sources, given, ring)
-        elif step == 0:
-            for k in range(2 * number):
-                _bring_one(0, min(phase, steps), listed[k], count, sources, given, ring)
-        listed = listed[2 * number :]
-    for k in range(runs[SINGLE]):
-        _bring_one(step, step + 1, listed[k], count, sources, given, ring)
 
 
 @native(fast=True, inline=True)

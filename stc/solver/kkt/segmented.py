@@ -21,6 +21,7 @@ from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import SWEEPS, FrontalKKT
 from stc.solver.kkt.lane_panel import KNOWN, PANEL
 from stc.solver.kkt.lane_program import WAYS, Program, effort_of, kind_of, plan_panels
+from stc.solver.kkt.lane_runs import RUN
 from stc.solver.kkt.lane_state import FETCHED, STATE
 from stc.solver.kkt.lane_tables import Layout, code_of, lay_out
 from stc.solver.kkt.lane_values import sizes_of
@@ -265,7 +266,7 @@ class _Part:
         self.known = aligned_zeros(KNOWN)
         self.made = aligned_zeros(8 * PANEL * (widest + PANEL))
         self.work, self.vector = aligned_zeros(16 * widest), aligned_zeros(16 * widest)
-        self.ring = aligned_zeros(8 * lanes.RUN * int(table[:, lanes.ENTRIES].max(initial=0)))
+        self.ring = aligned_zeros(8 * RUN * int(table[:, lanes.ENTRIES].max(initial=0)))
 
     def tables(self, tables: tuple[Any, ...]) -> tuple[Any, ...]:
         """Those of a plan for these groups alone: how many, their fields, what these refer to."""

@@ -18,6 +18,7 @@ from stc.arrays import ranks
 from stc.codegen.native import i32s, i64, i64s, native
 from stc.records import dataclass
 from stc.solver.kkt.arrangement import Couplings, sort_by_key
+from stc.solver.kkt.lane_runs import RUN
 
 __all__ = [
     "Group",
@@ -56,9 +57,8 @@ WORTH = 0.8
 EVENING = 0.015
 SHARED = 5e4
 SMALLER_PART = 0.25
-#: Entries of so many steps are loaded at once where all segments have them at the same places of lines of memory (see
-#: stc.solver.kkt.lane_tables): lengths that are whole multiples of that are worth this share of all.
-RUN = 4
+#: Entries of RUN steps are loaded at once where all segments have them at the same places of lines of memory: lengths
+#: that are whole multiples of that are worth this share of all.
 WHOLE = 0.02
 #: Kinds of codes of entries: inside a stage, with the next stage, with the border, on the diagonal of H; variables
 #: that are held. Without these, a segment that begins right before a waypoint has a matrix without inverse.

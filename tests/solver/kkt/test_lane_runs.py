@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import stc
 from stc.solver import Options, minimize
-from stc.solver.kkt import lane_tables, lanes, segments, structured_kkt
+from stc.solver.kkt import lane_runs, lanes, segments, structured_kkt
 from stc.solver.kkt.segments import LANES
 
 
@@ -51,37 +51,37 @@ def sources(draw):
 def test_each_step_finds_its_own_entries(where):
     steps, entries, _ = where.shape
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lane_tables, "MOST_SINGLE", 1.0)
-        runs = lane_tables._runs(where)
+        patch.setattr(lane_runs, "MOST_SINGLE", 1.0)
+        runs = lane_runs.runs_of(where)
     assert runs is not None
-    listed = np.sort(runs[lanes.LISTED :])
+    listed = np.sort(runs[lane_runs.LISTED :])
     np.testing.assert_array_equal(listed, np.arange(entries))
     memory = np.random.default_rng(0).normal(size=int(where.max(initial=0)) + 1)
-    ring = np.full(8 * lanes.RUN * max(entries, 1), np.nan)
+    ring = np.full(8 * lane_runs.RUN * max(entries, 1), np.nan)
     flat = where.reshape(-1) if entries else np.zeros(1, np.int32)
     for step in range(steps):
-        lanes.bring_entries(step, steps, entries, runs, flat, memory, ring)
-        own = ring[8 * entries * (step % lanes.RUN) :][: 8 * entries].reshape(entries, LANES)
+        lane_runs.bring_entries(step, steps, entries, runs, flat, memory, ring)
+        own = ring[8 * entries * (step % lane_runs.RUN) :][: 8 * entries].reshape(entries, LANES)
         np.testing.assert_array_equal(own, memory[where[step]])
 
 
 def test_runs_are_found_as_long_as_they_are_and_others_left():
     blocks = np.stack([_blocks(16, 3, 2 + 64 * lane, 4, 1) for lane in range(LANES)], axis=2).astype(np.int32)
-    runs = lane_tables._runs(blocks)
-    assert runs[: lanes.LISTED].tolist() == [0, 0, 3, 0, 0, 0, 0]
+    runs = lane_runs.runs_of(blocks)
+    assert runs[: lane_runs.LISTED].tolist() == [0, 0, 3, 0, 0, 0, 0]
     pairs = np.stack([_blocks(16, 3, 128 * lane, 4, 2) for lane in range(LANES)], axis=2).astype(np.int32)
-    runs = lane_tables._runs(pairs)
-    assert runs[: lanes.LISTED].tolist() == [0, 0, 0, 0, 3, 0, 0]
+    runs = lane_runs.runs_of(pairs)
+    assert runs[: lane_runs.LISTED].tolist() == [0, 0, 0, 0, 3, 0, 0]
     shifted = np.stack([_blocks(16, 3, 65 * lane, 4, 1) for lane in range(LANES)], axis=2).astype(np.int32)
-    assert lane_tables._runs(shifted) is None
+    assert lane_runs.runs_of(shifted) is None
 
 
 @pytest.mark.parametrize("spec", ["cart_pole_swing_up", chain(3, relative=False)], ids=["pairs", "fours"])
 def test_factors_are_the_same_bits(monkeypatch, spec):
     found = []
     for many in (0, 10**9):
-        monkeypatch.setattr(lane_tables, "MANY_ENTRIES", many)
-        monkeypatch.setattr(lane_tables, "NOT_NEAR", 0)
+        monkeypatch.setattr(lane_runs, "MANY_ENTRIES", many)
+        monkeypatch.setattr(lane_runs, "NOT_NEAR", 0)
         monkeypatch.setattr(segments, "WHOLE", 1.0)
         monkeypatch.setattr("stc.solver.kkt.reuse.LARGEST", 0)  # nothing is taken over
         systems = []

@@ -1,0 +1,149 @@
+"""Entries of several steps loaded at once by eight segments, where they follow one another in memory.
+
+Kernels leave each entry of four or eight frames next to each other.  To load one step after the other takes eight lines
+of memory for a vector of eight segments, and all of these again for the next step.  Here four steps of an entry are
+loaded and transposed, where all segments begin at the same place of such blocks.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.codegen.native import f64s, i32s, i64, native
+from stc.codegen.native_vector import gather8, spread8, store8
+
+__all__ = ["LISTED", "RUN", "are_worthwhile", "bring_entries", "runs_of"]
+
+Int32s = NDArray[np.int32]
+Int64s = NDArray[np.int64]
+
+#: The entries of RUN steps in a row that follow one another in memory, as kernels leave them, are brought at once. How
+#: many there are is listed first: entries whose runs begin with step 0, 1, 2 and 3 in all lanes; then pairs of entries
+#: that take turns in memory, whose runs are half as many steps and begin with step 0 and 1; then others. After these
+#: numbers come the entries.
+RUN = 4
+PAIRED = RUN
+SINGLE = RUN + RUN // 2
+LISTED = SINGLE + 1
+#: Runs of entries are brought at once where a step has so many of them that their lines leave the memory next to a
+#: processor before the next step, and all together take so many bytes that they leave its own; entries that make no
+#: runs are this share of all at most.
+MANY_ENTRIES = 64
+NOT_NEAR = 2**20
+MOST_SINGLE = 0.25
+
+
+def are_worthwhile(entries: int, given: int) -> bool:
+    """Whether to look for runs of a stage's ``entries``, of all those ``given``."""
+    return entries >= MANY_ENTRIES and 8 * given >= NOT_NEAR
+
+
+def runs_of(sources: Int32s) -> Int32s | None:
+    """Entries of several steps that are brought at once (see ``RUN``); None where few of them can be.
+
+    Args:
+        sources: where each step's entries are in memory, (steps, entries, LANES).
+    """
+    entries = sources.shape[1]
+    ahead = np.diff(sources, axis=0)
+    phase = _phase((ahead == 1).all(axis=2), RUN)
+    of_pair = _phase((ahead == 2).all(axis=2), RUN // 2)
+    first_of = {sources[0, e].tobytes(): e for e in np.flatnonzero((phase < 0) & (of_pair >= 0))}
+    partner = np.full(entries, -1)
+    for e in first_of.values():
+        other = first_of.get((sources[0, e] + 1).tobytes(), -1)
+        if (
+            other >= 0
+            and partner[e] < 0
+            and partner[other] < 0
+            and np.array_equal(sources[:, other], sources[:, e] + 1)
+        ):
+            partner[e], partner[other] = other, e
+    # Of a pair, the first one leads; the other one is wherever that is.
+    leads = np.flatnonzero((partner >= 0) & (sources[0, :, 0] < sources[0, partner, 0]))
+    single = np.flatnonzero((phase < 0) & (partner < 0))
+    if single.size > MOST_SINGLE * entries:
+        return None
+    # In the order of memory.
+    by_place = np.argsort(sources[0, :, 0], kind="stable")
+    in_fours = [by_place[phase[by_place] == k] for k in range(RUN)]
+    leads = by_place[np.isin(by_place, leads)]
+    in_twos = [leads[of_pair[leads] == k] for k in range(RUN // 2)]
+    counts = [part.size for part in (*in_fours, *in_twos, single)]
+    pairs = [np.stack([part, partner[part]], axis=1).reshape(-1) for part in in_twos]
+    return np.concatenate([counts, *in_fours, *pairs, single]).astype(np.int32)
+
+
+def _phase(follows: NDArray[np.bool_], length: int) -> Int64s:
+    """With which step the runs of each entry begin, each of ``length`` steps, or -1, (entries,).
+
+    Args:
+        follows: whether an entry of a step is followed in memory by that of the next one, (steps - 1, entries).
+    """
+    steps = len(follows) + 1
+    phase = np.full(follows.shape[1], -1)
+    for begin in range(length):
+        whole = (steps - begin) // length * length
+        inside = np.arange(begin, begin + whole).reshape(-1, length)[:, :-1].reshape(-1)
+        phase[(phase < 0) & follows[inside].all(axis=0)] = begin
+    return phase
+
+
+@native(inline=True)
+def _bring_one(begin: i64, end: i64, entry: i64, count: i64, sources: i32s, given: f64s, ring: f64s) -> None:
+    """Bring an entry of some steps to where these are in ``ring``; ``sources`` are those of the first step of all."""
+    for step in range(begin, end):
+        store8(ring, 8 * (step % RUN * count + entry), gather8(given, sources, 8 * (step * count + entry)))
+
+
+@native(fast=True)
+def bring_entries(
+    step: i64, steps: i64, count: i64, runs: i32s, sources: i32s, given: f64s, ring: f64s
+) -> None:
+    """Bring the entries of a step, and of the next ones as far as they follow in memory, to ``ring``.
+
+    There, a step has its entries, ``count`` vectors, in the places of the one RUN before, which has been done with.
+    When each number is fetched at its turn, that takes eight lines of memory for a vector, and all of them for the next
+    step again.
+
+    Args:
+        steps: how many there are; runs: see ``RUN``; sources: where each step's entries are in ``given``.
+    """
+    own = sources[8 * step * count :]
+    first = 8 * count * (step % RUN)
+    second = 8 * count * ((step + 1) % RUN)
+    third = 8 * count * ((step + 2) % RUN)
+    fourth = 8 * count * ((step + 3) % RUN)
+    listed = runs[LISTED:]
+    for phase in range(RUN):
+        number = runs[phase]
+        if step % RUN == phase:
+            if step + RUN <= steps:
+                for k in range(number):
+                    at = 8 * listed[k]
+                    spread8(given, own, at, ring, first + at, second + at, third + at, fourth + at)
+            else:
+                for k in range(number):
+                    _bring_one(step, steps, listed[k], count, sources, given, ring)
+        elif step == 0:
+            for k in range(number):
+                _bring_one(0, min(phase, steps), listed[k], count, sources, given, ring)
+        listed = listed[number:]
+    for phase in range(RUN // 2):
+        number = runs[PAIRED + phase]
+        if step % (RUN // 2) == phase:
+            if step + RUN // 2 <= steps:
+                for k in range(number):
+                    one = 8 * listed[2 * k]
+                    other = 8 * listed[2 * k + 1]
+                    spread8(given, own, one, ring, first + one, first + other, second + one, second + other)
+            else:
+                for k in range(2 * number):
+                    _bring_one(step, steps, listed[k], count, sources, given, ring)
+        elif step == 0:
+            for k in range(2 * number):
+                _bring_one(0, min(phase, steps), listed[k], count, sources, given, ring)
+        listed = listed[2 * number :]
+    for k in range(runs[SINGLE]):
+        _bring_one(step, step + 1, listed[k], count, sources, given, ring)
