@@ -60,15 +60,14 @@ def runs_of(sources: Int32s) -> Int32s | None:
             and np.array_equal(sources[:, other], sources[:, e] + 1)
         ):
             partner[e], partner[other] = other, e
-    # Of a pair, the first one leads; the other one is wherever that is.
-    leads = np.flatnonzero((partner >= 0) & (sources[0, :, 0] < sources[0, partner, 0]))
     single = np.flatnonzero((phase < 0) & (partner < 0))
     if single.size > MOST_SINGLE * entries:
         return None
-    # In the order of memory.
+    # In the order of memory; of a pair, the first one leads.
     by_place = np.argsort(sources[0, :, 0], kind="stable")
     in_fours = [by_place[phase[by_place] == k] for k in range(RUN)]
-    leads = by_place[np.isin(by_place, leads)]
+    paired = by_place[partner[by_place] >= 0]
+    leads = paired[sources[0, paired, 0] < sources[0, partner[paired], 0]]
     in_twos = [leads[of_pair[leads] == k] for k in range(RUN // 2)]
     counts = [part.size for part in (*in_fours, *in_twos, single)]
     pairs = [np.stack([part, partner[part]], axis=1).reshape(-1) for part in in_twos]
