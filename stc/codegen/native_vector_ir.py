@@ -67,9 +67,12 @@ def _address(emitter: ExpressionEmitter, node: ast.Call, name: str, count: int) 
     """The address that the first two of ``count`` arguments mean: an array of floats, and a place in it."""
     if len(node.args) != count:
         raise emitter.error(node, f"{name}() takes {count} arguments, not {len(node.args)}")
-    type_, address = emitter.element_address(
-        ast.copy_location(ast.Subscript(node.args[0], node.args[1], ast.Load()), node)
-    )
+    return _place_in(emitter, node, name, node.args[0], node.args[1])
+
+
+def _place_in(emitter: ExpressionEmitter, node: ast.Call, name: str, array: ast.expr, place: ast.expr) -> str:
+    """The address of a place in an array of floats, both of them arguments."""
+    type_, address = emitter.element_address(ast.copy_location(ast.Subscript(array, place, ast.Load()), node))
     if type_ is not Type.F64S:
         raise emitter.error(node, f"{name}() needs an array of floats")
     return address
@@ -125,11 +128,7 @@ def _sums(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
         pairs = list(zip(rows[::2], rows[1::2], strict=True))
         rows = []
         for one, other in pairs:
-            halves = []
-            for lanes in fold:
-                order = ", ".join(f"i32 {lane}" for lane in lanes)
-                shuffle = f"shufflevector {vector} {one}, {vector} {other}, <8 x i32> <{order}>"
-                halves.append(emitter.compute(Type.F64V, shuffle).text)
+            halves = [_shuffled(emitter, vector, one, other, lanes) for lanes in fold]
             rows.append(emitter.compute(Type.F64V, f"fadd {vector} {halves[0]}, {halves[1]}").text)
     return Value(Type.F64V, rows[0])
 
@@ -140,74 +139,69 @@ _TURNS = ((0, 4, 2, 6), (1, 5, 3, 7)), ((0, 1, 4, 5), (2, 3, 6, 7))
 
 def _spread(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
     """spread8: the four numbers at each place are loaded at once, and transposed."""
-    if len(node.args) != 8:
-        raise emitter.error(node, f"{name}() takes 8 arguments, not {len(node.args)}")
-    array = emitter.expression(node.args[0])
-    places, first = emitter.element_address(
-        ast.copy_location(ast.Subscript(node.args[1], node.args[2], ast.Load()), node)
-    )
-    if array.type is not Type.F64S or places is not Type.I32S:
-        raise emitter.error(node, f"{name}() needs an array of floats and one of 32-bit integers")
+    array, first = _places(emitter, node, name, 8)
     vector = "<4 x double>"
-
-    def shuffled(one: str, other: str, lanes: tuple[int, ...]) -> str:
-        order = ", ".join(f"i32 {lane}" for lane in lanes)
-        mask = f"<{len(lanes)} x i32> <{order}>"
-        return emitter.compute(Type.F64V, f"shufflevector {vector} {one}, {vector} {other}, {mask}").text
-
     halves = []
     for half in range(2):
         rows = []
         for lane in range(4 * half, 4 * half + 4):
-            at = emitter.compute(Type.I64, f"getelementptr inbounds i32, ptr {first}, i64 {lane}").text
-            narrow = emitter.compute(Type.I64, f"load i32, ptr {at}, align 4").text
-            place = emitter.compute(Type.I64, f"sext i32 {narrow} to i64").text
-            element = emitter.compute(
-                Type.F64S, f"getelementptr inbounds double, ptr {array.text}, i64 {place}"
-            ).text
+            element = _element(emitter, array, first, lane)
             rows.append(emitter.compute(Type.F64V, f"load {vector}, ptr {element}, align 8").text)
         evens, odds = _TURNS[0]
         low, high = _TURNS[1]
-        pairs = [shuffled(rows[k], rows[k + 1], lanes) for lanes in (evens, odds) for k in (0, 2)]
+        pairs = [
+            _shuffled(emitter, vector, rows[k], rows[k + 1], lanes) for lanes in (evens, odds) for k in (0, 2)
+        ]
         halves.append(
             [
-                shuffled(pairs[0], pairs[1], low),
-                shuffled(pairs[2], pairs[3], low),
-                shuffled(pairs[0], pairs[1], high),
-                shuffled(pairs[2], pairs[3], high),
+                _shuffled(emitter, vector, pairs[k], pairs[k + 1], lanes)
+                for lanes in (low, high)
+                for k in (0, 2)
             ]
         )
     for k in range(4):
-        whole = shuffled(halves[0][k], halves[1][k], tuple(range(8)))
-        type_, address = emitter.element_address(
-            ast.copy_location(ast.Subscript(node.args[3], node.args[4 + k], ast.Load()), node)
-        )
-        if type_ is not Type.F64S:
-            raise emitter.error(node, f"{name}() needs an array of floats")
+        whole = _shuffled(emitter, vector, halves[0][k], halves[1][k], tuple(range(8)))
+        address = _place_in(emitter, node, name, node.args[3], node.args[4 + k])
         emitter.emit(f"store {Type.F64V.ir} {whole}, ptr {address}, align 8")
     return Value(Type.NONE, "")
 
 
-def _by_places(emitter: ExpressionEmitter, node: ast.Call, name: str, stores: bool) -> Value:
-    """gather8 and scatter8: element by element, which is as fast as the instructions for it."""
-    if len(node.args) != 3 + stores:
-        raise emitter.error(node, f"{name}() takes {3 + stores} arguments, not {len(node.args)}")
-    vector = Type.F64V.ir
+def _shuffled(emitter: ExpressionEmitter, vector: str, one: str, other: str, lanes: tuple[int, ...]) -> str:
+    """Lanes of two vectors, those of the second counted on from those of the first."""
+    order = ", ".join(f"i32 {lane}" for lane in lanes)
+    shuffle = f"shufflevector {vector} {one}, {vector} {other}, <{len(lanes)} x i32> <{order}>"
+    return emitter.compute(Type.F64V, shuffle).text
+
+
+def _places(emitter: ExpressionEmitter, node: ast.Call, name: str, count: int) -> tuple[str, str]:
+    """The array of floats and the address of the first place that the first three of ``count`` arguments mean."""
+    if len(node.args) != count:
+        raise emitter.error(node, f"{name}() takes {count} arguments, not {len(node.args)}")
     array = emitter.expression(node.args[0])
     places, first = emitter.element_address(
         ast.copy_location(ast.Subscript(node.args[1], node.args[2], ast.Load()), node)
     )
     if array.type is not Type.F64S or places is not Type.I32S:
         raise emitter.error(node, f"{name}() needs an array of floats and one of 32-bit integers")
+    return array.text, first
+
+
+def _element(emitter: ExpressionEmitter, array: str, first: str, lane: int) -> str:
+    """The address of the element of an array at a place, of those from ``first`` on."""
+    at = emitter.compute(Type.I64, f"getelementptr inbounds i32, ptr {first}, i64 {lane}").text
+    narrow = emitter.compute(Type.I64, f"load i32, ptr {at}, align 4").text
+    place = emitter.compute(Type.I64, f"sext i32 {narrow} to i64").text
+    return emitter.compute(Type.F64S, f"getelementptr inbounds double, ptr {array}, i64 {place}").text
+
+
+def _by_places(emitter: ExpressionEmitter, node: ast.Call, name: str, stores: bool) -> Value:
+    """gather8 and scatter8: element by element, which is as fast as the instructions for it."""
+    vector = Type.F64V.ir
+    array, first = _places(emitter, node, name, 3 + stores)
     value = emitter.convert(emitter.number(node.args[3]), Type.F64V, node) if stores else None
     text = "poison"
     for lane in range(8):
-        at = emitter.compute(Type.I64, f"getelementptr inbounds i32, ptr {first}, i64 {lane}").text
-        narrow = emitter.compute(Type.I64, f"load i32, ptr {at}, align 4").text
-        place = emitter.compute(Type.I64, f"sext i32 {narrow} to i64").text
-        element = emitter.compute(
-            Type.F64S, f"getelementptr inbounds double, ptr {array.text}, i64 {place}"
-        ).text
+        element = _element(emitter, array, first, lane)
         if value is None:
             number = emitter.compute(Type.F64, f"load double, ptr {element}, align 8").text
             text = emitter.compute(

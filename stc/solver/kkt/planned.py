@@ -452,11 +452,9 @@ class PlannedKKT(ByCopies):
             return self._prepare(self._programs(False)[0], slot)
         if number == 1:
             self._found_by_effort = self._programs(True)
-        return (
-            self._prepare(self._found_by_effort[number - 1], slot)
-            if number <= len(self._found_by_effort)
-            else None
-        )
+        if number > len(self._found_by_effort):
+            return None
+        return self._prepare(self._found_by_effort[number - 1], slot)
 
     def _bind_solve(self, plan: Prepared) -> None:
         """Prepare the calls that depend on the rest's factors, too."""
