@@ -6,7 +6,7 @@ constant that shapes nothing binds again in moments; nothing is differentiated o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,25 +147,18 @@ def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Num
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = np.where(slope > 0, low / slope, high / slope), np.where(slope > 0, high / slope, low / slope)
     live = ~dead
-    at, lo, hi = position[live], ends[0][live], ends[1][live]
-    for part in _once(at):
-        tighter = part[lo[part] > into.lower[at[part]]]
-        into.lower[at[tighter]], into.lower_from[at[tighter]] = lo[tighter], bound.relation
-        tighter = part[hi[part] < into.upper[at[part]]]
-        into.upper[at[tighter]], into.upper_from[at[tighter]] = hi[tighter], bound.relation
+    at = position[live]
+    _tighten(np.fmax, into.lower, into.lower_from, at, ends[0][live], bound.relation)
+    _tighten(np.fmin, into.upper, into.upper_from, at, ends[1][live], bound.relation)
 
 
-def _once(positions: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
-    """Splits indices so that no position occurs twice in a part."""
-    left = np.arange(len(positions))
-    while len(left):
-        at = positions[left]
-        if (at[1:] > at[:-1]).all():  # as they mostly are
-            yield left
-            return
-        _, first = np.unique(at, return_index=True)
-        yield left[first]
-        left = np.delete(left, first)
+def _tighten(
+    tighter: np.ufunc, limits: FloatArray, owners: NDArray[np.int64], at: NDArray[np.int64], to: FloatArray, owner: int
+) -> None:  # fmt: skip
+    """Bring limits nearer where the bounds ``to`` are tighter; ``at`` may have positions several times."""
+    before = limits[at]
+    tighter.at(limits, at, to)
+    owners[at[limits[at] != before]] = owner
 
 
 class BoundProgram:
