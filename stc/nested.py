@@ -35,6 +35,7 @@ __all__ = [
     "Fineness",
     "Nested",
     "fewer_frames",
+    "half_way",
     "own_constants",
 ]
 
@@ -59,8 +60,8 @@ found out there, in a few iterations or in as many as from the guess: with three
 as long as without them, with eight times fewer no longer, with more it gains (random motions of eleven kinds)."""
 COARSE = Fineness(20, 8, 1.6), Fineness(40, 16, 1.6), Fineness(80, 32, 1.6)
 """For starts where none is known, one after the other."""
-
-
+APART = 4.0
+"""A motion on so many times as many frames as another one has one half way between."""
 ITERATIONS = 150
 """Where the motion on fewer frames takes more, or that on all frames from there, it is no help."""
 WORSE = 0.05
@@ -81,6 +82,11 @@ class FewerFrames:
 
     constants: Mapping[str, float]
     ratio: float
+
+
+def half_way(few: int, many: int) -> Fineness | None:
+    """What leads to a number of frames between two others; None where these are near each other."""
+    return Fineness(round((few * many) ** 0.5), 1, 1.5) if many >= APART * few else None
 
 
 def own_constants(tree: SpecTree, overrides: Mapping[str, float]) -> list[str]:
@@ -152,6 +158,8 @@ class Nested:
 
     Args:
         coarse: solves the motion on fewer frames.
+        between: solves it half way to all frames, from the motion on fewer, and tells how many times as large its
+            objective is on all frames; None where there is nothing between.
         start: where that leads to on all frames.
         alike: whether a solution on all frames is the motion that it was started from.
         fine: solves on all frames, from the spec's own guess where the start is None.
@@ -159,6 +167,7 @@ class Nested:
     """
 
     coarse: Callable[[Options, Callback | None], Solution]
+    between: Callable[[Solution, Options, Callback | None], tuple[Solution, float] | None]
     start: Callable[[Solution], Start]
     alike: Callable[[Start, Result], bool]
     fine: Callable[[Options, Start | None, Callback | None], Result]
@@ -168,12 +177,14 @@ class Nested:
     _iterations: int = 0
     _factorizations: int = 0
     _stopped: bool = False
+    _promised: float = 0.0  # the objective on all frames, if it is the same motion
 
     def fewer_first(self, ratio: float) -> Result:
         """The result on all frames, iterations and factorisations of all solves counted.
 
         A solve from the motion on fewer frames counts where it is no worse than that promised, or the same motion;
-        otherwise the spec's own guess is tried as well.
+        otherwise the spec's own guess is tried as well. Where it does not get on, it is started anew from the motion
+        half way between.
 
         Args:
             ratio: see :class:`FewerFrames`.
@@ -184,10 +195,12 @@ class Nested:
             return self._counted(self.fine(self._left(), Start(self.start(before).x), self._teller))
         found: Result | None = None
         if before.status == "optimal":
-            quick = replace(self._attempt(), warm_start=True, trusting=False)
-            start = self.start(before)
+            most = min(self._left().max_iterations, 2 * ITERATIONS)
+            quick = replace(self._attempt(), max_iterations=most, warm_start=True, trusting=False)
+            self._promised = ratio * before.objective
+            start = replace(self.start(before), another=self._half_way(before))
             found = self.fine(quick, start, self._teller)
-            promised = ratio * before.objective
+            promised = self._promised
             as_good = found.objective <= promised + WORSE * max(abs(promised), abs(found.objective))
             good = found.status is Status.OPTIMAL and (as_good or self.alike(start, found))
             if good or self._stopped or self._over:
@@ -201,6 +214,27 @@ class Nested:
                 self._count(other)
                 other = replace(found, iterations=0, factorizations=0)
         return self._counted(other)
+
+    def _half_way(self, before: Solution) -> Callable[[int], tuple[Start | None, int]]:
+        """What a solve on all frames from fewer of them gets where it does not get on (see ``Start.another``)."""
+        tried = False
+
+        def another(left: int) -> tuple[Start | None, int]:
+            nonlocal tried
+            if tried or self._over:
+                return None, 0
+            tried = True
+            solved = self.between(before, self._attempt(left), self._afar)
+            if solved is None:
+                return None, 0
+            found, ratio = solved
+            self._note(found)
+            if found.status != "optimal":
+                return None, found.iterations
+            self._promised = ratio * found.objective
+            return self.start(found), found.iterations
+
+        return another
 
     def fewer_for_help(self, own: Start, offered: Callable[[Fineness], bool]) -> Result:
         """The same from the spec's own guess, started anew from fewer frames where it does not get on.
@@ -232,10 +266,13 @@ class Nested:
     def _before(self, most: int = ITERATIONS) -> Solution:
         """The motion on fewer frames, counted; found in so many iterations at ``most``."""
         # Not to a rougher tolerance: multipliers would not tell any more which constraints are active.
-        before = self.coarse(self._attempt(most), self._told_from_afar if self.callback is not None else None)
+        before = self.coarse(self._attempt(most), self._afar)
+        self._note(before)
+        return before
+
+    def _note(self, before: Solution) -> None:
         self._count(before)
         self._stopped = self._stopped or before.status == "interrupted"
-        return before
 
     @property
     def _over(self) -> bool:
@@ -273,6 +310,11 @@ class Nested:
     def _teller(self) -> Callback | None:
         """What the solves are to call; None where nobody wants to know, which saves them the effort."""
         return self._told if self.callback is not None else None
+
+    @property
+    def _afar(self) -> Callback | None:
+        """The same for solves on fewer frames."""
+        return self._told_from_afar if self.callback is not None else None
 
     def _told(self, record: IterationRecord) -> bool:
         """Pass a record on, the iterations before counted."""

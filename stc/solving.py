@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.collecting import collect
-from stc.nested import FINE, FewerFrames, Fineness, Nested
+from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way
 from stc.problem import Problem
 from stc.records import dataclass, field
 from stc.solution import Solution
@@ -154,7 +154,9 @@ class ColdSolve:
         if self.transcription.is_quadratic:  # takes few steps anyway
             return self._fine(self.options, None, self.callback)
         fewer = self._reduce(FINE)
-        nested = Nested(self._coarse, self._follow, self._alike, self._fine, self.options, self.callback)
+        nested = Nested(
+            self._coarse, self._between, self._follow, self._alike, self._fine, self.options, self.callback
+        )
         if fewer is not None:
             return nested.fewer_first(fewer.ratio)
         self._followed = self.transcription.bind(self.problem.constants)
@@ -184,6 +186,30 @@ class ColdSolve:
         small, reduced, given = self._reduced
         _, result = solve(reduced, small.constants, options, None, told, minimizer=self.minimizer)
         return collect(reduced, result, small.constants, given, {})
+
+    def _between(
+        self, motion: Solution, options: Options, told: Callback | None
+    ) -> tuple[Solution, float] | None:
+        """The motion half way from that on fewer frames to all; None where the spec offers none."""
+        assert self._reduced is not None
+        few = self._reduced[0]
+        fineness = half_way(few.n, self.problem.n)
+        fewer = None if fineness is None else self._reduce(fineness)
+        if fewer is None:
+            return None
+        some, reduced, given = self._reduced
+        start, bound = self.model.follow(motion, reduced, some, few)
+        guesses = iter([lambda: Start(reduced.bind(some.constants).x0)])
+
+        def guess(_: int) -> tuple[Start | None, int]:
+            found = next(guesses, None)
+            return None if found is None else found(), 0
+
+        _, result = solve(
+            reduced, some.constants, replace(options, warm_start=True, trusting=False), replace(start, another=guess),
+            told, minimizer=self.minimizer, bound=bound,
+        )  # fmt: skip
+        return collect(reduced, result, some.constants, given, {}), fewer.ratio
 
     def _follow(self, motion: Solution) -> Start:
         """Where it leads to on all frames."""

@@ -124,14 +124,14 @@ def prune(limit: int) -> None:
     folder = directory()
     if folder is None:
         return
-    entries: list[tuple[float, int, Path]] = []
+    entries: list[tuple[float, int, str]] = []
     try:
         with os.scandir(folder) as listing:
             for entry in listing:
                 with contextlib.suppress(OSError):
                     status = entry.stat()
                     if entry.name.endswith(SUFFIX):
-                        entries.append((status.st_mtime, status.st_size, Path(entry.path)))
+                        entries.append((status.st_mtime, status.st_size, entry.path))  # a Path takes long to make
                     elif entry.name.endswith(_TEMPORARY) and time.time() - status.st_mtime > 3600.0:
                         Path(entry.path).unlink()
     except OSError:
@@ -141,5 +141,5 @@ def prune(limit: int) -> None:
         if excess <= 0:
             return
         with contextlib.suppress(OSError):
-            path.unlink()
+            Path(path).unlink()
         excess -= size

@@ -77,6 +77,8 @@ TOO_LITTLE = 0.99
 NEARLY_MET = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 LONG_PATIENCE = 100
+LOST, UNREACHED = 0.1, 2**62
+"""An attempt whose iterates have all violated rows by more than this is nowhere near a solution; no number of steps."""
 LATELY, MUCH_NEARER = 25, 0.1
 """An attempt whose steps are used up gets so many more as long as its error has gone down so much in as many."""
 SHORTEST_FRACTION = 2e-3
@@ -151,6 +153,7 @@ class _Loop:
         self.lagging = LaggingMultipliers(self.work)
         self.drift = Drift(self.work)
         self.last = monitor.iterations + tactics.budget
+        self.judged_at = monitor.iterations + tactics.near if tactics.near else UNREACHED
         self.escapes = self.restorations = 0
         self.early = False
         self.adaptive = tactics.adaptive
@@ -220,7 +223,8 @@ class _Loop:
         if monitor.watched or monitor.is_late or self.stop is not None:
             most = 0
         else:
-            most = max(0, min(self.longest, min(self.last, monitor.limit) - monitor.iterations))
+            until = min(self.last, self.judged_at, monitor.limit)
+            most = max(0, min(self.longest, until - monitor.iterations))
         s[MOST], s[BEST_NEW] = most, 0.0
         s[BEST_KNOWN] = monitor.best is not None
         if monitor.best is not None:
@@ -290,8 +294,13 @@ class _Loop:
         return self.stall.stalled or self.nearest.waited or self._is_over()
 
     def _is_over(self) -> bool:
-        """Whether the attempt has used up its steps; while it converges it gets more."""
+        """Whether the attempt has lost its way, or used up its steps; while it converges it gets more."""
         monitor = self.monitor
+        if monitor.iterations >= self.judged_at:
+            self.judged_at = UNREACHED
+            if monitor.best is None or monitor.best[0] > LOST:
+                self.early = True
+                return True
         if monitor.iterations < self.last:
             return False
         lately = monitor.history[-1 - LATELY :]

@@ -33,6 +33,7 @@ class Tactics:
         adaptive: choose the barrier parameter freely while that makes progress.
         largest_theta: admissible violation, relative to that of the start or to 1.
         budget: steps after which the attempt ends, unless it converges by then.
+        near: steps in which one that begins near a solution meets the rows, at least nearly; 0 where that is not known.
         brief_restorations: those that end where the filter accepts. Where steps fail again after so many, the next ones
             go on to the least violation: on a way between nowhere and nearly there, that tells whether there is a
             feasible point.
@@ -42,6 +43,7 @@ class Tactics:
     adaptive: bool = True
     largest_theta: float = 30.0
     budget: int = 500
+    near: int = 0
     brief_restorations: int = 3
     patient: bool = True
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,8 +42,8 @@ ROUNDING = 1e-12
 DISPROOF = 0.1
 FEWER = 2
 """Brief restorations of the later attempts."""
-SOON = 300
-"""Iterations after which another start is asked for."""
+GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
+"""Before another start is asked for, from a guess and from the same motion on fewer frames."""
 HELPED = 100
 """The same where that was one from fewer frames: from more of them it may take less."""
 
@@ -143,7 +144,13 @@ class _Solve:
     def _solve(self, form: ScaledProblem, x0: Floats) -> Result:
         options = self.options
         if options.warm_start and self.start.row_multipliers is not None:
-            outcome = self._settle(self._warm(form, x0, self.start, options.trusting, Tactics()))
+            outcome = self._settle(
+                self._helped(
+                    form,
+                    FOLLOWED,
+                    lambda tactics: self._warm(form, x0, self.start, options.trusting, tactics),
+                )
+            )
         else:
             outcome = self._settle(self._cold(form, x0))
         ways = [self._feasible_first, self._held_barrier, self._nearby, self._elsewhere][: options.retries]
@@ -184,15 +191,18 @@ class _Solve:
         return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=tactics)
 
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """From the guess; where that does not lead to a solution soon, from another one, if there is one."""
+        """From the guess."""
         if form.quadratic_program and not form.gaps:
             outcome = self._linear_equations(form, x0)
             if outcome is not None:
                 return outcome
+        return self._helped(form, GUESSED, lambda tactics: self._barrier(form, x0, tactics))
+
+    def _helped(self, form: ScaledProblem, first: Tactics, attempt: Callable[[Tactics], Outcome]) -> Outcome:
+        """What an attempt leads to, or another start, if there is one, where that is no solution with ``first``."""
         if self.start.another is None:
-            return self._barrier(form, x0, Tactics())
-        patient = once(is_convex, self.nlp)
-        outcome = self._barrier(form, x0, Tactics(budget=SOON, patient=patient))
+            return attempt(Tactics())
+        outcome = attempt(replace(first, patient=once(is_convex, self.nlp)))
         if outcome.end not in (End.STUCK, End.STATIONARY_VIOLATION) or form.linear:
             return outcome
         if self._is_proof(outcome):

@@ -47,8 +47,10 @@ WINDOW_FULL = 2
 
 #: Rounds over the candidates of a stage before the rest is delayed.
 ROUNDS = 3
-#: Thresholds below this are not tried.
+#: Thresholds below this are not tried: no more unknowns than this are delayed then, which would fill the window, but
+#: the strongest pivots are taken, however weak they are.
 LOWEST_THRESHOLD = 1e-10
+MOST_DELAYED = 128
 
 
 @native(small=True)
@@ -406,19 +408,26 @@ def factorize(
             if hopeless:
                 continue
             forced = -1
-            if last_stage:
-                if not progress and waiting > 0:
-                    exact = False
-                    forced = strongest(
-                        waiting, queue, slots_top, held_from, high, stride, slot, window, found_1, values_1
-                    )
-                    forced_pair = forced < 0
-                    if forced_pair:
-                        forced = -1 - forced
-            elif not progress or rounds >= ROUNDS:
-                if waiting <= delay_limit or needed <= LOWEST_THRESHOLD:
+            due = last_stage and not progress
+            if not last_stage and (not progress or rounds >= ROUNDS):
+                if waiting <= delay_limit:
                     break
-                needed *= 0.1 if progress else 1e-3
+                if needed > LOWEST_THRESHOLD:
+                    needed *= 0.1 if progress else 1e-3
+                elif waiting <= MOST_DELAYED:
+                    break
+                else:
+                    due = True
+            if due and waiting > 0:
+                exact = False
+                forced = strongest(
+                    waiting, queue, end, slots_top, held_from, high, stride, slot, owner, window, found_1, values_1
+                )  # fmt: skip
+                forced_pair = forced < 0
+                if forced_pair:
+                    forced = -1 - forced
+                if values_1[0] == 0.0 and not last_stage:
+                    break
         if not exact:
             counts[STRAYED] += 1
         held = 0

@@ -7,7 +7,7 @@ import pytest
 from solver.kkt.backends import printed_by
 from solver.kkt.kkt_problems import STRUCTURES, Builder, Pattern, Values, generic, sparse_diagonals
 
-from stc.solver.kkt import DenseKKT, FrontalKKT, frontal, pivots
+from stc.solver.kkt import DenseKKT, FrontalKKT, elimination, frontal, pivots
 
 
 def regular(rng: np.random.Generator, frames: int, kind: str) -> Pattern:
@@ -121,6 +121,33 @@ def test_border_without_curvature_does_not_fill_the_window():
     np.testing.assert_allclose(dx, np.full(frames, 1.0 / frames), rtol=1e-9)
     np.testing.assert_allclose(dy, [-1e-5 / frames], rtol=1e-6)
     assert kkt.nnz_factor < 200 * frames
+
+
+@pytest.mark.parametrize("coupling", [1e-11, 1e-13, 3e-15])
+def test_unknowns_that_only_the_last_ones_could_eliminate_do_not_fill_the_window(coupling):
+    """All but a few couple with two border variables and, too weakly for a pivot, with each other."""
+    frames = 400
+    rng = np.random.default_rng(8)
+    u, v = 2 * np.arange(frames), 2 * np.arange(frames) + 1
+    border = np.array([2 * frames, 2 * frames + 1])
+    rows = np.concatenate([v, np.full(frames, border[0]), np.full(frames, border[1]), border])
+    cols = np.concatenate([u, u, v, border])
+    entries = np.concatenate(
+        [coupling * rng.uniform(0.5, 2.0, frames), rng.uniform(0.5, 2.0, 2 * frames), np.ones(2)]
+    )
+    stage = np.append(np.repeat(np.arange(frames), 2), [frames - 1, frames - 1])
+    none, n = np.zeros(0, dtype=np.int64), 2 * frames + 2
+    kkt = FrontalKKT(n, 0, none, none, rows, cols, stage, none)
+    inertia = kkt.factorize(entries, np.zeros(0), np.zeros(n), np.zeros(0))
+    assert sum(inertia) == n
+    if coupling == 1e-11:
+        assert inertia == (frames + 1, frames + 1, 0)
+        rhs = rng.normal(size=n)
+        kkt.solve(rhs, np.zeros(0))
+        assert kkt.last_residual < 1e-9
+    else:
+        assert inertia.zero > 0
+    assert kkt._held_slots <= 4 * elimination.MOST_DELAYED
 
 
 def test_matrices_that_leave_the_plan():
