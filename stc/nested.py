@@ -64,6 +64,8 @@ APART = 4.0
 """A motion on so many times as many frames as another one has one half way between."""
 ITERATIONS = 150
 """Where the motion on fewer frames takes more, or that on all frames from there, it is no help."""
+NEARLY = 1e-4
+"""A motion that violates its constraints by no more is worth another start from there."""
 WORSE = 0.05
 """A solution whose objective is this share above that on fewer frames is another motion, and not the better one, unless
 it is alike: then it is the few frames that have flattered it."""
@@ -152,6 +154,11 @@ def _ways(shaping: Mapping[str, float], most: float, knots: list[int]) -> Iterat
                 return
 
 
+def _uncounted(found: Result) -> Result:
+    """A result whose iterations and factorisations are counted already."""
+    return replace(found, iterations=0, factorizations=0)
+
+
 @dataclass(slots=True)
 class Nested:
     """A solve on all frames and on fewer of them, its limits and what it costs kept over all of that.
@@ -195,25 +202,40 @@ class Nested:
             return self._counted(self.fine(self._left(), Start(self.start(before).x), self._teller))
         found: Result | None = None
         if before.status == "optimal":
-            most = min(self._left().max_iterations, 2 * ITERATIONS)
-            quick = replace(self._attempt(), max_iterations=most, warm_start=True, trusting=False)
-            self._promised = ratio * before.objective
-            start = replace(self.start(before), another=self._half_way(before))
-            found = self.fine(quick, start, self._teller)
-            promised = self._promised
-            as_good = found.objective <= promised + WORSE * max(abs(promised), abs(found.objective))
-            good = found.status is Status.OPTIMAL and (as_good or self.alike(start, found))
+            found, good = self._from_fewer(before, ratio)
             if good or self._stopped or self._over:
                 return self._counted(found)
             self._count(found)
             if self._over:
-                return self._counted(replace(found, iterations=0, factorizations=0))
+                return self._counted(_uncounted(found))
         other = self.fine(self._left(), None, self._teller)
         if found is not None and found.status is Status.OPTIMAL:
             if other.status is not Status.OPTIMAL or found.objective < other.objective:
                 self._count(other)
-                other = replace(found, iterations=0, factorizations=0)
+                other = _uncounted(found)
         return self._counted(other)
+
+    def _from_fewer(self, before: Solution, ratio: float) -> tuple[Result, bool]:
+        """What the motion on fewer frames leads to on all of them, and whether that is a solution, and as promised."""
+        most = min(self._left().max_iterations, 2 * ITERATIONS)
+        quick = replace(self._attempt(), max_iterations=most, warm_start=True, trusting=False)
+        self._promised = ratio * before.objective
+        start = replace(self.start(before), another=self._half_way(before))
+        found = self.fine(quick, start, self._teller)
+        nearly = found.status is not Status.OPTIMAL and found.violation <= NEARLY
+        if nearly and self._as_promised(found) and not self._stopped:
+            # The scales were chosen, and the multipliers come, from far away.
+            self._count(found)
+            if self._over:
+                return _uncounted(found), False
+            found = self.fine(self._attempt(), Start(found.x), self._teller)
+        solved = found.status is Status.OPTIMAL
+        return found, solved and (self._as_promised(found) or self.alike(start, found))
+
+    def _as_promised(self, found: Result) -> bool:
+        """Whether the objective is hardly worse than the motion on fewer frames has promised."""
+        share = WORSE * max(abs(self._promised), abs(found.objective))
+        return bool(found.objective <= self._promised + share)
 
     def _half_way(self, before: Solution) -> Callable[[int], tuple[Start | None, int]]:
         """What a solve on all frames from fewer of them gets where it does not get on (see ``Start.another``)."""

@@ -131,7 +131,9 @@ def prune(limit: int) -> None:
                 with contextlib.suppress(OSError):
                     status = entry.stat()
                     if entry.name.endswith(SUFFIX):
-                        entries.append((status.st_mtime, status.st_size, entry.path))  # a Path takes long to make
+                        entries.append(
+                            (status.st_mtime, status.st_size, entry.path)
+                        )  # a Path takes long to make
                     elif entry.name.endswith(_TEMPORARY) and time.time() - status.st_mtime > 3600.0:
                         Path(entry.path).unlink()
     except OSError:
