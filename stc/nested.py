@@ -217,8 +217,8 @@ class Nested:
 
     def _from_fewer(self, before: Solution, ratio: float) -> tuple[Result, bool]:
         """What the motion on fewer frames leads to on all of them, and whether that is a solution, and as promised."""
-        most = min(self._left().max_iterations, 2 * ITERATIONS)
-        quick = replace(self._attempt(), max_iterations=most, warm_start=True, trusting=False)
+        # Those that are made half way are taken off.
+        quick = replace(self._attempt(3 * ITERATIONS), warm_start=True, trusting=False)
         self._promised = ratio * before.objective
         start = replace(self.start(before), another=self._half_way(before))
         found = self.fine(quick, start, self._teller)
@@ -246,7 +246,7 @@ class Nested:
             if tried or self._over:
                 return None, 0
             tried = True
-            solved = self.between(before, self._attempt(left), self._afar)
+            solved = self.between(before, self._attempt(min(left, 2 * ITERATIONS)), self._afar)
             if solved is None:
                 return None, 0
             found, ratio = solved
@@ -273,7 +273,7 @@ class Nested:
             for fineness in levels:
                 if self._over or not offered(fineness):
                     break
-                before = self._before(left - spent)
+                before = self._before(min(left - spent, ITERATIONS))
                 spent += before.iterations
                 if before.status == "optimal":
                     return self.start(before), spent
@@ -293,6 +293,7 @@ class Nested:
         return before
 
     def _note(self, before: Solution) -> None:
+        """Count a solve on fewer frames, and see whether the user has stopped it."""
         self._count(before)
         self._stopped = self._stopped or before.status == "interrupted"
 
@@ -313,7 +314,7 @@ class Nested:
     def _attempt(self, most: int = ITERATIONS) -> Options:
         """The same for a solve that is given up where it does not get on."""
         left = self._left()
-        return replace(left, max_iterations=min(left.max_iterations, most, ITERATIONS), retries=0)
+        return replace(left, max_iterations=min(left.max_iterations, most), retries=0)
 
     def _count(self, done: Solution | Result) -> None:
         self._iterations += done.iterations

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import stc
-from stc.nested import ITERATIONS, Nested, fewer_frames
+from stc.nested import ITERATIONS, NEARLY, Nested, fewer_frames, half_way
 from stc.pipeline import Model
 from stc.solver import IterationRecord, Options, Result, Start, Status
+from stc.solver.outcome import Tactics
 from stc.solving import ColdSolve
 
 PENDULUM = """
@@ -202,9 +204,31 @@ class Fake:
     def run(self, options: Options | None = None) -> Result:
         start = Start(np.zeros(1), np.zeros(1), np.zeros(1))
         nested = Nested(
-            self.coarse, lambda _: start, lambda *_: self.alike, self.fine, options or Options(), None
-        )
+            self.coarse, self.between, lambda _: start, lambda *_: self.alike, self.fine, options or Options(), None
+        )  # fmt: skip
         return nested.fewer_first(1.0)
+
+    def between(
+        self, before: stc.Solution, options: Options, told: object
+    ) -> tuple[stc.Solution, float] | None:
+        return self.coarse(options, told), 2.0
+
+
+class Lost(Fake):
+    """The same where the first solve on all frames asks for another start as often as there is one."""
+
+    starts = 0
+
+    def fine(self, options: Options, start: Start | None, told: object) -> Result:
+        if start is not None and start.another is not None:
+            left = options.max_iterations
+            while True:
+                found, spent = start.another(left)
+                left -= spent
+                if found is None:
+                    break
+                self.starts += 1
+        return super().fine(options, start, told)
 
 
 def ended(status: Status, objective: float, iterations: int) -> Result:
@@ -298,6 +322,42 @@ def test_what_fails_from_fewer_frames_is_tried_from_the_own_guess(small: Model) 
     assert (result.objective, result.iterations, result.factorizations) == (9.0, 31, 62)
 
 
+def test_where_the_motion_half_way_leads_is_held_against_that(small: Model) -> None:
+    answers = [ended(Status.OPTIMAL, 10.0, 7), ended(Status.OPTIMAL, 20.0, 5)]
+    fake = Lost(small, *answers, ended(Status.OPTIMAL, 41.0, 30))
+    result = fake.run()
+    assert fake.starts == 1
+    assert (result.objective, result.iterations, result.factorizations) == (41.0, 42, 84)
+    fake = Lost(small, *answers, ended(Status.OPTIMAL, 43.0, 30), ended(Status.OPTIMAL, 40.0, 9))
+    assert (fake.run().objective, len(fake.asked)) == (40.0, 4)
+
+
+def test_without_a_motion_half_way_there_is_the_own_guess(small: Model) -> None:
+    fake = Lost(
+        small, ended(Status.OPTIMAL, 1.0, 7), ended(Status.FAILED, 2.0, 4), ended(Status.FAILED, 3.0, 6),
+        ended(Status.OPTIMAL, 9.0, 20),
+    )  # fmt: skip
+    result = fake.run()
+    assert (fake.starts, result.objective, result.iterations) == (0, 9.0, 37)
+
+
+@pytest.mark.parametrize(
+    ("violation", "objective", "near"),
+    [(0.5 * NEARLY, 10.1, True), (2.0 * NEARLY, 10.1, False), (0.0, 12.0, False)],
+)
+def test_what_is_nearly_a_solution_is_started_from_anew(
+    small: Model, violation: float, objective: float, near: bool
+) -> None:
+    failed = replace(ended(Status.FAILED, objective, 4), x=np.ones(1), violation=violation)
+    fake = Fake(small, ended(Status.OPTIMAL, 10.0, 7), failed, ended(Status.OPTIMAL, 10.0, 5))
+    result = fake.run()
+    assert (result.objective, result.iterations) == (10.0, 16)
+    options, start = fake.asked[2]
+    assert not options.warm_start
+    assert (start is not None and start.x[0] == 1.0 and start.another is None) == near
+    assert near or start is None
+
+
 def started(text: str, **options: int) -> tuple[list[str], stc.Solution]:
     """Where a solve was: on fewer frames (far) or on all (near), in the order of the iterations."""
     places: list[str] = []
@@ -314,7 +374,7 @@ def test_a_solve_that_does_not_get_on_is_started_from_fewer_frames(monkeypatch: 
     text = PENDULUM.replace("n = 400", "n = 48")
     assert started(text)[0] == ["near"]
     direct = stc.load(text).solve(fewer_first=False)
-    monkeypatch.setattr("stc.solver.sqp.SOON", 3)
+    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
     places, solution = started(text)
     assert places == ["near", "far", "near"]
     assert solution.status == "optimal"
@@ -327,7 +387,7 @@ def test_the_limit_counts_the_iterations_on_fewer_frames_that_were_to_help(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     model = stc.load(PENDULUM.replace("n = 400", "n = 48"))
-    monkeypatch.setattr("stc.solver.sqp.SOON", 3)
+    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
     needed = model.solve().iterations
     for most in range(1, needed):
         solution = model.solve(max_iterations=most)
@@ -342,7 +402,7 @@ def test_a_solve_that_converges_when_its_steps_are_used_up_goes_on(
 ) -> None:
     text = PENDULUM.replace("n = 400", "n = 48")
     direct = stc.load(text).solve(fewer_first=False)
-    monkeypatch.setattr("stc.solver.sqp.SOON", direct.iterations - 2)
+    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=direct.iterations - 2))
     monkeypatch.setattr("stc.solver.interior.LATELY", lately)
     places, solution = started(text)
     assert places == expected
@@ -353,7 +413,7 @@ def test_a_solve_that_converges_when_its_steps_are_used_up_goes_on(
 def test_where_fewer_frames_do_not_help_the_solve_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     text = PENDULUM.replace("n = 400", "n = 24")  # no fewer will do
     direct = stc.load(text).solve(fewer_first=False)
-    monkeypatch.setattr("stc.solver.sqp.SOON", 3)
+    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
     places, solution = started(text)
     assert places == ["near"]
     assert solution.status == "optimal"
@@ -401,7 +461,7 @@ def test_more_frames_are_tried_where_few_do_not_help(failing: int, monkeypatch: 
         return replace(found, status="failed") if len(tried) <= failing else found
 
     monkeypatch.setattr(Nested, "_before", before)
-    monkeypatch.setattr("stc.solver.sqp.SOON", 3)
+    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
     text = PENDULUM.replace("n = 400", "n = 150")
     places, solution = started(text)
     assert tried == [20, 40, 80][: failing + 1]
@@ -419,10 +479,10 @@ def test_a_start_that_does_not_help_is_followed_by_one_from_more_frames(
     def astray(self: ColdSolve, motion: stc.Solution) -> Start:
         found = follow(self, motion)
         asked.append(motion.n)
-        return Start(found.x + 100.0) if motion.n == 20 else found
+        return replace(found, x=found.x + 100.0) if motion.n == 20 else found
 
     monkeypatch.setattr(ColdSolve, "_follow", astray)
-    monkeypatch.setattr("stc.solver.sqp.SOON", 3)
+    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
     monkeypatch.setattr("stc.solver.sqp.HELPED", 3)
     solution = stc.load(PENDULUM.replace("n = 400", "n = 150")).solve()
     assert asked == [20, 40]
@@ -444,8 +504,57 @@ def test_a_prepared_solve_has_nothing_left_to_derive_or_compile(n: int) -> None:
 def test_a_stop_while_fewer_frames_are_solved_for_help_ends_the_solve(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("stc.solver.sqp.SOON", 3)
+    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
     model = stc.load(PENDULUM.replace("n = 400", "n = 48"))
     solution = model.solve(callback=lambda record: record.x is None)
     assert solution.status == "interrupted"
     assert solution.n == 48
+
+
+def test_half_way_there_are_as_many_times_more_frames_as_all_are_more_than_these() -> None:
+    found = half_way(50, 800)
+    assert found is not None and found.fewest == 200
+    assert half_way(50, 199) is None
+
+
+@pytest.fixture
+def always_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Solves from fewer frames are left to the barrier, and taken for lost after their first step."""
+    monkeypatch.setattr("stc.solver.sqp.NEIGHBOUR_STEPS", 0)
+    monkeypatch.setattr("stc.solver.warm_start.from_neighbour", lambda *_, **__: None)
+    monkeypatch.setattr("stc.solver.active_set.NEAR", 0.0)
+    monkeypatch.setattr("stc.solver.sqp.FOLLOWED", Tactics(near=1))
+    monkeypatch.setattr("stc.solver.interior.LOST", -1.0)
+
+
+def test_a_motion_that_is_lost_on_all_frames_is_solved_half_way(
+    always_lost: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[int] = []
+    between = ColdSolve._between
+
+    def noted(self: ColdSolve, *given: Any) -> Any:
+        found = between(self, *given)
+        assert found is not None
+        tried.append(found[0].n)
+        assert found[0].status == "optimal"
+        return found
+
+    monkeypatch.setattr(ColdSolve, "_between", noted)
+    places, solution = started(PENDULUM)
+    assert tried == [141]
+    assert places == ["far", "near", "far", "near"]
+    assert solution.status == "optimal"
+    direct = stc.load(PENDULUM).solve(fewer_first=False)
+    assert solution.objective == pytest.approx(direct.objective, rel=1e-8)
+
+
+def test_the_limit_counts_the_iterations_half_way(always_lost: None) -> None:
+    model = stc.load(PENDULUM)
+    needed = model.solve().iterations
+    for most in range(1, needed + 1):
+        solution = model.solve(max_iterations=most)
+        assert solution.iterations <= most
+        assert solution.status in ("optimal", "iteration_limit")
+        assert solution.n == 400
+    assert model.solve(max_iterations=needed + 1).status == "optimal"

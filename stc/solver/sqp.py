@@ -44,8 +44,8 @@ FEWER = 2
 """Brief restorations of the later attempts."""
 GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
 """Before another start is asked for, from a guess and from the same motion on fewer frames."""
-HELPED = 100
-"""The same where that was one from fewer frames: from more of them it may take less."""
+HELPED, MOST = 100, 300
+"""The same where that was one from fewer frames: from more of them it may take less; where it was a guess."""
 
 
 def minimize(
@@ -212,11 +212,12 @@ class _Solve:
             self.monitor.limit -= spent  # it counts all of them together
             if start is None:
                 break
-            other = self._from(form, start, Tactics(budget=HELPED, patient=False))
+            followed = start.row_multipliers is not None
+            other = self._from(form, start, Tactics(budget=HELPED if followed else MOST, patient=False))
             if other.end is End.CONVERGED:
                 return other
-        if outcome.early:
-            it = outcome.iterate  # it was on its way
+        if outcome.early and not first.near:  # it was on its way, not lost
+            it = outcome.iterate
             assert it is not None
             mu = inner(it.gap, it.z) / max(1, form.gaps)
             return optimise(form, it, mu, self.options, self.monitor, tactics=Tactics())
