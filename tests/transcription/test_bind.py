@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import stc
-from stc.transcription.bind import BoundProgram
+from stc.transcription.bind import BoundProgram, _tighten
 
 TEXT = """
 constants: n = 40, T = 2, h = T/n;
@@ -65,3 +69,20 @@ def test_frames_that_exclude_each_other_are_told_once() -> None:
     (contradiction,) = program.contradictions
     assert contradiction.gap == pytest.approx(3.5 - 2.0)
     assert contradiction.name == "p"
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 5), st.sampled_from([-math.inf, -1.0, 0.0, 0.5, 2.0, math.nan])), max_size=20
+    )
+)
+def test_bounds_are_intersected_one_by_one_or_at_once(bounds: list[tuple[int, float]]) -> None:
+    limits, owners = np.array([-math.inf, -1.0, 0.0, 0.5, 1.0, math.inf]), np.full(6, -1)
+    expected, belong = limits.copy(), owners.copy()
+    for at, value in bounds:
+        if value > expected[at]:
+            expected[at], belong[at] = value, 7
+    places = np.array([at for at, _ in bounds], dtype=np.int64)
+    _tighten(np.fmax, limits, owners, places, np.array([value for _, value in bounds], dtype=float), 7)
+    np.testing.assert_array_equal(limits, expected)
+    np.testing.assert_array_equal(owners, belong)

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from stc.codegen.calls import chain
 from stc.errors import Source
@@ -16,7 +14,7 @@ from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.solver.evaluator import Part, Scaling
 from stc.transcription import evaluation, transcribe
-from stc.transcription.bind import BoundProgram, _once
+from stc.transcription.bind import BoundProgram
 
 PROBLEMS = Path(__file__).parent.parent / "problems" / "traj"
 
@@ -92,14 +90,3 @@ def test_short_pieces_are_taken_together(
     for some, following in pairwise(together):
         more = [*some, following[0]]
         assert more[-1].end - more[0].begin > outputs or sum(p.operations for p in more) > operations
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.lists(st.integers(0, 8), max_size=20))
-def test_each_place_is_in_as_many_parts_as_it_occurs(places: list[int]) -> None:
-    positions = np.array(places, np.int64)
-    parts = list(_once(positions))
-    for part in parts:
-        assert len(np.unique(positions[part])) == len(part)
-    assert sorted(np.concatenate([np.zeros(0, np.int64), *parts]).tolist()) == list(range(len(places)))
-    assert len(parts) == max((places.count(place) for place in places), default=0)
