@@ -25,13 +25,12 @@ from stc.solver.nlp import Floats
 from stc.solver.products import between
 from stc.solver.projection import Projection, ProjectionPair
 from stc.solver.projection_passes import ACCURATE, CONTRACTION
-from stc.solver.restricted import AGAINST_DEPENDENT_ROWS, DUAL_SHIFT
+from stc.solver.restricted import DUAL_SHIFT
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [
     "Finish",
     "Projection",
-    "lacked_curvature",
     "newton_on_active_set",
     "newton_point",
     "project",
@@ -131,11 +130,6 @@ def newton_point(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None
     pair = _pair_of(form)
     pair.regularity = 0
     return pair.next if pair.start(between(x, *form.true_x), y) and pair.advance() else None
-
-
-def lacked_curvature(form: ScaledProblem) -> bool:
-    """Whether the last active set had no positive curvature as it was, not even without its dependent rows."""
-    return _pair_of(form).regularity > AGAINST_DEPENDENT_ROWS
 
 
 def _pair_of(form: ScaledProblem) -> ProjectionPair:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from stc.records import dataclass
-from stc.solver.active_set import lacked_curvature, newton_on_active_set, newton_point, smaller_multipliers
+from stc.solver.active_set import newton_on_active_set, newton_point, smaller_multipliers
 from stc.solver.convexity import is_convex
 from stc.solver.interior import feasible_first, optimise
 from stc.solver.keeping import give_back, kept_form, key_of, once
@@ -172,19 +172,15 @@ class _Solve:
         x, y, z = x0 / form.x_scale, form.scaled_multipliers(start.row_multipliers), np.zeros(form.n)
         if start.bound_multipliers is not None:
             z = form.scaled_bound_multipliers(start.bound_multipliers)
-        thorough = trusting
         if not trusting:
             outcome = self._by_newton(form, x, y, NEIGHBOUR_STEPS, PATIENCE)
             if outcome is not None:
                 return outcome
             if not form.gaps:  # no other active set to be found
                 return self._barrier(form, x0, tactics)
-            # An active set so wrong that it leaves no positive curvature is hardly ever put right by another one: let
-            # a barrier find that.
-            thorough = lacked_curvature(form)
         from stc.solver.warm_start import from_neighbour
 
-        point = from_neighbour(form, x, y, z, self.options.tolerance, self.monitor, thorough=thorough)
+        point = from_neighbour(form, x, y, z, self.options.tolerance, self.monitor, thorough=trusting)
         it = warm_iterate(form, x, y)
         if point is not None:
             return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it)

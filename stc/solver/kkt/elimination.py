@@ -38,19 +38,18 @@ from stc.solver.kkt.pivots import (
 from stc.solver.kkt.unplanned import adopt, list_rows, only_planned
 from stc.solver.kkt.window import clear, gather, largest
 
-__all__ = ["FACTORS_FULL", "WINDOW_FULL", "factorize"]
+__all__ = ["FACTORS_FULL", "HOPELESS", "WINDOW_FULL", "factorize"]
 
 #: Results of ``factorize``.
 DONE = 0
 FACTORS_FULL = 1
 WINDOW_FULL = 2
+HOPELESS = 3
 
 #: Rounds over the candidates of a stage before the rest is delayed.
 ROUNDS = 3
-#: Thresholds below this are not tried: no more unknowns than this are delayed then, which would fill the window, but
-#: the strongest pivots are taken, however weak they are.
+#: Thresholds below this are not tried.
 LOWEST_THRESHOLD = 1e-10
-MOST_DELAYED = 128
 
 
 @native(small=True)
@@ -139,6 +138,7 @@ def factorize(
     tiny: f64,
     replacement: f64,
     delay_limit: i64,
+    most_held: i64,
     capacity: i64,
     stride: i64,
     held_from: i64,
@@ -198,6 +198,7 @@ def factorize(
         tiny: columns no larger than this, times their growth, are zero pivots.
         replacement: magnitude of what replaces them: plus for variables, minus for rows.
         delay_limit: with more unknowns delayed than this, lower thresholds are accepted.
+        most_held: with more than this that even the lowest threshold refuses, the matrix is given up as singular.
         capacity: room in ``indices`` and in ``factors``.
         stride: slots of the window.
         held_from: first slot for delayed unknowns.
@@ -220,7 +221,8 @@ def factorize(
         counts: results, (COUNTS,).
 
     Returns:
-        0, 1 when the factors are full, 2 when the window is full.
+        0, 1 when the factors are full, 2 when the window is full, 3 when the matrix was given up: all unknowns that are
+        left count as zero pivots then, and nothing can be solved with the factors.
     """
     for k in range(COUNTS):
         counts[k] = 0
@@ -408,26 +410,22 @@ def factorize(
             if hopeless:
                 continue
             forced = -1
-            due = last_stage and not progress
-            if not last_stage and (not progress or rounds >= ROUNDS):
-                if waiting <= delay_limit:
+            if last_stage:
+                if not progress and waiting > 0:
+                    exact = False
+                    forced = strongest(
+                        waiting, queue, slots_top, held_from, high, stride, slot, window, found_1, values_1
+                    )
+                    forced_pair = forced < 0
+                    if forced_pair:
+                        forced = -1 - forced
+            elif not progress or rounds >= ROUNDS:
+                if needed <= LOWEST_THRESHOLD and waiting > most_held:
+                    counts[ZERO] = size - counts[POSITIVE] - counts[NEGATIVE]
+                    return HOPELESS
+                if waiting <= delay_limit or needed <= LOWEST_THRESHOLD:
                     break
-                if needed > LOWEST_THRESHOLD:
-                    needed *= 0.1 if progress else 1e-3
-                elif waiting <= MOST_DELAYED:
-                    break
-                else:
-                    due = True
-            if due and waiting > 0:
-                exact = False
-                forced = strongest(
-                    waiting, queue, end, slots_top, held_from, high, stride, slot, owner, window, found_1, values_1
-                )  # fmt: skip
-                forced_pair = forced < 0
-                if forced_pair:
-                    forced = -1 - forced
-                if values_1[0] == 0.0 and not last_stage:
-                    break
+                needed *= 0.1 if progress else 1e-3
         if not exact:
             counts[STRAYED] += 1
         held = 0

@@ -19,7 +19,7 @@ from stc.solver.kkt.arrangement import (
     window_targets,
 )
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
-from stc.solver.kkt.elimination import FACTORS_FULL, factorize
+from stc.solver.kkt.elimination import FACTORS_FULL, HOPELESS, factorize
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.panel import LARGEST_GROUP, MASKS
 from stc.solver.kkt.planning import Plan, plan_elimination
@@ -70,6 +70,9 @@ HELD_SLOTS = 32
 #: With more unknowns delayed than this, smaller pivots are taken instead: in matrices close to singular they would
 #: gather, hundreds of them, and fill the window.
 DELAYED_FREELY = 8
+#: So many and half a window of unknowns that nothing eliminates tell of a singular matrix: to look at all of them at
+#: every stage would take hundreds of times as long as a factorisation.
+DELAYED_IN_VAIN = 24
 
 
 #: The place of the elimination among the steps, counted from 1.
@@ -438,10 +441,14 @@ class FrontalKKT(ByCopies):
             self._eliminate.floats[self._threshold_at] = self._threshold
             self._eliminate.integers[self._planned_at] = planned
             shortage = self._eliminate()
+            if shortage == HOPELESS:
+                self._window[:] = 0.0
+                break
             if shortage:
                 self._enlarge(shortage)
                 self._bind()
-        self._confirm_zeros()
+        else:
+            self._confirm_zeros()
         self._take_counts()
 
     def _take_counts(self) -> None:
@@ -485,8 +492,9 @@ class FrontalKKT(ByCopies):
         owner, queue, found_1, found_2, found_12 = self._lists
         self._eliminate = factorize.bind(
             size, staging.stages, self.n, self.pivot_threshold, SINGULAR, REPLACEMENT, DELAYED_FREELY,
-            self._capacity, self._stride, self._held_from, True, a.stage_pointers, a.pointers, a.columns,
-            self._values, a.order, self._planned_slot, self._targets, *self._entering, self._inner_top, staging.top,
+            self._held_from // 2 + DELAYED_IN_VAIN, self._capacity, self._stride, self._held_from, True,
+            a.stage_pointers, a.pointers, a.columns, self._values, a.order, self._planned_slot, self._targets,
+            *self._entering, self._inner_top, staging.top,
             *self._plan_arrays, plan.slots, plan.state, plan.state_starts, plan.state_rows, plan.state_columns,
             self._window, *self._panels, MASKS, spread_1, spread_2, self._slot, owner, growth, queue, found_1, found_2,
             found_12, values_1, values_2, first, second, self._pivots, self._starts, self._indices, self._factors,

@@ -220,14 +220,13 @@ def take_two(
 
 @native(small=True)
 def strongest(
-    waiting: i64, queue: i32s, last: i64, top: i64, low: i64, high: i64, stride: i64, slot: i32s, owner: i32s,
-    window: f64s, found: i32s, values: f64s,
+    waiting: i64, queue: i32s, top: i64, low: i64, high: i64, stride: i64, slot: i32s, window: f64s,
+    found: i32s, values: f64s,
 ) -> i64:  # fmt: skip
     """What to eliminate when all thresholds fail and nothing can be delayed (Bunch and Parlett 1971).
 
     Returns the position p with the largest diagonal entry, or -1 - p for a p in the row of the largest other
-    entry, among positions before ``last``, when that is larger by far. The first of ``values`` becomes the magnitude
-    of that entry.
+    entry when that is larger by far.
     """
     diagonal = -1.0
     other = -1.0
@@ -242,9 +241,8 @@ def strongest(
             diagonal = value
             p = queue[place]
         count = gather(row, top, low, high, stride, window, found, values)
-        best = best_partner(count, found, values, owner, last)
-        if best >= 0 and fabs(values[best]) > other:
-            other = fabs(values[best])
+        value = largest(count, values)
+        if value > other:
+            other = value
             pair = queue[place]
-    values[0] = max(diagonal, other)
     return p if diagonal >= BUNCH_PARLETT * other else -1 - pair

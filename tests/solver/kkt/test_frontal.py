@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from solver.kkt.backends import printed_by
 from solver.kkt.kkt_problems import STRUCTURES, Builder, Pattern, Values, generic, sparse_diagonals
 
-from stc.solver.kkt import DenseKKT, FrontalKKT, elimination, frontal, pivots
+from stc.solver.kkt import DenseKKT, FrontalKKT, frontal, pivots
 
 
 def regular(rng: np.random.Generator, frames: int, kind: str) -> Pattern:
@@ -123,10 +124,8 @@ def test_border_without_curvature_does_not_fill_the_window():
     assert kkt.nnz_factor < 200 * frames
 
 
-@pytest.mark.parametrize("coupling", [1e-11, 1e-13, 3e-15])
-def test_unknowns_that_only_the_last_ones_could_eliminate_do_not_fill_the_window(coupling):
-    """All but a few couple with two border variables and, too weakly for a pivot, with each other."""
-    frames = 400
+def waiting_for_the_last(frames: int, coupling: float) -> tuple[list[object], NDArray[np.float64]]:
+    """Unknowns that couple with one of two border variables and, weakly, with each other in pairs; and the entries."""
     rng = np.random.default_rng(8)
     u, v = 2 * np.arange(frames), 2 * np.arange(frames) + 1
     border = np.array([2 * frames, 2 * frames + 1])
@@ -136,18 +135,34 @@ def test_unknowns_that_only_the_last_ones_could_eliminate_do_not_fill_the_window
         [coupling * rng.uniform(0.5, 2.0, frames), rng.uniform(0.5, 2.0, 2 * frames), np.ones(2)]
     )
     stage = np.append(np.repeat(np.arange(frames), 2), [frames - 1, frames - 1])
-    none, n = np.zeros(0, dtype=np.int64), 2 * frames + 2
-    kkt = FrontalKKT(n, 0, none, none, rows, cols, stage, none)
-    inertia = kkt.factorize(entries, np.zeros(0), np.zeros(n), np.zeros(0))
-    assert sum(inertia) == n
-    if coupling == 1e-11:
-        assert inertia == (frames + 1, frames + 1, 0)
-        rhs = rng.normal(size=n)
-        kkt.solve(rhs, np.zeros(0))
-        assert kkt.last_residual < 1e-9
-    else:
-        assert inertia.zero > 0
-    assert kkt._held_slots <= 4 * elimination.MOST_DELAYED
+    none = np.zeros(0, dtype=np.int64)
+    return [2 * frames + 2, 0, none, none, rows, cols, stage, none], entries
+
+
+@pytest.mark.parametrize("coupling", [1.0, 1e-11, 1e-13, 3e-15, 0.0])
+def test_unknowns_that_only_the_last_ones_could_eliminate_do_not_fill_the_window(coupling):
+    frames = 400
+    pattern, entries = waiting_for_the_last(frames, coupling)
+    n, none = 2 * frames + 2, np.zeros(0)
+    kkt = FrontalKKT(*pattern)
+    rhs = np.random.default_rng(9).normal(size=n)
+    for values in (entries, waiting_for_the_last(frames, 1.0)[1]):
+        regular = values is not entries or coupling >= 1e-11
+        inertia = kkt.factorize(values, none, np.zeros(n), none)
+        assert sum(inertia) == n
+        assert (inertia == (frames + 1, frames + 1, 0)) == regular
+        assert regular or inertia.zero > 0
+        kkt.solve(rhs, none)
+        assert not regular or kkt.last_residual < 1e-9
+        assert not np.tril(kkt._window.reshape(kkt._stride, -1)).any()
+    assert kkt._held_slots <= 64
+
+
+def test_a_matrix_that_was_given_up_is_singular_for_the_dense_factorisation_too():
+    pattern, entries = waiting_for_the_last(100, 1e-15)
+    n, none = 202, np.zeros(0)
+    for system in (DenseKKT(*pattern), FrontalKKT(*pattern)):
+        assert system.factorize(entries, none, np.zeros(n), none).zero > 0
 
 
 def test_matrices_that_leave_the_plan():
