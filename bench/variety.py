@@ -1,8 +1,8 @@
 """Solves of random motions of many kinds, beside IPOPT on the very same programs: what is general, and what is not.
 
-    python bench/variety.py [--each 8] [--seed 1] [--only crane,hop] [--time-limit 30] [--list]
+    python bench/variety.py [--each 8] [--seed 1] [--only crane,hop] [--frames 800] [--time-limit 30] [--list]
 
-For every kind (see kinds.py) specs with random constants are drawn.  IPOPT gets each program kernel by kernel
+For every kind (see kinds.py) specs with random constants are drawn, with so many frames where that is asked for.  IPOPT gets each program kernel by kernel
 (casadi_bridge), expanded and with exact derivatives.  Processor time of a solve, set up before; here that of the second
 solve of the program.
 """
@@ -49,11 +49,11 @@ class Ending:
 Pair = tuple[Ending, Ending]
 
 
-def solve(text: str, time_limit: float) -> Pair:
-    """How stc ends on a spec, and how IPOPT does."""
+def solve(text: str, time_limit: float, frames: int | None = None) -> Pair:
+    """How stc ends on a spec, with another number of frames than its own if one is given, and how IPOPT does."""
     from casadi_bridge import ipopt
 
-    model = stc.load(text)
+    model = stc.load(text) if frames is None else stc.load(text, n=frames)
     model.solve(time_limit=time_limit)
     begin = time.process_time()
     ours = model.solve(time_limit=time_limit)
@@ -99,6 +99,7 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=8, help="problems of each kind")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="kinds, such as crane,hop")
+    parser.add_argument("--frames", type=int, help="of each motion, instead of its own number")
     parser.add_argument("--time-limit", type=float, default=30.0, help="seconds, for each solve")
     parser.add_argument("--list", action="store_true", help="also a line for every problem")
     options = parser.parse_args()
@@ -109,7 +110,8 @@ def main() -> None:
     for kind in kinds:
         pairs = []
         for k in range(options.each):
-            pairs.append(solve(kind(np.random.default_rng([options.seed, k])), options.time_limit))
+            text = kind(np.random.default_rng([options.seed, k]))
+            pairs.append(solve(text, options.time_limit, options.frames))
             if options.list:
                 print(kind.__name__, k, *pairs[-1], flush=True)
         rows.append(line(kind.__name__.replace("_", " "), pairs))
