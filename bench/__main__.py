@@ -9,7 +9,8 @@
 Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solution saved), ``evaluator`` and ``lamp``
 (compiled kernels), ``mechanics`` (from a Lagrangian to compiled derivatives), ``scaling`` (growth with the frames),
 ``kkt`` (the linear systems alone, beside MUMPS), ``in_solve`` (factorisations inside whole solves, beside MUMPS in
-IPOPT), ``threads`` (two threads beside one), ``variety`` (random motions of many kinds, beside IPOPT).
+IPOPT), ``threads`` (two threads beside one), ``variety`` (random motions of many kinds, beside IPOPT), ``many_frames``
+(the same with many frames).
 """
 
 from __future__ import annotations
@@ -27,7 +28,17 @@ from bench.peers import report, runner
 from bench.peers.contenders import Contender
 from bench.peers.task import Case
 
-SCRIPTS = ("evaluator", "lamp", "mechanics", "scaling", "kkt", "in_solve", "threads", "variety")
+SCRIPTS = (
+    "evaluator",
+    "lamp",
+    "mechanics",
+    "scaling",
+    "kkt",
+    "in_solve",
+    "threads",
+    "variety",
+    "many_frames",
+)
 PARTS = ("peers", "cold", *SCRIPTS)
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -146,12 +157,13 @@ def script(part: str, options: argparse.Namespace) -> None:
         ],
         "mechanics": ["--quick", "--rounds", "2"] if options.quick else [],
         "variety": ["--each", "2"] if options.quick else [],
+        "many_frames": ["--frames", "800", "--each", "1" if options.quick else "3", "--time-limit", "10"],
         "scaling": [
             *(["--frames", "50,1000,10000"] if options.quick else []),
             *([] if options.dry else ["--plot", str(ROOT / "docs" / "benchmarks_scaling.png")]),
         ],
     }[part]
-    command = [sys.executable, str(ROOT / "bench" / f"{part}.py"), *arguments]
+    command = [sys.executable, str(ROOT / "bench" / f"{SCRIPTS[part]}.py"), *arguments]
     ended = subprocess.run(command, env=runner.environment(), capture_output=True, text=True, check=False)
     if ended.returncode:
         raise SystemExit(ended.stderr)

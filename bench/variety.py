@@ -2,9 +2,9 @@
 
     python bench/variety.py [--each 8] [--seed 1] [--only crane,hop] [--frames 800] [--time-limit 30] [--list]
 
-For every kind (see kinds.py) specs with random constants are drawn, with so many frames where that is asked for.  IPOPT gets each program kernel by kernel
-(casadi_bridge), expanded and with exact derivatives.  Processor time of a solve, set up before; here that of the second
-solve of the program.
+For every kind (see kinds.py) specs with random constants are drawn, with so many frames where that is asked for.  IPOPT
+gets each program kernel by kernel (casadi_bridge), expanded and with exact derivatives.  Processor time of a solve, set
+up before; here that of the second solve of the program.
 """
 
 from __future__ import annotations
