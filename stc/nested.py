@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from math import ceil, gcd
 
 import numpy as np
@@ -36,6 +37,7 @@ __all__ = [
     "Nested",
     "fewer_frames",
     "half_way",
+    "only_once",
     "own_constants",
 ]
 
@@ -89,6 +91,17 @@ class FewerFrames:
 def half_way(few: int, many: int) -> Fineness | None:
     """What leads to a number of frames between two others; None where these are near each other."""
     return Fineness(round((few * many) ** 0.5), 1, 1.5) if many >= APART * few else None
+
+
+def only_once(offer: Callable[[int], tuple[Start | None, int]]) -> Callable[[int], tuple[Start | None, int]]:
+    """For ``Start.another``: what the offer is when it is asked for, and then no more."""
+    offers = iter([offer])
+
+    def another(left: int) -> tuple[Start | None, int]:
+        found = next(offers, None)
+        return (None, 0) if found is None else found(left)
+
+    return another
 
 
 def own_constants(tree: SpecTree, overrides: Mapping[str, float]) -> list[str]:
@@ -220,7 +233,7 @@ class Nested:
         # Those that are made half way are taken off.
         quick = replace(self._attempt(3 * ITERATIONS), warm_start=True, trusting=False)
         self._promised = ratio * before.objective
-        start = replace(self.start(before), another=self._half_way(before))
+        start = replace(self.start(before), another=only_once(partial(self._half_way, before)))
         found = self.fine(quick, start, self._teller)
         nearly = found.status is not Status.OPTIMAL and found.violation <= NEARLY
         if nearly and self._as_promised(found) and not self._stopped:
@@ -237,26 +250,19 @@ class Nested:
         share = WORSE * max(abs(self._promised), abs(found.objective))
         return bool(found.objective <= self._promised + share)
 
-    def _half_way(self, before: Solution) -> Callable[[int], tuple[Start | None, int]]:
+    def _half_way(self, before: Solution, left: int) -> tuple[Start | None, int]:
         """What a solve on all frames from fewer of them gets where it does not get on (see ``Start.another``)."""
-        tried = False
-
-        def another(left: int) -> tuple[Start | None, int]:
-            nonlocal tried
-            if tried or self._over:
-                return None, 0
-            tried = True
-            solved = self.between(before, self._attempt(min(left, 2 * ITERATIONS)), self._afar)
-            if solved is None:
-                return None, 0
-            found, ratio = solved
-            self._note(found)
-            if found.status != "optimal":
-                return None, found.iterations
-            self._promised = ratio * found.objective
-            return self.start(found), found.iterations
-
-        return another
+        if self._over:
+            return None, 0
+        solved = self.between(before, self._attempt(min(left, 2 * ITERATIONS)), self._afar)
+        if solved is None:
+            return None, 0
+        found, ratio = solved
+        self._note(found)
+        if found.status != "optimal":
+            return None, found.iterations
+        self._promised = ratio * found.objective
+        return self.start(found), found.iterations
 
     def fewer_for_help(self, own: Start, offered: Callable[[Fineness], bool]) -> Result:
         """The same from the spec's own guess, started anew from fewer frames where it does not get on.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.collecting import collect
-from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way
+from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way, only_once
 from stc.problem import Problem
 from stc.records import dataclass, field
 from stc.solution import Solution
@@ -180,11 +180,15 @@ class ColdSolve:
         seconds["compile"] += reduced.seconds.pop("compile", 0.0)
         return fewer
 
-    def _coarse(self, options: Options, told: Callback | None) -> Solution:
-        """The motion on fewer frames."""
+    def _coarse(
+        self, options: Options, told: Callback | None, start: Start | None = None, bound: BoundProgram | None = None
+    ) -> Solution:  # fmt: skip
+        """The motion on fewer frames, from their own guess or a start, and the program that was bound for that."""
         assert self._reduced is not None
         small, reduced, given = self._reduced
-        _, result = solve(reduced, small.constants, options, None, told, minimizer=self.minimizer)
+        _, result = solve(
+            reduced, small.constants, options, start, told, minimizer=self.minimizer, bound=bound
+        )
         return collect(reduced, result, small.constants, given, {})
 
     def _between(
@@ -197,19 +201,11 @@ class ColdSolve:
         fewer = None if fineness is None else self._reduce(fineness)
         if fewer is None:
             return None
-        some, reduced, given = self._reduced
+        some, reduced, _ = self._reduced
         start, bound = self.model.follow(motion, reduced, some, few)
-        guesses = iter([lambda: Start(reduced.bind(some.constants).x0)])
-
-        def guess(_: int) -> tuple[Start | None, int]:
-            found = next(guesses, None)
-            return None if found is None else found(), 0
-
-        _, result = solve(
-            reduced, some.constants, replace(options, warm_start=True, trusting=False), replace(start, another=guess),
-            told, minimizer=self.minimizer, bound=bound,
-        )  # fmt: skip
-        return collect(reduced, result, some.constants, given, {}), fewer.ratio
+        guess = only_once(lambda _: (Start(reduced.bind(some.constants).x0), 0))
+        options = replace(options, warm_start=True, trusting=False)
+        return self._coarse(options, told, replace(start, another=guess), bound), fewer.ratio
 
     def _follow(self, motion: Solution) -> Start:
         """Where it leads to on all frames."""

@@ -124,16 +124,14 @@ def prune(limit: int) -> None:
     folder = directory()
     if folder is None:
         return
-    entries: list[tuple[float, int, str]] = []
+    entries: list[tuple[float, int, str]] = []  # a Path takes long to make, and few are deleted
     try:
         with os.scandir(folder) as listing:
             for entry in listing:
                 with contextlib.suppress(OSError):
                     status = entry.stat()
                     if entry.name.endswith(SUFFIX):
-                        entries.append(
-                            (status.st_mtime, status.st_size, entry.path)
-                        )  # a Path takes long to make
+                        entries.append((status.st_mtime, status.st_size, entry.path))
                     elif entry.name.endswith(_TEMPORARY) and time.time() - status.st_mtime > 3600.0:
                         Path(entry.path).unlink()
     except OSError:

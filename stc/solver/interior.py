@@ -77,8 +77,8 @@ TOO_LITTLE = 0.99
 NEARLY_MET = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 LONG_PATIENCE = 100
-LOST, UNREACHED = 0.1, 2**62
-"""An attempt whose iterates have all violated rows by more than this is nowhere near a solution; no number of steps."""
+LOST = 0.1
+"""An attempt whose iterates have all violated rows by more than this is nowhere near a solution."""
 LATELY, MUCH_NEARER = 25, 0.1
 """An attempt whose steps are used up gets so many more as long as its error has gone down so much in as many."""
 SHORTEST_FRACTION = 2e-3
@@ -153,7 +153,7 @@ class _Loop:
         self.lagging = LaggingMultipliers(self.work)
         self.drift = Drift(self.work)
         self.last = monitor.iterations + tactics.budget
-        self.judged_at = monitor.iterations + tactics.near if tactics.near else UNREACHED
+        self.judged_at = monitor.iterations + tactics.near if tactics.near else np.inf
         self.escapes = self.restorations = 0
         self.early = False
         self.adaptive = tactics.adaptive
@@ -221,10 +221,10 @@ class _Loop:
         """Iterate as long as all is as usual, and keep account; what :func:`stc.solver.stages.repeat` returns."""
         work, stages, monitor, s = self.work, self.stages, self.monitor, self.s
         if monitor.watched or monitor.is_late or self.stop is not None:
-            most = 0
+            most = 0.0
         else:
             until = min(self.last, self.judged_at, monitor.limit)
-            most = max(0, min(self.longest, until - monitor.iterations))
+            most = max(0.0, min(self.longest, until - monitor.iterations))
         s[MOST], s[BEST_NEW] = most, 0.0
         s[BEST_KNOWN] = monitor.best is not None
         if monitor.best is not None:
@@ -297,7 +297,7 @@ class _Loop:
         """Whether the attempt has lost its way, or used up its steps; while it converges it gets more."""
         monitor = self.monitor
         if monitor.iterations >= self.judged_at:
-            self.judged_at = UNREACHED
+            self.judged_at = np.inf
             if monitor.best is None or monitor.best[0] > LOST:
                 self.early = True
                 return True
