@@ -408,7 +408,17 @@ class _Solve:
         met = best is not None and best[0] <= self.options.feasibility_tolerance
         if outcome.end is End.STATIONARY_VIOLATION and not met:
             assert isinstance(outcome.form, ScaledProblem)
-            return self._result(Status.INFEASIBLE, point.x, outcome.y * outcome.form.row_scale)
+            from stc.solver.violation_descent import nearer_point
+
+            weights = outcome.form.row_scale
+            y = outcome.y * weights
+            nearer = nearer_point(self.nlp, point.x, y, weights)
+            if nearer is None:
+                return self._result(Status.INFEASIBLE, point.x, y)
+            nothing = np.zeros(self.nlp.m)
+            judged = assess(self.nlp, nearer, nothing)
+            if best is None or judged.violation < best[0]:
+                self.monitor.best = judged.violation, judged.objective, nearer, nothing
         return self._best(Status.FAILED)
 
     def _best(self, status: Status) -> Result:
