@@ -38,6 +38,7 @@ from stc.solver.places import (
     ERROR,
     FARTHEST,
     FEASIBILITY,
+    FREE,
     LENGTH,
     LENGTH_TAKEN,
     MADE,
@@ -288,10 +289,21 @@ class _Loop:
 
     def _open(self) -> bool:
         """Whether products of gaps and multipliers may still hide an error of the objective."""
-        return self.s[PRODUCTS] > GAP * max(1.0, abs(self.it.f))
+        return self.s[PRODUCTS] > self._negligible()
+
+    def _negligible(self) -> float:
+        return GAP * max(1.0, abs(self.it.f))
 
     def _stalled(self) -> bool:
-        return self.stall.stalled or self.nearest.waited or self._is_over()
+        return self.stall.stalled or (self.nearest.waited and not self._wait_longer()) or self._is_over()
+
+    def _wait_longer(self) -> bool:
+        """Whether a held barrier is given more steps to close the gap that was open where the error was least."""
+        s = self.s
+        if s[FREE] or s[PATIENCE] >= LONG_PATIENCE or self.nearest.products() <= self._negligible():
+            return False
+        s[PATIENCE] = LONG_PATIENCE
+        return True
 
     def _is_over(self) -> bool:
         """Whether the attempt has lost its way, or used up its steps; while it converges it gets more."""

@@ -21,6 +21,7 @@ from stc.solver.places import (
     UNMET_STEPS,
     WAITING,
 )
+from stc.solver.products import inner
 from stc.solver.progress_passes import ITS_PATIENCE, MOST_TINY_STEPS
 from stc.solver.workspace import Workspace
 
@@ -49,6 +50,11 @@ class Nearest:
     def waited(self) -> bool:
         """True when that error is acceptable and so many steps as ``s[PATIENCE]`` says have not improved it."""
         return self._work.s[WAITING] >= self._work.s[PATIENCE]
+
+    def products(self) -> float:
+        """The sum of its gaps times multipliers."""
+        w, _, z = self._work.kept
+        return inner(self._work.form.gap(w), z)
 
     def return_to(self) -> None:
         """Make the iterate that one again where its error is acceptable."""

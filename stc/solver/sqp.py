@@ -345,8 +345,9 @@ class _Solve:
 
         A barrier that holds a point off many bounds leaves each of them a product too small to count: together they do.
         """
-        if outcome.end is not End.STUCK:
-            return False
+        return outcome.end is End.STUCK and self._may_gain(point)
+
+    def _may_gain(self, point: _Point) -> bool:
         from stc.solver.dual_estimate import possible_gain
 
         return possible_gain(self.nlp, point.x, point.y, self._assess(point).bound_multipliers) > LARGEST_GAIN
@@ -430,7 +431,7 @@ class _Solve:
             y = np.zeros(self.nlp.m)
         point = _Point(x, y)
         # Where many points are as good, one may have been passed on the way to nowhere.
-        if status is Status.FAILED and self._confirms(point, y):
+        if status is Status.FAILED and self._confirms(point, y) and not self._may_gain(point):
             status = Status.OPTIMAL
         return self._result(status, x, y, at=point)
 
