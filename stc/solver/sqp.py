@@ -420,7 +420,9 @@ class _Solve:
             judged = assess(self.nlp, nearer, nothing)
             if best is None or judged.violation < best[0]:
                 self.monitor.best = judged.violation, judged.objective, nearer, nothing
-        return self._best(Status.FAILED)
+        # Solves on fewer frames may have used up what was left.
+        used_up = self.monitor.iterations >= self.monitor.limit
+        return self._best(Status.ITERATION_LIMIT if used_up else Status.FAILED)
 
     def _best(self, status: Status) -> Result:
         best = self.monitor.best
