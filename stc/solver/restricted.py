@@ -87,4 +87,5 @@ def factorize_restricted(
             return regularity, True
         if regularity == len(shifts) - 1:
             return regularity, False
-        regularity += 1
+        # What is subtracted from the diagonal of the rows makes no eigenvalue positive.
+        regularity = len(shifts) - 1 if inertia.negative > m else regularity + 1

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from scaled_program import dense, scaled
 
+from stc.solver.kkt.contract import Inertia
 from stc.solver.projection import Projection
-from stc.solver.restricted import FIRM, FIRMER, LOOSE, SOFT
+from stc.solver.restricted import FIRM, FIRMER, LOOSE, SOFT, factorize_restricted
 
 
 @pytest.mark.parametrize("active", ["none", "some", "all rows"])
@@ -52,3 +55,42 @@ def test_the_system_on_an_active_set(active: str, seed: int) -> None:
     size = np.abs(step).max()
     np.testing.assert_allclose(step[kept], np.linalg.solve(exact, kkt.rhs[kept]), atol=1e-2 * size)
     assert np.abs(step[~kept]).max(initial=0.0) <= 1e-3 * size
+
+
+class _Dense:
+    """What stands in for the diagonals and for the linear algebra: a matrix in full, and its eigenvalues."""
+
+    def __init__(self, hess: list[list[float]], jac: list[list[float]]) -> None:
+        self.hess, self.jac = np.array(hess), np.array(jac)
+        self.dual = np.zeros(len(jac))
+        self.kkt = self
+        self.shifts: list[tuple[float, float]] = []
+
+    def write(self, shift_x: float, shift_y: float, _firm: float) -> None:
+        self.shifts.append((shift_x, shift_y))
+
+    def refactor(self) -> Inertia:
+        shift_x, shift_y = self.shifts[-1]
+        n, m = len(self.hess), len(self.jac)
+        matrix = np.block([[self.hess + shift_x * np.eye(n), self.jac.T], [self.jac, -shift_y * np.eye(m)]])
+        values = np.linalg.eigvalsh(matrix)
+        counts = [int((values > 1e-14).sum()), int((values < -1e-14).sum())]
+        return Inertia(*counts, n + m - sum(counts))
+
+
+@pytest.mark.parametrize(
+    ("hess", "jac", "reached", "positive", "tried"),
+    [
+        ([[1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0]], 0, True, 1),
+        ([[1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [1.0, 1.0]], 1, True, 2),  # rows that depend on each other
+        ([[0.0, 0.0], [0.0, 0.0]], [[1.0, 1.0]], 2, True, 3),  # flat
+        ([[-1e-10, 0.0], [0.0, -1e-10]], [[1.0, 1.0]], 2, True, 2),  # bent the wrong way by rounding errors
+        ([[-1.0, 0.0], [0.0, -1.0]], [[1.0, 1.0]], 2, False, 2),
+    ],
+)
+def test_shifts_that_cannot_help_are_not_tried(
+    hess: list[list[float]], jac: list[list[float]], reached: int, positive: bool, tried: int
+) -> None:
+    given = _Dense(hess, jac)
+    assert factorize_restricted(cast(Any, given), float(np.abs(given.hess).max())) == (reached, positive)
+    assert len(given.shifts) == tried

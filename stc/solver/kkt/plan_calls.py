@@ -64,7 +64,7 @@ SUITED, REFUSED = 1, 2
 ELIMINATE, EQUILIBRATE, PROBE, END, SOLVE, SOLVE_BOTH, CALLS = 0, 1, 2, 3, 4, 5, 6
 #: Where growth or inverses are larger than is trusted, factors are tried on a right-hand side: the residual, before
 #: refinement, should be no larger than INACCURATE, and the solution no longer than SINGULAR times as much.
-INACCURATE = 1e-6
+INACCURATE = 1e-5
 SINGULAR = 3e9
 #: Where both are below this share of that, factors are not tried again until they are so many times as suspect, but
 #: above this share in any case, ...
