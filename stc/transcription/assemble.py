@@ -41,6 +41,9 @@ from stc.transcription.grid import IntArray
 from stc.transcription.layout import Layout
 from stc.transcription.statements import Statements
 
+AT_ONCE = 1_000_000
+"""Places of outputs that are looked at together."""
+
 
 class _Outputs:
     """Which matrix, and which place in it, each output in a buffer of kernels belongs to."""
@@ -51,38 +54,38 @@ class _Outputs:
         self.cols = np.empty(size, np.int32)
         self.doubled: list[IntArray] = []
 
-    def add(self, matrix: int, rows: IntArray, cols: IntArray, start: int, width: int, output: int) -> None:
-        """One output of the kernel at ``start`` that has ``width``, for all nodes; ``rows``, ``cols`` (nodes,)."""
-        size = len(cols)
-        whole, rest = divmod(size, LANES)
-        given = (self.matrix, np.full(size, matrix)), (self.rows, rows), (self.cols, cols)
-        for entries, values in given:
-            of_kernel = entries[start : start + -(-size // LANES) * width * LANES].reshape(-1, width, LANES)
-            of_kernel[:whole, output] = values[: size - rest].reshape(-1, LANES)
-            if rest:
-                of_kernel[whole, output, :rest] = values[size - rest :]
-
     def add_all(self, group: Group, derivatives: Sequence[Derivative], start: int) -> None:
-        """All outputs of a group's kernel at ``start``."""
-        width = len(derivatives)
-        for k, (matrix, row, column) in enumerate(derivatives):
-            cols = group.positions[column]
-            if matrix == GRADIENT:
-                self.add(matrix, np.zeros(group.size, np.int64), cols, start, width, k)
-            elif matrix == JACOBIAN:
-                self.add(matrix, group.row_ids[row], cols, start, width, k)
-            else:
-                rows = group.positions[row]
-                self.add(matrix, np.maximum(rows, cols), np.minimum(rows, cols), start, width, k)
-                if (
-                    row != column
-                ):  # two inputs that are one unknown at a node: the entry and its mirror count there
-                    self.double(rows == cols, start, width, k)
+        """All outputs of a group's kernel at ``start``, some at a time where there are many nodes."""
+        some = max(1, AT_ONCE // group.size) if group.size else 1
+        for first in range(0, len(derivatives), some):
+            self._add(group, derivatives[first : first + some], start, len(derivatives), first)
 
-    def double(self, where: NDArray[np.bool_], start: int, width: int, output: int) -> None:
-        """Let an output count twice at some nodes; ``where`` (nodes,)."""
-        nodes = np.flatnonzero(where)
-        self.doubled.append(start + (nodes // LANES * width + output) * LANES + nodes % LANES)
+    def _add(
+        self, group: Group, derivatives: Sequence[Derivative], start: int, width: int, first: int
+    ) -> None:
+        """Those from the one of number ``first`` on, of ``width``."""
+        matrix, row, column = np.array(derivatives).T
+        cols = group.positions[column]
+        rows = np.zeros_like(cols)
+        of_jacobian, of_hessian = matrix == JACOBIAN, np.flatnonzero(matrix == HESSIAN)
+        rows[of_jacobian] = group.row_ids[row[of_jacobian]]
+        one, other = group.positions[row[of_hessian]], cols[of_hessian]
+        rows[of_hessian], cols[of_hessian] = np.maximum(one, other), np.minimum(one, other)
+        # Two inputs that are one unknown at a node: the entry and its mirror count there.
+        apart = (row != column)[of_hessian]
+        number, node = np.nonzero((one == other) & apart[:, None])
+        output = first + of_hessian[number]
+        self.doubled.append(start + (node // LANES * width + output) * LANES + node % LANES)
+
+        count, size = cols.shape
+        whole, rest = divmod(size, LANES)
+        kinds = np.repeat(matrix[:, None], size, axis=1)
+        for entries, values in ((self.matrix, kinds), (self.rows, rows), (self.cols, cols)):
+            of_kernel = entries[start : start + -(-size // LANES) * width * LANES].reshape(-1, width, LANES)
+            ours = of_kernel[:, first : first + count]
+            ours[:whole] = values[:, : size - rest].reshape(count, whole, LANES).transpose(1, 0, 2)
+            if rest:
+                ours[whole, :, :rest] = values[:, size - rest :]
 
 
 @dataclass(slots=True)

@@ -71,6 +71,7 @@ class Grid:
         for jump in problem.jumps:
             self.jump[jump.frame] = True
         self.any_jump = bool(self.jump.any())
+        self._known: dict[tuple[int, int, bool], Nodes] = {}
 
     def nodes(self, where: FrameRange, midpoints: bool = True) -> Nodes:
         """The nodes of a statement on ``where``: frames, their sides at jumps, midpoints between them.
@@ -78,7 +79,13 @@ class Grid:
         A range that ends at a jump reads the value before it, one that starts there the value after it; one
         that passes through, or stands on it alone, holds for both.
         """
-        first, last = where.first, where.last
+        key = where.first, where.last, midpoints
+        found = self._known.get(key)
+        if found is None:
+            found = self._known[key] = self._nodes(*key)
+        return found
+
+    def _nodes(self, first: int, last: int, midpoints: bool) -> Nodes:
         frames = np.arange(first, last + 1)
         position, side = 2 * frames, np.zeros(len(frames), np.int64)
         jumps = np.flatnonzero(self.jump[first : last + 1]) + first if self.any_jump else np.zeros(0, int)

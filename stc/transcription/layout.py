@@ -48,6 +48,7 @@ class Layout:
         lengths[n] -= middle
         start = np.concatenate([[0], np.cumsum(lengths)])
         self.two_valued = two_valued
+        self._single = (~two_valued.any(axis=0)).tolist()
         self.before = start[:-1, None] + np.arange(width)
         self.after = np.where(
             two_valued, start[:-1, None] + width + np.cumsum(two_valued, axis=1) - 1, self.before
@@ -70,12 +71,14 @@ class Layout:
             return np.full(len(nodes), self.parameters[ref.name])
         column = self.column[ref.name, ref.order]
         target = _half_frames(ref, nodes)
-        if ref.side:
-            read_after = np.full(len(nodes), SIDES[ref.side] == AFTER)
-        else:
-            read_after = (target < nodes.position) | ((target == nodes.position) & (nodes.side == AFTER))
         frame = target // 2
-        result = np.where(read_after, self.after[frame, column], self.before[frame, column])
+        result = self.before[frame, column]
+        if not self._single[column]:
+            if ref.side:
+                read_after = np.full(len(nodes), SIDES[ref.side] == AFTER)
+            else:
+                read_after = (target < nodes.position) | ((target == nodes.position) & (nodes.side == AFTER))
+            result = np.where(read_after, self.after[frame, column], result)
         at_midpoint = (target & 1).astype(bool)
         if at_midpoint.any():
             result[at_midpoint] = self.middle[frame[at_midpoint], column]

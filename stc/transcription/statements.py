@@ -217,23 +217,29 @@ class Sorter:
         """Drops nodes at which the very same row stands already: the other side of a jump, absolute indices."""
         keys = [k for e in (row.body, row.lower, row.upper) if e is not None for k in symbols(e)]
         fixed = not any(isinstance(k, DataRef) or (isinstance(k, VariableRef) and k.scale != 0) for k in keys)
-        if not fixed and not (row.nodes.side > 0).any():
+        position = row.nodes.position
+        if fixed:
+            among = np.arange(len(row.nodes))
+        else:  # at different places it has different unknowns or data
+            several = position[1:] == position[:-1]
+            among = np.flatnonzero(np.append(several, False) | np.append(False, several))
+        if not among.size:
             return row
-        layout = self.lowering.layout
-        table = [layout.position(k, row.nodes) for k in keys if isinstance(k, VariableRef | ParameterRef)]
+        nodes, layout = row.nodes[among], self.lowering.layout
+        table = [layout.position(k, nodes) for k in keys if isinstance(k, VariableRef | ParameterRef)]
         if any(isinstance(k, DataRef) for k in keys):
-            table.append(row.nodes.position)
+            table.append(nodes.position)
         if not table:
-            table = [np.zeros(len(row.nodes), np.int64)]
+            table = [np.zeros(len(nodes), np.int64)]
         _, first, same = np.unique(np.array(table), axis=1, return_index=True, return_inverse=True)
-        code = 4 * row.nodes.position + row.nodes.side
+        code = 4 * nodes.position + nodes.side
         kept = code[first[same.reshape(-1)]]
         dropped = np.flatnonzero(kept != code)
         standing = dict(zip(code[dropped].tolist(), kept[dropped].tolist()))
         also = {(relation, standing.get(k, k)) for relation, k in row.also}
-        also.update((int(row.relation[k]), int(kept[k])) for k in dropped)
-        first = np.sort(first)
-        return Row(row.body, row.lower, row.upper, row.nodes[first], row.relation[first], row.label, also)
+        also.update((int(row.relation[among[k]]), int(kept[k])) for k in dropped)
+        left = np.delete(np.arange(len(row.nodes)), among[dropped])
+        return Row(row.body, row.lower, row.upper, row.nodes[left], row.relation[left], row.label, also)
 
     def _plain(self, number: int, term: ObjectiveTerm) -> None:
         first, last = term.range.first, term.range.last
