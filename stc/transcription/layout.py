@@ -48,7 +48,7 @@ class Layout:
         lengths[n] -= middle
         start = np.concatenate([[0], np.cumsum(lengths)])
         self.two_valued = two_valued
-        self._single = (~two_valued.any(axis=0)).tolist()
+        self._single = [not column.any() for column in two_valued.T]
         self.before = start[:-1, None] + np.arange(width)
         self.after = np.where(
             two_valued, start[:-1, None] + width + np.cumsum(two_valued, axis=1) - 1, self.before

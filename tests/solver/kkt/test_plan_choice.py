@@ -373,9 +373,9 @@ def test_what_barriers_add_comes_and_goes():
     ("residual", "accurate", "trusted"),
     [
         (1e-12, 1, 0.3),
-        (1e-9, 1, plan_calls.MOST_TRUSTED),
-        (1e-7, 1, planned.SUSPECT),
-        (1e-5, 0, planned.SUSPECT),
+        (1e-8, 1, plan_calls.MOST_TRUSTED),
+        (1e-6, 1, planned.SUSPECT),
+        (1e-4, 0, planned.SUSPECT),
     ],
 )
 def test_factors_are_trusted_as_far_as_they_have_proved_accurate(residual, accurate, trusted):
