@@ -348,6 +348,7 @@ class _Solve:
         return outcome.end is End.STUCK and self._may_gain(point)
 
     def _may_gain(self, point: _Point) -> bool:
+        """Whether the objective may gain there what counts, of all products together."""
         from stc.solver.dual_estimate import possible_gain
 
         return possible_gain(self.nlp, point.x, point.y, self._assess(point).bound_multipliers) > LARGEST_GAIN
@@ -409,20 +410,27 @@ class _Solve:
         met = best is not None and best[0] <= self.options.feasibility_tolerance
         if outcome.end is End.STATIONARY_VIOLATION and not met:
             assert isinstance(outcome.form, ScaledProblem)
-            from stc.solver.violation_descent import nearer_point
-
-            weights = outcome.form.row_scale
-            y = outcome.y * weights
-            nearer = nearer_point(self.nlp, point.x, y, weights)
-            if nearer is None:
+            y = outcome.y * outcome.form.row_scale
+            if not self._falls(point, y, outcome.form.row_scale):
                 return self._result(Status.INFEASIBLE, point.x, y)
-            nothing = np.zeros(self.nlp.m)
-            judged = assess(self.nlp, nearer, nothing)
-            if best is None or judged.violation < best[0]:
-                self.monitor.best = judged.violation, judged.objective, nearer, nothing
         # Solves on fewer frames may have used up what was left.
         used_up = self.monitor.iterations >= self.monitor.limit
         return self._best(Status.ITERATION_LIMIT if used_up else Status.FAILED)
+
+    def _falls(self, point: _Point, y: Floats, weights: Floats) -> bool:
+        """Whether a violation that seems to be stationary, with multipliers ``y`` (m,), falls; the point where it is
+        smaller may be the best then."""
+        from stc.solver.violation_descent import nearer_point
+
+        nearer = nearer_point(self.nlp, point.x, y, weights)
+        if nearer is None:
+            return False
+        nothing = np.zeros(self.nlp.m)
+        judged = assess(self.nlp, nearer, nothing)
+        best = self.monitor.best
+        if best is None or judged.violation < best[0]:
+            self.monitor.best = judged.violation, judged.objective, nearer, nothing
+        return True
 
     def _best(self, status: Status) -> Result:
         best = self.monitor.best
