@@ -36,8 +36,6 @@ from stc.solver.workspace import Step, Workspace
 __all__ = ["Filter", "LineSearch", "barrier_value", "largest_step"]
 
 ITS_SMALL_THETA = 1e-4
-SMALL_VIOLATION = 1e-3
-"""Of each row, on average, however many there are: the violation is their sum."""
 
 
 def barrier_value(f: float, gap: Floats, mu: float) -> float:
@@ -95,7 +93,7 @@ class LineSearch:
         self.work = work
         self._stages = stages_of(work)
         s = work.s
-        scale = max(1.0, work.it.theta, SMALL_VIOLATION * work.form.m)
+        scale = max(1.0, work.it.theta)
         s[SMALL_THETA] = ITS_SMALL_THETA * scale
         s[TINY] = s[SHORTENED] = s[WATCHING] = s[SHORTEST] = 0.0
         self.filter = work.filter
