@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.nlp import NLP, Floats, Ints, Mask
-from stc.solver.residuals import Assessment, assess
+from stc.solver.residuals import Assessment, assess, signed_violations
 
 __all__ = [
     "assess_point",
@@ -67,7 +67,7 @@ def stationary_violation(nlp: NLP, x: Floats, weights: Floats) -> tuple[float, F
         error at a positive violation certifies that no point nearby meets all rows.
     """
     _, r = nlp.values(x)
-    off = np.maximum(r - nlp.row_upper, 0.0) - np.maximum(nlp.row_lower - r, 0.0)
+    off = signed_violations(nlp, r)
     off = np.where(np.isfinite(off), off, 0.0)
     _, jac, _ = nlp.derivatives(x, np.zeros(nlp.m), 0.0)
     terms = jac * (weights * weights * off)[nlp.jac_rows]

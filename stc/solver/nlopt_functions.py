@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from stc.solver.nlp import NLP, Floats
+from stc.solver.residuals import signed_violations
 from stc.solver.scaled_problem import relative_violation
 
 __all__ = ["CONSTRAINT_TOLERANCE", "Functions"]
@@ -125,9 +126,7 @@ class Functions:
         return np.bincount(nlp.jac_cols, weights=terms, minlength=nlp.n)[self.free] * self.unit
 
     def _over(self) -> Floats:
-        nlp = self.nlp
-        over = np.maximum(self.r - nlp.row_upper, 0.0) - np.maximum(nlp.row_lower - self.r, 0.0)
-        return np.asarray(self.row_scale * over)
+        return np.asarray(self.row_scale * signed_violations(self.nlp, self.r))
 
     def violation(self) -> float:
         """Largest relative violation of a row at the current point."""

@@ -13,7 +13,7 @@ from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.passes import multiplier_scale
 
-__all__ = ["Assessment", "Judge", "assess"]
+__all__ = ["Assessment", "Judge", "assess", "signed_violations"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +78,11 @@ def assess(nlp: NLP, x: Floats, y: Floats, z: Floats | None = None) -> Assessmen
     gradient of the Lagrangian where it pushes against a bound nearby.
     """
     return once(Judge, nlp)(x, y, z)
+
+
+def signed_violations(nlp: NLP, r: Floats) -> Floats:
+    """How far rows of the values ``r`` (m,) are outside their bounds, (m,): positive above the upper one."""
+    return np.maximum(r - nlp.row_upper, 0.0) - np.maximum(nlp.row_lower - r, 0.0)
 
 
 def _own(values: Floats) -> Floats:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.nlp import NLP, Floats
+from stc.solver.residuals import signed_violations
 
 __all__ = ["nearer_point"]
 
@@ -53,6 +54,6 @@ def nearer_point(nlp: NLP, x: Floats, y: Floats, weights: Floats) -> Floats | No
 def _violations(nlp: NLP, x: Floats, weights: Floats) -> tuple[Floats, float]:
     """The signed violation of each row, (m,), positive above its upper bound, and the weighted sum of their sizes."""
     r = nlp.values(x)[1]
-    off = np.maximum(r - nlp.row_upper, 0.0) - np.maximum(nlp.row_lower - r, 0.0)
+    off = signed_violations(nlp, r)
     total = float((weights * np.abs(off)).sum())
     return off, total if total == total else np.inf

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.solver.kkt import structured_kkt
+from stc.solver.residuals import signed_violations
 from stc.transcription.bind import BoundProgram
 
 FloatArray = NDArray[np.float64]
@@ -27,7 +28,7 @@ PROBE_SIZE = 1e-2
 def largest_residuals(bound: BoundProgram, x: FloatArray, most: int = 100) -> list[tuple[int, float]]:
     """Rows that ``x`` (n,) misses, the worst first, with what is missing: positive above the upper bound."""
     _, rows = bound.values(x)
-    off = np.maximum(rows - bound.row_upper, 0.0) - np.maximum(bound.row_lower - rows, 0.0)
+    off = signed_violations(bound, rows)
     with np.errstate(invalid="ignore"):
         near = np.where(off > 0.0, bound.row_upper, bound.row_lower)
     relative = np.where(off == 0.0, 0.0, np.abs(off) / np.maximum(1.0, np.abs(near)))

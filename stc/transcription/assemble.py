@@ -56,7 +56,7 @@ class _Outputs:
 
     def add_all(self, group: Group, derivatives: Sequence[Derivative], start: int) -> None:
         """All outputs of a group's kernel at ``start``, some at a time where there are many nodes."""
-        some = max(1, AT_ONCE // group.size) if group.size else 1
+        some = max(1, AT_ONCE // max(1, group.size))
         for first in range(0, len(derivatives), some):
             self._add(group, derivatives[first : first + some], start, len(derivatives), first)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from symbolic_program import SymbolicProgram
@@ -9,23 +11,14 @@ from symbolic_program import SymbolicProgram
 import stc
 from stc.solver.violation_descent import nearer_point
 
-BEAM = """
-constants: n = {n}, h = 1/n;
-variables: x, w;
-constraints:
-  [0, n]: x'''' = w;
-  [0]: x; x';
-  [n]: x; x';
-  [n/2]: x = -0.01;
-objective: [2, n - 2]: h*w^2;
-"""
+BEAM = Path(__file__).parents[1] / "problems" / "traj" / "beam_load.stc"
 
 
 @pytest.mark.filterwarnings("ignore:.*uncoupled")
 @pytest.mark.parametrize("n", [1200, 5000])
 def test_a_load_for_every_shape_is_not_called_infeasible(n: int) -> None:
     """Any x has a load w; slopes of w are 1e-8 of those of x in the scale of the rows."""
-    solution = stc.load(BEAM.format(n=n)).solve()
+    solution = stc.load(BEAM).solve(n=n)
     assert solution.status == "failed" or solution.objective == pytest.approx(9.925, rel=1e-3)
     assert solution.violation < 1e-6
 
