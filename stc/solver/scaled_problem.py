@@ -57,7 +57,7 @@ class ScaledProblem(Formulation):
         new_kkt: Callable[..., KKTSystem],
         objective_factor: float = 1.0,
     ) -> None:
-        """Scale ``nlp`` at ``x0`` (n,), a point where it is defined."""
+        """Scale ``nlp`` at ``x0`` (n,), a point where it is defined; the objective by ``objective_factor`` as well."""
         self.nlp = nlp
         self.n, self.m = nlp.n, nlp.m
         self.x_scale = np.ones(self.n)
@@ -67,6 +67,8 @@ class ScaledProblem(Formulation):
         self._held_user = nlp.x_lower == nlp.x_upper
         if options.scaling:
             self._choose_scales(x0)
+        self.objective_factor = objective_factor
+        self.objective_scale *= objective_factor
         self._combine_scales()
         lower, upper = nlp.x_lower / self.x_scale, nlp.x_upper / self.x_scale
         row_lower, row_upper = nlp.row_lower * self.row_scale, nlp.row_upper * self.row_scale

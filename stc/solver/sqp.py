@@ -40,6 +40,9 @@ LARGEST_MULTIPLIER = 1e12
 LARGEST_GAIN = 1e-6
 ROUNDING = 1e-12
 DISPROOF = 0.1
+DIVIDED, SHARED = 1e-3, 0.25
+"""Rows that are multiplied by so little in the mean leave the objective too heavy beside them; the power of that by
+which it is multiplied, too."""
 FEWER = 2
 """Brief restorations of the later attempts."""
 GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
@@ -84,6 +87,11 @@ def minimize(
 def _contradicts(nlp: NLP) -> bool:
     """Whether two bounds do."""
     return bool(np.any(nlp.x_lower > nlp.x_upper) or np.any(nlp.row_lower > nlp.row_upper))
+
+
+def _mean_row_scale(form: ScaledProblem) -> float:
+    """The geometric mean of what the rows are multiplied by."""
+    return float(np.exp(np.log(form.row_scale).mean())) if form.m else 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,10 +164,10 @@ class _Solve:
         ways = [self._feasible_first, self._held_barrier, self._nearby, self._elsewhere][: options.retries]
         if form.many_gaps and ways:
             ways.insert(0, self._otherwise)
+        if _mean_row_scale(form) < DIVIDED and ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED):
+            outcome = self._better(outcome, self._lighter(form, x0))
         for again in ways:
-            if outcome.end in (End.CONVERGED, End.UNBOUNDED):
-                break
-            if self._is_proof(outcome):
+            if outcome.end in (End.CONVERGED, End.UNBOUNDED) or self._is_proof(outcome):
                 break
             outcome = self._better(outcome, self._settle(again(form, x0)))
         return self._conclude(outcome)
@@ -264,6 +272,30 @@ class _Solve:
             return None
         return Outcome(End.CONVERGED, form, point.x.copy(), point.y.copy(), point.error)
 
+    def _lighter(self, form: ScaledProblem, x0: Floats) -> Outcome:
+        """From the guess, the objective divided like the rows, in part, and small pivots trusted.
+
+        Where differences over short intervals make rows large, multipliers are as many times larger beside an objective
+        that is not divided, and matrices singular to working precision: fourth differences on 240 frames are.
+        """
+        factor = _mean_row_scale(form) ** SHARED
+        lighter = self._scaled_anew(form, x0, factor)
+        kkt = lighter.attached_kkt
+        kkt.trust_small_pivots(True)
+        try:
+            outcome = None
+            if lighter.quadratic_program and not lighter.gaps:
+                outcome = self._linear_equations(lighter, x0)
+            if outcome is None:
+                options = replace(self.options, tolerance=factor * self.options.tolerance)
+                it = cold_iterate(lighter, x0 / lighter.x_scale, by_gaps=True)
+                outcome = optimise(
+                    lighter, it, options.initial_barrier, options, self.monitor, tactics=Tactics()
+                )
+            return self._settle(outcome)
+        finally:
+            kkt.trust_small_pivots(False)
+
     def _otherwise(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start at the same point with other multipliers."""
         return self._barrier(form, x0, Tactics(), by_gaps=False)
@@ -332,20 +364,27 @@ class _Solve:
                     outcome.end = End.CONVERGED
                 return outcome
             before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None
-            kkt = outcome.form.kkt
-            form = self.form = ScaledProblem(self.nlp, point.x, self.options, lambda *_, kkt=kkt: kkt)
+            form = self._scaled_anew(form, point.x, form.objective_factor)
             it = warm_iterate(form, point.x / form.x_scale, form.scaled_multipliers(point.y))
             outcome = optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=Tactics())
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome
 
+    def _scaled_anew(self, form: ScaledProblem, x: Floats, objective_factor: float) -> ScaledProblem:
+        """The problem scaled at another point ``x`` (n,), with the linear algebra of ``form``."""
+        self.form = ScaledProblem(self.nlp, x, self.options, lambda *_: form.kkt, objective_factor)
+        return self.form
+
     def _stalled_short(self, outcome: Outcome, point: _Point) -> bool:
-        """Whether the iteration stalled where the objective may still gain.
+        """Whether the iteration stalled where the objective may still gain, or ended where a lighter one does not tell.
 
         A barrier that holds a point off many bounds leaves each of them a product too small to count: together they do.
         """
-        return outcome.end is End.STUCK and self._may_gain(point)
+        form = outcome.form
+        assert isinstance(form, ScaledProblem)
+        doubtful = outcome.end is End.STUCK or form.objective_factor < 1.0
+        return doubtful and self._may_gain(point)
 
     def _may_gain(self, point: _Point) -> bool:
         """Whether the objective may gain there what counts, of all products together."""

@@ -17,10 +17,13 @@ BEAM = Path(__file__).parents[1] / "problems" / "traj" / "beam_load.stc"
 @pytest.mark.filterwarnings("ignore:.*uncoupled")
 @pytest.mark.parametrize("n", [1200, 5000])
 def test_a_load_for_every_shape_is_not_called_infeasible(n: int) -> None:
-    """Any x has a load w; slopes of w are 1e-8 of those of x in the scale of the rows."""
+    """Any x has a load w; slopes of w are 1e-8 of those of x in the scale of the rows.
+
+    Terms of n^4 times 0.06 leave a violation of some rounding units of them, which is beyond the tolerance.
+    """
     solution = stc.load(BEAM).solve(n=n)
     assert solution.status == "failed" or solution.objective == pytest.approx(9.925, rel=1e-3)
-    assert solution.violation < 1e-6
+    assert solution.violation < 5.0 * 0.06 * n**4 * 2.0**-53
 
 
 def test_a_small_coefficient_meets_the_row() -> None:

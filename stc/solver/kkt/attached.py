@@ -49,6 +49,8 @@ class _Copying:
     def last_residual(self) -> float:
         return self._kkt.last_residual
 
+    def trust_small_pivots(self, trusted: bool) -> None: ...
+
     def factorize(
         self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
     ) -> Inertia:

@@ -112,6 +112,8 @@ class _Nothing:
 
     def restart(self) -> None: ...
 
+    def trust_small_pivots(self, trusted: bool) -> None: ...
+
     def refactor(self) -> Inertia:
         return Inertia(0, 0, 0)
 

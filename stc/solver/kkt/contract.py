@@ -140,6 +140,12 @@ class AttachedKKT(KKTSystem, Protocol):
             NotFinite: a value is not finite.
         """
 
+    def trust_small_pivots(self, trusted: bool) -> None:
+        """Whether a matrix is regular from now on if its smallest pivots are right in their leading digits.
+
+        Otherwise, and to begin with, it is singular when it is so to working precision: most are better taken for it.
+        """
+
     @property
     def inertia(self) -> NDArray[np.int64]:
         """What ``attempt_call`` found, (3,)."""

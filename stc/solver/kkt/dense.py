@@ -114,6 +114,9 @@ class DenseKKT(ByCopies):
         negative = int((self._eigenvalues < -SINGULAR).sum())
         return Inertia(positive, negative, self.n + self.m - positive - negative)
 
+    def trust_small_pivots(self, trusted: bool) -> None:
+        """See ``AttachedKKT.trust_small_pivots``: it has none."""
+
     def check_solution(self) -> bool:
         """See ``AttachedKKT.check_solution``: there is nothing more careful."""
         self.last_residual = float(self.report[0])

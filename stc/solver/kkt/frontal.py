@@ -41,6 +41,8 @@ HIGHEST_THRESHOLD = 0.3
 SINGULAR = 3e-14
 #: Magnitude of the pivot that takes the place of a zero one.
 REPLACEMENT = 1e-8
+#: Where small pivots are trusted, those that exceed the noise in them so many times are not zero.
+CERTAIN, NEVER = 1e3, 1e300
 #: Sweeps of equilibration at most. Each takes the root of what is left to do: shifts of 1e40 need them all, and where
 #: they were too few, regular matrices came out as singular.
 SWEEPS = 12
@@ -145,6 +147,7 @@ class FrontalKKT(ByCopies):
         self.nnz_factor = 0
         self.last_residual = 0.0
         self.pivot_threshold = PIVOT_THRESHOLD
+        self._certain = np.array([NEVER])
         self._pattern = self._couplings = couplings
         self._present = np.zeros(couplings.first.size, dtype=bool)
         self._is_part = part
@@ -199,6 +202,11 @@ class FrontalKKT(ByCopies):
             self.account[attempts.WASTED] = wasted
         self._scale[:] = 1.0
         self._factorized = False
+        self._certain[0] = NEVER
+
+    def trust_small_pivots(self, trusted: bool) -> None:
+        """See ``AttachedKKT.trust_small_pivots``."""
+        self._certain[0] = CERTAIN if trusted else NEVER
 
     @property
     def factorizations(self) -> int:
@@ -506,8 +514,8 @@ class FrontalKKT(ByCopies):
             np.frombuffer(memoryview(self._eliminate.integers), dtype=np.int64),
         )  # fmt: skip
         self._confirm_zeros = confirm_zeros.bind(
-            size, self.n, REPLACEMENT, a.order, a.pointers, a.columns, self._values, self._pivots, self._starts,
-            self._indices, self._factors, self._inverse, self._zeros, *self._vectors[:2], self._counts,
+            size, self.n, REPLACEMENT, self._certain, a.order, a.pointers, a.columns, self._values, self._pivots,
+            self._starts, self._indices, self._factors, self._inverse, self._zeros, *self._vectors[:2], self._counts,
         )  # fmt: skip
         self._parts = [np.zeros(self._stride + 2 * LANES) for _ in range(2)]
         both = (

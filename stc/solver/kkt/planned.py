@@ -89,6 +89,8 @@ class Rest(Protocol):
 
     def restart(self) -> None: ...
 
+    def trust_small_pivots(self, trusted: bool) -> None: ...
+
 
 def new_state(factors: Floats) -> Floats:
     """What an elimination needs to know and tells (see stc.solver.kkt.lane_state), for factors of that size."""
@@ -153,6 +155,7 @@ class PlannedKKT(ByCopies):
         self._tally[plan_calls.FRESH] = 1
         self._rest = rest
         self._whole: FrontalKKT | None = None
+        self._trusts_small_pivots = False
         self._eliminated = size - left
         self._added = (size - couplings.size) // 2
         self._probe_rhs = np.copysign(1.0, scattered(size))
@@ -231,6 +234,14 @@ class PlannedKKT(ByCopies):
         self._rest.restart()
         if self._whole is not None:
             self._whole.restart()
+        self._trusts_small_pivots = False
+
+    def trust_small_pivots(self, trusted: bool) -> None:
+        """See ``AttachedKKT.trust_small_pivots``."""
+        self._trusts_small_pivots = trusted
+        self._rest.trust_small_pivots(trusted)
+        if self._whole is not None:
+            self._whole.trust_small_pivots(trusted)
 
     @property
     def operations(self) -> int:
@@ -437,6 +448,7 @@ class PlannedKKT(ByCopies):
     def _refactor_whole(self) -> Inertia:
         if self._whole is None:
             self._whole = FrontalKKT.of_couplings(self._couplings, self._stage, self._arrays)
+            self._whole.trust_small_pivots(self._trusts_small_pivots)
         inertia = self._whole.refactor()
         self.nnz_factor = self._whole.nnz_factor
         calls = self._whole.solve_call, self._whole.solve_both_call

@@ -84,6 +84,10 @@ class StructuredKKT(ByCopies):
         """Forget all matrices, as if new, but not the plan."""
         self.system.restart()
 
+    def trust_small_pivots(self, trusted: bool) -> None:
+        """See ``AttachedKKT.trust_small_pivots``."""
+        self.system.trust_small_pivots(trusted)
+
     @property
     def factorizations(self) -> int:
         """How many matrices have been factorised so far."""
