@@ -164,7 +164,7 @@ class _Solve:
         ways = [self._feasible_first, self._held_barrier, self._nearby, self._elsewhere][: options.retries]
         if form.many_gaps and ways:
             ways.insert(0, self._otherwise)
-        if _mean_row_scale(form) < DIVIDED and ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED):
+        if ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED) and _mean_row_scale(form) < DIVIDED:
             outcome = self._better(outcome, self._lighter(form, x0))
         for again in ways:
             if outcome.end in (End.CONVERGED, End.UNBOUNDED) or self._is_proof(outcome):
