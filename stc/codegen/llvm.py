@@ -12,8 +12,8 @@ A kernel runs over blocks of :data:`LANES` instances, or over pairs of blocks wh
 
 The order of the tape is kept: inputs are fetched at the first use of their run and outputs stored as soon as they
 are known, so that few values are alive at once; :mod:`stc.codegen.residency` decides which of them stay in
-registers.  The IR needs no optimisation passes: common subexpressions are shared and constants folded already,
-and multiply-adds are fused by the back end, which the ``contract`` flags allow.
+registers.  The IR needs no optimisation passes: common subexpressions are shared, constants folded and multiply-adds
+fused already.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from typing import Final
 
 from stc.codegen.engine import LANES
 from stc.codegen.fetching import fetch
+from stc.codegen.fusion import find_fused
 from stc.codegen.operations import WRITTEN_OUT, MathFunctions, Operations, function_length
 from stc.codegen.residency import Residency, operands
 from stc.codegen.runs import RUN, Runs
@@ -67,9 +68,11 @@ class _Kernel:
         self.shared = self._once_per_call()
         self.inputs = self._listed_inputs()
         self.kept = runs.kept_rows(tape)
+        self.fused = find_fused(tape) if fused else {}
         # four registers are for what goes on inside one operation
         self.residency = Residency(
             tape,
+            self.fused,
             self.vector,
             max(registers - 4, TOGETHER + 2),
             self.shared,
@@ -204,14 +207,23 @@ class _Kernel:
         angles = dict.fromkeys(a for op, a, _ in tape.ops[tape.n_uniform_ops :] if op in CIRCULAR)
         if self.functions.called:
             angles.clear()
+        absorbed = {one.product for one in self.fused.values()}
         for number in range(tape.n_uniform_ops, len(tape.ops)):
             op, a, b = tape.ops[number]
             slot = tape.first_op + number
             made: list[tuple[int, str]] = []
-            if slot not in known:
-                first = residency.operand(a, (a, b))
-                second = "" if b < 0 else first if b == a else residency.operand(b, (a, b))
-                for read in operands(tape, number):
+            reads = () if number in absorbed else operands(tape, self.fused, number)
+            if number in self.fused:
+                register = {read: residency.operand(read, reads) for read in reads}
+                one = self.fused[number]
+                for read in reads:
+                    residency.used(read)
+                terms = (register[part] for part in (one.first, one.second, one.other))
+                made.append((slot, each.emit_fused(one, *terms)))
+            elif slot not in known and reads:
+                first = residency.operand(a, reads)
+                second = "" if b < 0 else first if b == a else residency.operand(b, reads)
+                for read in reads:
                     residency.used(read)
                 if each.calls(op, a):
                     residency.vacate()
@@ -236,12 +248,12 @@ class _Kernel:
                             made.append((partner, each.circular(angle, first)[other == "cos"]))
                             known.add(partner)
             else:
-                for read in operands(tape, number):
+                for read in reads:
                     residency.used(read)
-            for result, register in made:
+            for result, its_register in made:
                 if result in rows:
-                    self._store(rows[result], register)
-                residency.hold(result, register)
+                    self._store(rows[result], its_register)
+                residency.hold(result, its_register)
             if number % _PART == _PART - 1:
                 self._new_part(number)
         for slot, where in rows.items():

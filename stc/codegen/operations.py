@@ -4,9 +4,7 @@ An elementary function written out is a hundred instructions, a power two hundre
 would be most of a kernel, and compiling them (the register allocation above all) most of the time to start.
 So they become functions of the module, compiled once and called with vectors in registers; such a call loses
 what the caller holds in registers, so :mod:`stc.codegen.residency` moves that to memory first.  The functions'
-instructions are the same either way; around them a product may be rounded before it is added in one form and
-not in the other, since a value that goes to memory is not fused into a multiply-add.  Which form it is
-depends on the tapes alone, so that equal problems give equal code.
+instructions are the same either way.
 """
 
 from __future__ import annotations
@@ -14,14 +12,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from stc.codegen.fusion import Fused
 from stc.codegen.tape import CIRCULAR, Tape
 from stc.codegen.vector import Vector
 from stc.codegen.vector_math import BINARY, UNARY, sine_cosine, sines_cosines
 
 _ARITHMETIC: Final = {
-    "add": "fadd contract",
-    "sub": "fsub contract",
-    "mul": "fmul contract",
+    "add": "fadd",
+    "sub": "fsub",
+    "mul": "fmul",
     "div": "fdiv",
 }
 
@@ -140,6 +139,13 @@ class Operations:
             pair = self.circular(slot, a)
             return vector.div(*pair) if op == "tan" else pair[op == "cos"]
         return self._functions.value(vector, op, *((a,) if op in UNARY else (a, b)))
+
+    def emit_fused(self, fused: Fused, first: str, second: str, other: str) -> str:
+        """A sum together with the product that it takes in."""
+        vector = self.vector
+        if fused.negates_product:
+            first = vector.neg(first)
+        return vector.exact_fma(first, second, vector.neg(other) if fused.negates_other else other)
 
     def circular_together(self, slots: Sequence[int], angles: Sequence[str]) -> None:
         """Compute sines and cosines of some slots step by step, for ``circular`` to return."""

@@ -8,8 +8,9 @@ allocator was made for unknown futures, makes compilation four times faster and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Callable, Set
 
+from stc.codegen.fusion import Fused
 from stc.codegen.tape import Tape
 from stc.codegen.vector import Vector
 
@@ -21,6 +22,7 @@ class Residency:
 
     Args:
         tape: the program; its per-instance part is meant.
+        fused: its sums that take in a product.
         vector: receives the instructions that move values.
         capacity: how many values may stay in registers between two operations.
         shared: slot -> place of the values that lie in memory from the start, in ``%shared``.
@@ -32,6 +34,7 @@ class Residency:
     def __init__(
         self,
         tape: Tape,
+        fused: dict[int, Fused],
         vector: Vector,
         capacity: int,
         shared: dict[int, int],
@@ -46,7 +49,7 @@ class Residency:
         self._load_outside = load
         self._fetch = fetch
         self._size = 8 * vector.lanes
-        self._uses = _uses(tape)
+        self._uses = _uses(tape, fused)
         self._registers: dict[int, str] = {}  # slot -> register
         self._next_use: dict[int, int] = {}  # slot -> operation, for slots in registers
         self._homes: dict[int, int] = {}  # slot -> place in memory, for slots that have been there
@@ -138,18 +141,21 @@ class Residency:
             self._free.append(home)
 
 
-def _uses(tape: Tape) -> list[list[int]]:
+def _uses(tape: Tape, fused: dict[int, Fused]) -> list[list[int]]:
     """Per slot, the numbers of the per-instance operations that read it, the first one last."""
     uses: list[list[int]] = [[] for _ in range(tape.n_slots)]
+    absorbed = {one.product for one in fused.values()}
     for number in range(len(tape.ops) - 1, tape.n_uniform_ops - 1, -1):
-        for slot in operands(tape, number):
-            uses[slot].append(number)
+        if number not in absorbed:
+            for slot in operands(tape, fused, number):
+                uses[slot].append(number)
     return uses
 
 
-def operands(tape: Tape, number: int) -> Iterator[int]:
-    """The distinct slots that an operation reads."""
+def operands(tape: Tape, fused: dict[int, Fused], number: int) -> tuple[int, ...]:
+    """The distinct slots that an operation reads, together with those of a product that it takes in."""
+    one = fused.get(number)
+    if one is not None:
+        return tuple(dict.fromkeys((one.first, one.second, one.other)))
     _, a, b = tape.ops[number]
-    yield a
-    if b >= 0 and b != a:
-        yield b
+    return (a, b) if b >= 0 and b != a else (a,)

@@ -228,7 +228,7 @@ def test_uniform_operations_run_once_per_call() -> None:
     once = ir[ir.index("once:") : ir.index("block:")]
     assert tape.n_uniform_ops > 0
     assert (
-        sum(once.count(f" {op} double") for op in ("fadd contract", "fmul contract", "fdiv"))
+        sum(once.count(f" {op} double") for op in ("fadd", "fmul", "fdiv"))
         == tape.n_uniform_ops
     )
 
