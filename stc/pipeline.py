@@ -181,21 +181,22 @@ class Model:
             What is left to do: its ``run`` solves, as often as it is called, and returns the solver's result alone.
         """
         given = {**self.overrides, **overrides}
-        problem, transcription = self.compiled(method, given)
+        problem, transcription = self.compiled(method, given, at_once=True)
         transcription.bind(problem.constants)
         if not transcription.is_quadratic:
             fewer = self.on_fewer_frames(problem, given, FINE)
             if fewer is not None:
-                small, reduced = self.compiled(problem.method, {**given, **fewer.constants})
+                small, reduced = self.compiled(problem.method, {**given, **fewer.constants}, at_once=True)
                 reduced.bind(small.constants)
         options = _options(max_iterations=max_iterations, time_limit=time_limit)
         return ColdSolve(self, problem, transcription, given, options)
 
-    def compiled(self, method: str | None, given: Mapping[str, float]) -> tuple[Problem, Transcription]:
-        """The problem and its transcription, compiled."""
+    def compiled(
+        self, method: str | None, given: Mapping[str, float], at_once: bool = False
+    ) -> tuple[Problem, Transcription]:
+        """The problem and its transcription, compiled if that is wanted ``at_once``, else as soon as it is worth it."""
         problem, transcription = self.transcription(method, **given)
-        if transcription.kernels is None:
-            transcription.compile()
+        transcription.provide_kernels(at_once)
         return problem, transcription
 
     def solve(
@@ -247,8 +248,7 @@ class Model:
         seconds = {"parse": parse_seconds + time.perf_counter() - begin}
         seconds["derive"] = transcription.seconds.pop("derive", 0.0)
         seconds["parse"] = max(0.0, seconds["parse"] - seconds["derive"])
-        if transcription.kernels is None:
-            transcription.compile()
+        transcription.provide_kernels(at_once=False)
         seconds["compile"] = transcription.seconds.pop("compile", 0.0)
         seconds["solve"] = 0.0
         if warm_start is not None and guess is not None:

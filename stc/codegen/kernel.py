@@ -27,6 +27,8 @@ from stc.codegen import cache as object_cache
 from stc.codegen import engine, reference
 from stc.codegen.calls import Bound
 from stc.codegen.engine import LANES
+from stc.codegen.interpreter import CHUNK, Code, assemble
+from stc.codegen.interpreter import entry as interpreter_entry
 from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import Tape
 from stc.memory import without_collection
@@ -48,11 +50,24 @@ class Kernel:
         self.runs = runs
         self._packed: Callable[..., Any] | None = None
         self._object: engine.LoadedObject | None = None
+        self._code: Code | None = None
+        self._takes_over = np.zeros(1, np.int64)  # the address of the machine code's entry
 
     def install(self, loaded: engine.LoadedObject, symbol: str) -> None:
-        """Adopt machine code."""
-        self._packed = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(loaded.address(symbol + ".packed"))
+        """Adopt machine code; prepared calls that go through instructions take to it as well."""
+        address = loaded.address(symbol + ".packed")
+        self._packed = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(address)
         self._object = loaded
+        self._takes_over[0] = address
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether there is machine code."""
+        return self._packed is not None
+
+    def interpret(self, work: NDArray[np.int64]) -> None:
+        """Go through instructions until there is machine code; ``work`` counts them, times blocks."""
+        self._code, self._work = assemble(self.tape, self.runs, engine.has_fma()), work
 
     def __call__(self, *arrays: NDArray[Any]) -> None:
         """Evaluate all blocks: what :meth:`bind` prepares, called once."""
@@ -72,10 +87,13 @@ class Kernel:
             ValueError: an array of wrong type, shape or layout, or a run that reaches out of the workspace.
         """
         arrays = self._checked(workspace, uniform, index, out, kept)
-        if self._packed is None:
-            return Bound.of_python(self._run_numpy, arrays)
-        cells = [array.ctypes.data for array in arrays]
-        return Bound.of_native(self._packed, [*cells, index.shape[0]], (arrays, self._object))
+        cells = [*(array.ctypes.data for array in arrays), index.shape[0]]
+        if self._packed is not None:
+            return Bound.of_native(self._packed, cells, (arrays, self._object))
+        if self._code is not None:
+            own, kept_alive = self._code.cells(self.tape, self.runs, self._takes_over, self._work)
+            return Bound.of_native(interpreter_entry(), [*cells, *own], (arrays, kept_alive, self))
+        return Bound.of_python(self._run_numpy, arrays)
 
     def _checked(
         self,
@@ -144,6 +162,8 @@ class KernelSet:
         backend: ``"llvm"`` or ``"numpy"``.
         seconds: wall time spent on compiling, or on loading from the cache.
         cached: the machine code came from the cache.
+        interpreted: some of it is not compiled yet; calls go through instructions instead (see
+            :mod:`stc.codegen.interpreter`), to the same results.
     """
 
     def __init__(
@@ -154,6 +174,8 @@ class KernelSet:
         self.backend = backend
         self.seconds = 0.0
         self.cached = False
+        self.interpreted = False
+        self._work = np.zeros(1, np.int64)
         self._kernels = [Kernel(*each) for each in zip(self.tapes, self.runs, strict=True)]
 
     def __len__(self) -> int:
@@ -164,6 +186,26 @@ class KernelSet:
 
     def __iter__(self) -> Iterator[Kernel]:
         return iter(self._kernels)
+
+    def compile(self, cache: bool = True) -> None:
+        """Compile what is not yet, and have it take over, in calls that are prepared as well."""
+        if self.interpreted:
+            started = time.perf_counter()
+            _load_or_compile(self, cache, wanted=True)
+            self.interpreted = False
+            self.seconds += time.perf_counter() - started
+
+    def compile_when_due(self, cache: bool = True) -> None:
+        """Do so if calls have taken so much longer than they would have that it had been worth it."""
+        if self.interpreted and LONGER * int(self._work[0]) > compiling_takes(self.tapes):
+            self.compile(cache)
+
+    def interpret(self) -> None:
+        """Have instructions for what is not compiled."""
+        self.interpreted = True
+        for kernel in self._kernels:
+            if not kernel.is_compiled:
+                kernel.interpret(self._work)
 
     def bind(
         self,
@@ -198,6 +240,7 @@ def compile_tapes(
     runs: Sequence[Runs] | None = None,
     backend: Backend = "auto",
     cache: bool = True,
+    instances: Sequence[int] | None = None,
 ) -> KernelSet:
     """Compile tapes, or find the machine code in the object cache.
 
@@ -206,6 +249,7 @@ def compile_tapes(
         runs: where the varying inputs of each are; by default each input is a run of its own.
         backend: ``auto`` takes LLVM where it is available and ``STC_BACKEND`` does not forbid it.
         cache: look for, and keep, the machine code on disk.
+        instances: for how many each tape is run, given where it may be interpreted to begin with.
 
     Raises:
         ImportError: LLVM is asked for by name and cannot be imported.
@@ -217,7 +261,8 @@ def compile_tapes(
         runs = [Runs.alone(tape.n_varying) for tape in tapes]
     kernels = KernelSet(tapes, runs, backend)
     if backend == "llvm" and tapes:
-        _load_or_compile(kernels, cache)
+        if not _load_or_compile(kernels, cache, wanted=instances is None or _is_worth_it(tapes, instances)):
+            kernels.interpret()
     kernels.seconds = time.perf_counter() - started
     return kernels
 
@@ -256,38 +301,72 @@ def parts(tapes: Sequence[Tape]) -> list[list[int]]:
     return [sorted(halves[k]) for k in sorted((0, 1), key=lambda k: -loads[k])]
 
 
+#: Nanoseconds that an instruction takes longer for a block than a compiled operation, and those for each time that it
+#: is looked at.
+LONGER, LOOK = 0.5, 4.0
+#: Nanoseconds that it takes to compile, to begin with and for each operation.
+BEGIN, EACH = 3e7, 8e4
+#: Evaluations that a solve is expected to take.
+EXPECTED = 60
+
+
+def compiling_takes(tapes: Sequence[Tape]) -> float:
+    """How many nanoseconds it takes to compile tapes, about."""
+    return BEGIN + EACH * sum(len(tape.ops) for tape in tapes)
+
+
+def _is_worth_it(tapes: Sequence[Tape], instances: Sequence[int]) -> bool:
+    """Whether one solve would lose as much time by going through instructions as it takes to compile."""
+    longer = 0.0
+    for tape, count in zip(tapes, instances, strict=True):
+        blocks = -(-count // LANES)
+        longer += len(tape.ops) * (LONGER * blocks + LOOK * -(-blocks // CHUNK))
+    return EXPECTED * longer > compiling_takes(tapes)
+
+
+class _Absent(Exception):
+    """There is no machine code, and none is wanted yet."""
+
+
 @without_collection()
-def _load_or_compile(kernels: KernelSet, cache: bool) -> None:
+def _load_or_compile(kernels: KernelSet, cache: bool, *, wanted: bool) -> bool:
+    """Machine code for all kernels; False where some was not at hand, and is not ``wanted``."""
     level = effort(kernels.tapes)
     divided = parts(kernels.tapes)
     groups = [([kernels.tapes[k] for k in part], [kernels.runs[k] for k in part]) for part in divided]
     made: dict[int, bytes] = {}
 
     def make(number: int) -> bytes:
+        if not wanted:
+            raise _Absent
         if number not in made:  # nor will the later ones be found
             from stc.codegen.compiling import compile_modules
 
-            wanted = range(number, len(groups))
-            codes = compile_modules([partial(_own_ir, *groups[k]) for k in wanted], level)
-            made.update(zip(wanted, codes, strict=True))
+            missing = range(number, len(groups))
+            codes = compile_modules([partial(_own_ir, *groups[k]) for k in missing], level)
+            made.update(zip(missing, codes, strict=True))
         return made[number]
 
-    kernels.cached = True
+    kernels.cached = complete = True
     for number, positions in enumerate(divided):
+        if all(kernels[position].is_compiled for position in positions):
+            continue
         tapes, runs = groups[number]
         names = [f"kernel{k}" for k in range(len(positions))]
-        loaded, cached = engine.cached_object(
-            object_cache.key_of(
-                "kernels",
-                engine.host().fingerprint(),
-                f"width {engine.vector_width()} level {level}",
-                *(tape.digest() for tape in tapes),
-                *(of_tape.digest() for of_tape in runs),
-            ),
-            [name + ".packed" for name in names],
-            partial(make, number),
-            use_cache=cache,
+        key = object_cache.key_of(
+            "kernels",
+            engine.host().fingerprint(),
+            f"width {engine.vector_width()} level {level}",
+            *(tape.digest() for tape in tapes),
+            *(of_tape.digest() for of_tape in runs),
         )
+        entries = [name + ".packed" for name in names]
+        try:
+            loaded, cached = engine.cached_object(key, entries, partial(make, number), use_cache=cache)
+        except _Absent:
+            kernels.cached = complete = False
+            continue
         kernels.cached &= cached
         for name, position in zip(names, positions, strict=True):
             kernels[position].install(loaded, name)
+    return complete

@@ -74,7 +74,7 @@ class MathFunctions:
         """A function of :data:`~stc.codegen.vector_math.UNARY` or :data:`~stc.codegen.vector_math.BINARY`."""
         if self.called:
             return self._call(vector, op, operands)
-        return _written_out(vector, op, operands)
+        return written_out(vector, op, operands)
 
     def _call(self, vector: Vector, name: str, operands: Sequence[str]) -> str:
         symbol = f"{name}.{vector.suffix}"
@@ -96,13 +96,21 @@ class MathFunctions:
             else:
                 value = sine or cosine
         else:
-            value = _written_out(inner, name, names)
+            value = written_out(inner, name, names)
         parameters = ", ".join([f"{inner.f} {argument}" for argument in names])
         head = f"define internal {result} @{symbol}({parameters}) noinline nounwind {{"
         return "\n".join([head, *lines, f"  ret {result} {value}", "}", ""])
 
 
-def _written_out(vector: Vector, op: str, operands: Sequence[str]) -> str:
+def written_out(vector: Vector, op: str, operands: Sequence[str]) -> str:
+    """Any operation but the circular functions, in place."""
+    instruction = _ARITHMETIC.get(op)
+    if instruction is not None:
+        return vector.let(f"{instruction} {vector.f} {operands[0]}, {operands[1]}")
+    if op == "neg":
+        return vector.neg(operands[0])
+    if op == "sqrt":
+        return vector.call("sqrt", operands[0])
     return UNARY[op](vector, operands[0]) if op in UNARY else BINARY[op](vector, operands[0], operands[1])
 
 
@@ -128,17 +136,13 @@ class Operations:
     def emit(self, op: str, slot: int, a: str, b: str) -> str:
         """Result of one operation; ``slot`` identifies the first operand."""
         vector = self.vector
-        instruction = _ARITHMETIC.get(op)
-        if instruction is not None:
-            return vector.let(f"{instruction} {vector.f} {a}, {b}")
-        if op == "neg":
-            return vector.neg(a)
-        if op == "sqrt":
-            return vector.call("sqrt", a)
         if op in CIRCULAR:
             pair = self.circular(slot, a)
             return vector.div(*pair) if op == "tan" else pair[op == "cos"]
-        return self._functions.value(vector, op, *((a,) if op in UNARY else (a, b)))
+        operands = (a, b) if b else (a,)
+        if op in UNARY or op in BINARY:
+            return self._functions.value(vector, op, *operands)
+        return written_out(vector, op, operands)
 
     def emit_fused(self, fused: Fused, first: str, second: str, other: str) -> str:
         """A sum together with the product that it takes in."""

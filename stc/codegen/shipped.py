@@ -83,25 +83,26 @@ def _key(level: Level, unit: str, own_digest: str) -> str:
 
 
 def build(folder: Path) -> int:
-    """Compile all native functions known so far for all levels into a folder, which is emptied first.
+    """Compile all native functions known so far, and what interprets tapes, for all levels into an emptied folder.
 
     Returns:
         How many objects were written.
     """
-    from stc.codegen import engine, native
+    from stc.codegen import engine, interpreter, native
     from stc.codegen.image import image_of
 
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*" + cache.SUFFIX):
         old.unlink()
+    texts = [(unit.key, unit.ir()) for unit in native.units()]
+    texts.append((interpreter.UNIT, interpreter.interpreter_ir(fused=True)))
     count = 0
-    for unit in native.units():
-        ir = unit.ir()
+    for unit_key, ir in texts:
         for level in LEVELS:
             code = engine.compile_ir(ir, level=1, optimise=True, machine=level.machine())
             image = image_of(code)
             if image is not None:
-                key = _key(level, unit.key, engine.own_digest())
+                key = _key(level, unit_key, engine.own_digest())
                 count += cache.store_in(folder, key, image)
     for path in folder.glob("*" + cache.SUFFIX):
         path.chmod(0o644)  # whoever can read the package

@@ -80,12 +80,26 @@ class Transcription:
             self._remembered[name] = find(self)
         return self._remembered[name]
 
-    def compile(self, backend: Backend = "auto", cache: bool = True) -> None:
-        """Compiles the kernels, or takes them from the object cache."""
+    def compile(self, backend: Backend = "auto", cache: bool = True, at_once: bool = True) -> None:
+        """Compiles the kernels, or takes them from the object cache.
+
+        Args:
+            at_once: else they are interpreted until so much has been evaluated that compiling them had been worth it.
+        """
         begin = time.perf_counter()
-        self.kernels = compile_tapes(self.tapes, self.program.runs, backend=backend, cache=cache)
+        sizes = None if at_once else [group.size for group in self.program.groups] * 2
+        self.kernels = compile_tapes(self.tapes, self.program.runs, backend, cache, sizes)
         self.seconds["compile"] = time.perf_counter() - begin
         self._bound = None
+
+    def provide_kernels(self, at_once: bool) -> None:
+        """Does so if that has not been done; what is interpreted is compiled ``at_once``, or when that is due."""
+        if self.kernels is None:
+            self.compile(at_once=at_once)
+        elif at_once:
+            self.kernels.compile()
+        else:
+            self.kernels.compile_when_due()
 
     def bind(
         self,
@@ -111,6 +125,7 @@ class Transcription:
         if self.kernels is None:
             self.compile()
         assert self.kernels is not None
+        self.kernels.compile_when_due()
         constants = self.problem.constants if constants is None else constants
         key = threading.get_ident(), tuple(constants.items())
         known = self._bound if self._bound is not None and self._bound.key == key else None

@@ -227,10 +227,7 @@ def test_uniform_operations_run_once_per_call() -> None:
     ir = compile_tapes([tape], backend="llvm", cache=False).llvm_ir()
     once = ir[ir.index("once:") : ir.index("block:")]
     assert tape.n_uniform_ops > 0
-    assert (
-        sum(once.count(f" {op} double") for op in ("fadd", "fmul", "fdiv"))
-        == tape.n_uniform_ops
-    )
+    assert sum(once.count(f" {op} double") for op in ("fadd", "fmul", "fdiv")) == tape.n_uniform_ops
 
 
 def test_sine_and_cosine_of_one_argument_share_their_reduction() -> None:
