@@ -12,7 +12,7 @@ from pathlib import Path
 
 import stc.solver
 import stc.transcription
-from stc.codegen import engine, shipped
+from stc.codegen import engine, interpreter, shipped
 
 
 def main() -> None:
@@ -24,7 +24,8 @@ def main() -> None:
     for package in (stc.solver, stc.transcription):  # what declares native functions
         for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             importlib.import_module(module.name)
-    print(f"{shipped.build(Path(folder))} objects of machine code in {folder}")
+    others = {interpreter.UNIT: interpreter.interpreter_ir(fused=True)}
+    print(f"{shipped.build(Path(folder), others)} objects of machine code in {folder}")
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ whatever was changed since is compiled as if nothing had been shipped, as is eve
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -82,20 +83,22 @@ def _key(level: Level, unit: str, own_digest: str) -> str:
     return cache.key_of("shipped", level.name, level.tuning, own_digest, unit)
 
 
-def build(folder: Path) -> int:
-    """Compile all native functions known so far, and what interprets tapes, for all levels into an emptied folder.
+def build(folder: Path, others: Mapping[str, str]) -> int:
+    """Compile all native functions known so far for all levels into a folder, which is emptied first.
+
+    Args:
+        others: further modules of LLVM, by what they are found as.
 
     Returns:
         How many objects were written.
     """
-    from stc.codegen import engine, interpreter, native
+    from stc.codegen import engine, native
     from stc.codegen.image import image_of
 
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*" + cache.SUFFIX):
         old.unlink()
-    texts = [(unit.key, unit.ir()) for unit in native.units()]
-    texts.append((interpreter.UNIT, interpreter.interpreter_ir(fused=True)))
+    texts = [*((unit.key, unit.ir()) for unit in native.units()), *others.items()]
     count = 0
     for unit_key, ir in texts:
         for level in LEVELS:

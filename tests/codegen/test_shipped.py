@@ -46,7 +46,7 @@ class Box:
 
     def build(self) -> int:
         self.function()
-        made = shipped.build(self.folder)
+        made = shipped.build(self.folder, {})
         self.compiled.clear()
         return made
 
@@ -146,3 +146,13 @@ def test_features_are_named_as_llvm_names_them() -> None:
     known = set(llvm.get_host_cpu_features())
     for level in shipped.LEVELS:
         assert {name.removeprefix("+") for name in level.needs} <= known
+
+
+def test_other_modules_are_shipped_by_name(box: Box) -> None:
+    identity = "define i64 @same(i64 %x) {\n  ret i64 %x\n}\n"
+    assert shipped.build(box.folder, {"identity": identity}) == len(shipped.LEVELS)
+    found = shipped.find("identity", engine.host(), engine.own_digest())
+    if shipped._best_level(engine.host()) is not None:
+        assert found is not None
+        assert engine.load_object(found, ["same"]).address("same")
+    assert shipped.find("another", engine.host(), engine.own_digest()) is None
