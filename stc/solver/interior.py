@@ -275,8 +275,9 @@ class _Loop:
         if is_unbounded(form, it, self.s[FARTHEST]):
             return self._outcome(End.UNBOUNDED)
         if not self.error < LARGEST_ERROR or self.s[FARTHEST] > TOO_FAR:
+            falling = self.drift.falling and it.f < 0.0
             feasible = self.s[PRIMAL] <= ACCEPTABLE
-            return self._outcome(End.UNBOUNDED) if feasible and self.drift.falling else self._give_up()
+            return self._outcome(End.UNBOUNDED) if feasible and falling else self._give_up()
         if self.finish.is_due(it, self.error) and not self.drift.falling:
             done = self.finish.attempt(it, self.error)
             if done is not None:

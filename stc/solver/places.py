@@ -120,6 +120,7 @@ BEST_OBJECTIVE: Final = 114
 BEST_VIOLATION: Final = 115
 BEST_KNOWN: Final = 116
 BEST_NEW: Final = 117  # 1 when the best point has changed since it was last asked for
+WAITING_AT: Final = 118  # the objective when waiting began
 
 NUMBERS: Final = 120
 

@@ -20,6 +20,7 @@ from stc.solver.places import (
     TINY_STEPS,
     UNMET_STEPS,
     WAITING,
+    WAITING_AT,
 )
 from stc.solver.products import inner
 from stc.solver.progress_passes import ITS_PATIENCE, MOST_TINY_STEPS
@@ -37,7 +38,7 @@ class Nearest:
     def __init__(self, work: Workspace) -> None:
         self._work = work
         s = work.s
-        s[NEAREST_ERROR], s[WAITING], s[PATIENCE] = np.inf, 0.0, ITS_PATIENCE
+        s[NEAREST_ERROR], s[WAITING], s[WAITING_AT], s[PATIENCE] = np.inf, 0.0, np.inf, ITS_PATIENCE
         for kept, now in zip(work.kept, (work.it.w, work.it.y, work.it.z)):
             kept[:] = now
 

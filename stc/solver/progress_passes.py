@@ -24,6 +24,7 @@ from stc.solver.places import (
     OBJECTIVE_BEFORE,
     OBJECTIVE_NOW,
     PATIENCE,
+    PRIMAL,
     ROW,
     ROW_ERROR,
     ROW_LENGTH,
@@ -44,6 +45,7 @@ from stc.solver.places import (
     UNMET_STEPS,
     VIOLATION,
     WAITING,
+    WAITING_AT,
 )
 from stc.solver.unboundedness import FAR, LOW
 
@@ -80,8 +82,12 @@ def note_iterate(
     """
     error = s[ERROR]
     nearest = s[NEAREST_ERROR]
-    if error < NOTICEABLE * nearest:
+    # A sum of squares may be far from its least where the error is small: its gradient fades along with it.
+    objective = s[OBJECTIVE]
+    fades = s[PRIMAL] <= ACCEPTABLE and 0.0 <= objective and objective < NOTICEABLE * s[WAITING_AT]
+    if error < NOTICEABLE * nearest or fades:
         s[WAITING] = 0.0
+        s[WAITING_AT] = objective
     elif nearest <= ACCEPTABLE:
         s[WAITING] += 1.0
     if error < nearest:

@@ -281,7 +281,7 @@ def relax(length: f64, s: f64s) -> None:
     else:
         if s[SHIFT] > 0.0:
             s[LAST_SHIFT] = s[SHIFT]
-        if length < SHORT * s[LIMIT] and s[LAST_SHIFT] > 0.0 and s[BENDS] == 1.0:
+        if length < SHORT * s[LIMIT] and s[SHIFT] > 0.0 and s[BENDS] == 1.0:
             s[LAST_SHIFT] *= AFTER_SHORT
             s[UNTRIED] = max(s[UNTRIED], 1.0)
     if length >= NEARLY_WHOLE:

@@ -162,6 +162,8 @@ class _Solve:
         else:
             outcome = self._settle(self._cold(form, x0))
         ways = [self._feasible_first, self._held_barrier, self._nearby, self._elsewhere][: options.retries]
+        if not form.m and not form.gaps:  # they would do the same again
+            ways = [way for way in ways if way not in (self._feasible_first, self._held_barrier)]
         if form.many_gaps and ways:
             ways.insert(0, self._otherwise)
         if ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED) and _mean_row_scale(form) < DIVIDED:
@@ -360,7 +362,8 @@ class _Solve:
                     return outcome
             if outcome.end is End.STUCK:
                 f = self.nlp.values(point.x)[0]
-                if before is not None and abs(f - before) <= UNCHANGED * max(1.0, abs(f)):
+                same = before is not None and abs(f - before) <= UNCHANGED * max(1.0, abs(f))
+                if same and not outcome.early:
                     outcome.end = End.CONVERGED
                 return outcome
             before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None
