@@ -75,6 +75,7 @@ SMALL = 20_000
 MANY_GAPS = 100.0
 FEASIBLE = 0.01
 TOO_LITTLE = 0.99
+MOST_CENTRES = 30
 NEARLY_MET = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 LONG_PATIENCE = 100
@@ -440,12 +441,25 @@ class _Loop:
 
         theta = it.theta
         search.filter.add(theta, barrier_value(it.f, it.gap, barrier.mu))
-        elastic, start, mu = elastic_start(form, it, barrier.mu)
-        acceptance = Acceptance(elastic, search.filter, theta, barrier.mu)
         self.restorations += 1
-        stop = acceptance if self.restorations <= self.tactics.brief_restorations else None
-        outcome = optimise(elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=stop)
-        end = _return(form, it, elastic, outcome, self.options)
+        brief = self.restorations <= self.tactics.brief_restorations
+        elastic, start, mu = elastic_start(form, it, barrier.mu)
+        before = np.inf
+        for _ in range(MOST_CENTRES):
+            stop = Acceptance(elastic, search.filter, theta, barrier.mu) if brief else None
+            outcome = optimise(
+                elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=stop
+            )
+            end = _return(form, it, elastic, outcome, self.options)
+            if (
+                end is not End.STATIONARY_VIOLATION
+                or not elastic.is_held(it.w[: form.n])
+                or it.theta > TOO_LITTLE * before
+            ):
+                break
+            # It stays near where it began, which may be all that keeps it there.
+            before = it.theta
+            elastic, start, mu = elastic_start(form, it, 0.0)
         self.work.load(it)
         if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):
             return self._give_up()
