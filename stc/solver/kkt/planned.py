@@ -272,6 +272,9 @@ class PlannedKKT(ByCopies):
         """``refactor``, one step after the other."""
         self._factorized = False
         self._take_attempts()
+        # Whoever still has an attempt made ready before, and makes it afterwards, is to ask for another one: the plan
+        # that was tried last may not even have been bound.
+        self._tally[plan_calls.ALLOWED], self._tally[plan_calls.OTHER] = 0, -1
         self._collect_all()
         if self._tally[plan_calls.FRESH]:
             self._plans.now.equilibrate()

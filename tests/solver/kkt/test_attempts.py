@@ -7,7 +7,7 @@ import pytest
 from solver.kkt.kkt_problems import generic
 from solver.kkt.motions import chain_of, motion, system_of
 
-from stc.solver.kkt import DenseKKT, FrontalKKT
+from stc.solver.kkt import DenseKKT, FrontalKKT, planned
 from stc.solver.kkt.contract import Inertia, NotFinite
 
 SYSTEMS = [system_of, chain_of, lambda pattern: FrontalKKT(*pattern.arguments())]
@@ -109,3 +109,24 @@ def test_the_first_matrix_after_a_restart_is_attempted(system, monkeypatch):
         kkt.refactor()
     kkt.hess[0] = values.hess[0]
     assert kkt.refactor() == judge.factorize(*values.arguments())
+
+
+@pytest.mark.parametrize("system", SYSTEMS[:2])
+def test_an_attempt_made_ready_before_another_factorisation_asks_for_a_new_one(system):
+    """That one may have left another plan to go on with, and one that no solve has been bound for."""
+    rng = np.random.default_rng(24)
+    pattern = motion(rng, 40)
+    kkt = system(pattern)
+    values = generic(rng, pattern)
+    for _ in range(9):
+        kkt.factorize(*values.arguments())
+    call = kkt.attempt_call
+    assert call is not None
+    assert call() == 0
+    inertia = kkt._refactor()
+    ended = call()
+    assert 0 < ended < planned.ELIMINATED
+    assert kkt.resume(ended) == inertia
+    again = kkt.attempt_call
+    assert again is not None
+    assert again() == 0
