@@ -15,10 +15,12 @@ import numpy as np
 from stc.solver.active_set import Finish
 from stc.solver.barrier_parameter import BarrierParameter
 from stc.solver.barrier_passes import DOUBTFUL_SOLUTION
+from stc.solver.convexity import is_convex
 from stc.solver.curvature import leave_saddle
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import LineSearch, barrier_value
 from stc.solver.iterate import Iterate, evaluate
+from stc.solver.keeping import once
 from stc.solver.kkt.frontal import DOUBTFUL
 from stc.solver.monitor import Monitor
 from stc.solver.multipliers import LaggingMultipliers, least_squares_multipliers
@@ -75,7 +77,7 @@ SMALL = 20_000
 MANY_GAPS = 100.0
 FEASIBLE = 0.01
 TOO_LITTLE = 0.99
-MOST_CENTRES = 30
+MOST_CENTRES, LESS = 30, 0.9
 NEARLY_MET = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 LONG_PATIENCE = 100
@@ -444,21 +446,22 @@ class _Loop:
         self.restorations += 1
         brief = self.restorations <= self.tactics.brief_restorations
         elastic, start, mu = elastic_start(form, it, barrier.mu)
-        before = np.inf
-        for _ in range(MOST_CENTRES):
+        claim: Iterate | None = None
+        # Of rows that are not convex a stationary violation says little anyway.
+        for _ in range(MOST_CENTRES if once(is_convex, form.nlp) else 1):
             stop = Acceptance(elastic, search.filter, theta, barrier.mu) if brief else None
             outcome = optimise(
                 elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=stop
             )
             end = _return(form, it, elastic, outcome, self.options)
-            if (
-                end is not End.STATIONARY_VIOLATION
-                or not elastic.is_held(it.w[: form.n])
-                or it.theta > TOO_LITTLE * before
-            ):
+            if claim is not None and it.theta > LESS * claim.theta:
+                it.become(claim)
+                end = End.STATIONARY_VIOLATION
+                break
+            if end is not End.STATIONARY_VIOLATION or not elastic.is_held(it.w[: form.n]):
                 break
             # It stays near where it began, which may be all that keeps it there.
-            before = it.theta
+            claim = it.snapshot()
             elastic, start, mu = elastic_start(form, it, 0.0)
         self.work.load(it)
         if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):
