@@ -19,14 +19,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from stc.alignment import Alignment
 from stc.errors import UsageError
 from stc.records import dataclass, field
 from stc.solution import Solution, read
 
-__all__ = ["CoverageWarning", "GivenValues", "SolutionValues", "TableValues", "read_guess"]
+__all__ = ["CoverageWarning", "GivenValues", "SolutionValues", "TableValues", "guess_of", "read_guess"]
 
 FloatArray = NDArray[np.float64]
 NodeValues = tuple[FloatArray, FloatArray, FloatArray]
@@ -190,6 +190,26 @@ class SolutionValues:
         if n not in self._between:
             self._between[n] = self.solution.at_frame(self._aligned(n).to_old(np.arange(n) + 0.5))
         return self._between[n]
+
+
+def guess_of(given: Mapping[str, ArrayLike] | GivenValues | str | os.PathLike[str]) -> GivenValues:
+    """Starting values from a file, from numbers by name (a column ``t`` or ``frame`` among them), or as they are.
+
+    Raises:
+        UsageError: as :func:`read_guess`; or what is given is none of these.
+    """
+    if isinstance(given, str | os.PathLike):
+        return read_guess(given)
+    if not isinstance(given, Mapping):
+        return given
+    for name, numbers in given.items():
+        try:
+            shape = np.shape(np.asarray(numbers, dtype=float))
+        except (TypeError, ValueError):
+            shape = (0, 0)
+        if len(shape) > 1 or shape == (0,):
+            raise UsageError(f"`{name}` in the guess is no number, nor a list of numbers")
+    return table(given)
 
 
 def read_guess(path: str | os.PathLike[str]) -> GivenValues:

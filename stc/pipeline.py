@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from stc.alignment import Alignment
 from stc.bundled import find_spec
@@ -207,7 +207,7 @@ class Model:
         max_iterations: int | None = None,
         time_limit: float | None = None,
         warm_start: Solution | str | os.PathLike[str] | None = None,
-        guess: GivenValues | str | os.PathLike[str] | None = None,
+        guess: Mapping[str, ArrayLike] | GivenValues | str | os.PathLike[str] | None = None,
         callback: Callback | None = None,
         optimizer: str = DEFAULT,
         minimizer: Minimizer | None = None,
@@ -224,8 +224,9 @@ class Model:
             time_limit: limit in seconds of wall time.
             warm_start: an earlier solution or its file, whose multipliers and active set are used too; resampled
                 where the number of frames differs.
-            guess: values to start from, or a file of them (see :mod:`stc.guess_file`); what it does not name
-                keeps the spec's own guess.
+            guess: values to start from by name, or a file of them (see :mod:`stc.guess_file`); what it does not name
+                keeps the spec's own guess. Several numbers are spread evenly over the motion, or stand where ``t`` or
+                ``frame`` says.
             callback: called with a record after every iteration; returning True stops the solve.
             optimizer: ``sqp``, ``nlopt:slsqp``, ... instead of the project's own method, see docs/solver.md.
             minimizer: called in the optimizer's stead, say to measure it (see :mod:`stc.studies.profile`).
@@ -257,12 +258,11 @@ class Model:
         if warm_start is not None:
             start = self._start(warm_start, transcription, problem)
         elif guess is not None:
-            if isinstance(guess, str | os.PathLike):
-                from stc.guess_file import read_guess
+            from stc.guess_file import guess_of
 
-                guess = read_guess(guess)
-            check_names(guess, problem)
-            start = Start(transcription.bind(problem.constants, guess=guess).x0)
+            values = guess_of(guess)
+            check_names(values, problem)
+            start = Start(transcription.bind(problem.constants, guess=values).x0)
         warm = start is not None and start.row_multipliers is not None
         options = replace(
             _options(tolerance=tolerance, max_iterations=max_iterations, time_limit=time_limit),

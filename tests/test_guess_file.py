@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stc
+from stc.errors import UsageError
 from stc.guess_file import CoverageWarning, SolutionValues, TableValues, read_guess, table
 
 TEXT = """
@@ -119,3 +120,17 @@ def test_a_table_for_another_time_is_told():
     # A hundredth is no other time, and a table without places fits any motion.
     assert table({"t": [0, 1.99], "x": [0, 1]}).values("x", 0, time) is not None
     assert TableValues({"x": np.array([0.0, 1.0])}).values("x", 0, time)[0][-1] == 1
+
+
+def test_numbers_by_name() -> None:
+    """As from a file; what is no list of numbers is told."""
+    model = stc.load(TEXT)
+    name = next(iter(model.problem().variables))
+    times = [0.0, 1.0, 2.0]
+    solution = model.solve(guess={"t": times, name: [0.0, 1.0, 0.0]})
+    assert solution.status == "optimal"
+    for wrong in ([[0.0, 1.0]], "much", [], {}):
+        with pytest.raises(UsageError, match=f"`{name}` in the guess is no number, nor a list of numbers"):
+            model.solve(guess={name: wrong})
+    with pytest.raises(UsageError, match="names `nobody`"):
+        model.solve(guess={"nobody": [1.0]})
