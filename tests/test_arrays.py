@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,7 +31,14 @@ def test_ranks_are_those_of_unique(values: list[int]) -> None:
 def test_scattered_fills_the_interval() -> None:
     values = np.sort(scattered(1000))
     assert -1.0 <= values[0] < values[-1] <= 1.0
-    assert np.diff(values).max() < 3.0 * 2.0 / 1000.0  # the three gaps of multiples of the golden ratio
+    assert np.diff(values).max() < 0.05
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_differences_of_scattered_numbers_do_not_vanish(order: int) -> None:
+    """Functions of them are judged at such numbers; equal steps, as of any multiples, would leave none of the second."""
+    sizes = np.abs(np.diff(scattered(10_000), order))
+    assert np.mean(sizes < 1e-2) < 0.02
 
 
 def test_a_solve_does_not_import_what_it_does_not_need() -> None:
