@@ -36,7 +36,7 @@ def test_scattered_fills_the_interval() -> None:
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_differences_of_scattered_numbers_do_not_vanish(order: int) -> None:
-    """Functions of them are judged at such numbers; equal steps, as of any multiples, would leave none of the second."""
+    """Functions are judged at such numbers; equal steps, as of any multiples, would leave none of the second."""
     sizes = np.abs(np.diff(scattered(10_000), order))
     assert np.mean(sizes < 1e-2) < 0.02
 
