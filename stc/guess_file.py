@@ -202,13 +202,6 @@ def guess_of(given: Mapping[str, ArrayLike] | GivenValues | str | os.PathLike[st
         return read_guess(given)
     if not isinstance(given, Mapping):
         return given
-    for name, numbers in given.items():
-        try:
-            shape = np.shape(np.asarray(numbers, dtype=float))
-        except (TypeError, ValueError):
-            shape = (0, 0)
-        if len(shape) > 1 or shape == (0,):
-            raise UsageError(f"`{name}` in the guess is no number, nor a list of numbers")
     return table(given)
 
 
@@ -298,10 +291,16 @@ def table(columns: Mapping[str, Any], where: str = "the guess") -> TableValues:
     """Starting values from arrays of equal length (and single numbers) by name; ``t`` or ``frame`` places them.
 
     Raises:
-        UsageError: lengths differ, or a place is missing.
+        UsageError: lengths differ, a place is missing, or what should be numbers is not.
     """
-    arrays = {name: np.atleast_1d(np.asarray(values, dtype=float)) for name, values in columns.items()}
-    for name, column in arrays.items():
+    arrays: dict[str, FloatArray] = {}
+    for name, numbers in columns.items():
+        try:
+            arrays[name] = column = np.atleast_1d(np.asarray(numbers, dtype=float))
+        except (TypeError, ValueError):
+            column = np.zeros(0)
+        if column.ndim > 1 or not column.size:
+            raise UsageError(f"`{name}` in {where} is no number, nor a list of numbers")
         if np.isinf(column).any():
             raise UsageError(f"in {where}, {name} is infinite somewhere")
         if not np.isfinite(column).any():

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from stc.codegen.tape import Tape
 
-__all__ = ["Fused", "find_fused"]
+__all__ = ["Fused", "find_fused", "reads_of"]
 
 
 class Fused(NamedTuple):
@@ -59,3 +59,20 @@ def find_fused(tape: Tape) -> dict[int, Fused]:
                 )
                 break
     return found
+
+
+def reads_of(tape: Tape, fused: dict[int, Fused]) -> list[tuple[int, ...]]:
+    """The distinct slots that each per-instance operation reads, with those of a product that it takes in; none for
+    that product."""
+    absorbed = {one.product for one in fused.values()}
+    reads: list[tuple[int, ...]] = []
+    for number in range(tape.n_uniform_ops, len(tape.ops)):
+        one = fused.get(number)
+        _, a, b = tape.ops[number]
+        if number in absorbed:
+            reads.append(())
+        elif one is not None:
+            reads.append(tuple(dict.fromkeys((one.first, one.second, one.other))))
+        else:
+            reads.append((a, b) if b >= 0 and b != a else (a,))
+    return reads

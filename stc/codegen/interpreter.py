@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from stc.arrays import aligned_zeros
 from stc.codegen import cache, engine, shipped
 from stc.codegen.engine import LANES
-from stc.codegen.fusion import find_fused
-from stc.codegen.residency import operands
+from stc.codegen.fusion import find_fused, reads_of
 from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import CIRCULAR, OPERATORS, Tape
 from stc.records import dataclass
@@ -104,11 +103,7 @@ class _Assembler:
     def code(self) -> Code:
         tape = self.tape
         begin, first_op = tape.n_uniform_ops, tape.first_op
-        absorbed = {one.product for one in self.fused.values()}
-        reads = [
-            () if number in absorbed else operands(tape, self.fused, number)
-            for number in range(begin, len(tape.ops))
-        ]
+        reads = reads_of(tape, self.fused)
         self._once_per_call(reads)
         head = len(self.words)
         last: dict[int, int] = {}

@@ -51,6 +51,7 @@ class Kernel:
         self._packed: Callable[..., Any] | None = None
         self._object: engine.LoadedObject | None = None
         self._code: Code | None = None
+        self._work = np.zeros(1, np.int64)  # of all kernels together, once they are interpreted
         self._takes_over = np.zeros(1, np.int64)  # the address of the machine code's entry
 
     def install(self, loaded: engine.LoadedObject, symbol: str) -> None:

@@ -23,9 +23,9 @@ from typing import Final
 
 from stc.codegen.engine import LANES
 from stc.codegen.fetching import fetch
-from stc.codegen.fusion import find_fused
+from stc.codegen.fusion import find_fused, reads_of
 from stc.codegen.operations import WRITTEN_OUT, MathFunctions, Operations, function_length
-from stc.codegen.residency import Residency, operands
+from stc.codegen.residency import Residency
 from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import CIRCULAR, TOGETHER, Tape
 from stc.codegen.vector import PREFETCH, Vector, hexadecimal, prefetch
@@ -207,12 +207,10 @@ class _Kernel:
         angles = dict.fromkeys(a for op, a, _ in tape.ops[tape.n_uniform_ops :] if op in CIRCULAR)
         if self.functions.called:
             angles.clear()
-        absorbed = {one.product for one in self.fused.values()}
-        for number in range(tape.n_uniform_ops, len(tape.ops)):
+        for number, reads in enumerate(reads_of(tape, self.fused), tape.n_uniform_ops):
             op, a, b = tape.ops[number]
             slot = tape.first_op + number
             made: list[tuple[int, str]] = []
-            reads = () if number in absorbed else operands(tape, self.fused, number)
             if number in self.fused:
                 register = {read: residency.operand(read, reads) for read in reads}
                 one = self.fused[number]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Set
 
-from stc.codegen.fusion import Fused
+from stc.codegen.fusion import Fused, reads_of
 from stc.codegen.tape import Tape
 from stc.codegen.vector import Vector
 
@@ -144,18 +144,7 @@ class Residency:
 def _uses(tape: Tape, fused: dict[int, Fused]) -> list[list[int]]:
     """Per slot, the numbers of the per-instance operations that read it, the first one last."""
     uses: list[list[int]] = [[] for _ in range(tape.n_slots)]
-    absorbed = {one.product for one in fused.values()}
-    for number in range(len(tape.ops) - 1, tape.n_uniform_ops - 1, -1):
-        if number not in absorbed:
-            for slot in operands(tape, fused, number):
-                uses[slot].append(number)
+    for number, slots in reversed(list(enumerate(reads_of(tape, fused), tape.n_uniform_ops))):
+        for slot in slots:
+            uses[slot].append(number)
     return uses
-
-
-def operands(tape: Tape, fused: dict[int, Fused], number: int) -> tuple[int, ...]:
-    """The distinct slots that an operation reads, together with those of a product that it takes in."""
-    one = fused.get(number)
-    if one is not None:
-        return tuple(dict.fromkeys((one.first, one.second, one.other)))
-    _, a, b = tape.ops[number]
-    return (a, b) if b >= 0 and b != a else (a,)

@@ -198,10 +198,9 @@ class _Solve:
 
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """From the guess."""
-        if form.quadratic_program and not form.gaps:
-            outcome = self._linear_equations(form, x0)
-            if outcome is not None:
-                return outcome
+        outcome = self._linear_equations(form, x0)
+        if outcome is not None:
+            return outcome
         return self._helped(form, GUESSED, lambda tactics: self._barrier(form, x0, tactics))
 
     def _helped(self, form: ScaledProblem, first: Tactics, attempt: Callable[[Tactics], Outcome]) -> Outcome:
@@ -243,8 +242,10 @@ class _Solve:
     def _linear_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
         """A quadratic program without inequalities: its optimality conditions are linear equations.
 
-        The problem as stated confirms the solution, which is evaluated only once then.
+        The problem as stated confirms the solution, which is evaluated only once then. None for other programs.
         """
+        if form.gaps or not form.quadratic_program:
+            return None
         x, y = np.where(form.held, form.held_value, x0 / form.x_scale), np.zeros(form.m)
         point = newton_point(form, x, y)
         if point is not None:
@@ -285,15 +286,10 @@ class _Solve:
         kkt = lighter.attached_kkt
         kkt.trust_small_pivots(True)
         try:
-            outcome = None
-            if lighter.quadratic_program and not lighter.gaps:
-                outcome = self._linear_equations(lighter, x0)
+            outcome = self._linear_equations(lighter, x0)
             if outcome is None:
                 options = replace(self.options, tolerance=factor * self.options.tolerance)
-                it = cold_iterate(lighter, x0 / lighter.x_scale, by_gaps=True)
-                outcome = optimise(
-                    lighter, it, options.initial_barrier, options, self.monitor, tactics=Tactics()
-                )
+                outcome = self._barrier(lighter, x0, Tactics(), options=options)
             return self._settle(outcome)
         finally:
             kkt.trust_small_pivots(False)
@@ -323,9 +319,18 @@ class _Solve:
         moved = self._perturbed(form, x0, ELSEWHERE)
         return self._barrier(form, moved, Tactics(brief_restorations=FEWER), by_gaps=False)
 
-    def _barrier(self, form: ScaledProblem, x0: Floats, tactics: Tactics, *, by_gaps: bool = True) -> Outcome:
+    def _barrier(
+        self,
+        form: ScaledProblem,
+        x0: Floats,
+        tactics: Tactics,
+        *,
+        by_gaps: bool = True,
+        options: Options | None = None,
+    ) -> Outcome:
+        options = options or self.options
         it = cold_iterate(form, x0 / form.x_scale, by_gaps=by_gaps)
-        return optimise(form, it, self.options.initial_barrier, self.options, self.monitor, tactics=tactics)
+        return optimise(form, it, options.initial_barrier, options, self.monitor, tactics=tactics)
 
     def _perturbed(self, form: ScaledProblem, x0: Floats, by: float) -> Floats:
         """A start near ``x0``, moved at random by a fraction of each variable's size."""

@@ -93,13 +93,11 @@ class Transcription:
         self._bound = None
 
     def provide_kernels(self, at_once: bool) -> None:
-        """Does so if that has not been done; what is interpreted is compiled ``at_once``, or when that is due."""
+        """Does so if that has not been done; compiles what is interpreted if that is wanted ``at_once``."""
         if self.kernels is None:
             self.compile(at_once=at_once)
         elif at_once:
             self.kernels.compile()
-        else:
-            self.kernels.compile_when_due()
 
     def bind(
         self,

@@ -13,6 +13,19 @@ from stc.solver.kkt.contract import Inertia, NotFinite
 SYSTEMS = [system_of, chain_of, lambda pattern: FrontalKKT(*pattern.arguments())]
 
 
+def settled(system, rng):
+    """A system that has factorised one matrix again and again, what it is of, and an attempt that has been made."""
+    pattern = motion(rng, 40)
+    kkt = system(pattern)
+    values = generic(rng, pattern)
+    for _ in range(9):
+        kkt.factorize(*values.arguments())
+    call = kkt.attempt_call
+    assert call is not None
+    assert call() == 0
+    return kkt, pattern, values, call
+
+
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_attempts_find_what_factorisations_do(system):
     rng = np.random.default_rng(21)
@@ -45,14 +58,7 @@ def test_attempts_find_what_factorisations_do(system):
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_attempts_refuse_what_is_not_finite(system):
     rng = np.random.default_rng(22)
-    pattern = motion(rng, 40)
-    kkt = system(pattern)
-    values = generic(rng, pattern)
-    for _ in range(9):
-        kkt.factorize(*values.arguments())
-    call = kkt.attempt_call
-    assert call is not None
-    assert call() == 0
+    kkt, pattern, values, call = settled(system, rng)
     inertia = DenseKKT(*pattern.arguments()).factorize(*values.arguments())
     given = (
         (kkt.hess, values.hess),
@@ -114,15 +120,7 @@ def test_the_first_matrix_after_a_restart_is_attempted(system, monkeypatch):
 @pytest.mark.parametrize("system", SYSTEMS[:2])
 def test_an_attempt_made_ready_before_another_factorisation_asks_for_a_new_one(system):
     """That one may have left another plan to go on with, and one that no solve has been bound for."""
-    rng = np.random.default_rng(24)
-    pattern = motion(rng, 40)
-    kkt = system(pattern)
-    values = generic(rng, pattern)
-    for _ in range(9):
-        kkt.factorize(*values.arguments())
-    call = kkt.attempt_call
-    assert call is not None
-    assert call() == 0
+    kkt, _, _, call = settled(system, np.random.default_rng(24))
     inertia = kkt._refactor()
     ended = call()
     assert 0 < ended < planned.ELIMINATED
