@@ -12,7 +12,7 @@ from pathlib import Path
 
 import stc.solver
 import stc.transcription
-from stc.codegen import engine, interpreter, shipped
+from stc.codegen import calls, copying, engine, interpreter, shipped, threads
 
 
 def main() -> None:
@@ -24,7 +24,7 @@ def main() -> None:
     for package in (stc.solver, stc.transcription):  # what declares native functions
         for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             importlib.import_module(module.name)
-    others = {interpreter.UNIT: interpreter.interpreter_ir(fused=True)}
+    others = [interpreter.module(fused=True), calls.CHAIN, copying.MODULE, threads.MODULE]
     print(f"{shipped.build(Path(folder), others)} objects of machine code in {folder}")
 
 

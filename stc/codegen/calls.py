@@ -16,7 +16,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from stc.codegen import cache, engine
+from stc.codegen.engine import LoadedObject
+from stc.codegen.fixed import FixedModule
 
 _lock = threading.Lock()
 
@@ -214,17 +215,13 @@ done:
 }
 """
 
-_chain: list[engine.LoadedObject] = []
+CHAIN = FixedModule("chain", ("chain",), lambda: _CHAIN_IR)
+_chain: list[LoadedObject] = []
 
 
 @functools.cache
 def _chain_entry(result: Any) -> Callable[..., Any]:
     with _lock:
         if not _chain:
-            loaded = engine.cached_object(
-                cache.key_of("chain", engine.host().fingerprint(), _CHAIN_IR),
-                ["chain"],
-                lambda: engine.compile_ir(_CHAIN_IR, level=1, optimise=False),
-            )[0]
-            _chain.append(loaded)
+            _chain.append(CHAIN.load())
         return ctypes.CFUNCTYPE(result, ctypes.c_void_p)(_chain[0].address("chain"))

@@ -11,7 +11,9 @@ is a few bytes behind the source within a page, as neighbouring parts of one arr
 
 from __future__ import annotations
 
-__all__ = ["COPY_IR", "REPLACED", "SYMBOL"]
+from stc.codegen.fixed import FixedModule
+
+__all__ = ["COPY_IR", "MODULE", "REPLACED", "SYMBOL"]
 
 #: Blocks of so many bytes are not smaller than what a processor can count on to find again.
 LARGE = 2**22
@@ -90,3 +92,4 @@ library:
 }}
 !0 = !{{i32 1}}
 """
+MODULE = FixedModule("copying", (SYMBOL,), lambda: COPY_IR, instead={})

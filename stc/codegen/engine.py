@@ -16,12 +16,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from stc.codegen import cache
-from stc.codegen import machine as this_machine
-from stc.codegen.copying import COPY_IR, REPLACED, SYMBOL
+from stc.codegen import cache, machine
 from stc.codegen.image import MAGIC, MappedImage, image_of, map_image, supported
 from stc.codegen.sources import digest_of
 from stc.codegen.vector import WIDTH
+from stc.errors import UsageError
 from stc.records import dataclass
 
 #: Instances per block of kernels: the unit of the memory layout on every machine.
@@ -46,6 +45,8 @@ _INLINING_THRESHOLD = 50
 
 #: Pointers without types, the pass pipeline, and the attributes that generated code uses.
 _OLDEST_LLVM = (16, 0, 0)
+#: What brings that along.
+_OLDEST_LLVMLITE = (0, 45)
 
 #: Held while LLVM's options, which are those of the process, must not change.
 compiler_lock = threading.RLock()
@@ -60,27 +61,11 @@ def own_digest() -> str:
 
 @dataclass(frozen=True, slots=True)
 class Host:
-    """The machine that code is generated for."""
+    """A machine to generate code for, as LLVM describes it."""
 
     triple: str
     cpu: str
     features: str
-    llvmlite: str
-    llvm: str
-
-    def fingerprint(self) -> str:
-        """Text that differs whenever object code made here could be wrong, or slow, elsewhere."""
-        return "\n".join(
-            (
-                own_digest(),
-                self.triple,
-                self.cpu,
-                self.features,
-                self.llvmlite,
-                self.llvm,
-                " ".join((*_KERNEL_OPTIONS, *_LOOP_OPTIONS)),
-            )
-        )
 
 
 class LinkedObject:
@@ -110,7 +95,7 @@ def requested_backend() -> str:
 
 @lru_cache(maxsize=1)
 def _importable() -> bool:
-    if _remembered() is not None:
+    if machine.known(_OLDEST_LLVMLITE) is not None:
         return True
     try:
         import llvmlite.binding as llvm
@@ -133,50 +118,66 @@ def llvm_wanted() -> bool:
     return _importable()
 
 
-@lru_cache(maxsize=1)
-def _host_key() -> str | None:
-    """Where the description of this machine is kept; None where it is not."""
-    identity = this_machine.identity()
-    return None if identity is None else cache.key_of("host", own_digest(), identity)
+def _loaded_llvm() -> Any:
+    """The compiler.
 
-
-@lru_cache(maxsize=1)
-def _remembered() -> Host | None:
-    """The description of this machine that an earlier process has kept."""
-    key = _host_key()
-    kept = None if key is None else cache.load(key)
-    fields = [] if kept is None else kept.decode().split("\n")
-    return Host(*fields) if len(fields) == len(Host.__slots__) else None
+    Raises:
+        UsageError: it is installed, which was all that was asked so far, but cannot be loaded.
+    """
+    try:
+        import llvmlite.binding as llvm
+    except (ImportError, OSError) as error:
+        raise UsageError(
+            f"llvmlite is installed but cannot be loaded ({error}); install it anew, or do without machine code: "
+            "STC_BACKEND=python"
+        ) from error
+    return llvm
 
 
 @lru_cache(maxsize=1)
 def host() -> Host:
-    """Describe this machine and the LLVM that compiles for it."""
-    known = _remembered()
-    if known is not None:
-        return known
-    import llvmlite
-    import llvmlite.binding as llvm
-
-    found = Host(
+    """This machine, as the LLVM that compiles for it describes it."""
+    llvm = _loaded_llvm()
+    return Host(
         triple=llvm.get_process_triple(),
         cpu=llvm.get_host_cpu_name(),
         features=llvm.get_host_cpu_features().flatten(),
-        llvmlite=llvmlite.__version__,
-        llvm=".".join(map(str, llvm.llvm_version_info)),
     )
-    key = _host_key()
-    if key is not None and _importable():
-        fields = (found.triple, found.cpu, found.features, found.llvmlite, found.llvm)
-        cache.store(key, "\n".join(fields).encode())
-    return found
+
+
+@lru_cache(maxsize=1)
+def this_machine() -> machine.Machine:
+    """This machine, described without LLVM where that can be."""
+    found = machine.known(_OLDEST_LLVMLITE)
+    if found is not None:
+        return found
+    import llvmlite
+
+    here, llvm = host(), _loaded_llvm()
+    features = here.features.split(",")
+    return machine.Machine(
+        architecture=here.triple.split("-")[0],
+        features=frozenset(name[1:] for name in features if name.startswith("+")),
+        identity="\n".join(
+            (here.triple, here.cpu, here.features, llvmlite.__version__, str(llvm.llvm_version_info))
+        ),
+    )
+
+
+def fingerprint() -> str:
+    """Text that differs whenever object code made here could be wrong, or slow, elsewhere."""
+    return "\n".join((own_digest(), this_machine().identity, " ".join((*_KERNEL_OPTIONS, *_LOOP_OPTIONS))))
 
 
 @lru_cache(maxsize=1)
 def has_fma() -> bool:
     """Whether this machine has fused multiply-add instructions."""
-    here = host()
-    return "+fma" in here.features.split(",") or here.triple.startswith(("aarch64", "arm64"))
+    here = this_machine()
+    return "fma" in here.features or here.architecture in ("aarch64", "arm64")
+
+
+#: With these, LLVM computes with vectors of eight doubles.
+_EIGHT = {"avx512f", "avx512dq", "avx512vl"}
 
 
 @lru_cache(maxsize=1)
@@ -185,11 +186,11 @@ def vector_width() -> int:
 
     (Four are two instructions on machines with two per register, which is no loss.)
     """
-    return _width_on(host())
+    return 8 if this_machine().features >= _EIGHT else 4
 
 
-def _width_on(machine: Host) -> int:
-    return 8 if {"+avx512f", "+avx512dq", "+avx512vl"} <= set(machine.features.split(",")) else 4
+def _width_on(there: Host) -> int:
+    return 8 if {"+" + name for name in _EIGHT} <= set(there.features.split(",")) else 4
 
 
 def vector_registers() -> int:
@@ -200,7 +201,7 @@ def vector_registers() -> int:
 
 @lru_cache(maxsize=2)
 def _target(triple: str) -> Any:
-    import llvmlite.binding as llvm
+    llvm = _loaded_llvm()
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
@@ -215,7 +216,7 @@ def _target_machine(level: int, here: Host) -> Any:
     )
 
 
-def compile_ir(ir: str, *, level: int, optimise: bool, machine: Host | None = None) -> bytes:
+def compile_ir(ir: str, *, level: int, optimise: bool, target: Host | None = None) -> bytes:
     """Compile textual LLVM IR to object code.
 
     Args:
@@ -223,32 +224,32 @@ def compile_ir(ir: str, *, level: int, optimise: bool, machine: Host | None = No
         level: effort of code generation, 0 to 3.
         optimise: for code with loops: run LLVM's ``O2`` pipeline (loop vectoriser included) first.  Else for
             straight-line kernels.
-        machine: what for; by default this machine.
+        target: what for; by default this machine.
 
     Raises:
         RuntimeError: the IR is malformed, or nothing is known of the machine.
     """
     with compiler_lock:
-        target, module = parsed(ir, level=level, optimise=optimise, machine=machine)
-        return bytes(target.emit_object(module))
+        emitter, module = parsed(ir, level=level, optimise=optimise, target=target)
+        return bytes(emitter.emit_object(module))
 
 
-def parsed(ir: str, *, level: int, optimise: bool, machine: Host | None = None) -> tuple[Any, Any]:
+def parsed(ir: str, *, level: int, optimise: bool, target: Host | None = None) -> tuple[Any, Any]:
     """Target machine and module of :func:`compile_ir`, ready to be turned into object code.
 
     Call it, and use what it returns, while holding :data:`compiler_lock`.
     """
-    import llvmlite.binding as llvm
+    llvm = _loaded_llvm()
 
     with compiler_lock:
-        here = machine or host()
-        target = _target_machine(level, here)
+        here = target or host()
+        emitter = _target_machine(level, here)
         # Process-wide in LLVM, so set anew each time: what is compiled must not depend on what came before.
         for option in _LOOP_OPTIONS if optimise else _KERNEL_OPTIONS:
             llvm.set_option("stc", option)
         module = llvm.parse_assembly(ir.replace(WIDTH, str(_width_on(here))), llvm.create_context())
         module.triple = here.triple
-        module.data_layout = str(target.target_data)
+        module.data_layout = str(emitter.target_data)
         if optimise:
             # Unrolled and interleaved loops take twice as long to compile, and the solver runs no faster.
             tuning = llvm.create_pipeline_tuning_options(speed_level=2)
@@ -258,14 +259,14 @@ def parsed(ir: str, *, level: int, optimise: bool, machine: Host | None = None) 
             tuning.loop_unrolling = False
             tuning.loop_interleaving = False
             tuning.inlining_threshold = _INLINING_THRESHOLD
-            builder = llvm.create_pass_builder(target, tuning)
+            builder = llvm.create_pass_builder(emitter, tuning)
             builder.getModulePassManager().run(module, builder)
-        return target, module
+        return emitter, module
 
 
 @lru_cache(maxsize=1)
 def _linker() -> Any:
-    import llvmlite.binding as llvm
+    llvm = _loaded_llvm()
 
     return llvm.create_lljit_compiler(_target_machine(1, host()), use_jit_link=True)
 
@@ -273,12 +274,9 @@ def _linker() -> Any:
 @lru_cache(maxsize=1)
 def _stand_ins() -> dict[str, int]:
     """Addresses of what images get instead of functions of the C library (see :mod:`stc.codegen.copying`)."""
-    loaded, _ = cached_object(
-        cache.key_of("copying", host().fingerprint(), COPY_IR),
-        [SYMBOL],
-        lambda: compile_ir(COPY_IR, level=1, optimise=False),
-        instead={},
-    )
+    from stc.codegen.copying import MODULE, REPLACED, SYMBOL  # which is loaded by what is in here
+
+    loaded = MODULE.load()
     _never_unmapped.append(loaded)  # whatever is loaded later refers to it
     return dict.fromkeys(REPLACED, loaded.address(SYMBOL))
 
@@ -300,7 +298,7 @@ def load_object(
         image = code if code.startswith(MAGIC) else image_of(code)
         if image is not None:
             return map_image(image, symbols, _stand_ins() if instead is None else instead)
-    import llvmlite.binding as llvm
+    llvm = _loaded_llvm()
 
     with compiler_lock:
         library = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()

@@ -17,20 +17,22 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from functools import cache as only_once
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
-from stc.codegen import cache, engine, shipped
+from stc.codegen import engine
 from stc.codegen.engine import LANES
+from stc.codegen.fixed import FixedModule
 from stc.codegen.fusion import find_fused, reads_of
 from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import CIRCULAR, OPERATORS, Tape
 from stc.records import dataclass
 
-__all__ = ["CHUNK", "Code", "assemble", "entry", "interpreter_ir"]
+__all__ = ["CHUNK", "Code", "assemble", "entry", "interpreter_ir", "module"]
 
 #: Blocks that an instruction is followed for at once: rows of 512 bytes.
 CHUNK: Final = 16
@@ -381,20 +383,18 @@ def _operate(name: str, v: Any, load: Callable[[str], str], store: Callable[...,
         store("d", written_out(v, name, [a, load("b")]))
 
 
+def module(fused: bool) -> FixedModule:
+    """The function, with products that are rounded together with their sum or without."""
+    name = "interpreter" if fused else "interpreter without fused products"
+    return FixedModule(name, ("interpret",), partial(interpreter_ir, fused), optimise=True)
+
+
 @only_once
 def entry() -> Callable[..., Any]:
     """The function, for prepared calls."""
-    fused, host = engine.has_fma(), engine.host()
-    loaded, _ = engine.cached_object(
-        cache.key_of("interpreter", host.fingerprint(), str(fused)),
-        ["interpret"],
-        lambda: engine.compile_ir(interpreter_ir(fused), level=1, optimise=True),
-        shipped=lambda: shipped.find(UNIT, host, engine.own_digest()) if fused else None,
-    )
+    loaded = module(engine.has_fma()).load()
     _loaded.append(loaded)
     return ctypes.CFUNCTYPE(None, ctypes.c_void_p)(loaded.address("interpret"))
 
 
 _loaded: list[engine.LoadedObject] = []
-#: What the function is known as among what is shipped, which is for machines with fused multiply-add instructions.
-UNIT: Final = "interpreter"

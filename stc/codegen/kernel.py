@@ -356,7 +356,7 @@ def _load_or_compile(kernels: KernelSet, cache: bool, *, wanted: bool) -> bool:
         names = [f"kernel{k}" for k in range(len(positions))]
         key = object_cache.key_of(
             "kernels",
-            engine.host().fingerprint(),
+            engine.fingerprint(),
             f"width {engine.vector_width()} level {level}",
             *(tape.digest() for tape in tapes),
             *(of_tape.digest() for of_tape in runs),

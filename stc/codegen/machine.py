@@ -1,8 +1,8 @@
-"""What tells this machine and its compiler from others, found without loading the compiler.
+"""What this machine can do, and what tells it and its compiler from others, found without loading the compiler.
 
-LLVM names the processor and its features; asking it means loading it, which takes longer than a small solve.  So its
-answer is kept on disk (:func:`stc.codegen.engine.host`) under what this module finds in two small files: the kernel's
-list of the processor's features, and the version file of llvmlite.
+LLVM names the processor and its features; asking it means loading it, which takes longer than a small solve.  Where
+Linux lists the processor's features and an installed llvmlite tells its version in a file, that is enough to find
+machine code that was made before.
 """
 
 from __future__ import annotations
@@ -11,8 +11,28 @@ import os
 import sys
 from pathlib import Path
 
+from stc.records import dataclass
+
 #: Lines of /proc/cpuinfo that LLVM's answer can depend on; the others are clock rates and the like.
 _TELLING = (b"vendor_id", b"cpu family", b"model", b"stepping", b"flags")
+
+#: Features that LLVM and Linux call differently; ``_`` is a dot for LLVM.
+_OTHERWISE = {"pni": "sse3", "abm": "lzcnt", "lahf_lm": "sahf", "bmi1": "bmi"}
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """The machine that this process runs on.
+
+    Attributes:
+        architecture: as target triples begin.
+        features: of the processor, as LLVM calls them, or, where it knows none of the kind, as Linux does.
+        identity: differs wherever LLVM's description of the machine may, or LLVM.
+    """
+
+    architecture: str
+    features: frozenset[str]
+    identity: str
 
 
 def processor() -> str | None:
@@ -29,8 +49,8 @@ def processor() -> str | None:
     return b"\n".join(telling).decode(errors="replace") if any(b"flags" in line for line in telling) else None
 
 
-def compiler() -> str | None:
-    """Place and version of llvmlite, which brings its LLVM along; None where it is not installed."""
+def compiler() -> tuple[str, tuple[int, ...]] | None:
+    """What tells the installed llvmlite, which brings its LLVM along, from others, and its version; None without."""
     from importlib.util import find_spec
 
     try:
@@ -40,13 +60,26 @@ def compiler() -> str | None:
     if found is None or not found.origin:
         return None
     try:
-        version = (Path(found.origin).parent / "_version.py").read_text(encoding="utf-8")
+        text = (Path(found.origin).parent / "_version.py").read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return None
-    return f"{found.origin}\n{version}"
+    for line in text.splitlines():
+        name, _, value = line.partition("=")
+        parts = value.strip().strip("\"'").split(".")[:2]
+        if name.strip() == "version_version" and all(part.isdecimal() for part in parts):
+            return f"{found.origin}\n{text}", tuple(map(int, parts))
+    return None
 
 
-def identity() -> str | None:
-    """Text that differs wherever LLVM's description of the machine may; None where that is not known."""
-    parts = processor(), compiler()
-    return None if None in parts else "\n".join(map(str, parts))
+def features_of(described: str) -> frozenset[str]:
+    """The features that a processor's description lists, as LLVM calls them."""
+    lists = [line.partition(":")[2].split() for line in described.splitlines() if line.startswith("flags")]
+    return frozenset(_OTHERWISE.get(name, name.replace("_", ".")) for names in lists for name in names)
+
+
+def known(oldest: tuple[int, ...]) -> Machine | None:
+    """This machine, if it has a compiler of some version at least; None where LLVM has to be asked."""
+    described, installed = processor(), compiler()
+    if described is None or installed is None or installed[1] < oldest:
+        return None
+    return Machine("x86_64", features_of(described), f"{described}\n{installed[0]}")

@@ -482,13 +482,12 @@ class Unit:
 
     def load(self) -> None:
         """Find the machine code on disk, or compile it, and hand it to the functions."""
-        host = engine.host()
         symbols = _symbols(self.functions)[: len(self.roots)]
         loaded, _ = engine.cached_object(
-            cache.key_of("native", host.fingerprint(), self.key),
+            cache.key_of("native", engine.fingerprint(), self.key),
             [name for symbol in symbols for name in (symbol, symbol + ".packed")],
             lambda: engine.compile_ir(self.ir(), level=1, optimise=True),
-            shipped=lambda: shipped.find(self.key, host, engine.own_digest()),
+            shipped=lambda: shipped.find(self.key, engine.this_machine(), engine.own_digest()),
         )
         for native_function, symbol in zip(self.roots, symbols, strict=True):
             native_function.install(loaded, symbol)

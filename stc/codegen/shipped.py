@@ -8,7 +8,7 @@ whatever was changed since is compiled as if nothing had been shipped, as is eve
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +18,8 @@ from stc.records import dataclass
 
 if TYPE_CHECKING:
     from stc.codegen.engine import Host
+    from stc.codegen.fixed import FixedModule
+    from stc.codegen.machine import Machine
 
 FOLDER = Path(__file__).with_name("shipped_objects")
 _TRIPLE = "x86_64-unknown-linux-gnu"
@@ -30,28 +32,26 @@ class Level:
     Attributes:
         name: LLVM's name of a processor that has this and nothing more.
         tuning: features, as LLVM writes them, on top.
-        needs: features that a machine must have, as LLVM writes them.
+        needs: features that a machine must have, as LLVM calls them.
     """
 
     name: str
     tuning: str
     needs: frozenset[str]
 
-    def runs_on(self, host: Host) -> bool:
+    def runs_on(self, machine: Machine) -> bool:
         """Whether a machine can execute this level's code."""
-        return host.triple.startswith("x86_64") and self.needs <= set(host.features.split(","))
+        return machine.architecture == "x86_64" and self.needs <= machine.features
 
-    def machine(self) -> Host:
+    def target(self) -> Host:
         """What to compile for."""
-        from dataclasses import replace
+        from stc.codegen.engine import Host
 
-        from stc.codegen.engine import host
-
-        return replace(host(), triple=_TRIPLE, cpu=self.name, features=self.tuning)
+        return Host(_TRIPLE, cpu=self.name, features=self.tuning)
 
 
 def _features(names: str) -> frozenset[str]:
-    return frozenset(f"+{name}" for name in names.split())
+    return frozenset(names.split())
 
 
 _V3 = _features("avx avx2 bmi bmi2 cx16 f16c fma lzcnt movbe popcnt sahf sse3 sse4.1 sse4.2 ssse3 xsave")
@@ -62,32 +62,32 @@ _WIDE = "+avx512f,+avx512dq,+avx512vl"
 LEVELS = (Level("x86-64-v4", _WIDE, _V4), Level("x86-64-v3", "", _V3))
 
 
-def find(unit: str, host: Host, own_digest: str) -> bytes | None:
+def find(unit: str, machine: Machine, own_digest: str) -> bytes | None:
     """The shipped image of the best level that this machine can execute.
 
     Args:
         unit: hash of everything that the code depends on but the machine and the code generator.
-        host: this machine.
+        machine: this machine.
         own_digest: of the code generator.
     """
-    level = _best_level(host)
+    level = _best_level(machine)
     return None if level is None else cache.load_from(FOLDER, _key(level, unit, own_digest))
 
 
 @lru_cache(maxsize=1)
-def _best_level(host: Host) -> Level | None:
-    return next((level for level in LEVELS if level.runs_on(host)), None)
+def _best_level(machine: Machine) -> Level | None:
+    return next((level for level in LEVELS if level.runs_on(machine)), None)
 
 
 def _key(level: Level, unit: str, own_digest: str) -> str:
     return cache.key_of("shipped", level.name, level.tuning, own_digest, unit)
 
 
-def build(folder: Path, others: Mapping[str, str]) -> int:
+def build(folder: Path, others: Iterable[FixedModule]) -> int:
     """Compile all native functions known so far for all levels into a folder, which is emptied first.
 
     Args:
-        others: further modules of LLVM, by what they are found as.
+        others: further modules.
 
     Returns:
         How many objects were written.
@@ -98,11 +98,12 @@ def build(folder: Path, others: Mapping[str, str]) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*" + cache.SUFFIX):
         old.unlink()
-    texts = [*((unit.key, unit.ir()) for unit in native.units()), *others.items()]
+    texts = [(unit.key, unit.ir(), True) for unit in native.units()]
+    texts += [(module.name, module.write(), module.optimise) for module in others]
     count = 0
-    for unit_key, ir in texts:
+    for unit_key, ir, optimise in texts:
         for level in LEVELS:
-            code = engine.compile_ir(ir, level=1, optimise=True, machine=level.machine())
+            code = engine.compile_ir(ir, level=1, optimise=optimise, target=level.target())
             image = image_of(code)
             if image is not None:
                 key = _key(level, unit_key, engine.own_digest())

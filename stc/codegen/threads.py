@@ -25,8 +25,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from stc.codegen import cache, engine
 from stc.codegen.calls import Bound, chain, packed_address
+from stc.codegen.fixed import FixedModule
 from stc.errors import UsageError
 
 __all__ = ["Record", "allowed", "limit", "parallel", "record", "spare"]
@@ -142,11 +142,7 @@ class _Helper:
     """The second thread, and the memory through which it is asked."""
 
     def __init__(self) -> None:
-        self.code = engine.cached_object(
-            cache.key_of("threads", engine.host().fingerprint(), _IR),
-            ["prepare", "serve", "run", "stop"],
-            lambda: engine.compile_ir(_IR, level=1, optimise=False),
-        )[0]
+        self.code = MODULE.load()
         entry = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
         self.run: Callable[..., Any] = entry(self.code.address("run"))
         self._serve = entry(self.code.address("serve"))
@@ -517,3 +513,5 @@ for _name, _value in (
     ("LINGER", _LINGER),
 ):
     _IR = _IR.replace(_name, str(_value))
+
+MODULE = FixedModule("threads", ("prepare", "serve", "run", "stop"), lambda: _IR)

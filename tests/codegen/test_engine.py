@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import sys
 from collections.abc import Callable
 
 import pytest
 
 from stc.codegen import engine
+from stc.codegen.machine import Machine
+from stc.errors import UsageError
 
 LOOP = """
 define double @total(ptr %x, i64 %n) {
@@ -71,21 +74,28 @@ def test_math_library_is_reachable() -> None:
 
 
 @pytest.mark.parametrize(
-    ("features", "triple", "fma", "width", "registers"),
+    ("features", "architecture", "fma", "width", "registers"),
     [
-        ("+avx2,+fma", "x86_64-unknown-linux-gnu", True, 4, 16),
-        ("+sse2", "x86_64-unknown-linux-gnu", False, 4, 16),
-        ("+fma,+avx512f,+avx512dq,+avx512vl", "x86_64-unknown-linux-gnu", True, 8, 32),
-        ("+fma,+avx512f", "x86_64-unknown-linux-gnu", True, 4, 16),
-        ("+neon", "aarch64-unknown-linux-gnu", True, 4, 16),
+        ("avx2 fma", "x86_64", True, 4, 16),
+        ("sse2", "x86_64", False, 4, 16),
+        ("fma avx512f avx512dq avx512vl", "x86_64", True, 8, 32),
+        ("fma avx512f", "x86_64", True, 4, 16),
+        ("neon", "aarch64", True, 4, 16),
     ],
 )
 def test_what_machines_can_do(
-    features: str, triple: str, fma: bool, width: int, registers: int, monkeypatch: pytest.MonkeyPatch
+    features: str, architecture: str, fma: bool, width: int, registers: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    machine = engine.Host(triple, "any", features, "0", "0")
-    monkeypatch.setattr(engine, "host", lambda: machine)
+    machine = Machine(architecture, frozenset(features.split()), "any")
+    monkeypatch.setattr(engine, "this_machine", lambda: machine)
+    host = engine.Host(architecture, "any", ",".join("+" + name for name in features.split()))
     assert engine.has_fma.__wrapped__() == fma
     monkeypatch.setattr(engine, "vector_width", engine.vector_width.__wrapped__)
-    assert engine.vector_width() == width
+    assert engine.vector_width() == engine._width_on(host) == width
     assert engine.vector_registers() == registers
+
+
+def test_a_compiler_that_cannot_be_loaded_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
+    with pytest.raises(UsageError, match=r"llvmlite is installed but cannot be loaded .*STC_BACKEND=python"):
+        engine.compile_ir("define void @f() {\n ret void\n}", level=1, optimise=False)

@@ -141,34 +141,3 @@ def test_damaged_images_are_errors() -> None:
     other = made.replace(b"memmove", b"nomove!")
     with pytest.raises(RuntimeError, match="nomove!"):
         image.map_image(other, SYMBOLS, {})
-
-
-def test_the_machine_is_described_without_the_compiler(
-    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import sys
-
-    monkeypatch.setenv("STC_CACHE_DIR", str(tmp_path))
-    engine._remembered.cache_clear()
-    engine.host.cache_clear()
-    try:
-        asked = engine.host()
-        engine._remembered.cache_clear()
-        engine.host.cache_clear()
-        monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
-        assert engine.host() == asked
-    finally:
-        monkeypatch.undo()
-        engine._remembered.cache_clear()
-        engine.host.cache_clear()
-
-
-def test_another_processor_or_compiler_is_another_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    from stc.codegen import machine
-
-    here = machine.identity()
-    assert here is not None
-    monkeypatch.setattr(machine, "processor", lambda: "flags: none")
-    assert machine.identity() not in (here, None)
-    monkeypatch.setattr(machine, "compiler", lambda: None)
-    assert machine.identity() is None

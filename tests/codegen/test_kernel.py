@@ -442,11 +442,11 @@ def test_different_tapes_have_different_objects(folder: Path) -> None:
 def test_stale_code_is_never_loaded(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from dataclasses import replace
 
-    here = engine.host()
+    here = engine.this_machine()
     compile_tapes([double_pendulum()], backend="llvm")
-    monkeypatch.setattr(engine, "host", lambda: replace(here, llvmlite="0.0.1"))
+    monkeypatch.setattr(engine, "this_machine", lambda: replace(here, identity="llvmlite 0.0.1"))
     assert not compile_tapes([double_pendulum()], backend="llvm").cached
-    monkeypatch.setattr(engine, "host", lambda: here)
+    monkeypatch.setattr(engine, "this_machine", lambda: here)
     assert compile_tapes([double_pendulum()], backend="llvm").cached
 
 

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from stc.codegen import cache, engine, native, shipped
+from stc.codegen.fixed import FixedModule
 from stc.codegen.image import supported
+from stc.codegen.machine import Machine
 from stc.records import dataclass
 
 pytestmark = pytest.mark.skipif(
@@ -46,14 +48,13 @@ class Box:
 
     def build(self) -> int:
         self.function()
-        made = shipped.build(self.folder, {})
+        made = shipped.build(self.folder, [])
         self.compiled.clear()
         return made
 
 
 @pytest.fixture
 def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
-    engine.host()  # which a process looks for first, and keeps
     engine._stand_ins()
     monkeypatch.setenv("STC_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(shipped, "FOLDER", tmp_path / "shipped")
@@ -69,17 +70,9 @@ def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
     return made
 
 
-def with_features(monkeypatch: pytest.MonkeyPatch, features: str, triple: str = "") -> None:
-    from dataclasses import replace
-
-    here = engine.host()
-    changed = replace(here, features=features, triple=triple or here.triple)
-    monkeypatch.setattr(engine, "host", lambda: changed)
-
-
 def test_shipped_code_is_used_and_the_cache_left_alone(box: Box, tmp_path: Path) -> None:
     assert box.build() == len(shipped.LEVELS)
-    if not any(level.runs_on(engine.host()) for level in shipped.LEVELS):
+    if not any(level.runs_on(engine.this_machine()) for level in shipped.LEVELS):
         pytest.skip("nothing ships for this machine")
     assert not box.run()
     assert not list((tmp_path / "cache").glob("*"))
@@ -124,20 +117,18 @@ def test_code_runs_on_machines_of_its_level_only(monkeypatch: pytest.MonkeyPatch
         cache.store_in(tmp_path / "objects", cache_key, level.name.encode())
     monkeypatch.setattr(shipped, "FOLDER", tmp_path / "objects")
 
-    def found(features: set[str], triple: str = "x86_64-unknown-linux-gnu") -> bytes | None:
-        with_features(monkeypatch, ",".join(sorted(features)), triple)
-        return shipped.find(unit, engine.host(), "digest")
+    def found(features: set[str], architecture: str = "x86_64") -> bytes | None:
+        return shipped.find(unit, Machine(architecture, frozenset(features), ""), "digest")
 
-    more = {"+sse2", "-avx10.1"}
+    more = {"sse2"}
     assert found(set(v4.needs) | more) == b"x86-64-v4"
     assert found(set(v3.needs) | more) == b"x86-64-v3"
     for missing in v3.needs:
-        lacking = set(v4.needs) - {missing} | {missing.replace("+", "-")}
-        assert found(lacking | more) is None
+        assert found(set(v4.needs) - {missing} | more) is None
     for missing in v4.needs - v3.needs:
         assert found(set(v4.needs) - {missing}) == b"x86-64-v3"
-    assert found(set(v4.needs), "aarch64-unknown-linux-gnu") is None
-    assert shipped.find(unit, engine.host(), "another digest") is None
+    assert found(set(v4.needs), "aarch64") is None
+    assert shipped.find(unit, Machine("x86_64", v4.needs, ""), "another digest") is None
 
 
 def test_features_are_named_as_llvm_names_them() -> None:
@@ -145,14 +136,19 @@ def test_features_are_named_as_llvm_names_them() -> None:
 
     known = set(llvm.get_host_cpu_features())
     for level in shipped.LEVELS:
-        assert {name.removeprefix("+") for name in level.needs} <= known
+        assert level.needs <= known
 
 
 def test_other_modules_are_shipped_by_name(box: Box) -> None:
-    identity = "define i64 @same(i64 %x) {\n  ret i64 %x\n}\n"
-    assert shipped.build(box.folder, {"identity": identity}) == len(shipped.LEVELS)
-    found = shipped.find("identity", engine.host(), engine.own_digest())
-    if shipped._best_level(engine.host()) is not None:
+    identity = "define i64 @same(i64 %x) nounwind {\n  ret i64 %x\n}\n"
+    module = FixedModule("identity", ("same",), lambda: identity)
+    assert shipped.build(box.folder, [module]) == len(shipped.LEVELS)
+    here = engine.this_machine()
+    found = shipped.find("identity", here, engine.own_digest())
+    if shipped._best_level(here) is not None:
         assert found is not None
         assert engine.load_object(found, ["same"]).address("same")
-    assert shipped.find("another", engine.host(), engine.own_digest()) is None
+        box.compiled.clear()
+        assert module.load().address("same")
+        assert not box.compiled
+    assert shipped.find("another", here, engine.own_digest()) is None
