@@ -39,6 +39,8 @@ from stc.solver.places import (
     LAST_SHIFT,
     MU,
     SHIFT,
+    SLOW_BEFORE,
+    SLOW_STEPS,
     STIFFNESS,
     UNTRIED,
 )  # fmt: skip
@@ -74,6 +76,7 @@ class NewtonSystem:
         s = work.s
         for place in (
             SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, DEFICIENT, DEFICIENCIES, FAILURES, UNTRIED, EXCESS, EXACT,
+            SLOW_STEPS, SLOW_BEFORE,
         ):  # fmt: skip
             s[place] = 0.0
         s[EQUATIONS] = form.any_equality

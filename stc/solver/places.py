@@ -101,6 +101,8 @@ GROWTH_NOW: Final = 89
 EQUATIONS: Final = 90  # 1 when there are equality rows
 BENDS_ALIKE: Final = 91  # 1 when the objective bends the same everywhere
 ENDED: Final = 92  # how the last attempt to factorise did
+SLOW_STEPS: Final = 93  # damped ones in a row that were whole, and yet left the dual error nearly as it was
+SLOW_BEFORE: Final = 94  # the dual error before the last one
 
 # Of the search along a step (stc.solver.globalization).
 FROM_THETA: Final = 96  # what the points tried are compared with

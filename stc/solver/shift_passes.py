@@ -17,6 +17,7 @@ from stc.solver.places import (
     DEFICIENCIES,
     DEFICIENT,
     DIAGONALS,
+    DUAL_ERROR,
     DUAL_SHIFT,
     ENDED,
     ENDED_BY,
@@ -32,6 +33,8 @@ from stc.solver.places import (
     MU,
     SHIFT,
     SHIFTED,
+    SLOW_BEFORE,
+    SLOW_STEPS,
     SOFT,
     STIFFNESS,
     TASK,
@@ -67,6 +70,10 @@ SHORT = 0.2
 """Share of what the bounds allow, below which a step was too long by far where damping helps."""
 AFTER_SHORT = 7.0
 """How much more the last shift counts then: DECAY times that is tried at once, with the rows' part damped."""
+SLOW = 0.8
+WHOLE_STEP = 0.99
+MOST_SLOW = 6
+"""Damped steps in a row that are whole, but leave more than such a share of the dual error, after which none are."""
 BENT = 0.05
 """Share of the variables that an objective has to bend at least."""
 #: What a factorisation has to do next: try the shifts, look at what that has found, shift more, damp, or either, ...
@@ -270,12 +277,27 @@ def factorize(
 
 
 @native
+def notice_slowness(length: f64, s: f64s) -> None:
+    """Damp no more where that is all that makes the iteration slow: whole steps hardly change the dual error.
+
+    Newton's own would all but remove it.  What is left out of the Hessian is then nearly as large as what is not, and
+    the error falls by the same few per cent again and again.
+    """
+    slow = s[WHOLE] == 0.0 and length >= WHOLE_STEP and s[DUAL_ERROR] > SLOW * s[SLOW_BEFORE]
+    s[SLOW_STEPS] = s[SLOW_STEPS] + 1.0 if slow else 0.0
+    s[SLOW_BEFORE] = s[DUAL_ERROR]
+    if s[SLOW_STEPS] >= MOST_SLOW:
+        s[BENDS] = 0.0
+
+
+@native
 def relax(length: f64, s: f64s) -> None:
     """Let the stiffness go as steps are accepted nearly whole, and at once where none is (``length`` 0).
 
     A short step asks for a larger shift, as trust regions shrink (Levenberg 1944, Marquardt 1963), where shifts are
     needed at all and make good steps.  A shift that did not even lead to a step is none to start from next time.
     """
+    notice_slowness(length, s)
     if length == 0.0:
         s[STIFFNESS] = 0.0
     else:
