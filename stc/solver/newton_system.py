@@ -41,6 +41,7 @@ from stc.solver.places import (
     SHIFT,
     SLOW_BEFORE,
     SLOW_STEPS,
+    SOFTENED,
     STIFFNESS,
     UNTRIED,
 )  # fmt: skip
@@ -79,6 +80,7 @@ class NewtonSystem:
             SLOW_STEPS, SLOW_BEFORE,
         ):  # fmt: skip
             s[place] = 0.0
+        s[SOFTENED] = 1.0
         s[EQUATIONS] = form.any_equality
         s[BENDS] = 0.0 if form.linear else UNKNOWN
         s[BENDS_ALIKE] = form.quadratic_objective

@@ -101,6 +101,7 @@ GROWTH_NOW: Final = 89
 EQUATIONS: Final = 90  # 1 when there are equality rows
 BENDS_ALIKE: Final = 91  # 1 when the objective bends the same everywhere
 ENDED: Final = 92  # how the last attempt to factorise did
+SOFTENED: Final = 81  # what the dual shift is multiplied by; 0 where that has not helped
 SLOW_STEPS: Final = 93  # damped ones in a row that were whole, and yet left the dual error nearly as it was
 SLOW_BEFORE: Final = 94  # the dual error before the last one
 

@@ -36,6 +36,7 @@ from stc.solver.places import (
     SLOW_BEFORE,
     SLOW_STEPS,
     SOFT,
+    SOFTENED,
     STIFFNESS,
     TASK,
     UNTRIED,
@@ -53,6 +54,8 @@ GROWTH_IN_VAIN = 64.0
 """The same after a shift that has left as many eigenvalues negative as the one before."""
 DECAY = 1.0 / 3.0
 ITS_DUAL_SHIFT = 1e-8
+SOFTER_BY, MOST_SOFTENED = 30.0, 1e3
+"""How much more rows give way at a time, and at most, where pivots are too small still."""
 ALWAYS = 3
 """Iterations in a row that met dependent rows, after which they are expected."""
 MOST_UNTRIED = 3
@@ -143,7 +146,7 @@ def begin(calls: i64s, s: f64s) -> None:
     invoke(calls, DIAGONALS)
     s[WHOLE] = 1.0
     s[SHIFT] = s[STIFFNESS]
-    s[SOFT] = ITS_DUAL_SHIFT * sqrt(sqrt(max(s[MU], 1e-12)))
+    s[SOFT] = max(s[SOFTENED], 1.0) * ITS_DUAL_SHIFT * sqrt(sqrt(max(s[MU], 1e-12)))
     # Rows that have been dependent all the time are so by their structure.
     s[DEFICIENT] = 1.0 if s[DEFICIENCIES] >= ALWAYS else 0.0
     s[DUAL_SHIFT] = s[SOFT] if s[DEFICIENT] != 0.0 else 0.0
@@ -161,6 +164,26 @@ def larger_shift(growth: f64, s: f64s) -> f64:
     """The next shift to try, after another one or the last iterate's; more than LARGEST_SHIFT where there is none."""
     grown = s[SHIFT] * (GROWTH_AT_FIRST if s[LAST_SHIFT] == 0.0 else growth)
     return max(grown, max(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT]))
+
+
+@native
+def soften(zero: i64, s: f64s) -> i64:
+    """Let dependent rows give way more, where so many pivots are as good as zero with the dual shift as it is; 0 where
+    that is no use.
+
+    Rows that are stated twice have pivots of that size, which rounding hides where others are large.
+    """
+    if zero == 0 or s[SOFTENED] == 0.0:
+        return 0
+    if s[SOFTENED] * SOFTER_BY > MOST_SOFTENED:  # it is not for the rows
+        s[SOFT] /= s[SOFTENED]
+        s[DUAL_SHIFT] = s[SOFT]
+        s[SOFTENED] = 0.0
+        return 0
+    s[SOFTENED] *= SOFTER_BY
+    s[SOFT] *= SOFTER_BY
+    s[DUAL_SHIFT] = s[SOFT]
+    return 1
 
 
 @native(shared=True)
@@ -239,6 +262,8 @@ def factorize(
                 s[DEFICIENT] = 1.0
                 if s[SHIFT] == 0.0:
                     continue
+            elif s[EXCESS] < 0.0 and soften(inertia[2], s) != 0:
+                continue
             if s[SHIFT] == 0.0:
                 s[FAILURES] += 1.0
                 s[UNTRIED] = min(s[FAILURES] - 1.0, MOST_UNTRIED)
