@@ -60,6 +60,7 @@ from stc.solver.progress_passes import LARGEST_ERROR
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.search_passes import NOT_FINITE
 from stc.solver.stages import BLOCKED, FACTORIZATION, LAGS, LOOK, SEARCH, stages_of
+from stc.solver.starting import cold_iterate
 from stc.solver.unboundedness import is_unbounded
 from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
 
@@ -159,7 +160,7 @@ class _Loop:
         self.last = monitor.iterations + tactics.budget
         self.judged_at = monitor.iterations + tactics.near if tactics.near else np.inf
         self.escapes = self.restorations = 0
-        self.early = False
+        self.early = self.moved_inside = False
         self.adaptive = tactics.adaptive
         self.error = np.inf
         self.longest = LONGEST_RUN if form.size + form.m <= SMALL else 1
@@ -426,6 +427,18 @@ class _Loop:
         s[SHORTEST] = SHORTEST_FRACTION
         work.note_moved()
 
+    def _move_inside(self) -> bool:
+        """Go on from here, but farther off the bounds that hold the iteration up; not a second time."""
+        form = self.form
+        assert isinstance(form, ScaledProblem)
+        if self.moved_inside or not form.gaps:
+            return False
+        self.moved_inside = True
+        self.work.load(cold_iterate(form, self.it.w[: form.n].copy(), by_gaps=False))
+        self.work.provide_attempt()
+        self._begin(self.options.initial_barrier)
+        return True
+
     def _restore(self) -> Outcome | None:
         """Run the restoration phase from a point where no step was acceptable.
 
@@ -435,7 +448,7 @@ class _Loop:
         if not isinstance(form, ScaledProblem) or self.nearest.error <= ACCEPTABLE:
             return self._give_up()
         if it.theta <= FEASIBLE * self.options.tolerance:
-            return self._give_up()
+            return None if self._move_inside() else self._give_up()
         if not self.tactics.patient and self.restorations >= self.tactics.brief_restorations:
             self.early = True
             return self._give_up()

@@ -65,6 +65,7 @@ LAGGING_DUAL: Final = 51
 LAGGING: Final = 52
 UNMET_STEPS: Final = 53
 THETA_LAST: Final = 54
+CRAWLING_STEPS: Final = 55
 
 # Of the barrier parameter (stc.solver.barrier_parameter).
 MU: Final = 56
@@ -102,8 +103,9 @@ EQUATIONS: Final = 90  # 1 when there are equality rows
 BENDS_ALIKE: Final = 91  # 1 when the objective bends the same everywhere
 ENDED: Final = 92  # how the last attempt to factorise did
 SOFTENED: Final = 81  # what the dual shift is multiplied by; 0 where that has not helped
-SLOW_STEPS: Final = 93  # damped ones in a row that were whole, and yet left the dual error nearly as it was
-SLOW_BEFORE: Final = 94  # the dual error before the last one
+SLOW_STEPS: Final = 93  # damped ones in a row that were whole
+SLOW_BEST: Final = 94  # the smallest dual error of these, and of as many before them
+SLOW_BEFORE: Final = 95
 
 # Of the search along a step (stc.solver.globalization).
 FROM_THETA: Final = 96  # what the points tried are compared with

@@ -7,6 +7,7 @@ import numpy as np
 from stc.solver.iterate import evaluate
 from stc.solver.outcome import ACCEPTABLE, End, Outcome
 from stc.solver.places import (
+    CRAWLING_STEPS,
     DUAL_BEFORE,
     DUAL_NOW,
     NEAREST_ERROR,
@@ -77,7 +78,7 @@ class Stall:
 
     def __init__(self, work: Workspace) -> None:
         self._s = s = work.s
-        s[TINY_STEPS] = s[SMALL_STEPS] = s[SHORT_STEPS] = s[UNMET_STEPS] = 0.0
+        s[TINY_STEPS] = s[SMALL_STEPS] = s[SHORT_STEPS] = s[UNMET_STEPS] = s[CRAWLING_STEPS] = 0.0
         s[THETA_BEFORE] = s[THETA_LAST] = np.inf
 
     @property

@@ -10,6 +10,7 @@ from stc.solver.places import (
     BEST_NEW,
     BEST_OBJECTIVE,
     BEST_VIOLATION,
+    CRAWLING_STEPS,
     DUAL_BEFORE,
     DUAL_ERROR,
     DUAL_NOW,
@@ -58,6 +59,7 @@ MOST_SHORT_STEPS = 5
 HALF = 0.5
 WHOLE, SMALL, AS_BEFORE = 0.9, 0.1, 0.9
 MOST_UNMET_STEPS = 10
+CRAWLING, MOST_CRAWLING_STEPS = 1e-3, 30
 NEARLY_FEASIBLE = 1e-4
 LARGEST_ERROR = 1e50
 
@@ -116,7 +118,8 @@ def note_step(size: f64, tiny: i64, s: f64s) -> None:
 @native
 def block(length: f64, theta: f64, s: f64s) -> i64:
     """1 after several very short steps in a row that did not even halve the violation ``theta``, or whole ones of small
-    size that left it as it was: rows that nothing meets nearby."""
+    size that left it as it was: rows that nothing meets nearby.  And after very many that hardly moved at all, between
+    bounds that are in the way."""
     if length >= SHORT or theta < HALF * s[THETA_BEFORE]:
         s[SHORT_STEPS] = 0.0
         s[THETA_BEFORE] = theta
@@ -125,7 +128,9 @@ def block(length: f64, theta: f64, s: f64s) -> i64:
     s[UNMET_STEPS] = s[UNMET_STEPS] + 1.0 if unmet else 0.0
     s[THETA_LAST] = theta
     many = s[SHORT_STEPS] > MOST_SHORT_STEPS or s[UNMET_STEPS] >= MOST_UNMET_STEPS
-    return 1 if many and theta > NEARLY_FEASIBLE else 0
+    s[CRAWLING_STEPS] = s[CRAWLING_STEPS] + 1.0 if length < CRAWLING else 0.0
+    crawls = s[CRAWLING_STEPS] >= MOST_CRAWLING_STEPS
+    return 1 if (many and theta > NEARLY_FEASIBLE) or crawls else 0
 
 
 @native

@@ -34,6 +34,7 @@ from stc.solver.places import (
     SHIFT,
     SHIFTED,
     SLOW_BEFORE,
+    SLOW_BEST,
     SLOW_STEPS,
     SOFT,
     SOFTENED,
@@ -73,10 +74,9 @@ SHORT = 0.2
 """Share of what the bounds allow, below which a step was too long by far where damping helps."""
 AFTER_SHORT = 7.0
 """How much more the last shift counts then: DECAY times that is tried at once, with the rows' part damped."""
-SLOW = 0.8
+WATCHED, SLOW = 6, 0.6
 WHOLE_STEP = 0.99
-MOST_SLOW = 6
-"""Damped steps in a row that are whole, but leave more than such a share of the dual error, after which none are."""
+"""So many damped steps in a row that are whole, but leave more than such a share of the dual error, are the last."""
 BENT = 0.05
 """Share of the variables that an objective has to bend at least."""
 #: What a factorisation has to do next: try the shifts, look at what that has found, shift more, damp, or either, ...
@@ -306,13 +306,19 @@ def notice_slowness(length: f64, s: f64s) -> None:
     """Damp no more where that is all that makes the iteration slow: whole steps hardly change the dual error.
 
     Newton's own would all but remove it.  What is left out of the Hessian is then nearly as large as what is not, and
-    the error falls by the same few per cent again and again.
+    the error falls by the same few per cent again and again, or goes up and down meanwhile.
     """
-    slow = s[WHOLE] == 0.0 and length >= WHOLE_STEP and s[DUAL_ERROR] > SLOW * s[SLOW_BEFORE]
-    s[SLOW_STEPS] = s[SLOW_STEPS] + 1.0 if slow else 0.0
-    s[SLOW_BEFORE] = s[DUAL_ERROR]
-    if s[SLOW_STEPS] >= MOST_SLOW:
-        s[BENDS] = 0.0
+    if s[WHOLE] != 0.0 or length < WHOLE_STEP:
+        s[SLOW_STEPS] = 0.0
+        s[SLOW_BEFORE] = 0.0
+        return
+    s[SLOW_BEST] = s[DUAL_ERROR] if s[SLOW_STEPS] == 0.0 else min(s[SLOW_BEST], s[DUAL_ERROR])
+    s[SLOW_STEPS] += 1.0
+    if s[SLOW_STEPS] >= WATCHED:
+        if s[SLOW_BEFORE] > 0.0 and s[SLOW_BEST] > SLOW * s[SLOW_BEFORE]:
+            s[BENDS] = 0.0
+        s[SLOW_BEFORE] = s[SLOW_BEST]
+        s[SLOW_STEPS] = 0.0
 
 
 @native
