@@ -77,6 +77,9 @@ SMALL = 20_000
 """Unknowns up to which several iterations are made in a row."""
 MANY_GAPS = 100.0
 FEASIBLE = 0.01
+FAR_OFF, BEGUN = 0.1, 0.1
+"""The error after a restoration that tells that it led far away, and the share of the first barrier parameter below
+which that matters."""
 TOO_LITTLE = 0.99
 MOST_CENTRES, LESS = 30, 0.9
 NEARLY_MET = 10.0
@@ -480,6 +483,13 @@ class _Loop:
         if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):
             return self._give_up()
         self.stall = Stall(self.work)
+        if (
+            end is None
+            and self.work.errors().total > FAR_OFF
+            and barrier.mu < BEGUN * self.options.initial_barrier
+        ):
+            # It led far away, from where the barrier is to be lowered once more.
+            self._begin(self.options.initial_barrier)
         return None if end is None else self._outcome(end)
 
 
