@@ -117,6 +117,7 @@ SHORTEST: Final = 101
 SHORTENED: Final = 102
 WATCHING: Final = 103
 SMALL_THETA: Final = 104
+PRICE: Final = 105  # the least that a larger violation is to be worth, per unit
 
 # Of the records, in the user's terms (stc.solver.progress_passes).
 STATED: Final = 112  # the objective

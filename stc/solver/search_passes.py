@@ -28,6 +28,7 @@ from stc.solver.places import (
     MOVED,
     MU,
     OBJECTIVE,
+    PRICE,
     PRIMAL_STEP,
     RELATIVE,
     RETURN,
@@ -45,6 +46,7 @@ from stc.solver.places import (
     TRY_POINT,
     TRY_STEP,
     WATCHING,
+    Y_SUM,
 )
 
 GAMMA_THETA = 1e-5
@@ -56,6 +58,8 @@ ETA = 1e-8
 GAMMA_ALPHA = 0.05
 MOST_SHORTENED, TRIALS = 10, 3
 """After so many shortened steps in a row, so many whole ones are taken on trial."""
+EXCURSION, SHARE = 10.0, 0.01
+"""A violation so many times larger has to lower the barrier function by such a share of what multipliers say it may."""
 MOST_CORRECTIONS = 4
 CORRECTION_PROGRESS = 0.99
 SMALLEST_POWER = 1e-300
@@ -97,6 +101,8 @@ def judge(alpha: f64, trial_theta: f64, trial_phi: f64, filter: f64s, s: f64s) -
     phi = s[FROM_PHI]
     slope = s[FROM_SLOPE]
     noise = 10.0 * EPSILON * fabs(phi)
+    if trial_theta > EXCURSION * theta and trial_phi - phi + s[PRICE] * (trial_theta - theta) > 0.0:
+        return REFUSED
     if (
         theta <= s[SMALL_THETA]
         and slope < 0.0
@@ -252,6 +258,7 @@ def search(
         s[FROM_SLOPE] = s[SLOPE] - s[MU] * s[LOG_SLOPE]
         s[LIMIT] = s[PRIMAL_STEP]
         s[HALVED] = 0.0
+        s[PRICE] = SHARE * s[Y_SUM] / max(m, 1)
         s[TINY] = 1.0 if s[RELATIVE] < 10.0 * EPSILON and theta < 1e-4 else 0.0
         ended = ON_TRIAL
         if s[WATCHING] == 0.0 and s[SHORTENED] < MOST_SHORTENED:
