@@ -483,11 +483,8 @@ class _Loop:
         if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):
             return self._give_up()
         self.stall = Stall(self.work)
-        if (
-            end is None
-            and self.work.errors().total > FAR_OFF
-            and barrier.mu < BEGUN * self.options.initial_barrier
-        ):
+        lowered = form.gaps > 0 and barrier.mu < BEGUN * self.options.initial_barrier
+        if end is None and lowered and self.work.errors().total > FAR_OFF:
             # It led far away, from where the barrier is to be lowered once more.
             self._begin(self.options.initial_barrier)
         return None if end is None else self._outcome(end)

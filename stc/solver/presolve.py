@@ -24,7 +24,7 @@ from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.report import Callback, IterationRecord, Result, Start
-from stc.solver.residuals import assess
+from stc.solver.residuals import assess, holds
 from stc.solver.scaled_problem import relative_violation
 from stc.solver.status import Status
 
@@ -153,7 +153,7 @@ class Reduced:
         weight = 0.0 if result.status is Status.INFEASIBLE else 1.0
         x, y = self._whole_point(result, weight)
         judged = assess(self.whole, x, y)
-        if result.status is Status.OPTIMAL and not judged.holds(options):
+        if result.status is Status.OPTIMAL and not holds(self.whole, x, judged, options):
             return None
         return replace(
             result,

@@ -12,8 +12,13 @@ from stc.solver.keeping import once
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.passes import multiplier_scale
+from stc.solver.scaled_problem import relative_violation
 
-__all__ = ["Assessment", "Judge", "assess", "signed_violations"]
+__all__ = ["Assessment", "Judge", "assess", "holds", "is_met_but_for_rounding", "signed_violations"]
+
+EPSILON = 2.0**-52
+ROUNDED = 16.0
+"""Units in the last place of each term of a row that its value may be off by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +37,6 @@ class Assessment:
     violation: float
     optimality: float
     bound_multipliers: Floats
-
-    def holds(self, options: Options) -> bool:
-        """Whether the point is feasible and stationary within the tolerances."""
-        feasible = self.violation <= options.feasibility_tolerance
-        return bool(feasible and self.optimality <= options.unscaled_tolerance)
 
 
 class Judge:
@@ -78,6 +78,29 @@ def assess(nlp: NLP, x: Floats, y: Floats, z: Floats | None = None) -> Assessmen
     gradient of the Lagrangian where it pushes against a bound nearby.
     """
     return once(Judge, nlp)(x, y, z)
+
+
+def holds(nlp: NLP, x: Floats, judged: Assessment, options: Options) -> bool:
+    """Whether a point ``x`` (n,), assessed, is feasible and stationary within the tolerances."""
+    if not judged.optimality <= options.unscaled_tolerance:
+        return False
+    tolerance = options.feasibility_tolerance
+    return judged.violation <= tolerance or is_met_but_for_rounding(nlp, x, tolerance)
+
+
+def is_met_but_for_rounding(nlp: NLP, x: Floats, tolerance: float) -> bool:
+    """Whether all rows and bounds are met at ``x`` (n,) within ``tolerance``, or rows as far as they can be told.
+
+    A row of terms ``J_ri x_i`` changes by a unit in the last place of the largest of them from one point that can be
+    written down to the next: none of these may be nearer.
+    """
+    _, r = nlp.values(x)
+    _, jac, _ = nlp.derivatives(x, np.zeros(nlp.m), 1.0)
+    terms = np.bincount(nlp.jac_rows, weights=np.abs(jac * x[nlp.jac_cols]), minlength=nlp.m)
+    missed = relative_violation(r, nlp.row_lower, nlp.row_upper)
+    bound = np.maximum(1.0, np.abs(np.where(r < nlp.row_lower, nlp.row_lower, nlp.row_upper)))
+    met = missed <= np.maximum(tolerance, ROUNDED * EPSILON * terms / bound)
+    return bool(np.all(met) and np.all(relative_violation(x, nlp.x_lower, nlp.x_upper) <= tolerance))
 
 
 def signed_violations(nlp: NLP, r: Floats) -> Floats:

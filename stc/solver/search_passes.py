@@ -58,8 +58,9 @@ ETA = 1e-8
 GAMMA_ALPHA = 0.05
 MOST_SHORTENED, TRIALS = 10, 3
 """After so many shortened steps in a row, so many whole ones are taken on trial."""
-EXCURSION, SHARE = 10.0, 0.01
-"""A violation so many times larger has to lower the barrier function by such a share of what multipliers say it may."""
+EXCURSION, LARGE, SHARE = 10.0, 1.0, 0.003
+"""A violation so many times larger, and larger than this, has to lower the barrier function by such a share of what
+multipliers say that it may."""
 MOST_CORRECTIONS = 4
 CORRECTION_PROGRESS = 0.99
 SMALLEST_POWER = 1e-300
@@ -101,7 +102,10 @@ def judge(alpha: f64, trial_theta: f64, trial_phi: f64, filter: f64s, s: f64s) -
     phi = s[FROM_PHI]
     slope = s[FROM_SLOPE]
     noise = 10.0 * EPSILON * fabs(phi)
-    if trial_theta > EXCURSION * theta and trial_phi - phi + s[PRICE] * (trial_theta - theta) > 0.0:
+    if (
+        trial_theta > max(EXCURSION * theta, LARGE)
+        and trial_phi - phi + s[PRICE] * (trial_theta - theta) > 0.0
+    ):
         return REFUSED
     if (
         theta <= s[SMALL_THETA]

@@ -42,6 +42,7 @@ from stc.solver.places import (
     TASK,
     UNTRIED,
     WHOLE,
+    ZEROS,
 )
 
 FIRST_SHIFT = 1e-4
@@ -55,8 +56,8 @@ GROWTH_IN_VAIN = 64.0
 """The same after a shift that has left as many eigenvalues negative as the one before."""
 DECAY = 1.0 / 3.0
 ITS_DUAL_SHIFT = 1e-8
-SOFTER_BY, MOST_SOFTENED = 30.0, 1e3
-"""How much more rows give way at a time, and at most, where pivots are too small still."""
+SOFTER_BY, SOFTEST = 30.0, 1e-6
+"""How much more rows give way at a time where pivots are too small still, and what is the most."""
 ALWAYS = 3
 """Iterations in a row that met dependent rows, after which they are expected."""
 MOST_UNTRIED = 3
@@ -146,7 +147,7 @@ def begin(calls: i64s, s: f64s) -> None:
     invoke(calls, DIAGONALS)
     s[WHOLE] = 1.0
     s[SHIFT] = s[STIFFNESS]
-    s[SOFT] = max(s[SOFTENED], 1.0) * ITS_DUAL_SHIFT * sqrt(sqrt(max(s[MU], 1e-12)))
+    s[SOFT] = min(max(s[SOFTENED], 1.0) * ITS_DUAL_SHIFT * sqrt(sqrt(max(s[MU], 1e-12))), SOFTEST)
     # Rows that have been dependent all the time are so by their structure.
     s[DEFICIENT] = 1.0 if s[DEFICIENCIES] >= ALWAYS else 0.0
     s[DUAL_SHIFT] = s[SOFT] if s[DEFICIENT] != 0.0 else 0.0
@@ -175,10 +176,13 @@ def soften(zero: i64, s: f64s) -> i64:
     """
     if zero == 0 or s[SOFTENED] == 0.0:
         return 0
-    if s[SOFTENED] * SOFTER_BY > MOST_SOFTENED:  # it is not for the rows
-        s[SOFT] /= s[SOFTENED]
-        s[DUAL_SHIFT] = s[SOFT]
-        s[SOFTENED] = 0.0
+    if s[SOFTENED] == 1.0:
+        s[ZEROS] = float(zero)
+    if s[SOFT] * SOFTER_BY > SOFTEST:
+        if float(zero) >= s[ZEROS]:  # it is not for the rows
+            s[SOFT] /= s[SOFTENED]
+            s[DUAL_SHIFT] = s[SOFT]
+            s[SOFTENED] = 0.0
         return 0
     s[SOFTENED] *= SOFTER_BY
     s[SOFT] *= SOFTER_BY

@@ -22,10 +22,10 @@ from stc.solver.presolve import presolved
 from stc.solver.products import between, inner
 from stc.solver.projection_passes import ACCURATE
 from stc.solver.report import Callback, Result, Start
-from stc.solver.residuals import Assessment, assess
+from stc.solver.residuals import Assessment, assess, holds, is_met_but_for_rounding
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
-from stc.solver.status import Status, advice, sentence
+from stc.solver.status import MET_BUT_FOR_ROUNDING, Status, advice, sentence
 
 __all__ = ["minimize"]
 
@@ -403,7 +403,7 @@ class _Solve:
     def _confirms(self, point: _Point, y: Floats) -> bool:
         """Whether the problem as stated confirms a point, with multipliers ``y`` that can be believed."""
         believable = bool(np.abs(y).max(initial=0.0) <= LARGEST_MULTIPLIER)
-        return believable and self._assess(point).holds(self.options)
+        return believable and holds(self.nlp, point.x, self._assess(point), self.options)
 
     def _assess(self, point: _Point) -> Assessment:
         """The conditions at a point of the problem as stated, of the last one without evaluating them again."""
@@ -454,8 +454,7 @@ class _Solve:
         if outcome.end is End.UNBOUNDED:
             return self._result(Status.UNBOUNDED, point.x, point.y)
         best = self.monitor.best
-        met = best is not None and best[0] <= self.options.feasibility_tolerance
-        if outcome.end is End.STATIONARY_VIOLATION and not met:
+        if outcome.end is End.STATIONARY_VIOLATION and not self._is_met(best):
             assert isinstance(outcome.form, ScaledProblem)
             y = outcome.y * outcome.form.row_scale
             if not self._falls(point, y, outcome.form.row_scale):
@@ -463,6 +462,13 @@ class _Solve:
         # Solves on fewer frames may have used up what was left.
         used_up = self.monitor.iterations >= self.monitor.limit
         return self._best(Status.ITERATION_LIMIT if used_up else Status.FAILED)
+
+    def _is_met(self, best: tuple[float, float, Floats, Floats] | None) -> bool:
+        """Whether the best point seen (see ``Monitor.best``) is feasible."""
+        tolerance = self.options.feasibility_tolerance
+        if best is None:
+            return False
+        return best[0] <= tolerance or is_met_but_for_rounding(self.nlp, best[2], tolerance)
 
     def _falls(self, point: _Point, y: Floats, weights: Floats) -> bool:
         """Whether a violation that seems to be stationary, with multipliers ``y`` (m,), falls; the point where it is
@@ -500,6 +506,8 @@ class _Solve:
         report = self._assess(at or _Point(x, y))
         last = self.monitor.history[-1].optimality if self.monitor.history else report.optimality
         text = message or f"{sentence(status)} {advice(status)}".strip()
+        if status is Status.OPTIMAL and report.violation > self.options.feasibility_tolerance:
+            text += f" {MET_BUT_FOR_ROUNDING}"
         return Result(
             status,
             x,

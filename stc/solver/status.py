@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["Status", "advice", "sentence"]
+__all__ = ["MET_BUT_FOR_ROUNDING", "Status", "advice", "sentence"]
 
 
 class Status(StrEnum):
@@ -38,6 +38,12 @@ _ADVICE = {
     Status.INTERRUPTED: "Resume with the returned point as a warm start.",
     Status.FAILED: "Check for undefined functions, dependent rows and bad scaling near the returned point.",
 }
+
+
+#: What is added where a row of large terms is as near to its bound as numbers can be written.
+MET_BUT_FOR_ROUNDING = (
+    "Rows are met as far as rounding allows: units in which their terms are smaller let them be met better."
+)
 
 
 def sentence(status: Status) -> str:

@@ -29,7 +29,7 @@ def spec(rule: str, again: str) -> str:
 
 @pytest.mark.parametrize("rule", ["central", "trapezoidal", "hermite-simpson"])
 @pytest.mark.parametrize("again", AGAIN.values(), ids=AGAIN.keys())
-@pytest.mark.parametrize("n", [40, 60, 200])
+@pytest.mark.parametrize("n", [40, 60, 100, 200])
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_the_motion_is_found_as_if_stated_once(rule: str, again: str, n: int) -> None:
     once = stc.load(spec(rule, ""), n=n).solve()
