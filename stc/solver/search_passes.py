@@ -58,7 +58,7 @@ ETA = 1e-8
 GAMMA_ALPHA = 0.05
 MOST_SHORTENED, TRIALS = 10, 3
 """After so many shortened steps in a row, so many whole ones are taken on trial."""
-EXCURSION, LARGE, SHARE = 10.0, 1.0, 0.003
+EXCURSION, LARGE, SHARE = 100.0, 1.0, 0.003
 """A violation so many times larger, and larger than this, has to lower the barrier function by such a share of what
 multipliers say that it may."""
 MOST_CORRECTIONS = 4
