@@ -43,6 +43,8 @@ DISPROOF = 0.1
 DIVIDED, SHARED = 1e-3, 0.25
 """Rows that are multiplied by so little in the mean leave the objective too heavy beside them; the power of that by
 which it is multiplied, too."""
+CLOSE = 0.1
+"""The violation allowed on the way from a feasible point."""
 FEWER = 2
 """Brief restorations of the later attempts."""
 GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
@@ -172,6 +174,8 @@ class _Solve:
             if outcome.end in (End.CONVERGED, End.UNBOUNDED) or self._is_proof(outcome):
                 break
             outcome = self._better(outcome, self._settle(again(form, x0)))
+        if ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED) and self._is_met(self.monitor.best):
+            outcome = self._better(outcome, self._settle(self._from_best(form)))
         return self._conclude(outcome)
 
     def _warm(
@@ -318,6 +322,12 @@ class _Solve:
         """Start far off."""
         moved = self._perturbed(form, x0, ELSEWHERE)
         return self._barrier(form, moved, Tactics(brief_restorations=FEWER), by_gaps=False)
+
+    def _from_best(self, form: ScaledProblem) -> Outcome:
+        """Start at the best feasible point seen, and do not leave the rows far behind."""
+        best = self.monitor.best
+        assert best is not None
+        return self._barrier(form, best[2], Tactics(largest_theta=CLOSE), by_gaps=False)
 
     def _barrier(
         self,
