@@ -17,6 +17,7 @@ LOW_WHEN_FAR = -1e15
 RAY = (10.0, 100.0, 1000.0)
 FEASIBLE = 1e-6
 RELATIVE = 1e-8
+SMALL = 1e-4
 
 
 def is_unbounded(form: Formulation, it: Iterate, size: float) -> bool:
@@ -37,8 +38,14 @@ def is_unbounded(form: Formulation, it: Iterate, size: float) -> bool:
         return False
     if it.f < (LOW_WHEN_FAR if size > FAR else LOW):
         return True
-    last = it.f
-    direction = np.where(np.abs(x) > 1e-4 * size, x, 0.0)
+    # Small variables may have to stay; or they may belong to what grows, as the first frames of a motion do.
+    large = np.where(np.abs(x) > SMALL * size, x, 0.0)
+    return _falls(form, it, large) or _falls(form, it, x.copy())
+
+
+def _falls(form: ScaledProblem, it: Iterate, direction: Floats) -> bool:
+    """Whether the objective keeps falling along a ray of feasible points from a far iterate."""
+    x, last = it.w[: form.n], it.f
     for factor in RAY:
         beyond = x + (factor - 1.0) * direction
         f, r = form.values(beyond)

@@ -1,0 +1,30 @@
+"""Motions whose objective falls without limit: what grows begins small, at the first frames."""
+
+from __future__ import annotations
+
+import pytest
+
+import stc
+
+SPEC = """
+constants: n = 60, T = 2, h = T/n, most = inf;
+variables: x, u;
+method: {rule};
+constraints: [0, n]: x'' = u; u <= 1; -most <= u; [0]: x; x';
+objective: [n]: x;
+"""
+
+
+@pytest.mark.parametrize("rule", ["central", "trapezoidal", "hermite-simpson"])
+@pytest.mark.parametrize("n", [20, 60, 150, 300, 1000])
+def test_a_motion_that_may_go_on_for_ever(rule: str, n: int) -> None:
+    solution = stc.load(SPEC.format(rule=rule), n=n).solve(max_iterations=100)
+    assert solution.status == "unbounded"
+
+
+@pytest.mark.parametrize("rule", ["central", "trapezoidal", "hermite-simpson"])
+@pytest.mark.parametrize("most", [1e3, 1e8])
+def test_a_motion_that_may_go_far(rule: str, most: float) -> None:
+    solution = stc.load(SPEC.format(rule=rule), most=most).solve(max_iterations=400)
+    assert solution.status == "optimal"
+    assert solution.objective == pytest.approx(-2.0 * most, rel=0.05)
