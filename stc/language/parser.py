@@ -11,7 +11,8 @@ from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, did_you_mean, nearest_name
 from stc.language.expression_parser import OPERAND_STARTS, RELATIONS, ExpressionParser, Misread
 from stc.language.lexer import Tokens, tokenize
-from stc.language.words import METHODS, REPLAY_KINDS, SECTION_SYNONYMS, SECTIONS
+from stc.language.statements import statement_text
+from stc.language.words import COMPLEMENTS, METHODS, REPLAY_KINDS, SECTION_SYNONYMS, SECTIONS
 
 
 def parse(source: Source) -> syntax.SpecTree:
@@ -50,6 +51,14 @@ def parse_expression(source: Source) -> syntax.Expression:
     if diagnostics.error_count or expression is None:
         raise SpecError(diagnostics.errors())
     return expression
+
+
+def _spared(found: syntax.Relation) -> syntax.Expression:
+    """How far an inequality is from being an equality."""
+    low, high = found.operands if found.operators == ["<="] else reversed(found.operands)
+    if isinstance(low, syntax.Number) and low.value == 0.0:
+        return high
+    return syntax.Sum(found.start, found.end, [("+", high), ("-", low)])
 
 
 class _Parser(ExpressionParser):
@@ -280,8 +289,30 @@ class _Parser(ExpressionParser):
 
     def constraints_statement(self, into: list[syntax.Statement]) -> None:
         found = self.relation()
+        if self.kind == "name" and self.token_text(self.at) == COMPLEMENTS:
+            into += self.complementarity(found)
+            return
         self.end_statement("the constraint")
         into.append(found)
+
+    def complementarity(self, one: syntax.Relation) -> list[syntax.Relation]:
+        """``0 <= a complements b >= 0``: both relations, and one of what they have to spare is nothing."""
+        self.advance()
+        both = one, self.relation()
+        self.end_statement("the constraint")
+        start, end = one.start, both[1].end
+        wrong = next(
+            (found for found in both if len(found.operators) != 1 or found.operators[0] == "="), None
+        )
+        if wrong is not None:
+            hint = f"both sides are one inequality each, as in `0 <= a {COMPLEMENTS} b >= 0`"
+            self.diagnostics.error(
+                f"what `{COMPLEMENTS}` joins are inequalities", wrong.start, wrong.end, hint
+            )
+            return []
+        spared = syntax.Product(start, end, [("*", _spared(found)) for found in both])
+        written = statement_text(self.diagnostics.source, syntax.Node(start, end))
+        return [*both, syntax.Relation(start, end, [spared, syntax.Number(start, end, 0.0)], ["<="], written)]
 
     def objective_statement(self, into: list[syntax.Statement]) -> None:
         found = self.relation()

@@ -57,6 +57,9 @@ SECTION_SYNONYMS = {
     "macros": "definitions",
 }
 
+#: What joins two inequalities of which one is an equality.
+COMPLEMENTS = "complements"
+
 METHODS = ("central", "trapezoidal", "hermite-simpson")
 
 #: Kinds of line in `replay:` besides `model = "file.xml";`.
