@@ -16,7 +16,7 @@ import numpy as np
 from stc.arrays import scattered
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.formulation import Formulation
-from stc.solver.nlp import NLP, Floats
+from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
 from stc.solver.products import Indices
 
@@ -24,14 +24,22 @@ if TYPE_CHECKING:
     from stc.solver.kkt.contract import KKTSystem
     from stc.solver.projection import Projection, ProjectionPair
 
-__all__ = ["ScaledProblem", "relative_violation"]
+__all__ = ["ScaledProblem", "is_small", "relative_violation"]
 
 LARGEST_GRADIENT = 100.0
 SMALLEST_FACTOR = 1e-8
 SMALLEST_GRADIENT = 1e-3
 LARGEST_FACTOR = 1e8
 RELAXATION = 1e-9
+TINY = 1e-4
+"""Where no variable is larger, it is for the units."""
 ORDINARY = (1e-2, 1e3)  # magnitudes of variables that are left alone
+
+
+def is_small(x: Floats) -> Mask:
+    """Where a variable is smaller than usual, but not 0, (n,)."""
+    magnitude = np.abs(x)
+    return (magnitude > 0.0) & (magnitude < ORDINARY[0])
 
 
 def relative_violation(values: Floats, lower: Floats, upper: Floats) -> Floats:
@@ -56,8 +64,12 @@ class ScaledProblem(Formulation):
         options: Options,
         new_kkt: Callable[..., KKTSystem],
         objective_factor: float = 1.0,
+        small_too: bool = False,
     ) -> None:
-        """Scale ``nlp`` at ``x0`` (n,), a point where it is defined; the objective by ``objective_factor`` as well."""
+        """Scale ``nlp`` at ``x0`` (n,), a point where it is defined; the objective by ``objective_factor`` as well.
+
+        Variables that are small there may become large: they are left alone unless ``small_too``, or all are tiny.
+        """
         self.nlp = nlp
         self.n, self.m = nlp.n, nlp.m
         self.x_scale = np.ones(self.n)
@@ -66,7 +78,7 @@ class ScaledProblem(Formulation):
         self._set_pattern(nlp.jac_rows, nlp.jac_cols, nlp.hess_rows, nlp.hess_cols)
         self._held_user = nlp.x_lower == nlp.x_upper
         if options.scaling:
-            self._choose_scales(x0)
+            self._choose_scales(x0, small_too)
         self.objective_factor = objective_factor
         self.objective_scale *= objective_factor
         self._combine_scales()
@@ -111,12 +123,14 @@ class ScaledProblem(Formulation):
             return False
         return all(bool(np.isfinite(part.sum())) for part in self.derivatives(x, np.ones(self.m)))
 
-    def _choose_scales(self, x0: Floats) -> None:
+    def _choose_scales(self, x0: Floats, small_too: bool) -> None:
         nlp = self.nlp
         span = nlp.x_upper - nlp.x_lower
         magnitude = np.abs(x0)
         narrow = np.isfinite(span) & (span > 0) & (span < ORDINARY[0])
         wide = magnitude > ORDINARY[1]
+        if small_too or magnitude.max(initial=0.0) < TINY:
+            wide |= is_small(x0)
         self.x_scale = np.where(narrow, span, np.where(wide, magnitude, 1.0))
         self.x_scale = np.exp2(np.round(np.log2(self.x_scale)))
         gradient, rows = self._magnitudes(x0)

@@ -23,7 +23,7 @@ from stc.solver.products import between, inner
 from stc.solver.projection_passes import ACCURATE
 from stc.solver.report import Callback, Result, Start
 from stc.solver.residuals import Assessment, assess, holds, is_met_but_for_rounding
-from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.scaled_problem import ScaledProblem, is_small
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 from stc.solver.status import MET_BUT_FOR_ROUNDING, Status, advice, sentence
 
@@ -43,6 +43,8 @@ DISPROOF = 0.1
 DIVIDED, SHARED = 1e-3, 0.25
 """Rows that are multiplied by so little in the mean leave the objective too heavy beside them; the power of that by
 which it is multiplied, too."""
+SEVERAL = 0.1
+"""The share of the variables that are small where that may be for the units."""
 CLOSE = 0.1
 """The violation allowed on the way from a feasible point."""
 FEWER = 2
@@ -168,6 +170,8 @@ class _Solve:
             ways = [way for way in ways if way not in (self._feasible_first, self._held_barrier)]
         if form.many_gaps and ways:
             ways.insert(0, self._otherwise)
+        if ways and options.scaling and is_small(x0).mean() > SEVERAL:
+            ways.insert(0, self._enlarged)
         if ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED) and _mean_row_scale(form) < DIVIDED:
             outcome = self._better(outcome, self._lighter(form, x0))
         for again in ways:
@@ -297,6 +301,12 @@ class _Solve:
             return self._settle(outcome)
         finally:
             kkt.trust_small_pivots(False)
+
+    def _enlarged(self, form: ScaledProblem, x0: Floats) -> Outcome:
+        """Start there with small variables scaled, too: units may be such that all are."""
+        self.form = larger = ScaledProblem(self.nlp, x0, self.options, lambda *_: form.kkt, small_too=True)
+        outcome = self._linear_equations(larger, x0)
+        return outcome if outcome is not None else self._barrier(larger, x0, Tactics())
 
     def _otherwise(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start at the same point with other multipliers."""
