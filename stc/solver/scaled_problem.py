@@ -32,7 +32,7 @@ SMALLEST_GRADIENT = 1e-3
 LARGEST_FACTOR = 1e8
 RELAXATION = 1e-9
 TINY = 1e-4
-"""Where no variable is larger, it is for the units."""
+"""Where no variable is larger, nor may be, it is for the units."""
 ORDINARY = (1e-2, 1e3)  # magnitudes of variables that are left alone
 
 
@@ -40,6 +40,13 @@ def is_small(x: Floats) -> Mask:
     """Where a variable is smaller than usual, but not 0, (n,)."""
     magnitude = np.abs(x)
     return (magnitude > 0.0) & (magnitude < ORDINARY[0])
+
+
+def _are_tiny(nlp: NLP, x0: Floats) -> bool:
+    """Whether all variables are, as far as ``x0`` (n,) and their bounds tell."""
+    bounds = np.abs(np.concatenate([nlp.x_lower, nlp.x_upper]))
+    told = bounds[np.isfinite(bounds) & (bounds > 0.0)]
+    return told.size > 0 and max(told.max(), np.abs(x0).max()) < TINY
 
 
 def relative_violation(values: Floats, lower: Floats, upper: Floats) -> Floats:
@@ -129,7 +136,7 @@ class ScaledProblem(Formulation):
         magnitude = np.abs(x0)
         narrow = np.isfinite(span) & (span > 0) & (span < ORDINARY[0])
         wide = magnitude > ORDINARY[1]
-        if small_too or magnitude.max(initial=0.0) < TINY:
+        if small_too or _are_tiny(nlp, x0):
             wide |= is_small(x0)
         self.x_scale = np.where(narrow, span, np.where(wide, magnitude, 1.0))
         self.x_scale = np.exp2(np.round(np.log2(self.x_scale)))
