@@ -3,7 +3,7 @@
     python bench/compare_ipopt.py [FOLDER ...] [--only NAME ...] [--time-limit 60] [--write table.md]
 
 Both get the very same nonlinear program from the same starting point with exact derivatives (see casadi_bridge).  A
-folder holds specs and an ``expected.json``; the default ones are tests/problems/nlp and tests/problems/traj.  Prints a
+folder holds specs and an ``expected.json``; the default ones are tests/problems/nlp, tests/problems/traj and bench/classics.  Prints a
 Markdown table and a summary.  Needs the extra ``bench`` (CasADi).
 """
 
@@ -23,7 +23,7 @@ import stc
 from stc.solver import Options, minimize
 
 ROOT = Path(__file__).resolve().parent.parent
-FOLDERS = (ROOT / "tests/problems/nlp", ROOT / "tests/problems/traj")
+FOLDERS = (ROOT / "tests/problems/nlp", ROOT / "tests/problems/traj", ROOT / "bench/classics")
 
 #: What IPOPT calls the ends that have a word of ours.
 WORDS = {
@@ -41,8 +41,8 @@ WORDS = {
 HEAD = """# Against IPOPT
 
 Written by `python bench/compare_ipopt.py --write docs/ipopt.md`: statuses, objectives and iterations on the problems
-with known answers, for the same nonlinear programs, starting points and exact derivatives. `(!)` marks an answer that
-is not the known one. Objectives of IPOPT below ours in late digits come from bounds and rows that it relaxes by 1e-8.
+with known answers, for the same nonlinear programs, starting points and exact derivatives. Those of the classics of
+optimal control are the better one of what IPOPT and stc have found before. `(!)` marks an answer that is not the known one. Objectives of IPOPT below ours in late digits come from bounds and rows that it relaxes by 1e-8.
 """
 
 

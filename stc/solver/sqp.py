@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from stc.records import dataclass
-from stc.solver.active_set import newton_on_active_set, newton_point, smaller_multipliers
+from stc.solver.active_set import smaller_multipliers
+from stc.solver.attempts import Attempts
 from stc.solver.convexity import is_convex
-from stc.solver.interior import feasible_first, optimise
+from stc.solver.interior import optimise
+from stc.solver.judgement import Judgement, Point
 from stc.solver.keeping import give_back, kept_form, key_of, once
 from stc.solver.kkt import KKTSystem, structured_kkt
 from stc.solver.monitor import Monitor, Stopped
@@ -20,35 +21,23 @@ from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.polish import MET, meet_equations
 from stc.solver.presolve import presolved
 from stc.solver.products import between, inner
-from stc.solver.projection_passes import ACCURATE
 from stc.solver.report import Callback, Result, Start
-from stc.solver.residuals import Assessment, assess, holds, is_met_but_for_rounding
+from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem, is_small
-from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
+from stc.solver.starting import WARM_BARRIER, warm_iterate
 from stc.solver.status import MET_BUT_FOR_ROUNDING, Status, advice, sentence
 
 __all__ = ["minimize"]
 
-NEARBY = 0.1
-ELSEWHERE = 3.0
 RESCALINGS = 3
-QUADRATIC_STEPS = 3
-NEIGHBOUR_STEPS, PATIENCE = 8, 2
 UNCHANGED = 1e-9
 LARGE_MULTIPLIER = 1e6
-LARGEST_MULTIPLIER = 1e12
-LARGEST_GAIN = 1e-6
-ROUNDING = 1e-12
 DISPROOF = 0.1
 DIVIDED, SHARED = 1e-3, 0.25
 """Rows that are multiplied by so little in the mean leave the objective too heavy beside them; the power of that by
 which it is multiplied, too."""
-SEVERAL = 0.1
-"""The share of the variables that are small where that may be for the units."""
-CLOSE = 0.1
-"""The violation allowed on the way from a feasible point."""
-FEWER = 2
-"""Brief restorations of the later attempts."""
+SEVERAL = 0.25
+"""The share of the variables that are small, where that may be for the units."""
 GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
 """Before another start is asked for, from a guess and from the same motion on fewer frames."""
 HELPED, MOST = 100, 300
@@ -98,14 +87,6 @@ def _mean_row_scale(form: ScaledProblem) -> float:
     return float(np.exp(np.log(form.row_scale).mean())) if form.m else 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Point:
-    """Variables (n,) and row multipliers (m,) of the problem as stated."""
-
-    x: Floats
-    y: Floats
-
-
 class _Solve:
     """One solve: the phases in their order, and the result."""
 
@@ -122,8 +103,8 @@ class _Solve:
         self.monitor = Monitor(options, callback)
         self.new_kkt: Callable[..., KKTSystem] = new_kkt or structured_kkt
         self.form: ScaledProblem | None = None
-        self._assessed: tuple[_Point, Assessment] | None = None
-        self._last_stated: tuple[Outcome, Floats, _Point] | None = None
+        self.judgement = Judgement(nlp, options)
+        self.attempts = Attempts(nlp, options, self.monitor, self.judgement)
 
     def run(self) -> Result:
         nlp = self.nlp
@@ -154,22 +135,23 @@ class _Solve:
             give_back(form, nlp, key)
 
     def _solve(self, form: ScaledProblem, x0: Floats) -> Result:
-        options = self.options
+        options, attempts = self.options, self.attempts
         if options.warm_start and self.start.row_multipliers is not None:
             outcome = self._settle(
                 self._helped(
                     form,
                     FOLLOWED,
-                    lambda tactics: self._warm(form, x0, self.start, options.trusting, tactics),
+                    lambda tactics: attempts.warm(form, x0, self.start, options.trusting, tactics),
                 )
             )
         else:
             outcome = self._settle(self._cold(form, x0))
-        ways = [self._feasible_first, self._held_barrier, self._nearby, self._elsewhere][: options.retries]
+        ways = [attempts.feasible_first, attempts.held_barrier, attempts.nearby, attempts.elsewhere]
+        ways = ways[: options.retries]
         if not form.m and not form.gaps:  # they would do the same again
-            ways = [way for way in ways if way not in (self._feasible_first, self._held_barrier)]
+            ways = [way for way in ways if way not in (attempts.feasible_first, attempts.held_barrier)]
         if form.many_gaps and ways:
-            ways.insert(0, self._otherwise)
+            ways.insert(0, attempts.otherwise)
         if ways and options.scaling and is_small(x0).mean() > SEVERAL:
             ways.insert(0, self._enlarged)
         if ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED) and _mean_row_scale(form) < DIVIDED:
@@ -178,38 +160,17 @@ class _Solve:
             if outcome.end in (End.CONVERGED, End.UNBOUNDED) or self._is_proof(outcome):
                 break
             outcome = self._better(outcome, self._settle(again(form, x0)))
-        if ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED) and self._is_met(self.monitor.best):
-            outcome = self._better(outcome, self._settle(self._from_best(form)))
+        best = self._feasible()
+        if ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED) and best is not None:
+            outcome = self._better(outcome, self._settle(attempts.from_feasible(form, best)))
         return self._conclude(outcome)
-
-    def _warm(
-        self, form: ScaledProblem, x0: Floats, start: Start, trusting: bool, tactics: Tactics
-    ) -> Outcome:
-        """Steps from a neighbour's solution; where they do not converge, a short barrier path to it."""
-        assert start.row_multipliers is not None
-        x, y, z = x0 / form.x_scale, form.scaled_multipliers(start.row_multipliers), np.zeros(form.n)
-        if start.bound_multipliers is not None:
-            z = form.scaled_bound_multipliers(start.bound_multipliers)
-        if not trusting:
-            outcome = self._by_newton(form, x, y, NEIGHBOUR_STEPS, PATIENCE)
-            if outcome is not None:
-                return outcome
-            if not form.gaps:  # no other active set to be found
-                return self._barrier(form, x0, tactics)
-        from stc.solver.warm_start import from_neighbour
-
-        point = from_neighbour(form, x, y, z, self.options.tolerance, self.monitor, thorough=trusting)
-        it = warm_iterate(form, x, y)
-        if point is not None:
-            return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it)
-        return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=tactics)
 
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """From the guess."""
-        outcome = self._linear_equations(form, x0)
+        outcome = self.attempts.linear_equations(form, x0)
         if outcome is not None:
             return outcome
-        return self._helped(form, GUESSED, lambda tactics: self._barrier(form, x0, tactics))
+        return self._helped(form, GUESSED, lambda tactics: self.attempts.barrier(form, x0, tactics))
 
     def _helped(self, form: ScaledProblem, first: Tactics, attempt: Callable[[Tactics], Outcome]) -> Outcome:
         """What an attempt leads to, or another start, if there is one, where that is no solution with ``first``."""
@@ -240,48 +201,12 @@ class _Solve:
         """From another start than the guess."""
         x = between(np.asarray(start.x, dtype=float), self.nlp.x_lower, self.nlp.x_upper)
         if start.row_multipliers is None:
-            return self._barrier(form, x, tactics)
-        return self._warm(form, x, start, False, tactics)
+            return self.attempts.barrier(form, x, tactics)
+        return self.attempts.warm(form, x, start, False, tactics)
 
     def _is_proof(self, outcome: Outcome) -> bool:
         """Whether the outcome is a violation that is the smallest of all."""
         return outcome.end is End.STATIONARY_VIOLATION and once(is_convex, self.nlp)
-
-    def _linear_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
-        """A quadratic program without inequalities: its optimality conditions are linear equations.
-
-        The problem as stated confirms the solution, which is evaluated only once then. None for other programs.
-        """
-        if form.gaps or not form.quadratic_program:
-            return None
-        x, y = np.where(form.held, form.held_value, x0 / form.x_scale), np.zeros(form.m)
-        point = newton_point(form, x, y)
-        if point is not None:
-            outcome = Outcome(End.CONVERGED, form, point.x.copy(), point.y.copy(), 0.0)
-            stated = self._stated(outcome)
-            judged = self._assess(stated)
-            outcome.error = max(judged.violation, judged.optimality)
-            if outcome.error <= ACCURATE * self.options.tolerance:
-                step = float(np.abs(outcome.x - x).max(initial=0.0))
-                self.monitor.count()
-                self.monitor.record(
-                    lambda: (stated.x, stated.y), judged.objective, judged.violation, judged.optimality, step, 1.0,
-                    0.0, 0.0, "active-set",
-                )  # fmt: skip
-                return outcome
-        return self._by_newton(form, x, y, QUADRATIC_STEPS)
-
-    def _by_newton(
-        self, form: ScaledProblem, x: Floats, y: Floats, steps: int, patience: int = 0
-    ) -> Outcome | None:
-        """The solution that Newton's method on the active set finds from ``(x, y)``, scaled; None where it does not."""
-        tolerance = self.options.tolerance
-        point, solved = newton_on_active_set(
-            form, x, y, self.monitor, steps=steps, tolerance=tolerance, patience=patience
-        )
-        if point is None or not solved:
-            return None
-        return Outcome(End.CONVERGED, form, point.x.copy(), point.y.copy(), point.error)
 
     def _lighter(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """From the guess, the objective divided like the rows, in part, and small pivots trusted.
@@ -294,10 +219,10 @@ class _Solve:
         kkt = lighter.attached_kkt
         kkt.trust_small_pivots(True)
         try:
-            outcome = self._linear_equations(lighter, x0)
+            outcome = self.attempts.linear_equations(lighter, x0)
             if outcome is None:
                 options = replace(self.options, tolerance=factor * self.options.tolerance)
-                outcome = self._barrier(lighter, x0, Tactics(), options=options)
+                outcome = self.attempts.barrier(lighter, x0, Tactics(), options=options)
             return self._settle(outcome)
         finally:
             kkt.trust_small_pivots(False)
@@ -305,60 +230,8 @@ class _Solve:
     def _enlarged(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start there with small variables scaled, too: units may be such that all are."""
         self.form = larger = ScaledProblem(self.nlp, x0, self.options, lambda *_: form.kkt, small_too=True)
-        outcome = self._linear_equations(larger, x0)
-        return outcome if outcome is not None else self._barrier(larger, x0, Tactics())
-
-    def _otherwise(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """Start at the same point with other multipliers."""
-        return self._barrier(form, x0, Tactics(), by_gaps=False)
-
-    def _feasible_first(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """Find a feasible point before looking at the objective."""
-        it = cold_iterate(form, x0 / form.x_scale, by_gaps=False)
-        return feasible_first(form, it, self.options, self.monitor, Tactics())
-
-    def _held_barrier(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """Solve each barrier problem before the parameter goes down, and go where the violation may grow."""
-        tactics = Tactics(adaptive=False, largest_theta=1e4, brief_restorations=FEWER)
-        return self._barrier(form, x0, tactics, by_gaps=False)
-
-    def _nearby(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """Start a little off, with patience."""
-        moved = self._perturbed(form, x0, NEARBY)
-        tactics = Tactics(budget=self.options.max_iterations, brief_restorations=FEWER)
-        return self._barrier(form, moved, tactics, by_gaps=False)
-
-    def _elsewhere(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """Start far off."""
-        moved = self._perturbed(form, x0, ELSEWHERE)
-        return self._barrier(form, moved, Tactics(brief_restorations=FEWER), by_gaps=False)
-
-    def _from_best(self, form: ScaledProblem) -> Outcome:
-        """Start at the best feasible point seen, and do not leave the rows far behind."""
-        best = self.monitor.best
-        assert best is not None
-        return self._barrier(form, best[2], Tactics(largest_theta=CLOSE), by_gaps=False)
-
-    def _barrier(
-        self,
-        form: ScaledProblem,
-        x0: Floats,
-        tactics: Tactics,
-        *,
-        by_gaps: bool = True,
-        options: Options | None = None,
-    ) -> Outcome:
-        options = options or self.options
-        it = cold_iterate(form, x0 / form.x_scale, by_gaps=by_gaps)
-        return optimise(form, it, options.initial_barrier, options, self.monitor, tactics=tactics)
-
-    def _perturbed(self, form: ScaledProblem, x0: Floats, by: float) -> Floats:
-        """A start near ``x0``, moved at random by a fraction of each variable's size."""
-        noise = np.random.default_rng(self.options.seed).uniform(-1.0, 1.0, x0.size)
-        moved = x0 + by * noise * np.maximum(np.abs(x0), form.x_scale)
-        moved = np.clip(moved, self.nlp.x_lower, self.nlp.x_upper)
-        f, r = self.nlp.values(moved)
-        return moved if np.isfinite(f + r.sum()) else x0
+        outcome = self.attempts.linear_equations(larger, x0)
+        return outcome if outcome is not None else self.attempts.barrier(larger, x0, Tactics())
 
     def _settle(self, outcome: Outcome) -> Outcome:
         """Hold a solution against the problem as stated; where it fails there, scale anew at it and go on.
@@ -378,11 +251,14 @@ class _Solve:
             if MET < outcome.error <= ACCEPTABLE:
                 x = meet_equations(form, outcome.x)
                 if x is not outcome.x:
-                    outcome.x, self._last_stated = x, None
-            point = self._stated(outcome)
+                    outcome.x = x
+                    self.judgement.forget()
+            point = self.judgement.stated(outcome)
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
-                judged = self._assess(point)
-                if self._confirms(point, outcome.y) and not self._stalled_short(outcome, point):
+                judged = self.judgement.assess(point)
+                if self.judgement.confirms(point, outcome.y) and not self.judgement.stalled_short(
+                    outcome, point
+                ):
                     outcome.end = End.CONVERGED
                     return outcome
             if outcome.end is End.STUCK:
@@ -404,61 +280,11 @@ class _Solve:
         self.form = ScaledProblem(self.nlp, x, self.options, lambda *_: form.kkt, objective_factor)
         return self.form
 
-    def _stalled_short(self, outcome: Outcome, point: _Point) -> bool:
-        """Whether the iteration stalled where the objective may still gain, or ended where a lighter one does not tell.
-
-        A barrier that holds a point off many bounds leaves each of them a product too small to count: together they do.
-        """
-        form = outcome.form
-        assert isinstance(form, ScaledProblem)
-        doubtful = outcome.end is End.STUCK or form.objective_factor < 1.0
-        return doubtful and self._may_gain(point)
-
-    def _may_gain(self, point: _Point) -> bool:
-        """Whether the objective may gain there what counts, of all products together."""
-        from stc.solver.dual_estimate import possible_gain
-
-        return possible_gain(self.nlp, point.x, point.y, self._assess(point).bound_multipliers) > LARGEST_GAIN
-
-    def _confirms(self, point: _Point, y: Floats) -> bool:
-        """Whether the problem as stated confirms a point, with multipliers ``y`` that can be believed."""
-        believable = bool(np.abs(y).max(initial=0.0) <= LARGEST_MULTIPLIER)
-        return believable and holds(self.nlp, point.x, self._assess(point), self.options)
-
-    def _assess(self, point: _Point) -> Assessment:
-        """The conditions at a point of the problem as stated, of the last one without evaluating them again."""
-        known = self._assessed
-        if known is None or known[0] is not point:
-            known = self._assessed = point, assess(self.nlp, point.x, point.y)
-        return known[1]
-
-    def _stated(self, outcome: Outcome) -> _Point:
-        """The outcome's point and row multipliers for the problem as stated.
-
-        The variables are moved onto the bounds that they overstep by a hair, unless the rows would suffer more.
-        """
-        known = self._last_stated
-        if known is not None and known[0] is outcome and known[1] is outcome.y:
-            return known[2]
-        point = self._point_of(outcome)
-        self._last_stated = outcome, outcome.y, point
-        return point
-
-    def _point_of(self, outcome: Outcome) -> _Point:
-        form = outcome.form
-        assert isinstance(form, ScaledProblem)
-        as_found, y = form.as_stated(outcome.x, outcome.y)
-        point = between(as_found, self.nlp.x_lower, self.nlp.x_upper)
-        if (point == as_found).all():
-            return _Point(point, y)
-        moved, unmoved = (assess(self.nlp, x, y).violation for x in (point, as_found))
-        return _Point(point if moved <= max(unmoved, ROUNDING) else as_found, y)
-
     def _better(self, one: Outcome, other: Outcome) -> Outcome:
         """The outcome that says more; of two that say the same, that with the smaller violation."""
         if other.end in (End.CONVERGED, End.UNBOUNDED):
             return other
-        points = [self._stated(o) for o in (one, other)]
+        points = [self.judgement.stated(o) for o in (one, other)]
         violations = [assess(self.nlp, p.x, p.y).violation for p in points]
         if one.end is not other.end:
             # A stationary violation says nothing of rows that another attempt came much nearer to.
@@ -468,13 +294,12 @@ class _Solve:
         return one if violations[0] <= violations[1] else other
 
     def _conclude(self, outcome: Outcome) -> Result:
-        point = self._stated(outcome)
+        point = self.judgement.stated(outcome)
         if outcome.end is End.CONVERGED:
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         if outcome.end is End.UNBOUNDED:
             return self._result(Status.UNBOUNDED, point.x, point.y)
-        best = self.monitor.best
-        if outcome.end is End.STATIONARY_VIOLATION and not self._is_met(best):
+        if outcome.end is End.STATIONARY_VIOLATION and self._feasible() is None:
             assert isinstance(outcome.form, ScaledProblem)
             y = outcome.y * outcome.form.row_scale
             if not self._falls(point, y, outcome.form.row_scale):
@@ -483,14 +308,12 @@ class _Solve:
         used_up = self.monitor.iterations >= self.monitor.limit
         return self._best(Status.ITERATION_LIMIT if used_up else Status.FAILED)
 
-    def _is_met(self, best: tuple[float, float, Floats, Floats] | None) -> bool:
-        """Whether the best point seen (see ``Monitor.best``) is feasible."""
-        tolerance = self.options.feasibility_tolerance
-        if best is None:
-            return False
-        return best[0] <= tolerance or is_met_but_for_rounding(self.nlp, best[2], tolerance)
+    def _feasible(self) -> Floats | None:
+        """The best point seen, (n,), if it is feasible."""
+        best = self.monitor.best
+        return best[2] if best is not None and self.judgement.is_met(best[2], best[0]) else None
 
-    def _falls(self, point: _Point, y: Floats, weights: Floats) -> bool:
+    def _falls(self, point: Point, y: Floats, weights: Floats) -> bool:
         """Whether a violation that seems to be stationary, with multipliers ``y`` (m,), falls; the point where it is
         smaller may be the best then."""
         from stc.solver.violation_descent import nearer_point
@@ -512,18 +335,22 @@ class _Solve:
         _, _, x, y = best
         if y.size != self.nlp.m:
             y = np.zeros(self.nlp.m)
-        point = _Point(x, y)
+        point = Point(x, y)
         # Where many points are as good, one may have been passed on the way to nowhere.
-        if status is Status.FAILED and self._confirms(point, y) and not self._may_gain(point):
+        if (
+            status is Status.FAILED
+            and self.judgement.confirms(point, y)
+            and not self.judgement.may_gain(point)
+        ):
             status = Status.OPTIMAL
         return self._result(status, x, y, at=point)
 
     def _result(
-        self, status: Status, x: Floats, y: Floats | None = None, message: str = "", at: _Point | None = None
+        self, status: Status, x: Floats, y: Floats | None = None, message: str = "", at: Point | None = None
     ) -> Result:
         nlp = self.nlp
         y = np.zeros(nlp.m) if y is None else y
-        report = self._assess(at or _Point(x, y))
+        report = self.judgement.assess(at or Point(x, y))
         last = self.monitor.history[-1].optimality if self.monitor.history else report.optimality
         text = message or f"{sentence(status)} {advice(status)}".strip()
         if status is Status.OPTIMAL and report.violation > self.options.feasibility_tolerance:

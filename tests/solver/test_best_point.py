@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import stc
-from stc.solver import Options, minimize, sqp
+from stc.solver import Options, minimize
+from stc.solver.attempts import CLOSE, Attempts
 from stc.solver.outcome import End, Outcome, Tactics
 from stc.solver.scaled_problem import ScaledProblem
 
@@ -25,18 +26,18 @@ FEASIBLE = np.array([0.5, np.sqrt(1.5)])
 def test_the_last_attempt_starts_from_the_best_feasible_point(monkeypatch: pytest.MonkeyPatch) -> None:
     problem, transcription = stc.load(SPEC).transcription()
     nlp = transcription.bind(problem.constants)
-    barrier = sqp._Solve._barrier
+    barrier = Attempts.barrier
     starts: list[np.ndarray[Any, Any]] = []
 
-    def lost(self: sqp._Solve, form: ScaledProblem, x0: Any, tactics: Tactics, **more: Any) -> Outcome:
-        if tactics.largest_theta == sqp.CLOSE:
+    def lost(self: Attempts, form: ScaledProblem, x0: Any, tactics: Tactics, **more: Any) -> Outcome:
+        if tactics.largest_theta == CLOSE:
             starts.append(x0)
             return barrier(self, form, x0, tactics, **more)
         self.monitor.best = 0.0, nlp.values(FEASIBLE)[0], FEASIBLE, np.zeros(nlp.m)
         return Outcome(End.STUCK, form, np.array([9.0, 9.0]), np.zeros(nlp.m), 1.0)
 
-    monkeypatch.setattr(sqp._Solve, "_barrier", lost)
-    monkeypatch.setattr(sqp._Solve, "_feasible_first", lambda self, form, x0: lost(self, form, x0, Tactics()))
+    monkeypatch.setattr(Attempts, "barrier", lost)
+    monkeypatch.setattr(Attempts, "feasible_first", lambda self, form, x0: lost(self, form, x0, Tactics()))
     result = minimize(nlp, Options(presolve=False))
     assert len(starts) == 1
     np.testing.assert_array_equal(starts[0], FEASIBLE)

@@ -7,7 +7,7 @@ import pytest
 from symbolic_program import INF, SymbolicProgram
 
 import stc
-from stc.solver import sqp
+from stc.solver.attempts import Attempts
 from stc.solver.convexity import is_convex
 
 
@@ -63,8 +63,8 @@ def test_a_convex_program_that_cannot_be_met_is_given_up_at_once(method: str, mo
     def refuse(*_: object) -> None:
         raise AssertionError("there is nothing to be found elsewhere")
 
-    for name in ("_feasible_first", "_held_barrier", "_nearby", "_elsewhere", "_otherwise"):
-        monkeypatch.setattr(sqp._Solve, name, refuse)
+    for name in ("feasible_first", "held_barrier", "nearby", "elsewhere", "otherwise"):
+        monkeypatch.setattr(Attempts, name, refuse)
     solution = stc.load(PUSHED.replace("MOST", "11")).solve(method=method)
     assert solution.status == "infeasible"
     assert solution.violation > 1e-3
@@ -78,13 +78,13 @@ def test_one_that_can_be_met_is_solved(method: str) -> None:
 def test_others_are_tried_again(monkeypatch) -> None:
     """A distance that is to be kept makes a set that is not convex."""
     tried = []
-    feasible_first = sqp._Solve._feasible_first
+    feasible_first = Attempts.feasible_first
 
     def noted(*arguments):
         tried.append(1)
         return feasible_first(*arguments)
 
-    monkeypatch.setattr(sqp._Solve, "_feasible_first", noted)
+    monkeypatch.setattr(Attempts, "feasible_first", noted)
     text = PUSHED.replace("MOST", "11").replace("<= most^2;", "<= most^2; x^2 + y^2 >= -1;")
     assert stc.load(text).solve().status == "infeasible"
     assert tried

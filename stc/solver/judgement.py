@@ -1,0 +1,95 @@
+"""Holds what an attempt has led to against the problem as stated: unscaled, and bounds not relaxed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stc.records import dataclass
+from stc.solver.nlp import NLP, Floats
+from stc.solver.options import Options
+from stc.solver.outcome import End, Outcome
+from stc.solver.products import between
+from stc.solver.residuals import Assessment, assess, holds, is_met_but_for_rounding
+from stc.solver.scaled_problem import ScaledProblem
+
+__all__ = ["Judgement", "Point"]
+
+LARGEST_MULTIPLIER = 1e12
+LARGEST_GAIN = 1e-6
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Variables (n,) and row multipliers (m,) of the problem as stated."""
+
+    x: Floats
+    y: Floats
+
+
+class Judgement:
+    """The judgement of one solve's points; the last ones are not evaluated again."""
+
+    def __init__(self, nlp: NLP, options: Options) -> None:
+        self.nlp, self.options = nlp, options
+        self._assessed: tuple[Point, Assessment] | None = None
+        self._last_stated: tuple[Outcome, Floats, Point] | None = None
+
+    def assess(self, point: Point) -> Assessment:
+        """The conditions at a point of the problem as stated, of the last one without evaluating them again."""
+        known = self._assessed
+        if known is None or known[0] is not point:
+            known = self._assessed = point, assess(self.nlp, point.x, point.y)
+        return known[1]
+
+    def stated(self, outcome: Outcome) -> Point:
+        """The outcome's point and row multipliers for the problem as stated.
+
+        The variables are moved onto the bounds that they overstep by a hair, unless the rows would suffer more.
+        """
+        known = self._last_stated
+        if known is not None and known[0] is outcome and known[1] is outcome.y:
+            return known[2]
+        point = self._point_of(outcome)
+        self._last_stated = outcome, outcome.y, point
+        return point
+
+    def _point_of(self, outcome: Outcome) -> Point:
+        form = outcome.form
+        assert isinstance(form, ScaledProblem)
+        as_found, y = form.as_stated(outcome.x, outcome.y)
+        point = between(as_found, self.nlp.x_lower, self.nlp.x_upper)
+        if (point == as_found).all():
+            return Point(point, y)
+        moved, unmoved = (assess(self.nlp, x, y).violation for x in (point, as_found))
+        return Point(point if moved <= max(unmoved, ROUNDING) else as_found, y)
+
+    def confirms(self, point: Point, y: Floats) -> bool:
+        """Whether the problem as stated confirms a point, with multipliers ``y`` that can be believed."""
+        believable = bool(np.abs(y).max(initial=0.0) <= LARGEST_MULTIPLIER)
+        return believable and holds(self.nlp, point.x, self.assess(point), self.options)
+
+    def stalled_short(self, outcome: Outcome, point: Point) -> bool:
+        """Whether the iteration stalled where the objective may still gain, or ended where a lighter one does not tell.
+
+        A barrier that holds a point off many bounds leaves each of them a product too small to count: together they do.
+        """
+        form = outcome.form
+        assert isinstance(form, ScaledProblem)
+        doubtful = outcome.end is End.STUCK or form.objective_factor < 1.0
+        return doubtful and self.may_gain(point)
+
+    def may_gain(self, point: Point) -> bool:
+        """Whether the objective may gain there what counts, of all products together."""
+        from stc.solver.dual_estimate import possible_gain
+
+        return possible_gain(self.nlp, point.x, point.y, self.assess(point).bound_multipliers) > LARGEST_GAIN
+
+    def forget(self) -> None:
+        """The last outcome's point was moved."""
+        self._last_stated = None
+
+    def is_met(self, x: Floats, violation: float) -> bool:
+        """Whether ``x`` (n,), of that violation, is feasible."""
+        tolerance = self.options.feasibility_tolerance
+        return violation <= tolerance or is_met_but_for_rounding(self.nlp, x, tolerance)
