@@ -3,8 +3,8 @@
     python bench/compare_ipopt.py [FOLDER ...] [--only NAME ...] [--time-limit 60] [--write table.md]
 
 Both get the very same nonlinear program from the same starting point with exact derivatives (see casadi_bridge).  A
-folder holds specs and an ``expected.json``; the default ones are tests/problems/nlp, tests/problems/traj and bench/classics.  Prints a
-Markdown table and a summary.  Needs the extra ``bench`` (CasADi).
+folder holds specs and an ``expected.json``; the default ones are tests/problems/nlp, tests/problems/traj and
+bench/classics.  Prints a Markdown table and a summary.  Needs the extra ``bench`` (CasADi).
 """
 
 from __future__ import annotations
@@ -42,7 +42,8 @@ HEAD = """# Against IPOPT
 
 Written by `python bench/compare_ipopt.py --write docs/ipopt.md`: statuses, objectives and iterations on the problems
 with known answers, for the same nonlinear programs, starting points and exact derivatives. Those of the classics of
-optimal control are the better one of what IPOPT and stc have found before. `(!)` marks an answer that is not the known one. Objectives of IPOPT below ours in late digits come from bounds and rows that it relaxes by 1e-8.
+optimal control are the better one of what IPOPT and stc had found before. `(!)` marks an answer that is not the known
+one. Objectives of IPOPT below ours in late digits come from bounds and rows that it relaxes by 1e-8.
 """
 
 

@@ -247,7 +247,8 @@ def parsed(ir: str, *, level: int, optimise: bool, target: Host | None = None) -
         # Process-wide in LLVM, so set anew each time: what is compiled must not depend on what came before.
         for option in _LOOP_OPTIONS if optimise else _KERNEL_OPTIONS:
             llvm.set_option("stc", option)
-        module = llvm.parse_assembly(ir.replace(WIDTH, str(_width_on(here))), llvm.create_context())
+        width = vector_width() if target is None else _width_on(target)
+        module = llvm.parse_assembly(ir.replace(WIDTH, str(width)), llvm.create_context())
         module.triple = here.triple
         module.data_layout = str(emitter.target_data)
         if optimise:
