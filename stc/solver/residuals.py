@@ -97,6 +97,8 @@ def is_met_but_for_rounding(nlp: NLP, x: Floats, tolerance: float) -> bool:
     _, r = nlp.values(x)
     _, jac, _ = nlp.derivatives(x, np.zeros(nlp.m), 1.0)
     terms = np.bincount(nlp.jac_rows, weights=np.abs(jac * x[nlp.jac_cols]), minlength=nlp.m)
+    if not np.isfinite(terms).all():
+        return False
     missed = relative_violation(r, nlp.row_lower, nlp.row_upper)
     bound = np.maximum(1.0, np.abs(np.where(r < nlp.row_lower, nlp.row_lower, nlp.row_upper)))
     met = missed <= np.maximum(tolerance, ROUNDED * EPSILON * terms / bound)

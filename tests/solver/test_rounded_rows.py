@@ -47,6 +47,8 @@ def test_what_rounding_does_not_explain_is_not_met() -> None:
     assert not is_met_but_for_rounding(nlp, point + [100 * gap, 0.0], 1e-6)
     assert not is_met_but_for_rounding(nlp, np.array([3.0, 2.0 + 1e-5]), 1e-6)
     assert is_met_but_for_rounding(nlp, np.array([3.0, 2.0 + 1e-7]), 1e-6)
+    assert not is_met_but_for_rounding(nlp, np.array([np.nan, 1.0]), 1e-6)
+    assert not is_met_but_for_rounding(nlp, np.array([np.inf, 1.0]), 1e-6)
 
 
 def test_bounds_are_met_or_not() -> None:
