@@ -56,6 +56,11 @@ class Attempts:
             return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it)
         return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=tactics)
 
+    def cold(self, form: ScaledProblem, x0: Floats, options: Options) -> Outcome:
+        """From ``x0`` (n,), with options for the barrier."""
+        outcome = self.linear_equations(form, x0)
+        return self.barrier(form, x0, Tactics(), options=options) if outcome is None else outcome
+
     def linear_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
         """A quadratic program without inequalities: its optimality conditions are linear equations.
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen.native import f64s, i64, i64s, native
-from stc.solver.nlp import Floats
+from stc.solver.nlp import Floats, Ints
 
 Indices = NDArray[np.int64]
 
-__all__ = ["between", "inner", "norm", "symmetric_times", "times"]
+__all__ = ["between", "inner", "norm", "symmetric_times", "term_sums", "times"]
 
 
 def between(x: Floats, lower: Floats, upper: Floats) -> Floats:
@@ -38,6 +38,11 @@ def times(rows: Indices, cols: Indices, values: Floats, v: Floats, size: int) ->
     if rows.size:
         _times(rows.size, rows, cols, np.ascontiguousarray(values), np.ascontiguousarray(v), out)
     return out
+
+
+def term_sums(rows: Ints, cols: Ints, values: Floats, v: Floats, size: int) -> Floats:
+    """What the magnitudes of the terms of such a product add up to, (size,): what rounding is in proportion to."""
+    return np.asarray(np.bincount(rows, weights=np.abs(values * v[cols]), minlength=size), dtype=float)
 
 
 def symmetric_times(rows: Indices, cols: Indices, values: Floats, v: Floats, size: int) -> Floats:

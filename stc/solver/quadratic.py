@@ -22,7 +22,7 @@ from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.places import DUAL_STEP, FINITE, PRIMAL_STEP
 from stc.solver.primal_dual import PrimalDual
-from stc.solver.products import inner
+from stc.solver.products import inner, term_sums
 from stc.solver.restricted import RestrictedDiagonals, factorize_restricted
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import Workspace
@@ -87,7 +87,7 @@ class QuadraticSolution:
 
 def guess_from_multipliers(form: ScaledProblem, point: PrimalDual) -> ActiveSet:
     """What was active where the point's multipliers belong."""
-    terms = np.bincount(form.jac_cols, weights=np.abs(point.jac * point.y[form.jac_rows]), minlength=form.n)
+    terms = term_sums(form.jac_cols, form.jac_rows, point.jac, point.y, form.n)
     return ActiveSet(
         _signs(point.z, np.asarray(NEGLIGIBLE + ROUNDING * terms, float), *form.true_x) * ~form.held,
         _signs(point.y, np.full(form.m, NEGLIGIBLE), *form.true_rows) * ~form.equality,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.nlp import NLP, Floats
+from stc.solver.products import term_sums
 from stc.solver.scaled_problem import relative_violation
 
 __all__ = ["falls_without_limit"]
@@ -39,7 +40,7 @@ def _falls(nlp: NLP, x: Floats, direction: Floats, feasibility: float) -> bool:
             return False
         off = relative_violation(rows, nlp.row_lower, nlp.row_upper)
         _, jac, _ = nlp.derivatives(beyond, np.zeros(nlp.m), 0.0)
-        terms = np.bincount(nlp.jac_rows, weights=np.abs(jac * beyond[nlp.jac_cols]), minlength=nlp.m)
+        terms = term_sums(nlp.jac_rows, nlp.jac_cols, jac, beyond, nlp.m)
         if np.any(off > feasibility + RELATIVE * terms):
             return False
         if np.isneginf(f):

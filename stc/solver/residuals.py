@@ -12,6 +12,7 @@ from stc.solver.keeping import once
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.passes import multiplier_scale
+from stc.solver.products import term_sums
 from stc.solver.scaled_problem import relative_violation
 
 __all__ = ["Assessment", "Judge", "assess", "holds", "is_met_but_for_rounding", "signed_violations"]
@@ -96,7 +97,7 @@ def is_met_but_for_rounding(nlp: NLP, x: Floats, tolerance: float) -> bool:
     """
     _, r = nlp.values(x)
     _, jac, _ = nlp.derivatives(x, np.zeros(nlp.m), 1.0)
-    terms = np.bincount(nlp.jac_rows, weights=np.abs(jac * x[nlp.jac_cols]), minlength=nlp.m)
+    terms = term_sums(nlp.jac_rows, nlp.jac_cols, jac, x, nlp.m)
     if not np.isfinite(terms).all():
         return False
     missed = relative_violation(r, nlp.row_lower, nlp.row_upper)

@@ -160,9 +160,10 @@ class _Solve:
             if outcome.end in (End.CONVERGED, End.UNBOUNDED) or self._is_proof(outcome):
                 break
             outcome = self._better(outcome, self._settle(again(form, x0)))
-        best = self._feasible()
-        if ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED) and best is not None:
-            outcome = self._better(outcome, self._settle(attempts.from_feasible(form, best)))
+        if ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED):
+            best = self._feasible()
+            if best is not None:
+                outcome = self._better(outcome, self._settle(attempts.from_feasible(form, best)))
         return self._conclude(outcome)
 
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
@@ -219,19 +220,15 @@ class _Solve:
         kkt = lighter.attached_kkt
         kkt.trust_small_pivots(True)
         try:
-            outcome = self.attempts.linear_equations(lighter, x0)
-            if outcome is None:
-                options = replace(self.options, tolerance=factor * self.options.tolerance)
-                outcome = self.attempts.barrier(lighter, x0, Tactics(), options=options)
-            return self._settle(outcome)
+            options = replace(self.options, tolerance=factor * self.options.tolerance)
+            return self._settle(self.attempts.cold(lighter, x0, options))
         finally:
             kkt.trust_small_pivots(False)
 
     def _enlarged(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start there with small variables scaled, too: units may be such that all are."""
-        self.form = larger = ScaledProblem(self.nlp, x0, self.options, lambda *_: form.kkt, small_too=True)
-        outcome = self.attempts.linear_equations(larger, x0)
-        return outcome if outcome is not None else self.attempts.barrier(larger, x0, Tactics())
+        larger = self._scaled_anew(form, x0, form.objective_factor, small_too=True)
+        return self.attempts.cold(larger, x0, self.options)
 
     def _settle(self, outcome: Outcome) -> Outcome:
         """Hold a solution against the problem as stated; where it fails there, scale anew at it and go on.
@@ -275,9 +272,11 @@ class _Solve:
             outcome.end = End.STUCK
         return outcome
 
-    def _scaled_anew(self, form: ScaledProblem, x: Floats, objective_factor: float) -> ScaledProblem:
-        """The problem scaled at another point ``x`` (n,), with the linear algebra of ``form``."""
-        self.form = ScaledProblem(self.nlp, x, self.options, lambda *_: form.kkt, objective_factor)
+    def _scaled_anew(
+        self, form: ScaledProblem, x: Floats, objective_factor: float, small_too: bool = False
+    ) -> ScaledProblem:
+        """The problem scaled at another point ``x`` (n,), or otherwise, with the linear algebra of ``form``."""
+        self.form = ScaledProblem(self.nlp, x, self.options, lambda *_: form.kkt, objective_factor, small_too)
         return self.form
 
     def _better(self, one: Outcome, other: Outcome) -> Outcome:

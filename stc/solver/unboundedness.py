@@ -7,6 +7,7 @@ import numpy as np
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
+from stc.solver.products import term_sums
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["is_unbounded"]
@@ -57,8 +58,7 @@ def _falls(form: ScaledProblem, it: Iterate, direction: Floats) -> bool:
 
 def _feasible(form: ScaledProblem, x: Floats, r: Floats) -> bool:
     _, jac, _ = form.derivatives(x, np.zeros(form.m))
-    terms = np.abs(jac * x[form.jac_cols])
-    size = np.bincount(form.jac_rows, weights=terms, minlength=form.m)
+    size = term_sums(form.jac_rows, form.jac_cols, jac, x, form.m)
     lower, upper = form.true_rows
     off = np.maximum(np.maximum(lower - r, r - upper), 0.0)
     x_lower, x_upper = form.true_x
