@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.records import dataclass, field
+from stc.solver.convexity import is_convex
 from stc.studies.conflict import Conflict, find_conflict
 from stc.studies.relaxation import needed_relaxation
 from stc.studies.standouts import dependent_rows, largest_residuals, undefined_nearby
@@ -176,15 +177,17 @@ class _Search:
             culprits.append(self._conflicting(relation, conflict, left))
         if conflict.minimal:  # each is as much to blame as the others: in the order of the text
             culprits = [culprit for _, culprit in sorted(zip(ranked, culprits), key=lambda pair: pair[0])]
-        several = len(culprits) > 1
-        if not several:
-            summary = "This statement cannot hold, whatever the others say:"
+        # Of statements that are not convex nobody has looked everywhere.
+        near = "" if is_convex(self.bound) else ", at least near here"
+        several = f"These {len(culprits)} statements cannot hold together{near}"
+        if len(culprits) == 1:
+            summary = f"This statement cannot hold{near}, whatever the others say:"
         elif conflict.minimal:
-            summary = f"These {len(culprits)} statements cannot hold together; without any one of them the others can:"
+            summary = f"{several}; without any one of them the others can:"
         else:
             summary = (
-                f"These {len(culprits)} statements cannot hold together; time was too short to tell which of them "
-                "are needed for that. Those that pull hardest come first:"
+                f"{several}; time was too short to tell which of them are needed for that. Those that pull hardest "
+                "come first:"
             )
         return Blame("", summary, culprits, conflict.minimal, conflict.solves)
 
