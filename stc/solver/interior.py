@@ -15,15 +15,13 @@ import numpy as np
 from stc.solver.active_set import Finish
 from stc.solver.barrier_parameter import BarrierParameter
 from stc.solver.barrier_passes import DOUBTFUL_SOLUTION
-from stc.solver.convexity import is_convex
 from stc.solver.curvature import leave_saddle
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import LineSearch, barrier_value
-from stc.solver.iterate import Iterate, evaluate
-from stc.solver.keeping import once
+from stc.solver.iterate import Iterate
 from stc.solver.kkt.frontal import DOUBTFUL
 from stc.solver.monitor import Monitor
-from stc.solver.multipliers import LaggingMultipliers, least_squares_multipliers
+from stc.solver.multipliers import LaggingMultipliers
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
@@ -81,15 +79,14 @@ FAR_OFF, BEGUN = 0.1, 0.1
 """The error after a restoration that tells that it led far away, and the share of the first barrier parameter below
 which that matters."""
 TOO_LITTLE = 0.99
-MOST_CENTRES, LESS = 30, 0.9
-NEARLY_MET = 10.0
-"""A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 LONG_PATIENCE = 100
 LOST = 0.1
 """An attempt whose iterates have all violated rows by more than this is nowhere near a solution."""
 LATELY, MUCH_NEARER = 25, 0.1
 """An attempt whose steps are used up gets so many more as long as its error has gone down so much in as many."""
-SHORTEST_FRACTION = 2e-3
+SHORTEST_FRACTION, SHORTEST_IN_RESTORATION = 2e-3, 0.02
+"""Share of what the bounds allow, below which a step is computed anew; where rows may be violated freely nothing but
+their curvature makes it as short."""
 SHORTER = (10.0, 10.0, 1e3, 1e8)
 SAME_SIZE = 0.8
 """A stiffer Hessian that leaves the step longer than this fraction of it is of no use."""
@@ -126,11 +123,12 @@ def feasible_first(
     form: ScaledProblem, it: Iterate, options: Options, monitor: Monitor, tactics: Tactics
 ) -> Outcome:
     """As :func:`optimise`, from the feasible point that the elastic problem without an objective leads to."""
-    from stc.solver.restoration import elastic_start
+    from stc.solver.restoration import meet_rows
 
-    elastic, start, mu = elastic_start(form, it, options.initial_barrier)
-    outcome = optimise(elastic, start, mu, options, monitor, tactics=tactics)
-    end = _return(form, it, elastic, outcome, options)
+    def solve(elastic: ElasticProblem, start: Iterate, mu: float) -> Outcome:
+        return optimise(elastic, start, mu, options, monitor, tactics=tactics)
+
+    end, outcome = meet_rows(form, it, options.initial_barrier, options.feasibility_tolerance, solve)
     if end is not None:
         return Outcome(end, form, it.w[: form.n].copy(), it.y.copy(), outcome.error, it)
     return optimise(form, it, options.initial_barrier, options, monitor, tactics=tactics)
@@ -167,7 +165,9 @@ class _Loop:
         self.adaptive = tactics.adaptive
         self.error = np.inf
         self.longest = LONGEST_RUN if form.size + form.m <= SMALL else 1
-        self.phase = "barrier" if isinstance(form, ScaledProblem) else "restoration"
+        restores = not isinstance(form, ScaledProblem)
+        self.phase = "restoration" if restores else "barrier"
+        self.shortest = SHORTEST_IN_RESTORATION if restores else SHORTEST_FRACTION
         self.s[LENGTH_TAKEN] = self.s[STEP_TAKEN] = 0.0
         self.s[DOUBT] = DOUBTFUL
         self._begin(mu)
@@ -180,7 +180,7 @@ class _Loop:
         self.search = LineSearch(work, self.tactics.largest_theta)
         self.nearest = Nearest(work)
         self.stall = Stall(work)
-        s[STUCK], s[SHORTEST] = 0.0, SHORTEST_FRACTION
+        s[STUCK], s[SHORTEST] = 0.0, self.shortest
         s[FEASIBILITY] = self.options.feasibility_tolerance
         s[ATTENTION] = self._attention()
 
@@ -414,7 +414,7 @@ class _Loop:
                     work.step.become(before[0])
                     work.limit_step(s[TAU])
                     final = True
-                s[SHORTEST] = 0.0 if final else SHORTEST_FRACTION
+                s[SHORTEST] = 0.0 if final else self.shortest
                 ended = self.stages.search()
             taken = search.go_on(ended)
             work.calls.check()
@@ -427,7 +427,7 @@ class _Loop:
                 system.stiffen(work.step.dw, shorter)
             except SingularSystem:
                 break
-        s[SHORTEST] = SHORTEST_FRACTION
+        s[SHORTEST] = self.shortest
         work.note_moved()
 
     def _move_inside(self) -> bool:
@@ -455,30 +455,18 @@ class _Loop:
         if not self.tactics.patient and self.restorations >= self.tactics.brief_restorations:
             self.early = True
             return self._give_up()
-        from stc.solver.restoration import Acceptance, elastic_start
+        from stc.solver.restoration import Acceptance, meet_rows
 
         theta = it.theta
         search.filter.add(theta, barrier_value(it.f, it.gap, barrier.mu))
         self.restorations += 1
         brief = self.restorations <= self.tactics.brief_restorations
-        elastic, start, mu = elastic_start(form, it, barrier.mu)
-        claim: Iterate | None = None
-        # Of rows that are not convex a stationary violation says little anyway.
-        for _ in range(MOST_CENTRES if once(is_convex, form.nlp) else 1):
+
+        def solve(elastic: ElasticProblem, start: Iterate, mu: float) -> Outcome:
             stop = Acceptance(elastic, search.filter, theta, barrier.mu) if brief else None
-            outcome = optimise(
-                elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=stop
-            )
-            end = _return(form, it, elastic, outcome, self.options)
-            if claim is not None and it.theta > LESS * claim.theta:
-                it.become(claim)
-                end = End.STATIONARY_VIOLATION
-                break
-            if end is not End.STATIONARY_VIOLATION or not elastic.is_held(it.w[: form.n]):
-                break
-            # It stays near where it began, which may be all that keeps it there.
-            claim = it.snapshot()
-            elastic, start, mu = elastic_start(form, it, 0.0)
+            return optimise(elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=stop)
+
+        end, _ = meet_rows(form, it, barrier.mu, self.options.feasibility_tolerance, solve)
         self.work.load(it)
         if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):
             return self._give_up()
@@ -488,27 +476,3 @@ class _Loop:
             # It led far away, from where the barrier is to be lowered once more.
             self._begin(self.options.initial_barrier)
         return None if end is None else self._outcome(end)
-
-
-def _return(
-    form: ScaledProblem, it: Iterate, elastic: ElasticProblem, outcome: Outcome, options: Options
-) -> End | None:
-    """Move ``it`` to where an elastic problem without an objective ended; why to stop there, or None."""
-    from stc.solver.restoration import back_from
-
-    assert outcome.iterate is not None
-    w, z = back_from(elastic, outcome.iterate)
-    restored = evaluate(form, w, np.zeros(form.m), z)
-    if not np.isfinite(restored.theta + restored.f + restored.dual.sum()):
-        return End.STUCK
-    end: End | None = None
-    minimal = outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE
-    if outcome.end is not End.STOPPED and minimal:
-        violation = form.violation(w[: form.n], restored.r)
-        doubt = 1.0 if form.linear else NEARLY_MET
-        if violation > doubt * options.feasibility_tolerance:
-            end = End.STATIONARY_VIOLATION
-    it.become(restored)
-    y = outcome.y / elastic.price if end else least_squares_multipliers(workspace_of(form))
-    it.become(evaluate(form, w, y, z))
-    return end

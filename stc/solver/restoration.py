@@ -7,19 +7,31 @@ is not zero: ``J^T y + z = 0`` with ``|y| <= 1`` and ``y`` of the sign of each v
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from stc.records import dataclass
+from stc.solver.convexity import is_convex
 from stc.solver.elastic import ElasticProblem
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import Filter, barrier_value
-from stc.solver.iterate import Iterate
+from stc.solver.iterate import Iterate, evaluate
+from stc.solver.keeping import once
+from stc.solver.multipliers import least_squares_multipliers
 from stc.solver.nlp import Floats
+from stc.solver.outcome import ACCEPTABLE, End, Outcome
 from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.workspace import workspace_of
 
-__all__ = ["PRICE", "Acceptance", "back_from", "elastic_start"]
+__all__ = ["PRICE", "Acceptance", "back_from", "elastic_start", "meet_rows"]
 
 PRICE = 1.0
+MOST_CENTRES, LESS = 30, 0.9
+"""Points at most near which the rows of a convex program are to be met, one after the other; the share of the
+violation near one of them that is less near the next."""
+NEARLY_MET = 10.0
+"""A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 BARRIER_FRACTION = 1e-3
 PROXIMITY = 1e-3
 PROGRESS = 0.9
@@ -50,6 +62,58 @@ class Acceptance:
         if not np.isfinite(f) or (gap.size and gap.min() <= 0.0):
             return False
         return self.filter.accepts(theta, barrier_value(f, gap, self.mu))
+
+
+def meet_rows(
+    form: ScaledProblem, it: Iterate, mu: float, tolerance: float, solve: Callable[..., Outcome]
+) -> tuple[End | None, Outcome]:
+    """Move ``it`` to where the rows are met, or violated least as far as can be told, the objective left aside.
+
+    Args:
+        mu: the barrier parameter, which says how much it counts to stay near ``it``.
+        tolerance: the violation that counts as none.
+        solve: solves an :class:`ElasticProblem` from an iterate with a barrier parameter.
+
+    Returns:
+        Why to stop there, or None; and the elastic problem's own outcome.
+    """
+    claim: Iterate | None = None
+    # Of rows that are not convex a stationary violation says little anyway.
+    for _ in range(MOST_CENTRES if once(is_convex, form.nlp) else 1):
+        elastic, start, barrier = elastic_start(form, it, mu)
+        outcome = solve(elastic, start, barrier)
+        end = _return(form, it, elastic, outcome, tolerance)
+        if claim is not None and it.theta > LESS * claim.theta:
+            it.become(claim)
+            # Where the search from there got lost, nothing has confirmed the claim.
+            return End.STATIONARY_VIOLATION if end is End.STATIONARY_VIOLATION else End.STUCK, outcome
+        if end is not End.STATIONARY_VIOLATION or not elastic.is_held(it.w[: form.n]):
+            break
+        # It stays near where it began, which may be all that keeps it there.
+        claim, mu = it.snapshot(), 0.0
+    return end, outcome
+
+
+def _return(
+    form: ScaledProblem, it: Iterate, elastic: ElasticProblem, outcome: Outcome, tolerance: float
+) -> End | None:
+    """Move ``it`` to where an elastic problem without an objective ended; why to stop there, or None."""
+    assert outcome.iterate is not None
+    w, z = back_from(elastic, outcome.iterate)
+    restored = evaluate(form, w, np.zeros(form.m), z)
+    if not np.isfinite(restored.theta + restored.f + restored.dual.sum()):
+        return End.STUCK
+    end: End | None = None
+    minimal = outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE
+    if outcome.end is not End.STOPPED and minimal:
+        violation = form.violation(w[: form.n], restored.r)
+        doubt = 1.0 if form.linear else NEARLY_MET
+        if violation > doubt * tolerance:
+            end = End.STATIONARY_VIOLATION
+    it.become(restored)
+    y = outcome.y / elastic.price if end else least_squares_multipliers(workspace_of(form))
+    it.become(evaluate(form, w, y, z))
+    return end
 
 
 def elastic_start(base: ScaledProblem, it: Iterate, mu: float) -> tuple[ElasticProblem, Iterate, float]:
