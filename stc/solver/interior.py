@@ -82,6 +82,8 @@ TOO_LITTLE = 0.99
 LONG_PATIENCE = 100
 LOST = 0.1
 """An attempt whose iterates have all violated rows by more than this is nowhere near a solution."""
+DOUBTED = 60
+"""Iterations after which a quadratic program may have no least objective."""
 LATELY, MUCH_NEARER = 25, 0.1
 """An attempt whose steps are used up gets so many more as long as its error has gone down so much in as many."""
 SHORTEST_FRACTION, SHORTEST_IN_RESTORATION = 2e-3, 0.02
@@ -160,6 +162,10 @@ class _Loop:
         self.drift = Drift(self.work)
         self.last = monitor.iterations + tactics.budget
         self.judged_at = monitor.iterations + tactics.near if tactics.near else np.inf
+        doubtful = (
+            isinstance(form, ScaledProblem) and form.quadratic_program and form.nlp.objective_degree > 0
+        )
+        self.doubted_at = monitor.iterations + DOUBTED if doubtful else np.inf
         self.escapes = self.restorations = 0
         self.early = self.moved_inside = False
         self.adaptive = tactics.adaptive
@@ -231,7 +237,7 @@ class _Loop:
         if monitor.watched or monitor.is_late or self.stop is not None:
             most = 0.0
         else:
-            until = min(self.last, self.judged_at, monitor.limit)
+            until = min(self.last, self.judged_at, self.doubted_at, monitor.limit)
             most = max(0.0, min(self.longest, until - monitor.iterations))
         s[MOST], s[BEST_NEW] = most, 0.0
         s[BEST_KNOWN] = monitor.best is not None
@@ -279,7 +285,7 @@ class _Loop:
         form, it = self.form, self.it
         if self.stop is not None and self.stop(form, it):
             return self._outcome(End.STOPPED)
-        if is_unbounded(form, it, self.s[FARTHEST]):
+        if is_unbounded(form, it, self.s[FARTHEST]) or self._recedes():
             return self._outcome(End.UNBOUNDED)
         if not self.error < LARGEST_ERROR or self.s[FARTHEST] > TOO_FAR:
             falling = self.drift.falling and it.f < 0.0
@@ -291,6 +297,22 @@ class _Loop:
                 return Outcome(End.CONVERGED, form, done.x.copy(), done.y.copy(), done.error, it)
             self.work.provide_attempt()
         return None
+
+    def _recedes(self) -> bool:
+        """Whether the objective of a quadratic program falls forever; asked where it takes long, and but once."""
+        form, it, monitor = self.form, self.it, self.monitor
+        if monitor.iterations < self.doubted_at or not isinstance(form, ScaledProblem):
+            return False
+        if self.s[PRIMAL] > ACCEPTABLE * max(1.0, self.s[FARTHEST]):
+            return False
+        from stc.solver.recession import falls_forever
+
+        self.doubted_at = np.inf
+        falls, spent = falls_forever(
+            form.nlp, form.user_variables(it.w[: form.n]), form.x_scale, self.options
+        )
+        monitor.limit -= spent
+        return falls
 
     def _converged(self) -> bool:
         return self.error <= self.options.tolerance and not self._open() and not self.drift.falling

@@ -73,10 +73,14 @@ class Judgement:
         """Whether the iteration stalled where the objective may still gain, or ended where a lighter one does not tell.
 
         A barrier that holds a point off many bounds leaves each of them a product too small to count: together they do.
+        So do slopes that are too small to count where variables are large, which those of quadratic programs may be.
         """
         form = outcome.form
         assert isinstance(form, ScaledProblem)
         doubtful = outcome.end is End.STUCK or form.objective_factor < 1.0
+        if not doubtful and form.quadratic_program:
+            slopes = outcome.error * float(np.abs(outcome.x).sum())
+            doubtful = slopes > LARGEST_GAIN * max(form.objective_scale, abs(form.values(outcome.x)[0]))
         return doubtful and self.may_gain(point)
 
     def may_gain(self, point: Point) -> bool:
