@@ -15,18 +15,27 @@ so the sparsity, and the linear algebra, are those of the problem itself.
 
 from __future__ import annotations
 
+import weakref
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.codegen.calls import CallTable, chain
+from stc.solver import elastic_passes
+from stc.solver.evaluator import Evaluator
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, evaluate
+from stc.solver.kkt.contract import Inertia
+from stc.solver.kkt.entries import ByCopies
 from stc.solver.nlp import Floats
+from stc.solver.passes import copy
+from stc.solver.places import VIOLATION
 from stc.solver.products import inner
 from stc.solver.scaled_problem import ScaledProblem
 
 if TYPE_CHECKING:
-    from stc.solver.kkt.contract import Inertia, KKTSystem
+    from stc.codegen.calls import Bound
+    from stc.solver.kkt.contract import AttachedKKT
 
 __all__ = ["ElasticKKT", "ElasticProblem"]
 
@@ -34,50 +43,93 @@ HELD = 1e-7
 """Slopes of the sum of violations, of which a row's scaled gradients are parts, down to this count."""
 
 
-class ElasticKKT:
-    """A KKT system in (x, p, q) on top of one in x."""
+class ElasticKKT(ByCopies):
+    """A KKT system in (x, p, q) on top of one in x: see ``AttachedKKT``."""
 
-    def __init__(self, base: KKTSystem, n: int, m: int, jac_entries: int) -> None:
-        self._base = base
-        self._n, self._m, self._jac_entries = n, m, jac_entries
-        self._p_inverse = self._q_inverse = self._column_p = self._column_q = np.zeros(m)
+    def __init__(self, base: AttachedKKT, n: int, m: int, jac_entries: int) -> None:
+        """``n``, ``m``, ``jac_entries``: sizes of ``base``."""
+        self._base, self._m = base, m
+        unknowns = n + 3 * m
+        self.hess, self.jac = base.hess, np.zeros(jac_entries + 2 * m)
+        self.primal, self.dual = np.zeros(n + 2 * m), np.zeros(m)
+        self.rhs, self.solution = np.zeros(unknowns), np.zeros(unknowns)
+        self.second_rhs, self.second_solution = np.zeros(unknowns), np.zeros(unknowns)
+        self.report, self.accuracy = base.report, base.accuracy
+        self.inertia = np.zeros(3, dtype=np.int64)
+        self._factorized = False
+        sizes, inverse = (n, m, jac_entries), np.zeros(2 * m)
+        self._eliminate = elastic_passes.eliminate.bind(
+            *sizes, self.jac, self.primal, self.dual, inverse, base.jac, base.primal, base.dual
+        )
+        self._calls = CallTable(elastic_passes.CALLS)
+        self._calls.put(elastic_passes.ELIMINATE, self._eliminate)
+        self._attempt = elastic_passes.attempt.bind(self._calls.cells, m, base.inertia, self.inertia)
+        self._begin, self._begin_second = (
+            elastic_passes.hand_on.bind(*sizes, self.jac, inverse, rhs, own)
+            for rhs, own in ((self.rhs, base.rhs), (self.second_rhs, base.second_rhs))
+        )
+        self._end, self._end_second = (
+            elastic_passes.complete.bind(*sizes, self.jac, inverse, rhs, own, solution)
+            for rhs, own, solution in (
+                (self.rhs, base.solution, self.solution),
+                (self.second_rhs, base.second_solution, self.second_solution),
+            )
+        )
+        self._solves: tuple[Bound, Bound] | None = None  # those of the base that the own ones are made of
 
     @property
     def factorizations(self) -> int:
-        """Factorisations of the underlying system."""
+        """See ``KKTSystem.factorizations``."""
         return self._base.factorizations
 
     @property
     def nnz_factor(self) -> int:
-        """Entries of the underlying factorisation."""
+        """See ``KKTSystem.nnz_factor``."""
         return self._base.nnz_factor
 
     @property
     def last_residual(self) -> float:
-        """Residual of the underlying system's last solve."""
+        """See ``KKTSystem.last_residual``."""
         return self._base.last_residual
 
-    def factorize(
-        self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
-    ) -> Inertia:
-        """As the underlying system, (p, q) eliminated; their entries of the primal diagonal must be positive."""
-        jac, primal = jac_values, primal_diagonal
-        n, m, k = self._n, self._m, self._jac_entries
-        self._column_p, self._column_q = jac[k : k + m], jac[k + m :]
-        self._p_inverse, self._q_inverse = 1.0 / primal[n : n + m], 1.0 / primal[n + m :]
-        dual = dual_diagonal + self._column_p**2 * self._p_inverse + self._column_q**2 * self._q_inverse
-        inertia = self._base.factorize(hess_values, jac[:k], primal[:n], dual)
-        return type(inertia)(inertia.positive + 2 * m, inertia.negative, inertia.zero)
+    def trust_small_pivots(self, trusted: bool) -> None:
+        """See ``AttachedKKT.trust_small_pivots``."""
+        self._base.trust_small_pivots(trusted)
 
-    def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
-        """Steps of (x, p, q) and y."""
-        n, m = self._n, self._m
-        rhs_p, rhs_q = rhs_x[n : n + m], rhs_x[n + m :]
-        rhs = rhs_y - self._column_p * self._p_inverse * rhs_p - self._column_q * self._q_inverse * rhs_q
-        dx, dy = self._base.solve(rhs_x[:n], rhs)
-        dp = self._p_inverse * (rhs_p - self._column_p * dy)
-        dq = self._q_inverse * (rhs_q - self._column_q * dy)
-        return np.concatenate([dx, dp, dq]), dy
+    def refactor(self) -> Inertia:
+        """See ``AttachedKKT.refactor``; the diagonal of p and q must be positive."""
+        self._factorized = False
+        self._eliminate()
+        return self._with_pairs(self._base.refactor())
+
+    @property
+    def attempt_call(self) -> Bound | None:
+        """See ``AttachedKKT.attempt_call``."""
+        own = self._base.attempt_call if self._factorized else None
+        self._calls.put(elastic_passes.ATTEMPT, own)
+        return None if own is None else self._attempt
+
+    def resume(self, ended: int) -> Inertia:
+        """See ``AttachedKKT.resume``."""
+        return self._with_pairs(self._base.resume(ended))
+
+    def _with_pairs(self, inertia: Inertia) -> Inertia:
+        """Note that a matrix has been factorised: the inertia with p and q."""
+        self._factorized = True
+        calls = self._base.solve_call, self._base.solve_both_call
+        if self._solves is None or calls[0] is not self._solves[0] or calls[1] is not self._solves[1]:
+            self._solves = calls
+            self._solve = chain([self._begin, calls[0], self._end])
+            self._solve_both = chain([self._begin, self._begin_second, calls[1], self._end, self._end_second])
+        return Inertia(inertia.positive + 2 * self._m, inertia.negative, inertia.zero)
+
+    def check_solution(self) -> bool:
+        """See ``AttachedKKT.check_solution``."""
+        if not self._base.check_solution():
+            return False
+        self._with_pairs(Inertia(0, 0, 0))
+        self._end()
+        return True
 
 
 class ElasticProblem(Formulation):
@@ -89,11 +141,10 @@ class ElasticProblem(Formulation):
         weight: factor of the objective; 0 looks for feasibility alone.
     """
 
-    def __init__(
-        self, base: ScaledProblem, *, price: float, weight: float, reference: Floats | None, proximity: float
-    ) -> None:
+    def __init__(self, base: ScaledProblem, *, price: float, weight: float) -> None:
         n, m = base.n, base.m
-        self.base, self.price, self.weight = base, price, weight
+        self._base = weakref.ref(base)  # which may keep this one
+        self.price, self.weight = price, weight
         self.n, self.m = n + 2 * m, m
         free_lower, free_upper = base.lower, base.upper
         x_lower = np.where(base.held, base.held_value, free_lower[:n])
@@ -117,16 +168,24 @@ class ElasticProblem(Formulation):
         )
         live = np.where(base.ignored, 0.0, 1.0)
         self._columns = np.concatenate([-live, live])
-        self._reference = np.zeros(n) if reference is None else reference
-        self._curvature = np.zeros(n)
-        if proximity > 0.0:
-            self._curvature = (
-                proximity * np.minimum(1.0, 1.0 / np.maximum(np.abs(self._reference), 1e-8)) ** 2
-            )
-        self.extra_diagonal = np.concatenate([self._curvature, zeros, zeros])
-        self.kkt = ElasticKKT(base.kkt, n, m, base.jac_rows.size)
+        self._reference = np.zeros(n)
+        self.extra_diagonal = np.zeros(n + 2 * m)
+        self._curvature = self.extra_diagonal[:n]
+        self.kkt = ElasticKKT(base.attached_kkt, n, m, base.jac_rows.size)
+        self._inner = base.evaluator()
         self.linear = base.linear
-        self.quadratic_program = base.quadratic_program
+
+    @property
+    def base(self) -> ScaledProblem:
+        """The problem itself."""
+        base = self._base()
+        assert base is not None
+        return base
+
+    def stay_near(self, reference: Floats, proximity: float) -> None:
+        """Stay near a point of the problem, (n,), from now on."""
+        self._reference[:] = reference
+        self._curvature[:] = proximity * np.minimum(1.0, 1.0 / np.maximum(np.abs(reference), 1e-8)) ** 2
 
     def split(self, x: Floats) -> tuple[Floats, Floats, Floats]:
         """Views of ``x`` (n + 2 m,) as the problem's variables, p and q."""
@@ -162,13 +221,53 @@ class ElasticProblem(Formulation):
             full[self.held] = 0.0
         return full, np.concatenate([jac, self._columns]), hess
 
+    def evaluator(self) -> Evaluator:
+        base, inner, n, m = self.base, self._inner, self.base.n, self.m
+        entries = base.jac_rows.size
+        own = Evaluator.allocate(self.n, m, self.jac_rows.size, 0)
+        own.hess = inner.hess
+        own.derivatives_status = inner.derivatives_status
+        inner.weight[0] = self.weight
+        own.gradient[n:] = np.where(self.held, 0.0, self.price)[n:]
+        own.jac[entries:] = self._columns
+        place = copy.bind(n, own.x, inner.x)
+        away = self._curvature, self._reference
+        own.values_call = chain(
+            [
+                place,
+                inner.values_call,
+                elastic_passes.values.bind(
+                    n, m, self.weight, self.price, *away, inner.f, inner.r, inner.values_status, own.x, own.f, own.r,
+                    own.values_status,
+                ),
+            ]
+        )  # fmt: skip
+        own.derivatives_call = chain(
+            [
+                place,
+                copy.bind(m, own.y, inner.y),
+                inner.derivatives_call,
+                elastic_passes.derivatives.bind(
+                    n, entries, self.weight, base.free_factor, *away, inner.gradient, inner.jac, own.x, own.gradient,
+                    own.jac,
+                ),
+            ]
+        )  # fmt: skip
+        return own
+
+    def watch_call(self, it: Iterate, numbers: Floats) -> Bound:
+        base, inner = self.base, self._inner
+        return chain(
+            [
+                copy.bind(base.n, it.w, inner.x),
+                inner.values_call,
+                base.violation_call(inner.x, inner.r, numbers[VIOLATION : VIOLATION + 1]),
+                elastic_passes.state.bind(base.objective_unit, inner.f, numbers),
+            ]
+        )
+
     def user_variables(self, x: Floats) -> Floats:
         return self.base.user_variables(self.split(x)[0])
-
-    def user_measures(self, x: Floats, f: float, r: Floats) -> tuple[float, float]:
-        own, p, q = self.split(x)
-        f_own, _ = self.base.values(own)
-        return self.base.user_measures(own, f_own, r + p - q)
 
     def start(self, w: Floats, y: Floats, z_base: Floats, mu: float) -> Iterate:
         """An iterate at the problem's own point ``w`` (n + m,), p and q optimal for it at ``mu``.

@@ -23,9 +23,11 @@ from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.kkt.attached import attached
 from stc.solver.nlp import Floats, Ints, Mask
 from stc.solver.passes import EQUALITY, IGNORED, INEQUALITY, overstepped
+from stc.solver.places import VIOLATION
 from stc.solver.products import Indices, symmetric_times, times
 
 if TYPE_CHECKING:
+    from stc.solver.iterate import Iterate
     from stc.solver.kkt.contract import AttachedKKT, KKTSystem
     from stc.solver.workspace import Workspace
 
@@ -140,6 +142,13 @@ class Formulation:
     def evaluator(self) -> Evaluator:
         """Functions and derivatives at fixed places."""
         return _form_evaluator(self)
+
+    def watch_call(self, it: Iterate, numbers: Floats) -> Bound | None:
+        """The call that notes what the iterate is in the user's terms: the violation, and the objective where a factor
+        does not tell; None where only Python does."""
+        if self.stated_limits is None:
+            return None
+        return self.violation_call(it.w, it.r, numbers[VIOLATION : VIOLATION + 1])
 
     def violation_call(self, x: Floats, r: Floats, out: Floats) -> Bound:
         """The call that leaves in ``out`` (1,) the largest violation in the user's terms, of a form with limits."""

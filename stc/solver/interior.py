@@ -490,6 +490,7 @@ class _Loop:
 
         end, _ = meet_rows(form, it, barrier.mu, self.options.feasibility_tolerance, solve)
         self.work.load(it)
+        self.work.provide_attempt()
         if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):
             return self._give_up()
         self.stall = Stall(self.work)

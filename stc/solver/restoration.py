@@ -118,13 +118,10 @@ def _return(
 
 def elastic_start(base: ScaledProblem, it: Iterate, mu: float) -> tuple[ElasticProblem, Iterate, float]:
     """The restoration problem at an iterate, its own first iterate and its barrier parameter."""
-    elastic = ElasticProblem(
-        base,
-        price=PRICE,
-        weight=0.0,
-        reference=it.w[: base.n].copy(),
-        proximity=PROXIMITY * np.sqrt(max(mu, 1e-8)),
-    )
+    if base.elastic is None:
+        base.elastic = ElasticProblem(base, price=PRICE, weight=0.0)
+    elastic = base.elastic
+    elastic.stay_near(it.w[: base.n], PROXIMITY * float(np.sqrt(max(mu, 1e-8))))
     barrier = BARRIER_FRACTION * max(mu, float(np.abs(it.c).max(initial=0.0)))
     return elastic, elastic.start(it.w, np.zeros(base.m), it.z, barrier), barrier
 

@@ -21,6 +21,7 @@ from stc.solver.options import Options
 from stc.solver.products import Indices
 
 if TYPE_CHECKING:
+    from stc.solver.elastic import ElasticProblem
     from stc.solver.kkt.contract import KKTSystem
     from stc.solver.projection import Projection, ProjectionPair
 
@@ -63,6 +64,7 @@ class ScaledProblem(Formulation):
 
     projections: ProjectionPair | None = None  # of Newton's method on active sets, one at a time
     projection: Projection | None = None  # of any point, one at a time
+    elastic: ElasticProblem | None = None  # for restoration, one at a time
 
     def __init__(
         self,

@@ -195,10 +195,7 @@ class Workspace:
             size, m, gaps, form.objective_unit, index, sign, self.target, it.w, it.y, it.z, it.gap, it.c, it.dual,
             self.residual, s,
         )  # fmt: skip
-        if form.stated_limits is None:
-            watch: Bound = Bound.of_python(_state, (weakref.ref(self),))
-        else:
-            watch = form.violation_call(it.w, it.r, self.numbers[VIOLATION : VIOLATION + 1])
+        watch = form.watch_call(it, self.numbers) or Bound.of_python(_state, (weakref.ref(self),))
         self.measure_call = chain([measure, watch])
         self.diagonals_call = chain(
             [

@@ -14,8 +14,10 @@ from stc.solver.active_set import project, smaller_multipliers
 from stc.solver.elastic import ElasticKKT, ElasticProblem
 from stc.solver.globalization import Filter, largest_step
 from stc.solver.iterate import errors_of, evaluate
-from stc.solver.kkt import DenseKKT
+from stc.solver.kkt import DenseKKT, structured_kkt
+from stc.solver.kkt.contract import Inertia
 from stc.solver.newton_system import NewtonSystem
+from stc.solver.places import STATED, VIOLATION
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem, relative_violation
 from stc.solver.starting import cold_iterate, warm_iterate
@@ -79,30 +81,106 @@ def test_the_shifted_matrix_gives_descent(seed: int) -> None:
     assert np.linalg.eigvalsh(null.T @ stiff[np.ix_(free, free)] @ null).min() > 0.0
 
 
-def test_the_elastic_system_eliminates_exactly() -> None:
+def _elastic() -> tuple[ScaledProblem, ElasticProblem]:
     base = scaled()
-    elastic = ElasticProblem(base, price=3.0, weight=0.0, reference=np.ones(base.n), proximity=0.1)
+    elastic = ElasticProblem(base, price=3.0, weight=0.5)
+    elastic.stay_near(np.ones(base.n), 0.1)
+    return base, elastic
+
+
+def _matrix(elastic: ElasticProblem, hess: np.ndarray, jac: np.ndarray, primal: np.ndarray, dual: np.ndarray):
+    hess = dense(elastic.hess_rows, elastic.hess_cols, hess, (elastic.n, elastic.n))
+    hess = hess + np.tril(hess, -1).T + np.diag(primal)
+    jac = dense(elastic.jac_rows, elastic.jac_cols, jac, (elastic.m, elastic.n))
+    return np.block([[hess, jac.T], [jac, -np.diag(dual)]])
+
+
+def test_the_elastic_system_eliminates_exactly() -> None:
+    base, elastic = _elastic()
     it = elastic.start(inside(base, 1).w, np.zeros(base.m), np.ones(base.gaps), 0.1)
     rng = np.random.default_rng(2)
-    primal, dual = rng.uniform(0.5, 2.0, elastic.n), rng.uniform(0.0, 1.0, elastic.m)
-    assert isinstance(elastic.kkt, ElasticKKT)
-    inertia = elastic.kkt.factorize(it.hess, it.jac, primal, dual)
-    hess = dense(elastic.hess_rows, elastic.hess_cols, it.hess, (elastic.n, elastic.n))
-    hess = hess + np.tril(hess, -1).T + np.diag(primal)
-    jac = dense(elastic.jac_rows, elastic.jac_cols, it.jac, (elastic.m, elastic.n))
-    full = np.block([[hess, jac.T], [jac, -np.diag(dual)]])
-    eigenvalues = np.linalg.eigvalsh(full)
-    assert inertia.positive == (eigenvalues > 0).sum()
-    assert inertia.negative == (eigenvalues < 0).sum()
-    right = rng.standard_normal(elastic.n + elastic.m)
-    step = np.concatenate(elastic.kkt.solve(right[: elastic.n], right[elastic.n :]))
-    assert full @ step == pytest.approx(right, abs=1e-9)
+    kkt = elastic.kkt
+    assert isinstance(kkt, ElasticKKT)
+    for repeated in (False, True, True):
+        primal, dual = rng.uniform(0.5, 2.0, elastic.n), rng.uniform(0.0, 1.0, elastic.m)
+        if repeated and kkt.attempt_call is not None:  # as compiled iterations do it
+            kkt.primal[:], kkt.dual[:] = primal, dual
+            assert kkt.attempt_call() == 0
+            inertia = Inertia(*kkt.inertia)
+        else:
+            inertia = kkt.factorize(it.hess, it.jac, primal, dual)
+        full = _matrix(elastic, it.hess, it.jac, primal, dual)
+        eigenvalues = np.linalg.eigvalsh(full)
+        assert inertia.positive == (eigenvalues > 0).sum()
+        assert inertia.negative == (eigenvalues < 0).sum()
+        right = rng.standard_normal(elastic.n + elastic.m)
+        step = np.concatenate(kkt.solve(right[: elastic.n], right[elastic.n :]))
+        assert full @ step == pytest.approx(right, abs=1e-9)
+        kkt.second_rhs[:] = rng.standard_normal(right.size)
+        kkt.solve_both_call()
+        assert full @ kkt.solution == pytest.approx(right, abs=1e-9)
+        assert full @ kkt.second_solution == pytest.approx(kkt.second_rhs, abs=1e-9)
+
+
+def test_the_elastic_system_repeats_factorisations_of_a_structured_one() -> None:
+    """The compiled attempt, which a dense system does not have."""
+    nlp = program()
+    base = ScaledProblem(nlp, nlp.x0, Options(), structured_kkt)
+    elastic = ElasticProblem(base, price=1.0, weight=0.0)
+    it = elastic.start(inside(base, 1).w, np.zeros(base.m), np.ones(base.gaps), 0.1)
+    rng = np.random.default_rng(5)
+    kkt = elastic.attached_kkt
+    kkt.factorize(it.hess, it.jac, rng.uniform(0.5, 2.0, elastic.n), rng.uniform(0.5, 1.0, elastic.m))
+    made = 0
+    for _ in range(4):
+        kkt.primal[:], kkt.dual[:] = rng.uniform(0.5, 2.0, elastic.n), rng.uniform(0.5, 1.0, elastic.m)
+        attempt = kkt.attempt_call
+        ended = 1 if attempt is None else attempt()
+        made += ended == 0
+        inertia = Inertia(*kkt.inertia) if ended == 0 else kkt.refactor()
+        full = _matrix(elastic, it.hess, it.jac, kkt.primal, kkt.dual)
+        assert inertia.negative == (np.linalg.eigvalsh(full) < 0).sum()
+        kkt.rhs[:] = rng.standard_normal(kkt.rhs.size)
+        kkt.solve_call()
+        assert full @ kkt.solution == pytest.approx(kkt.rhs, abs=1e-8)
+    assert made
+
+
+def test_elastic_functions_are_the_same_compiled() -> None:
+    base, elastic = _elastic()
+    ev = elastic.evaluator()
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        ev.x[:], ev.y[:] = rng.uniform(0.5, 2.0, elastic.n), rng.standard_normal(elastic.m)
+        ev.values_call()
+        ev.derivatives_call()
+        f, r = elastic.values(ev.x)
+        assert ev.f[0] == pytest.approx(f, rel=1e-14)
+        assert ev.r == pytest.approx(r, rel=1e-14)
+        parts = elastic.derivatives(ev.x, ev.y)
+        for own, expected in zip((ev.gradient, ev.jac, ev.hess), parts, strict=True):
+            assert own == pytest.approx(expected, rel=1e-14)
+        assert ev.values_status[0] == ev.derivatives_status[0] == 0.0
+    ev.x[base.n] = np.nan
+    ev.values_call()
+    assert np.isnan(ev.values_status[0])
+
+
+def test_elastic_iterates_are_told_in_the_users_terms() -> None:
+    base, elastic = _elastic()
+    it = elastic.start(inside(base, 4).w, np.zeros(base.m), np.ones(base.gaps), 0.1)
+    work = Workspace(elastic)
+    work.load(it)
+    work.errors()
+    x = it.w[: base.n]
+    f, r = base.values(x)
+    assert (work.s[STATED], work.s[VIOLATION]) == pytest.approx(base.user_measures(x, f, r), rel=1e-12)
 
 
 def test_the_elastic_start_meets_its_rows() -> None:
     base = scaled()
     it = inside(base, 3)
-    elastic = ElasticProblem(base, price=1.0, weight=0.0, reference=it.w[: base.n], proximity=0.0)
+    elastic = ElasticProblem(base, price=1.0, weight=0.0)
     start = elastic.start(it.w, np.zeros(base.m), it.z, 1e-3)
     assert start.c == pytest.approx(np.zeros(base.m), abs=1e-12)
     assert start.gap.min() > 0.0
