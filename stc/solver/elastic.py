@@ -75,7 +75,8 @@ class ElasticKKT(ByCopies):
                 (self.second_rhs, base.second_solution, self.second_solution),
             )
         )
-        self._solves: tuple[Bound, Bound] | None = None  # those of the base that the own ones are made of
+        self._solve_of: Bound | None = None  # those of the base that the own ones are made of
+        self._solve_both_of: Bound | None = None
 
     @property
     def factorizations(self) -> int:
@@ -116,18 +117,29 @@ class ElasticKKT(ByCopies):
     def _with_pairs(self, inertia: Inertia) -> Inertia:
         """Note that a matrix has been factorised: the inertia with p and q."""
         self._factorized = True
-        calls = self._base.solve_call, self._base.solve_both_call
-        if self._solves is None or calls[0] is not self._solves[0] or calls[1] is not self._solves[1]:
-            self._solves = calls
-            self._solve = chain([self._begin, calls[0], self._end])
-            self._solve_both = chain([self._begin, self._begin_second, calls[1], self._end, self._end_second])
         return Inertia(inertia.positive + 2 * self._m, inertia.negative, inertia.zero)
+
+    @property
+    def solve_call(self) -> Bound:
+        """See ``AttachedKKT.solve_call``."""
+        call = self._base.solve_call  # others may have factorised by another plan meanwhile
+        if call is not self._solve_of:
+            self._solve_of, self._solve = call, chain([self._begin, call, self._end])
+        return super().solve_call
+
+    @property
+    def solve_both_call(self) -> Bound:
+        """See ``AttachedKKT.solve_both_call``."""
+        call = self._base.solve_both_call
+        if call is not self._solve_both_of:
+            parts = self._begin, self._begin_second, call, self._end, self._end_second
+            self._solve_both_of, self._solve_both = call, chain(parts)
+        return super().solve_both_call
 
     def check_solution(self) -> bool:
         """See ``AttachedKKT.check_solution``."""
         if not self._base.check_solution():
             return False
-        self._with_pairs(Inertia(0, 0, 0))
         self._end()
         return True
 

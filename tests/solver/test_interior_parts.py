@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scaled_program import dense, inside, program, scaled
 from symbolic_program import INF, SymbolicProgram
 
+from stc.codegen.calls import Bound
 from stc.solver import Options
 from stc.solver.active_set import project, smaller_multipliers
 from stc.solver.elastic import ElasticKKT, ElasticProblem
@@ -144,6 +145,22 @@ def test_the_elastic_system_repeats_factorisations_of_a_structured_one() -> None
         kkt.solve_call()
         assert full @ kkt.solution == pytest.approx(kkt.rhs, abs=1e-8)
     assert made
+
+
+def test_the_elastic_system_solves_as_its_base_does_now() -> None:
+    """Others factorise with the base meanwhile, by another plan, and its solves are other calls then."""
+    base, elastic = _elastic()
+    it = elastic.start(inside(base, 1).w, np.zeros(base.m), np.ones(base.gaps), 0.1)
+    own = base.attached_kkt
+    elastic.kkt.factorize(it.hess, it.jac, np.ones(elastic.n), np.ones(elastic.m))
+    right = np.ones(elastic.n), np.ones(elastic.m)
+    elastic.kkt.solve(*right)
+    for name in ("solve_call", "solve_both_call"):
+        before, calls = getattr(own, name), []
+        now = Bound.of_python(lambda before=before, calls=calls: (calls.append(1), before())[1], ())
+        setattr(own, name, now)
+        getattr(elastic.kkt, name)()
+        assert calls == [1]
 
 
 def test_elastic_functions_are_the_same_compiled() -> None:
