@@ -151,7 +151,8 @@ class _Solve:
         if not form.m and not form.gaps:  # they would do the same again
             ways = [way for way in ways if way not in (attempts.feasible_first, attempts.held_barrier)]
         if form.many_gaps and ways:
-            ways.insert(0, attempts.otherwise)
+            # Where rows are convex, the elastic form tells whether they can be met.
+            ways.insert(1 if once(is_convex, self.nlp) else 0, attempts.otherwise)
         if ways and options.scaling and is_small(x0).mean() > SEVERAL:
             ways.insert(0, self._enlarged)
         if ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED) and _mean_row_scale(form) < DIVIDED:
