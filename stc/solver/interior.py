@@ -308,9 +308,10 @@ class _Loop:
         from stc.solver.recession import falls_forever
 
         self.doubted_at = np.inf
-        falls, spent = falls_forever(
-            form.nlp, form.user_variables(it.w[: form.n]), form.x_scale, self.options
+        left = replace(
+            self.options, max_iterations=monitor.limit - monitor.iterations, time_limit=monitor.time_left
         )
+        falls, spent = falls_forever(form.nlp, form.user_variables(it.w[: form.n]), form.x_scale, left)
         monitor.limit -= spent
         return falls
 

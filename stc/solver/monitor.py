@@ -88,7 +88,12 @@ class Monitor:
     @property
     def is_late(self) -> bool:
         """Whether the time is up."""
-        return time.perf_counter() > self._deadline
+        return self.time_left < 0.0
+
+    @property
+    def time_left(self) -> float:
+        """Seconds until the time is up."""
+        return self._deadline - time.perf_counter()
 
     def take(
         self,

@@ -16,6 +16,7 @@ import numpy as np
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.products import symmetric_times, times
+from stc.solver.status import Status
 
 __all__ = ["RecessionProblem", "falls_forever"]
 
@@ -80,12 +81,13 @@ def _cone(lower: Floats, upper: Floats, size: Floats) -> tuple[Floats, Floats]:
     return np.where(np.isfinite(lower), 0.0, -size), np.where(np.isfinite(upper), 0.0, size)
 
 
-def falls_forever(nlp: NLP, x: Floats, size: Floats, options: Options) -> tuple[bool, int]:
+def falls_forever(nlp: NLP, x: Floats, size: Floats, limits: Options) -> tuple[bool, int]:
     """Whether the objective of a program with linear rows, affine or quadratic, falls without limit.
 
     Args:
         x: a feasible point, (n,).
         size: what to measure directions in, (n,).
+        limits: has those on iterations and time.
 
     Returns:
         That, and the iterations it took to tell.
@@ -93,8 +95,10 @@ def falls_forever(nlp: NLP, x: Floats, size: Floats, options: Options) -> tuple[
     from stc.solver.sqp import minimize
 
     problem = RecessionProblem(nlp, x, size)
-    left = min(ITERATIONS, options.max_iterations)
-    result = minimize(problem, Options(max_iterations=left, time_limit=options.time_limit, retries=0))
+    left = min(ITERATIONS, limits.max_iterations)
+    result = minimize(problem, Options(max_iterations=left, time_limit=limits.time_limit, retries=0))
+    if result.status is not Status.OPTIMAL:
+        return False, result.iterations
     way = np.clip(result.x, problem.x_lower, problem.x_upper)
     slope = float(problem.gradient @ way)
     rows = problem.rows(way)
