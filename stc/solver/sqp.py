@@ -25,7 +25,8 @@ from stc.solver.report import Callback, Result, Start
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem, is_small
 from stc.solver.starting import WARM_BARRIER, warm_iterate
-from stc.solver.status import MET_BUT_FOR_ROUNDING, Status, advice, sentence
+from stc.solver.status import MET_BUT_FOR_ROUNDING, STILL_FALLING, Status, advice, sentence
+from stc.solver.unboundedness import falling_to
 
 __all__ = ["minimize"]
 
@@ -355,6 +356,9 @@ class _Solve:
         text = message or f"{sentence(status)} {advice(status)}".strip()
         if status is Status.OPTIMAL and report.violation > self.options.feasibility_tolerance:
             text += f" {MET_BUT_FOR_ROUNDING}"
+        if status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.FAILED):
+            lowest = falling_to(self.monitor.history)
+            text += "" if lowest is None else f" {STILL_FALLING.format(lowest)}"
         return Result(
             status,
             x,

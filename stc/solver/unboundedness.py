@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+
 import numpy as np
 
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
 from stc.solver.products import term_sums
+from stc.solver.report import IterationRecord
 from stc.solver.scaled_problem import ScaledProblem
 
-__all__ = ["is_unbounded"]
+__all__ = ["falling_to", "is_unbounded"]
 
 FAR = 1e7
 LOW = -1e20
@@ -19,6 +23,11 @@ RAY = (10.0, 100.0, 1000.0)
 FEASIBLE = 1e-6
 RELATIVE = 1e-8
 SMALL = 1e-4
+LONG, QUARTERS = 60, 5
+"""Iterations of an attempt that is looked at, and at how many points of it."""
+FAR_DOWN, EVENLY = 10.0, 0.05
+"""How far an objective falls that nothing may bound, as a multiple of its size at first, and the share of that in each
+quarter."""
 
 
 def is_unbounded(form: Formulation, it: Iterate, size: float) -> bool:
@@ -66,3 +75,21 @@ def _feasible(form: ScaledProblem, x: Floats, r: Floats) -> bool:
     return bool(
         np.all(off <= FEASIBLE + RELATIVE * size) and np.all(off_x <= FEASIBLE + RELATIVE * np.abs(x))
     )
+
+
+def falling_to(history: Sequence[IterationRecord]) -> float | None:
+    """What the objective has fallen to in an attempt in which it went on falling, if there was one.
+
+    That proves nothing, but where a solve did not end it is worth saying.
+    """
+    starts = [k for k, record in enumerate(history) if record.step_length == 0.0 and record.step == 0.0]
+    lowest: float | None = None
+    for begin, end in itertools.pairwise([*starts, len(history)]):
+        if end - begin < LONG or history[begin].phase != "barrier":
+            continue
+        f = [history[k].objective for k in np.linspace(begin, end - 1, QUARTERS).astype(int)]
+        fall = f[0] - f[-1]
+        steadily = all(later <= before - EVENLY * fall for before, later in itertools.pairwise(f))
+        if fall > FAR_DOWN * max(1.0, abs(f[0])) and steadily:
+            lowest = f[-1] if lowest is None else min(lowest, f[-1])
+    return lowest

@@ -28,3 +28,24 @@ def test_a_motion_that_may_go_far(rule: str, most: float) -> None:
     solution = stc.load(SPEC.format(rule=rule), most=most).solve(max_iterations=400)
     assert solution.status == "optimal"
     assert solution.objective == pytest.approx(-2.0 * most, rel=0.05)
+
+
+#: Nothing bounds the force, but the slope of the ground keeps rays from telling.
+WAVY = """
+constants: n = 60, T = 3.85, h = T/n, most = inf;
+variables: x, u;
+method: trapezoidal;
+constraints: [0, n]: x'' = u + 2.69*sin(x) - 0.16*x'; -most <= u; [0]: x = -0.22; x';
+objective: [n]: x;
+"""
+
+
+def test_an_objective_that_went_on_falling_is_told_of() -> None:
+    solution = stc.load(WAVY).solve(max_iterations=400)
+    assert solution.status == "iteration_limit"
+    assert "The objective went on falling, to -" in solution.message
+    assert "Bound the variables that grow" in solution.message
+
+
+def test_a_limit_alone_says_nothing_of_that() -> None:
+    assert stc.load(WAVY).solve(max_iterations=10).message.endswith("or start from a better guess.")
