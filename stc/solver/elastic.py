@@ -184,7 +184,7 @@ class ElasticProblem(Formulation):
         self.extra_diagonal = np.zeros(n + 2 * m)
         self._curvature = self.extra_diagonal[:n]
         self.kkt = ElasticKKT(base.attached_kkt, n, m, base.jac_rows.size)
-        self._inner = base.evaluator()
+        self._own_evaluator = base.evaluator()  # of the problem itself
         self.linear = base.linear
 
     @property
@@ -234,47 +234,47 @@ class ElasticProblem(Formulation):
         return full, np.concatenate([jac, self._columns]), hess
 
     def evaluator(self) -> Evaluator:
-        base, inner, n, m = self.base, self._inner, self.base.n, self.m
+        base, plain, n, m = self.base, self._own_evaluator, self.base.n, self.m
         entries = base.jac_rows.size
-        own = Evaluator.allocate(self.n, m, self.jac_rows.size, 0)
-        own.hess = inner.hess
-        own.derivatives_status = inner.derivatives_status
-        inner.weight[0] = self.weight
-        own.gradient[n:] = np.where(self.held, 0.0, self.price)[n:]
-        own.jac[entries:] = self._columns
-        place = copy.bind(n, own.x, inner.x)
+        ev = Evaluator.allocate(self.n, m, self.jac_rows.size, 0)
+        ev.hess = plain.hess
+        ev.derivatives_status = plain.derivatives_status
+        plain.weight[0] = self.weight
+        ev.gradient[n:] = np.where(self.held, 0.0, self.price)[n:]
+        ev.jac[entries:] = self._columns
+        place = copy.bind(n, ev.x, plain.x)
         away = self._curvature, self._reference
-        own.values_call = chain(
+        ev.values_call = chain(
             [
                 place,
-                inner.values_call,
+                plain.values_call,
                 elastic_passes.values.bind(
-                    n, m, self.weight, self.price, *away, inner.f, inner.r, inner.values_status, own.x, own.f, own.r,
-                    own.values_status,
+                    n, m, self.weight, self.price, *away, plain.f, plain.r, plain.values_status, ev.x, ev.f, ev.r,
+                    ev.values_status,
                 ),
             ]
         )  # fmt: skip
-        own.derivatives_call = chain(
+        ev.derivatives_call = chain(
             [
                 place,
-                copy.bind(m, own.y, inner.y),
-                inner.derivatives_call,
+                copy.bind(m, ev.y, plain.y),
+                plain.derivatives_call,
                 elastic_passes.derivatives.bind(
-                    n, entries, self.weight, base.free_factor, *away, inner.gradient, inner.jac, own.x, own.gradient,
-                    own.jac,
+                    n, entries, self.weight, base.free_factor, *away, plain.gradient, plain.jac, ev.x, ev.gradient,
+                    ev.jac,
                 ),
             ]
         )  # fmt: skip
-        return own
+        return ev
 
     def watch_call(self, it: Iterate, numbers: Floats) -> Bound:
-        base, inner = self.base, self._inner
+        base, plain = self.base, self._own_evaluator
         return chain(
             [
-                copy.bind(base.n, it.w, inner.x),
-                inner.values_call,
-                base.violation_call(inner.x, inner.r, numbers[VIOLATION : VIOLATION + 1]),
-                elastic_passes.state.bind(base.objective_unit, inner.f, numbers),
+                copy.bind(base.n, it.w, plain.x),
+                plain.values_call,
+                base.violation_call(plain.x, plain.r, numbers[VIOLATION : VIOLATION + 1]),
+                elastic_passes.state.bind(base.objective_unit, plain.f, numbers),
             ]
         )
 
