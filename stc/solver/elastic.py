@@ -1,6 +1,6 @@
-"""The elastic form of a problem: rows may be violated, at a price.
+"""The elastic form of a problem: rows may be violated, at a price, and the objective is left aside.
 
-    minimise    weight * f(x) + price * sum(p + q) + 1/2 * |proximity * (x - reference)|^2
+    minimise    price * sum(p + q) + 1/2 * |proximity * (x - reference)|^2
     subject to  r(x) - p + q - s = 0,    p, q >= 0,    bounds on (x, s) as before
 
 Its constraints always have independent gradients.  p and q are eliminated before the factorisation, where they
@@ -150,13 +150,12 @@ class ElasticProblem(Formulation):
     Attributes:
         base: the problem itself.
         price: cost of one unit of violation of a scaled row.
-        weight: factor of the objective; 0 looks for feasibility alone.
     """
 
-    def __init__(self, base: ScaledProblem, *, price: float, weight: float) -> None:
+    def __init__(self, base: ScaledProblem, *, price: float) -> None:
         n, m = base.n, base.m
         self._base = weakref.ref(base)  # which may keep this one
-        self.price, self.weight = price, weight
+        self.price = price
         self.n, self.m = n + 2 * m, m
         free_lower, free_upper = base.lower, base.upper
         x_lower = np.where(base.held, base.held_value, free_lower[:n])
@@ -215,20 +214,16 @@ class ElasticProblem(Formulation):
 
     def values(self, x: Floats) -> tuple[float, Floats]:
         own, p, q = self.split(x)
-        f, r = self.base.values(own)
+        _, r = self.base.values(own)
         away = own - self._reference
         cost = self.price * float(p.sum() + q.sum()) + 0.5 * inner(self._curvature, away * away)
-        if self.weight:
-            cost += self.weight * f
         return cost, r - p + q
 
     def derivatives(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
         own, _, _ = self.split(x)
-        gradient, jac, hess = self.base.weighted_derivatives(own, y, self.weight)
+        _, jac, hess = self.base.weighted_derivatives(own, y, 0.0)
         full = np.full(self.n, self.price)
         full[: self.base.n] = self._curvature * (own - self._reference)
-        if self.weight:
-            full[: self.base.n] += self.weight * gradient
         if self.any_held:
             full[self.held] = 0.0
         return full, np.concatenate([jac, self._columns]), hess
@@ -239,7 +234,7 @@ class ElasticProblem(Formulation):
         ev = Evaluator.allocate(self.n, m, self.jac_rows.size, 0)
         ev.hess = plain.hess
         ev.derivatives_status = plain.derivatives_status
-        plain.weight[0] = self.weight
+        plain.weight[0] = 0.0
         ev.gradient[n:] = np.where(self.held, 0.0, self.price)[n:]
         ev.jac[entries:] = self._columns
         place = copy.bind(n, ev.x, plain.x)
@@ -249,8 +244,7 @@ class ElasticProblem(Formulation):
                 place,
                 plain.values_call,
                 elastic_passes.values.bind(
-                    n, m, self.weight, self.price, *away, plain.f, plain.r, plain.values_status, ev.x, ev.f, ev.r,
-                    ev.values_status,
+                    n, m, self.price, *away, plain.r, plain.values_status, ev.x, ev.f, ev.r, ev.values_status
                 ),
             ]
         )  # fmt: skip
@@ -260,8 +254,7 @@ class ElasticProblem(Formulation):
                 copy.bind(m, ev.y, plain.y),
                 plain.derivatives_call,
                 elastic_passes.derivatives.bind(
-                    n, entries, self.weight, base.free_factor, *away, plain.gradient, plain.jac, ev.x, ev.gradient,
-                    ev.jac,
+                    n, entries, base.free_factor, *away, plain.jac, ev.x, ev.gradient, ev.jac
                 ),
             ]
         )  # fmt: skip

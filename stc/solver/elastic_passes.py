@@ -16,8 +16,8 @@ ELIMINATE, ATTEMPT, CALLS = 0, 1, 2
 
 @native(fast=True)
 def values(
-    n: i64, m: i64, weight: f64, price: f64, curvature: f64s, reference: f64s, own_f: f64s, own_r: f64s,
-    own_status: f64s, x: f64s, f: f64s, r: f64s, status: f64s,
+    n: i64, m: i64, price: f64, curvature: f64s, reference: f64s, own_r: f64s, own_status: f64s, x: f64s, f: f64s,
+    r: f64s, status: f64s,
 ) -> None:  # fmt: skip
     """The elastic objective and rows, from the problem's own."""
     away = 0.0
@@ -31,22 +31,17 @@ def values(
         r[k] = own_r[k] - p + q
         total += p + q
     f[0] = price * total + 0.5 * away
-    if weight != 0.0:
-        f[0] += weight * own_f[0]
     status[0] = own_status[0] + 0.0 * f[0]
 
 
 @native(fast=True)
 def derivatives(
-    n: i64, entries: i64, weight: f64, free: f64s, curvature: f64s, reference: f64s, own_gradient: f64s,
-    own_jac: f64s, x: f64s, gradient: f64s, jac: f64s,
+    n: i64, entries: i64, free: f64s, curvature: f64s, reference: f64s, own_jac: f64s, x: f64s, gradient: f64s,
+    jac: f64s,
 ) -> None:  # fmt: skip
     """The elastic gradient and Jacobian, but for the parts of p and q, which are constant."""
     for k in range(n):
         gradient[k] = free[k] * curvature[k] * (x[k] - reference[k])
-    if weight != 0.0:
-        for k in range(n):
-            gradient[k] += weight * own_gradient[k]
     for k in range(entries):
         jac[k] = own_jac[k]
 

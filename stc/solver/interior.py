@@ -301,8 +301,9 @@ class _Loop:
     def _recedes(self) -> bool:
         """Whether the objective of a quadratic program falls forever; asked where it takes long, and but once."""
         form, it, monitor = self.form, self.it, self.monitor
-        if monitor.iterations < self.doubted_at or not isinstance(form, ScaledProblem):
+        if monitor.iterations < self.doubted_at:
             return False
+        assert isinstance(form, ScaledProblem)
         if self.s[PRIMAL] > ACCEPTABLE * max(1.0, self.s[FARTHEST]):
             return False
         from stc.solver.recession import falls_forever

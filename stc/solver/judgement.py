@@ -80,7 +80,9 @@ class Judgement:
         doubtful = outcome.end is End.STUCK or form.objective_factor < 1.0
         if not doubtful and form.quadratic_program:
             slopes = outcome.error * float(np.abs(outcome.x).sum())
-            doubtful = slopes > LARGEST_GAIN * max(form.objective_scale, abs(form.values(outcome.x)[0]))
+            doubtful = slopes > LARGEST_GAIN * form.objective_scale * max(
+                1.0, abs(self.assess(point).objective)
+            )
         return doubtful and self.may_gain(point)
 
     def may_gain(self, point: Point) -> bool:

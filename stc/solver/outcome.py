@@ -68,3 +68,8 @@ class Outcome:
     error: float
     iterate: Iterate | None = None
     early: bool = False
+
+    @property
+    def is_answer(self) -> bool:
+        """Whether it says all there is to say of the problem, whatever other attempts would lead to."""
+        return self.end in (End.CONVERGED, End.UNBOUNDED)

@@ -15,7 +15,8 @@ import numpy as np
 
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
-from stc.solver.products import symmetric_times, times
+from stc.solver.products import between, symmetric_times, times
+from stc.solver.residuals import signed_violations
 from stc.solver.status import Status
 
 __all__ = ["RecessionProblem", "falls_forever"]
@@ -99,12 +100,10 @@ def falls_forever(nlp: NLP, x: Floats, size: Floats, limits: Options) -> tuple[b
     result = minimize(problem, Options(max_iterations=left, time_limit=limits.time_limit, retries=0))
     if result.status is not Status.OPTIMAL:
         return False, result.iterations
-    way = np.clip(result.x, problem.x_lower, problem.x_upper)
+    way = between(result.x, problem.x_lower, problem.x_upper)
     slope = float(problem.gradient @ way)
-    rows = problem.rows(way)
-    off = np.maximum(np.maximum(problem.row_lower - rows, rows - problem.row_upper), 0.0)
     # What the rows give way by may have gained that much, at most, since the program is convex.
-    gained = float(np.abs(result.row_multipliers) @ off)
+    gained = float(np.abs(result.row_multipliers) @ np.abs(signed_violations(problem, problem.rows(way))))
     if not slope + gained < -LEAST_FALL * float(np.abs(problem.gradient) @ np.abs(way)):
         return False, result.iterations
     start = nlp.values(x)[0]

@@ -1,6 +1,6 @@
 """Feasibility restoration: leave the objective aside until the rows are nearly met.
 
-The elastic form with weight 0 stays near the point where the search got stuck.  It ends at a point that the
+The elastic form stays near the point where the search got stuck.  It ends at a point that the
 filter accepts, or at a minimum of the violation, which certifies local infeasibility when the violation there
 is not zero: ``J^T y + z = 0`` with ``|y| <= 1`` and ``y`` of the sign of each violated row.
 """
@@ -119,7 +119,7 @@ def _return(
 def elastic_start(base: ScaledProblem, it: Iterate, mu: float) -> tuple[ElasticProblem, Iterate, float]:
     """The restoration problem at an iterate, its own first iterate and its barrier parameter."""
     if base.elastic is None:
-        base.elastic = ElasticProblem(base, price=PRICE, weight=0.0)
+        base.elastic = ElasticProblem(base, price=PRICE)
     elastic = base.elastic
     elastic.stay_near(it.w[: base.n], PROXIMITY * float(np.sqrt(max(mu, 1e-8))))
     barrier = BARRIER_FRACTION * max(mu, float(np.abs(it.c).max(initial=0.0)))

@@ -156,13 +156,13 @@ class _Solve:
             ways.insert(1 if once(is_convex, self.nlp) else 0, attempts.otherwise)
         if ways and options.scaling and is_small(x0).mean() > SEVERAL:
             ways.insert(0, self._enlarged)
-        if ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED) and _mean_row_scale(form) < DIVIDED:
+        if ways and not outcome.is_answer and _mean_row_scale(form) < DIVIDED:
             outcome = self._better(outcome, self._lighter(form, x0))
         for again in ways:
-            if outcome.end in (End.CONVERGED, End.UNBOUNDED) or self._is_proof(outcome):
+            if outcome.is_answer or self._is_proof(outcome):
                 break
             outcome = self._better(outcome, self._settle(again(form, x0)))
-        if ways and outcome.end not in (End.CONVERGED, End.UNBOUNDED):
+        if ways and not outcome.is_answer:
             best = self._feasible()
             if best is not None:
                 outcome = self._better(outcome, self._settle(attempts.from_feasible(form, best)))
@@ -283,7 +283,7 @@ class _Solve:
 
     def _better(self, one: Outcome, other: Outcome) -> Outcome:
         """The outcome that says more; of two that say the same, that with the smaller violation."""
-        if other.end in (End.CONVERGED, End.UNBOUNDED):
+        if other.is_answer:
             return other
         points = [self.judgement.stated(o) for o in (one, other)]
         violations = [assess(self.nlp, p.x, p.y).violation for p in points]

@@ -84,7 +84,7 @@ def test_the_shifted_matrix_gives_descent(seed: int) -> None:
 
 def _elastic() -> tuple[ScaledProblem, ElasticProblem]:
     base = scaled()
-    elastic = ElasticProblem(base, price=3.0, weight=0.5)
+    elastic = ElasticProblem(base, price=3.0)
     elastic.stay_near(np.ones(base.n), 0.1)
     return base, elastic
 
@@ -127,7 +127,7 @@ def test_the_elastic_system_repeats_factorisations_of_a_structured_one() -> None
     """The compiled attempt, which a dense system does not have."""
     nlp = program()
     base = ScaledProblem(nlp, nlp.x0, Options(), structured_kkt)
-    elastic = ElasticProblem(base, price=1.0, weight=0.0)
+    elastic = ElasticProblem(base, price=1.0)
     it = elastic.start(inside(base, 1).w, np.zeros(base.m), np.ones(base.gaps), 0.1)
     rng = np.random.default_rng(5)
     kkt = elastic.attached_kkt
@@ -196,7 +196,7 @@ def test_elastic_iterates_are_told_in_the_users_terms() -> None:
 def test_the_elastic_start_meets_its_rows() -> None:
     base = scaled()
     it = inside(base, 3)
-    elastic = ElasticProblem(base, price=1.0, weight=0.0)
+    elastic = ElasticProblem(base, price=1.0)
     start = elastic.start(it.w, np.zeros(base.m), it.z, 1e-3)
     assert start.c == pytest.approx(np.zeros(base.m), abs=1e-12)
     assert start.gap.min() > 0.0
