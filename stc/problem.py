@@ -56,6 +56,13 @@ class VariableRef:
     def __repr__(self) -> str:
         return f"VariableRef({self.name!r}, {self.order}, {self.scale}, {self.shift}, {self.side!r})"
 
+    def __hash__(self) -> int:
+        # Fractions take longer to hash than all the rest, and derivations hash these by the ten thousand.
+        shift = self.shift
+        return hash(
+            (self.name, self.order, self.side, self.scale.numerator, shift.numerator, shift.denominator)
+        )
+
     def __str__(self) -> str:
         text = self.name + "'" * self.order
         if (self.scale, self.shift) != (1, 0):

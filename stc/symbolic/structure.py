@@ -81,6 +81,17 @@ def mentions(e: Expr, wanted: Callable[[Hashable], bool]) -> bool:
     return False
 
 
+def mentioning(exprs: Sequence[Expr], wanted: Callable[[Hashable], bool]) -> list[bool]:
+    """:func:`mentions` of each of many expressions, which share subexpressions."""
+    found: dict[Expr, bool] = {}
+    for node in reachable(exprs):
+        if node.op == "sym":
+            found[node] = wanted(node.payload)
+        else:
+            found[node] = any(map(found.__getitem__, node.args))
+    return [found[e] for e in exprs]
+
+
 def is_linear(e: Expr, keys: Iterable[Hashable]) -> bool:
     """Whether ``e`` is affine in the symbols with the given keys; others may be their factors."""
     return degree(e, keys) <= LINEAR

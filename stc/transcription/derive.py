@@ -23,7 +23,7 @@ from stc.problem import ParameterRef, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import gradient, jacobian_and_hessian
 from stc.symbolic.expr import FUNCTIONS, Expr, call, reachable, sum_of, sym, symbols
-from stc.symbolic.structure import degree, mentions
+from stc.symbolic.structure import degrees, mentioning
 from stc.transcription.grid import IntArray, Nodes
 from stc.transcription.lower import DataRef
 from stc.transcription.statements import Row, Summand
@@ -129,22 +129,24 @@ class Group:
         """The derivatives and their programs, from the expressions."""
         bodies = [row.body for row in self.rows]
         keys: list[object] = list(self.unknown)
-        degrees = [degree(e, keys) for e in bodies]
-        objective_degree = 0
+        of_bodies = degrees(self.bodies, keys)
+        of_rows, objective_degree = of_bodies[: len(bodies)], 0
         entries: dict[Derivative, Expr] = {}
         if self.objective is not None:
-            objective_degree = degree(self.objective, keys)
+            objective_degree = of_bodies[-1]
             slopes = gradient(self.objective, keys)
             entries.update((Derivative(GRADIENT, 0, k), e) for k, e in enumerate(slopes) if not _is_zero(e))
-        curved = [sym(MultiplierRef(r)) * e for r, e in enumerate(bodies) if degrees[r] > 1]
+        curved = [sym(MultiplierRef(r)) * e for r, e in enumerate(bodies) if of_rows[r] > 1]
         if self.objective is not None and objective_degree > 1:
             curved.append(sym(ObjectiveFactor()) * self.objective)
         first, second = jacobian_and_hessian(bodies, sum_of(curved), keys)
         entries.update((Derivative(JACOBIAN, r, k), e) for (r, k), e in first.items())
         entries.update((Derivative(HESSIAN, a, b), e) for (a, b), e in second.items())
-        changing = {place for place, e in second.items() if mentions(e, _changes)}
-        varying = [place for place, e in entries.items() if mentions(e, _varies)]
-        constant = [place for place, e in entries.items() if not mentions(e, _varies)]
+        changes = mentioning(list(second.values()), _changes)
+        changing = {place for place, does in zip(second, changes, strict=True) if does}
+        varies = mentioning(list(entries.values()), _varies)
+        varying = [place for place, does in zip(entries, varies, strict=True) if does]
+        constant = [place for place, does in zip(entries, varies, strict=True) if not does]
         inputs: list[object] = [*self.unknown, *self.data]
         multipliers = [MultiplierRef(r) for r in range(len(self.rows))]
         kept = _kept(self.bodies, [entries[place] for place in varying], frozenset(inputs))
@@ -157,7 +159,7 @@ class Group:
             kept=len(kept),
             varying=varying,
             constant=constant,
-            degrees=degrees,
+            degrees=of_rows,
             objective_degree=objective_degree,
             bent=sorted({k for place in changing for k in place}),
         )

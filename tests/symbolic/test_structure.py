@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from symbolic.random_expressions import NAMES, expressions, simplified
 
 from stc.symbolic.differentiate import hessian, jacobian
@@ -14,6 +15,7 @@ from stc.symbolic.structure import (
     is_constant_in,
     is_linear,
     is_quadratic,
+    mentioning,
     mentions,
 )
 
@@ -96,3 +98,10 @@ def test_mentioned_symbols_are_those_that_occur(e: Expr) -> None:
         NAMES
     )
     assert mentions(e, lambda _: True) == bool(occurring)
+
+
+@given(st.lists(expressions(), min_size=1, max_size=4))
+def test_mentions_of_many_expressions_are_those_of_each(exprs: list[Expr]) -> None:
+    for name in NAMES:
+        wanted = name.__eq__
+        assert mentioning(exprs, wanted) == [mentions(e, wanted) for e in exprs]

@@ -7,8 +7,9 @@ measured.
 
 from __future__ import annotations
 
-from stc.codegen.native import f64, f64s, i32s, i64, native
+from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
 from stc.solver.kkt.ordering import SECOND, SMALLEST
+from stc.solver.kkt.slot_sets import has, leave_out, listed, missing, note_row, size_of, take_out, words_of
 
 __all__ = ["MEMBERS", "group_stage"]
 
@@ -71,139 +72,88 @@ def _cut(
                 cut[end] = begin
 
 
-@native(small=True)
-def _take_out(p: i64, q: i64, top: i64, stride: i64, pattern: f64s, rows: i32s) -> i64:
-    """Eliminate a slot, and ``q`` when that is another, from a pattern; the rows of the column, how many these are."""
-    count = 0
-    for k in range(top):
-        rows[count] = k
-        count += k != p and k != q and (pattern[p * stride + k] != 0.0 or pattern[q * stride + k] != 0.0)
-    full_p = p == q or pattern[q * stride + q] != 0.0
-    full_q = p != q and pattern[p * stride + p] != 0.0
+@native
+def _take_exactly(
+    members: i64, order: i32s, kinds: i32s, words: i64, bits: i64s, sets: i64s, union: i64s, rows: i32s
+) -> i64:  # fmt: skip
+    """Eliminate a group from a pattern in its order: its rows; how many, or -1 less that where not all couple.
+
+    ``sets`` and ``union`` are work space, (2 * words,) and (words,).
+    """
+    for w in range(words):
+        union[w] = 0
+    for k in range(members):
+        if kinds[k] != SECOND:
+            q = -1
+            if kinds[k] == 2:
+                q = order[k + 1]
+            take_out(order[k], q, words, bits, sets)
+            for w in range(words):
+                union[w] |= sets[w] | sets[words + w]
+    for k in range(members):
+        leave_out(order[k], union)
+    count = listed(words, union, rows)
     for k in range(count):
-        i = rows[k]
-        i_in_p = pattern[p * stride + i] != 0.0
-        i_in_q = p != q and pattern[q * stride + i] != 0.0
-        for e in range(k + 1):
-            j = rows[e]
-            j_in_p = pattern[p * stride + j] != 0.0
-            j_in_q = p != q and pattern[q * stride + j] != 0.0
-            crossed = (i_in_p and j_in_q) or (i_in_q and j_in_p)
-            if crossed or (full_p and i_in_p and j_in_p) or (full_q and i_in_q and j_in_q):
-                if pattern[i * stride + j] == 0.0:
-                    pattern[i * stride + j] = SMALLEST
-                    pattern[j * stride + i] = SMALLEST
-    for k in range(top):
-        pattern[p * stride + k] = 0.0
-        pattern[k * stride + p] = 0.0
-        pattern[q * stride + k] = 0.0
-        pattern[k * stride + q] = 0.0
+        if missing(words, union, bits[rows[k] * words :]) > 0:
+            return -1 - count
     return count
 
 
-@native(small=True)
-def _take_exactly(
-    members: i64, order: i32s, kinds: i32s, top: i64, stride: i64, pattern: f64s, mark: i32s, rows: i32s
-) -> i64:  # fmt: skip
-    """Eliminate a group from a pattern in its order: its rows; how many, or -1 less that where not all couple."""
-    for k in range(top):
-        mark[k] = 0
-    for k in range(members):
-        if kinds[k] != SECOND:
-            q = order[k + 1] if kinds[k] == 2 else order[k]
-            for e in range(_take_out(order[k], q, top, stride, pattern, rows)):
-                mark[rows[e]] = 1
-    for k in range(members):
-        mark[order[k]] = 0
-    count = 0
-    missing = 0
-    for k in range(top):
-        if mark[k] != 0:
-            rows[count] = k
-            count += 1
-            for e in range(count):
-                missing += pattern[k * stride + rows[e]] == 0.0
-    return count if missing == 0 else -1 - count
-
-
-@native(small=True)
+@native
 def _take_in_any_order(
-    members: i64, order: i32s, top: i64, stride: i64, pattern: f64s, mark: i32s, rows: i32s, planned: i64,
-    known: i32s, surplus: i32s,
+    members: i64, order: i32s, words: i64, bits: i64s, union: i64s, rows: i32s, planned: i64, known: i32s, surplus: i32s
 ) -> i64:  # fmt: skip
     """Eliminate a group from a pattern and couple all its rows with each other; how many are surplus.
 
-    Those are not among ``known`` (planned,), which increase.
+    Those are not among ``known`` (planned,). ``union`` is work space, (words,), and ``rows`` for all slots.
     """
-    for k in range(top):
-        mark[k] = 0
+    for w in range(words):
+        union[w] = 0
     for k in range(members):
-        column = pattern[order[k] * stride :]
-        for e in range(top):
-            if column[e] != 0.0:
-                mark[e] = 1
+        own = bits[order[k] * words :]
+        for w in range(words):
+            union[w] |= own[w]
+            own[w] = 0
     for k in range(members):
-        own = order[k]
-        mark[own] = 0
-        for e in range(top):
-            pattern[own * stride + e] = 0.0
-            pattern[e * stride + own] = 0.0
-    count = 0
-    for k in range(top):
-        if mark[k] != 0:
-            rows[count] = k
-            count += 1
-    for k in range(count):
-        row = pattern[rows[k] * stride :]
-        for e in range(count):
-            row[rows[e]] = 1.0
-    beyond = 0
-    at = 0
-    for k in range(count):
-        while at < planned and known[at] < rows[k]:
-            at += 1
-        if at == planned or known[at] != rows[k]:
-            surplus[beyond] = rows[k]
-            beyond += 1
-    return beyond
+        leave_out(order[k], union)
+    for k in range(listed(words, union, rows)):
+        row = bits[rows[k] * words :]
+        for w in range(words):
+            row[w] |= union[w]
+        for e in range(members):
+            leave_out(order[e], row)
+    for k in range(planned):
+        leave_out(known[k], union)
+    return listed(words, union, surplus)
 
 
-@native(small=True)
-def _exact_work(
-    count: i64, order: i32s, kinds: i32s, top: i64, stride: i64, pattern: f64s, rows: i32s, work: f64s
-) -> None:  # fmt: skip
+@native
+def _exact_work(count: i64, order: i32s, kinds: i32s, words: i64, bits: i64s, sets: i64s, work: f64s) -> None:
     """How many products each pivot needs when only what is there is multiplied; the pattern is lost."""
     for k in range(count):
         work[k] = 0.0
         if kinds[k] == SECOND:
             continue
         p = order[k]
-        members = 1
-        q = p
+        q = -1
         if kinds[k] == 2:
-            members = 2
             q = order[k + 1]
-        size_p = 0.0
-        size_q = 0.0
-        for e in range(top):
-            if e != p and e != q:
-                size_p += pattern[p * stride + e] != 0.0
-                size_q += pattern[q * stride + e] != 0.0
-        work[k] = 0.5 * size_p * size_p
-        if members == 2:
-            work[k] = size_p * size_q
-            if pattern[q * stride + q] != 0.0:
-                work[k] += 0.5 * size_p * size_p
-            if pattern[p * stride + p] != 0.0:
-                work[k] += 0.5 * size_q * size_q
-        _take_out(p, q, top, stride, pattern, rows)
+        full_p = 1
+        full_q = 0
+        if q >= 0:
+            full_p = has(q, bits[q * words :])
+            full_q = has(p, bits[p * words :])
+        take_out(p, q, words, bits, sets)
+        size_p = 1.0 * size_of(words, sets)
+        size_q = 1.0 * size_of(words, sets[words:])
+        work[k] = size_p * size_q + 0.5 * full_p * size_p * size_p + 0.5 * full_q * size_q * size_q
 
 
 @native(small=True)
 def group_stage(
     stride: i64, top: i64, count: i64, order: i32s, kinds: i32s, starts: i32s, lists: i32s, before: f64s,
-    pattern: f64s, sizes: f64s, cover: f64s, mark: i32s, found: i32s, work: f64s, best: f64s, cut: i32s,
-    group: i32s, fixed: i32s, group_starts: i32s, surplus_starts: i32s, group_rows: i32s,
+    bits: i64s, sizes: f64s, cover: f64s, mark: i32s, found: i32s, work: f64s, best: f64s, cut: i32s, group: i32s,
+    fixed: i32s, group_starts: i32s, surplus_starts: i32s, group_rows: i32s,
 ) -> i64:  # fmt: skip
     """Cut the order that ``order_stage`` has found into groups.
 
@@ -213,7 +163,7 @@ def group_stage(
         sizes: those that it left, to which entries are added that it may have missed.
         cover: nonzero where the window may have an entry in whatever order the groups' pivots are taken,
             (stride * stride,); the same for what is left afterwards.
-        pattern: work space, (stride * stride,); mark, found: (stride,); work, best, cut: (count + 1,).
+        bits: work space, ((stride + SETS) * words_of(top),); mark, found: (stride,); work, best, cut: (count + 1,).
         group: how many unknowns the group has that begins at a place of the order, 0 where none begins, (count,).
         fixed: whether its rows do not all couple afterwards, so that the order inside matters, (count,).
         group_starts: the rows of the group at place k are ``group_rows[group_starts[k]:group_starts[k + 1]]``,
@@ -225,12 +175,13 @@ def group_stage(
     Returns:
         The number of entries in ``group_rows``.
     """
-    for k in range(top * stride):
-        pattern[k] = before[k]
-    _exact_work(count, order, kinds, top, stride, pattern, group_rows, work)
+    words = words_of(top)
+    sets = bits[stride * words :]
+    union = sets[2 * words :]
+    for k in range(top):
+        note_row(k, top, words, stride, before, bits)
+    _exact_work(count, order, kinds, words, bits, sets, work)
     _cut(count, stride, order, kinds, starts, lists, work, mark, best, cut)
-    for k in range(top * stride):
-        pattern[k] = before[k]
     end = count
     for k in range(count):
         group[k] = 0
@@ -240,23 +191,33 @@ def group_stage(
         end = begin
     used = 0
     group_starts[0] = 0
+    for k in range(top):
+        note_row(k, top, words, stride, before, bits)
     for k in range(count):
         members = group[k]
         if members > 0:
-            rows = _take_exactly(members, order[k:], kinds[k:], top, stride, pattern, mark, group_rows[used:])
+            rows = _take_exactly(members, order[k:], kinds[k:], words, bits, sets, union, group_rows[used:])
             fixed[k] = rows < 0
             used += max(rows, -1 - rows)
         group_starts[k + 1] = used
+    for k in range(top):
+        for e in range(listed(words, bits[k * words :], found)):
+            if sizes[k * stride + found[e]] == 0.0:
+                sizes[k * stride + found[e]] = SMALLEST
     surplus_starts[0] = used
+    for k in range(top):
+        note_row(k, top, words, stride, cover, bits)
     for k in range(count):
         if group[k] > 0:
             begin = group_starts[k]
             used += _take_in_any_order(
-                group[k], order[k:], top, stride, cover, mark, found, group_starts[k + 1] - begin, group_rows[begin:],
+                group[k], order[k:], words, bits, union, found, group_starts[k + 1] - begin, group_rows[begin:],
                 group_rows[used:],
             )  # fmt: skip
         surplus_starts[k + 1] = used
-    for k in range(top * stride):
-        if pattern[k] != 0.0 and sizes[k] == 0.0:
-            sizes[k] = SMALLEST
+    for k in range(top):
+        for e in range(top):
+            cover[k * stride + e] = 0.0
+        for e in range(listed(words, bits[k * words :], found)):
+            cover[k * stride + found[e]] = 1.0
     return used

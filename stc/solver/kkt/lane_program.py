@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from stc.arrays import distinct
 from stc.records import dataclass
 from stc.solver.kkt.lane_panel import PANEL, panel_vectors
-from stc.solver.kkt.ordering import MARGIN, SECOND, SETS, SMALLEST, order_stage, words_of
+from stc.solver.kkt.ordering import MARGIN, SECOND, SETS, SMALLEST, order_stage
 from stc.solver.kkt.segments import ACROSS, BORDERING, INSIDE, Segmentation
+from stc.solver.kkt.slot_sets import words_of
 from stc.solver.nlp import Floats
 
 __all__ = [

@@ -17,6 +17,7 @@ is still an entry, if a tiny one.
 from __future__ import annotations
 
 from stc.codegen.native import copysign, count_bits, f64, f64s, fabs, i32s, i64, i64s, native
+from stc.solver.kkt.slot_sets import WORD, fill, missing, note_row, patterns, words_of
 
 __all__ = [
     "COMPARED",
@@ -29,7 +30,6 @@ __all__ = [
     "follow_order",
     "order_stage",
     "take_leaves",
-    "words_of",
 ]
 
 #: Kinds of unknowns in an order: first of a pivot of one or two, second of two, not eliminated.
@@ -53,15 +53,8 @@ PENALTY = 1e6
 EFFORT = 30000
 #: Those with at most this many times the fewest multiplications are compared by their fill, as a rule.
 COMPARED = 2.0
-#: Bits of a word that are made use of, and sets that the search needs room for.
-WORD = 32
+#: Sets of slots that the search needs room for.
 SETS = 4
-
-
-@native(small=True)
-def words_of(top: i64) -> i64:
-    """How many words have a bit for each of so many slots."""
-    return (top + WORD - 1) // WORD
 
 
 @native
@@ -150,89 +143,15 @@ def _two_cost(
 
 
 @native
-def _mark(p: i64, top: i64, words: i64, stride: i64, sizes: f64s, bits: i64s) -> None:
-    """Note bit by bit which entries a row has."""
-    for w in range(words):
-        row = sizes[p * stride + WORD * w :]
-        word = 0
-        one = 1
-        for k in range(min(WORD, top - WORD * w)):
-            word += one if row[k] != 0.0 else 0
-            one += one
-        bits[p * words + w] = word
-
-
-@native(inline=True)
-def _leave_out(slot: i64, members: i64s) -> None:
-    """Take a slot out of a set."""
-    one = 1
-    for _k in range(slot % WORD):
-        one += one
-    members[slot // WORD] ^= members[slot // WORD] & one
-
-
-@native(inline=True)
-def _missing(words: i64, wanted: i64s, row: i64s) -> i64:
-    """How many members of a set a row has no entry for."""
-    count = 0
-    for w in range(words):
-        count += count_bits(wanted[w] ^ (wanted[w] & row[w]))
-    return count
-
-
-@native(inline=True)
-def _patterns(p: i64, q: i64, words: i64, bits: i64s, sets: i64s) -> None:
-    """The patterns P and Q of the columns of p and q, this one empty where q is below 0, without these themselves."""
-    of_q = sets[words:]
-    for w in range(words):
-        sets[w] = bits[p * words + w]
-        of_q[w] = bits[q * words + w] if q >= 0 else 0
-    _leave_out(p, sets)
-    _leave_out(p, of_q)
-    if q >= 0:
-        _leave_out(q, sets)
-        _leave_out(q, of_q)
-
-
-@native
-def _fill_bits(p: i64, q: i64, words: i64, stride: i64, sizes: f64s, bits: i64s, sets: i64s) -> None:
-    """Note the entries that the elimination of p, and of q when that is no less than 0, adds, and take these out."""
-    _patterns(p, q, words, bits, sets)
-    of_q = sets[words:]
-    full_p = q < 0
-    full_q = False
-    if q >= 0:
-        full_p = sizes[q * stride + q] != 0.0
-        full_q = sizes[p * stride + p] != 0.0
-    for w in range(words):
-        left = sets[w] | of_q[w]
-        while left != 0:
-            one = left & (0 - left)
-            left = left ^ one
-            i = WORD * w + count_bits(one - 1)
-            row = bits[i * words :]
-            in_p = sets[w] & one != 0
-            in_q = of_q[w] & one != 0
-            for k in range(words):
-                if in_q or (in_p and full_p):
-                    row[k] = row[k] | sets[k]
-                if in_p or (in_q and full_q):
-                    row[k] = row[k] | of_q[k]
-            _leave_out(p, row)
-            if q >= 0:
-                _leave_out(q, row)
-
-
-@native
 def _added(
     p: i64, q: i64, words: i64, stride: i64, sizes: f64s, bits: i64s, sets: i64s
 ) -> f64:  # fmt: skip
     """Entries per unknown that the elimination of p, and of q when that is no less than 0, would add.
 
     Args:
-        bits: which entries each row has (see ``_mark``); sets: work space, (SETS * words,).
+        bits: which entries each row has (see ``slot_sets.note_row``); sets: work space, (SETS * words,).
     """
-    _patterns(p, q, words, bits, sets)
+    patterns(p, q, words, bits, sets)
     of_p = sets[0:]
     of_q = sets[words:]
     in_both = sets[2 * words :]
@@ -257,16 +176,16 @@ def _added(
             own = 1 if sizes[i * stride + i] == 0.0 else 0
             if of_p[w] & one != 0:
                 if in_both[w] & one != 0:
-                    once += _missing(words, in_q_only, row)
+                    once += missing(words, in_q_only, row)
                     if not full_p:
-                        twice += _missing(words, in_both, row) - own
+                        twice += missing(words, in_both, row) - own
                 else:
                     # With ``full_p``, pairs of P and of both are counted again, which is too much by little.
-                    once += _missing(words, of_q, row)
+                    once += missing(words, of_q, row)
                 if full_p:
-                    twice += _missing(words, of_p, row) - own
+                    twice += missing(words, of_p, row) - own
             elif full_q:
-                twice += _missing(words, in_q_only, row) - own
+                twice += missing(words, in_q_only, row) - own
     added = once + 0.5 * twice
     return added if q < 0 else 0.5 * added
 
@@ -532,7 +451,7 @@ def order_stage(
     words = words_of(top)
     for k in range(top):
         _measure(k, top, stride, sizes, degree, most)
-        _mark(k, top, words, stride, sizes, bits)
+        note_row(k, top, words, stride, sizes, bits)
     done = 0
     used = 0
     full = False
@@ -563,7 +482,12 @@ def order_stage(
         if all_taken != 0 or not full:
             _fill_pivot(p, q, margin, top, stride, sizes, most, row_p, row_q)
         if not full:
-            _fill_bits(p, q, words, stride, sizes, bits, bits[stride * words :])
+            full_p = 1
+            full_q = 0
+            if q >= 0:
+                full_p = 1 if sizes[q * stride + q] != 0.0 else 0
+                full_q = 1 if sizes[p * stride + p] != 0.0 else 0
+            fill(p, q, full_p, full_q, words, bits, bits[stride * words :])
             # Once a single pivot has coupled all that is left, nothing can be filled any more.
             coupled = 0
             for k in range(top):

@@ -22,8 +22,8 @@ from stc.solver.kkt.ordering import (
     follow_order,
     order_stage,
     take_leaves,
-    words_of,
 )
+from stc.solver.kkt.slot_sets import words_of
 from stc.solver.kkt.staging import Staging
 from stc.solver.nlp import Floats
 
@@ -198,11 +198,11 @@ class _Walk:
         self.lists: list[Int32s] = []
         self.listed = 0
         self.states: list[tuple[Floats, Floats]] = []
-        self.known_states: dict[bytes, int] = {}
+        self.known_states: dict[tuple[int, bytes], int] = {}
 
     def all_stages(self, kind: NDArray[np.int64], top: Int32s) -> tuple[Int32s, Int32s]:
         """Plan and state of each stage."""
-        nothing = np.zeros((self.window, self.window))
+        nothing = np.zeros((0, 0))
         state = self._state_number(nothing, nothing)
         steps: dict[tuple[int, int], tuple[int, int]] = {}
         times: dict[tuple[int, int], int] = {}
@@ -226,20 +226,26 @@ class _Walk:
     def _state_number(self, sizes: Floats, cover: Floats) -> int:
         """States with the same patterns are one; the sizes are those of the last.
 
+        Only the slots in use are kept: that is little of a window.
+
         Args:
             sizes: entries of the window if all goes to plan.
             cover: nonzero where there may be one otherwise.
         """
-        pattern = np.packbits([sizes != 0.0, cover != 0.0]).tobytes()
+        used = int(np.flatnonzero(cover.any(axis=0)).max(initial=-1)) + 1
+        sizes, cover = sizes[:used, :used].copy(), cover[:used, :used].copy()
+        pattern = used, np.packbits([sizes != 0.0, cover != 0.0]).tobytes()
         number = self.known_states.setdefault(pattern, len(self.states))
         if number == len(self.states):
             self.states.append((sizes, cover))
-        self.states[number] = sizes.copy(), cover
+        self.states[number] = sizes, cover
         return number
 
-    def _assembled(self, kind: int, state: int) -> tuple[Floats, Floats]:
-        """The window of a stage of some kind after some state: sizes and cover."""
-        sizes, cover = (part.copy() for part in self.states[state])
+    def _assembled(self, kind: int, state: int, top: int) -> tuple[Floats, Floats]:
+        """The slots in use at a stage of some kind after some state: sizes and cover, (top, top) each."""
+        sizes, cover = np.zeros((top, top)), np.zeros((top, top))
+        for part, before in zip((sizes, cover), self.states[state], strict=True):
+            part[: len(before), : len(before)] = before
         begin, end = np.searchsorted(self.key_kind, [kind, kind + 1])
         rows, columns = np.divmod(self.key_place[begin:end], self.window)
         sizes[rows, columns] += self.sizes[begin:end]
@@ -249,30 +255,29 @@ class _Walk:
 
     def _repeat(self, kind: int, state: int, top: int, plan: int, following: int) -> None:
         """Eliminate a stage like one before, for the following state's sizes."""
-        window = self.window
-        sizes, _ = self._assembled(kind, state)
+        sizes, _ = self._assembled(kind, state, top)
         known = self.plans[plan]
-        degree, row_p, row_q, lists = (np.empty(window, dtype=np.int32) for _ in range(4))
+        degree, row_p, row_q, lists = (np.empty(top, dtype=np.int32) for _ in range(4))
         follow_order(
-            window, top, known.slots.size, known.slots, known.kinds, sizes.reshape(-1), degree, np.empty(window),
-            row_p, row_q, lists,
+            top, top, known.slots.size, known.slots, known.kinds, sizes.reshape(-1), degree, np.empty(top), row_p,
+            row_q, lists,
         )  # fmt: skip
         before, cover = self.states[following]
-        self.states[following] = np.where(before != 0.0, np.where(sizes != 0.0, sizes, SMALLEST), 0.0), cover
+        after = sizes[: len(before), : len(before)]
+        self.states[following] = np.where(before != 0.0, np.where(after != 0.0, after, SMALLEST), 0.0), cover
 
     def _step(self, kind: int, state: int, top: int) -> tuple[int, int]:
         """Order a stage of some kind after some state; the plan's and the following state's number."""
-        window = self.window
-        sizes, cover = self._assembled(kind, state)
-        fresh = np.zeros(window, dtype=np.int32)
+        sizes, cover = self._assembled(kind, state, top)
+        fresh = np.zeros(top, dtype=np.int32)
         begin, end = np.searchsorted(self.fresh_kind, [kind, kind + 1])
         fresh[self.fresh_slot[begin:end]] = 1
         begin, end = np.searchsorted(self.leaving_kind, [kind, kind + 1])
         waiting = self.leaving_slot[begin:end].copy()
-        degree, row_p, row_q = (np.empty(window, dtype=np.int32) for _ in range(3))
-        most = np.empty(window)
+        degree, row_p, row_q = (np.empty(top, dtype=np.int32) for _ in range(3))
+        most = np.empty(top)
         leaves = take_leaves(
-            window, top, waiting.size, waiting, fresh, sizes.reshape(-1), degree, most, row_p, row_q
+            top, top, waiting.size, waiting, fresh, sizes.reshape(-1), degree, most, row_p, row_q
         )
         leaf_slots, waiting = waiting[:leaves], waiting[leaves:].copy()
         cover[sizes != 0.0] = 1.0
@@ -283,18 +288,18 @@ class _Walk:
         lists = np.empty((count + 1) * top, dtype=np.int32)
         first, second = np.empty(CANDIDATES, dtype=np.int32), np.empty(CANDIDATES, dtype=np.int32)
         before = sizes.reshape(-1).copy()
+        bits = np.empty((top + SETS) * words_of(top), dtype=np.int64)
         order_stage(
-            window, top, count, waiting, PLANNED, COMPARED, 0, sizes.reshape(-1), degree, most, row_p, row_q,
-            np.empty((window + SETS) * words_of(top), dtype=np.int64),
-            first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
+            top, top, count, waiting, PLANNED, COMPARED, 0, sizes.reshape(-1), degree, most, row_p, row_q,
+            bits, first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
         )  # fmt: skip
         fixed = np.zeros_like(order)
         groups, rows = np.empty_like(order), np.empty(2 * lists.size, dtype=np.int32)
         group_starts, surplus_starts = np.empty_like(starts), np.empty_like(starts)
         used = group_stage(
-            window, top, count, order, kinds, starts, lists, before, np.empty_like(before),
-            sizes.reshape(-1), cover.reshape(-1), row_p, row_q, np.empty(count + 1), np.empty(count + 1),
-            np.empty_like(starts), groups, fixed, group_starts, surplus_starts, rows,
+            top, top, count, order, kinds, starts, lists, before, bits, sizes.reshape(-1), cover.reshape(-1),
+            row_p, row_q, np.empty(count + 1), np.empty(count + 1), np.empty_like(starts), groups, fixed, group_starts,
+            surplus_starts, rows,
         )  # fmt: skip
         leaf = np.ones(leaves, dtype=np.int32)
         self.plans.append(

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stc.solver.kkt import window
-from stc.solver.kkt.ordering import COMPARED, MARGIN, SECOND, SETS, UNPLANNED, order_stage, words_of
+from stc.solver.kkt.ordering import COMPARED, MARGIN, SECOND, SETS, UNPLANNED, order_stage
+from stc.solver.kkt.slot_sets import words_of
 from stc.solver.kkt.values import GOOD, equilibrate, find_scale, load, residual
 
 SEEDS = st.integers(0, 10**6)
