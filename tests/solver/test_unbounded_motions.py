@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 import stc
+from stc.solver.unboundedness import falling_to
 
 SPEC = """
 constants: n = 60, T = 2, h = T/n, most = inf;
@@ -49,3 +50,14 @@ def test_an_objective_that_went_on_falling_is_told_of() -> None:
 
 def test_a_limit_alone_says_nothing_of_that() -> None:
     assert stc.load(WAVY).solve(max_iterations=10).message.endswith("or start from a better guess.")
+
+
+def test_nor_does_one_near_a_solution_to_which_the_objective_fell() -> None:
+    model = stc.load(SPEC.format(rule="central"), most=1e6)
+    solved = model.solve(max_iterations=400)
+    assert solved.status == "optimal"
+    history = []
+    solution = model.solve(max_iterations=solved.iterations - 1, callback=history.append)
+    assert solution.status == "iteration_limit"
+    assert falling_to(history) is not None
+    assert "went on falling" not in solution.message
