@@ -5,15 +5,11 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from solver.kkt.kkt_problems import symmetric
 
 from stc.solver.kkt.grouping import MEMBERS, group_stage
 from stc.solver.kkt.ordering import COMPARED, MARGIN, SECOND, SETS, SMALLEST, order_stage
 from stc.solver.kkt.slot_sets import words_of
-
-
-def symmetric(rng: np.random.Generator, size: int, density: float) -> np.ndarray:
-    a = rng.normal(size=(size, size)) * (rng.random((size, size)) < density)
-    return np.tril(a) + np.tril(a, -1).T
 
 
 def eliminated(pattern: np.ndarray, block: np.ndarray) -> set[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from solver.kkt.kkt_problems import symmetric
 
 from stc.solver.kkt import window
 from stc.solver.kkt.ordering import COMPARED, MARGIN, SECOND, SETS, UNPLANNED, order_stage
@@ -12,11 +13,6 @@ from stc.solver.kkt.slot_sets import words_of
 from stc.solver.kkt.values import GOOD, equilibrate, find_scale, load, residual
 
 SEEDS = st.integers(0, 10**6)
-
-
-def symmetric(rng: np.random.Generator, size: int, density: float) -> np.ndarray:
-    a = rng.normal(size=(size, size)) * (rng.random((size, size)) < density)
-    return np.tril(a) + np.tril(a, -1).T
 
 
 @given(SEEDS, st.sampled_from([0.1, 0.5, 1.0]))
