@@ -44,7 +44,7 @@ class VariableRef:
 
     ``(1, 0)`` is the frame the statement stands on, ``(1, k)`` a relative and ``(0, k)`` an absolute index.
     ``side`` is ``"before"`` or ``"after"`` where the spec asks for one side of a jump, else empty.
-    Whole numbers are best given as int (they hash much faster than fractions); both compare and print alike.
+    Whole numbers may be int or Fraction: both compare, hash and print alike.
     """
 
     name: str

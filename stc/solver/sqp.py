@@ -41,8 +41,6 @@ SEVERAL = 0.25
 """The share of the variables that are small, where that may be for the units."""
 GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
 """Before another start is asked for, from a guess and from the same motion on fewer frames."""
-NEARLY = 1e-6
-"""Largest violation and optimality of a point that is as good as a solution."""
 HELPED, MOST = 100, 300
 """The same where that was one from fewer frames: from more of them it may take less; where it was a guess."""
 
@@ -359,7 +357,8 @@ class _Solve:
         if status is Status.OPTIMAL and report.violation > self.options.feasibility_tolerance:
             text += f" {MET_BUT_FOR_ROUNDING}"
         if status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.FAILED):
-            nearly = max(report.violation, report.optimality) <= NEARLY  # what has no bound has no such point
+            # What nothing bounds has no point that is nearly a solution.
+            nearly = max(report.violation, report.optimality) <= ACCEPTABLE
             lowest = None if nearly else falling_to(self.monitor.history)
             text += "" if lowest is None else f" {STILL_FALLING.format(lowest)}"
         return Result(

@@ -9,7 +9,16 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i32s, i64, i64s, native
 from stc.solver.kkt.ordering import SECOND, SMALLEST
-from stc.solver.kkt.slot_sets import has, leave_out, listed, missing, note_row, size_of, take_out, words_of
+from stc.solver.kkt.slot_sets import (
+    fills_own,
+    leave_out,
+    listed,
+    missing,
+    note_rows,
+    size_of,
+    take_out,
+    words_of,
+)
 
 __all__ = ["MEMBERS", "group_stage"]
 
@@ -138,11 +147,8 @@ def _exact_work(count: i64, order: i32s, kinds: i32s, words: i64, bits: i64s, se
         q = -1
         if kinds[k] == 2:
             q = order[k + 1]
-        full_p = 1
-        full_q = 0
-        if q >= 0:
-            full_p = has(q, bits[q * words :])
-            full_q = has(p, bits[p * words :])
+        full_p = fills_own(q, words, bits)
+        full_q = fills_own(p, words, bits)
         take_out(p, q, words, bits, sets)
         size_p = 1.0 * size_of(words, sets)
         size_q = 1.0 * size_of(words, sets[words:])
@@ -178,8 +184,7 @@ def group_stage(
     words = words_of(top)
     sets = bits[stride * words :]
     union = sets[2 * words :]
-    for k in range(top):
-        note_row(k, top, words, stride, before, bits)
+    note_rows(top, words, stride, before, bits)
     _exact_work(count, order, kinds, words, bits, sets, work)
     _cut(count, stride, order, kinds, starts, lists, work, mark, best, cut)
     end = count
@@ -191,8 +196,7 @@ def group_stage(
         end = begin
     used = 0
     group_starts[0] = 0
-    for k in range(top):
-        note_row(k, top, words, stride, before, bits)
+    note_rows(top, words, stride, before, bits)
     for k in range(count):
         members = group[k]
         if members > 0:
@@ -205,8 +209,7 @@ def group_stage(
             if sizes[k * stride + found[e]] == 0.0:
                 sizes[k * stride + found[e]] = SMALLEST
     surplus_starts[0] = used
-    for k in range(top):
-        note_row(k, top, words, stride, cover, bits)
+    note_rows(top, words, stride, cover, bits)
     for k in range(count):
         if group[k] > 0:
             begin = group_starts[k]

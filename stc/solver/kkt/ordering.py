@@ -16,8 +16,8 @@ is still an entry, if a tiny one.
 
 from __future__ import annotations
 
-from stc.codegen.native import copysign, count_bits, f64, f64s, fabs, i32s, i64, i64s, native
-from stc.solver.kkt.slot_sets import WORD, fill, missing, note_row, patterns, words_of
+from stc.codegen.native import copysign, f64, f64s, fabs, i32s, i64, i64s, native
+from stc.solver.kkt.slot_sets import fill, lowest, missing, note_rows, patterns, slot_of, words_of
 
 __all__ = [
     "COMPARED",
@@ -149,7 +149,7 @@ def _added(
     """Entries per unknown that the elimination of p, and of q when that is no less than 0, would add.
 
     Args:
-        bits: which entries each row has (see ``slot_sets.note_row``); sets: work space, (SETS * words,).
+        bits: which entries each row has (see ``slot_sets.note_rows``); sets: work space, (SETS * words,).
     """
     patterns(p, q, words, bits, sets)
     of_p = sets[0:]
@@ -169,9 +169,9 @@ def _added(
     for w in range(words):
         left = of_p[w] | of_q[w]
         while left != 0:
-            one = left & (0 - left)
+            one = lowest(left)
             left = left ^ one
-            i = WORD * w + count_bits(one - 1)
+            i = slot_of(w, one)
             row = bits[i * words :]
             own = 1 if sizes[i * stride + i] == 0.0 else 0
             if of_p[w] & one != 0:
@@ -449,9 +449,9 @@ def order_stage(
         The number of entries in ``lists``, or -1 when they do not fit.
     """
     words = words_of(top)
+    note_rows(top, words, stride, sizes, bits)
     for k in range(top):
         _measure(k, top, stride, sizes, degree, most)
-        note_row(k, top, words, stride, sizes, bits)
     done = 0
     used = 0
     full = False

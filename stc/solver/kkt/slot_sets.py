@@ -10,13 +10,15 @@ from stc.codegen.native import count_bits, f64s, i32s, i64, i64s, native
 
 __all__ = [
     "fill",
-    "has",
+    "fills_own",
     "leave_out",
     "listed",
+    "lowest",
     "missing",
-    "note_row",
+    "note_rows",
     "patterns",
     "size_of",
+    "slot_of",
     "take_out",
     "words_of",
 ]
@@ -32,16 +34,29 @@ def words_of(top: i64) -> i64:
 
 
 @native
-def note_row(p: i64, top: i64, words: i64, stride: i64, sizes: f64s, bits: i64s) -> None:
-    """Note which entries row ``p`` has of ``sizes``, where these are not zero."""
-    for w in range(words):
-        row = sizes[p * stride + WORD * w :]
-        word = 0
-        one = 1
-        for k in range(min(WORD, top - WORD * w)):
-            word += one if row[k] != 0.0 else 0
-            one += one
-        bits[p * words + w] = word
+def note_rows(top: i64, words: i64, stride: i64, sizes: f64s, bits: i64s) -> None:
+    """Note which entries all rows have of ``sizes``, where these are not zero."""
+    for p in range(top):
+        for w in range(words):
+            row = sizes[p * stride + WORD * w :]
+            word = 0
+            one = 1
+            for k in range(min(WORD, top - WORD * w)):
+                word += one if row[k] != 0.0 else 0
+                one += one
+            bits[p * words + w] = word
+
+
+@native(inline=True)
+def lowest(word: i64) -> i64:
+    """The lowest bit of a word that has one."""
+    return word & (0 - word)
+
+
+@native(inline=True)
+def slot_of(w: i64, one: i64) -> i64:
+    """The slot that a bit of a word stands for."""
+    return WORD * w + count_bits(one - 1)
 
 
 @native(inline=True)
@@ -54,7 +69,7 @@ def _bit_of(slot: i64) -> i64:
 
 
 @native(inline=True)
-def has(slot: i64, members: i64s) -> i64:
+def _has(slot: i64, members: i64s) -> i64:
     """Whether a slot is in a set."""
     return 1 if members[slot // WORD] & _bit_of(slot) != 0 else 0
 
@@ -90,9 +105,9 @@ def listed(words: i64, members: i64s, slots: i32s) -> i64:
     for w in range(words):
         left = members[w]
         while left != 0:
-            one = left & (0 - left)
+            one = lowest(left)
             left = left ^ one
-            slots[count] = WORD * w + count_bits(one - 1)
+            slots[count] = slot_of(w, one)
             count += 1
     return count
 
@@ -125,9 +140,9 @@ def fill(p: i64, q: i64, full_p: i64, full_q: i64, words: i64, bits: i64s, sets:
     for w in range(words):
         left = sets[w] | of_q[w]
         while left != 0:
-            one = left & (0 - left)
+            one = lowest(left)
             left = left ^ one
-            i = WORD * w + count_bits(one - 1)
+            i = slot_of(w, one)
             row = bits[i * words :]
             in_p = sets[w] & one != 0
             in_q = of_q[w] & one != 0
@@ -142,14 +157,19 @@ def fill(p: i64, q: i64, full_p: i64, full_q: i64, words: i64, bits: i64s, sets:
 
 
 @native(inline=True)
+def fills_own(partner: i64, words: i64, bits: i64s) -> i64:
+    """Whether all that a slot couples with does so with each other once the slot is taken out, with a partner if that
+    is no less than 0: unless this one has no diagonal."""
+    full = 1
+    if partner >= 0:
+        full = _has(partner, bits[partner * words :])
+    return full
+
+
+@native(inline=True)
 def take_out(p: i64, q: i64, words: i64, bits: i64s, sets: i64s) -> None:
     """Eliminate p, and q when that is no less than 0, from a pattern with its diagonal; leaves P and Q in ``sets``."""
-    full_p = 1
-    full_q = 0
-    if q >= 0:
-        full_p = has(q, bits[q * words :])
-        full_q = has(p, bits[p * words :])
-    fill(p, q, full_p, full_q, words, bits, sets)
+    fill(p, q, fills_own(q, words, bits), fills_own(p, words, bits), words, bits, sets)
     for w in range(words):
         bits[p * words + w] = 0
         if q >= 0:
