@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from stc.errors import EvaluationError, SpecError, StcError
+from stc.memory import keep_freed_memory
 
 __all__ = ["main", "run"]
 
@@ -41,6 +42,7 @@ def main() -> NoReturn:
     global owns_process
     owns_process = True
     gc.set_threshold(_COLLECT_EVERY, 20, 20)
+    keep_freed_memory()
     if not any(name in os.environ for name in _MATRIX_THREADS):  # NumPy is not imported yet
         os.environ[_MATRIX_THREADS[0]] = "1"
     _leave(run(sys.argv[1:]))
