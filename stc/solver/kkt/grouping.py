@@ -40,13 +40,13 @@ def _cost(members: f64, rows: f64) -> f64:
 
 @native(small=True)
 def _cut(
-    count: i64, stride: i64, order: i32s, kinds: i32s, starts: i32s, lists: i32s, work: f64s, mark: i32s,
-    best: f64s, cut: i32s,
+    count: i64, top: i64, order: i32s, kinds: i32s, starts: i32s, lists: i32s, work: f64s, mark: i32s, best: f64s,
+    cut: i32s,
 ) -> None:  # fmt: skip
     """Where the group that ends before each place begins, in the cheapest sequence of groups."""
     stamp = 0
     best[0] = 0.0
-    for k in range(stride):
+    for k in range(top):
         mark[k] = 0
     for end in range(1, count + 1):
         best[end] = -1.0
@@ -157,19 +157,19 @@ def _exact_work(count: i64, order: i32s, kinds: i32s, words: i64, bits: i64s, se
 
 @native(small=True)
 def group_stage(
-    stride: i64, top: i64, count: i64, order: i32s, kinds: i32s, starts: i32s, lists: i32s, before: f64s,
-    bits: i64s, sizes: f64s, cover: f64s, mark: i32s, found: i32s, work: f64s, best: f64s, cut: i32s, group: i32s,
-    fixed: i32s, group_starts: i32s, surplus_starts: i32s, group_rows: i32s,
+    top: i64, count: i64, order: i32s, kinds: i32s, starts: i32s, lists: i32s, before: f64s, bits: i64s, sizes: f64s,
+    cover: f64s, mark: i32s, found: i32s, work: f64s, best: f64s, cut: i32s, group: i32s, fixed: i32s,
+    group_starts: i32s, surplus_starts: i32s, group_rows: i32s,
 ) -> i64:  # fmt: skip
     """Cut the order that ``order_stage`` has found into groups.
 
     Args:
-        stride, top, count, order, kinds, starts, lists: its arguments and results.
-        before: the sizes as they were, (stride * stride,).
+        top, count, order, kinds, starts, lists: its arguments and results.
+        before: the sizes as they were, (top * top,).
         sizes: those that it left, to which entries are added that it may have missed.
-        cover: nonzero where the window may have an entry in whatever order the groups' pivots are taken,
-            (stride * stride,); the same for what is left afterwards.
-        bits: work space, ((stride + SETS) * words_of(top),); mark, found: (stride,); work, best, cut: (count + 1,).
+        cover: nonzero where the window may have an entry in whatever order the groups' pivots are taken, (top * top,);
+            the same for what is left afterwards.
+        bits: work space, ((top + SETS) * words_of(top),); mark, found: (top,); work, best, cut: (count + 1,).
         group: how many unknowns the group has that begins at a place of the order, 0 where none begins, (count,).
         fixed: whether its rows do not all couple afterwards, so that the order inside matters, (count,).
         group_starts: the rows of the group at place k are ``group_rows[group_starts[k]:group_starts[k + 1]]``,
@@ -182,11 +182,11 @@ def group_stage(
         The number of entries in ``group_rows``.
     """
     words = words_of(top)
-    sets = bits[stride * words :]
+    sets = bits[top * words :]
     union = sets[2 * words :]
-    note_rows(top, words, stride, before, bits)
+    note_rows(top, words, before, bits)
     _exact_work(count, order, kinds, words, bits, sets, work)
-    _cut(count, stride, order, kinds, starts, lists, work, mark, best, cut)
+    _cut(count, top, order, kinds, starts, lists, work, mark, best, cut)
     end = count
     for k in range(count):
         group[k] = 0
@@ -196,7 +196,7 @@ def group_stage(
         end = begin
     used = 0
     group_starts[0] = 0
-    note_rows(top, words, stride, before, bits)
+    note_rows(top, words, before, bits)
     for k in range(count):
         members = group[k]
         if members > 0:
@@ -206,10 +206,10 @@ def group_stage(
         group_starts[k + 1] = used
     for k in range(top):
         for e in range(listed(words, bits[k * words :], found)):
-            if sizes[k * stride + found[e]] == 0.0:
-                sizes[k * stride + found[e]] = SMALLEST
+            if sizes[k * top + found[e]] == 0.0:
+                sizes[k * top + found[e]] = SMALLEST
     surplus_starts[0] = used
-    note_rows(top, words, stride, cover, bits)
+    note_rows(top, words, cover, bits)
     for k in range(count):
         if group[k] > 0:
             begin = group_starts[k]
@@ -220,7 +220,7 @@ def group_stage(
         surplus_starts[k + 1] = used
     for k in range(top):
         for e in range(top):
-            cover[k * stride + e] = 0.0
+            cover[k * top + e] = 0.0
         for e in range(listed(words, bits[k * words :], found)):
-            cover[k * stride + found[e]] = 1.0
+            cover[k * top + found[e]] = 1.0
     return used

@@ -226,7 +226,7 @@ def order_pivots(own: int, sizes: Floats, margin: float, compared: float) -> tup
     lists = np.empty((own + 1) * size, dtype=np.int32)
     first, second = np.empty(CANDIDATES, dtype=np.int32), np.empty(CANDIDATES, dtype=np.int32)
     order_stage(
-        size, size, own, waiting, margin, compared, 1, sizes.reshape(-1), degree, np.empty(size), row_p, row_q,
+        size, own, waiting, margin, compared, 1, sizes.reshape(-1), degree, np.empty(size), row_p, row_q,
         np.empty((size + SETS) * words_of(size), dtype=np.int64),
         first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
     )  # fmt: skip

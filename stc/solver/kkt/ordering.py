@@ -58,10 +58,10 @@ SETS = 4
 
 
 @native
-def _column(p: i64, left_out: i64, top: i64, stride: i64, sizes: f64s, listed: i32s) -> i64:
+def _column(p: i64, left_out: i64, top: i64, sizes: f64s, listed: i32s) -> i64:
     """Slots coupled with ``p``, without itself and ``left_out``; their number."""
     count = 0
-    row = sizes[p * stride :]
+    row = sizes[p * top :]
     for k in range(top):
         listed[count] = k
         count += row[k] != 0.0 and k != p and k != left_out
@@ -69,9 +69,9 @@ def _column(p: i64, left_out: i64, top: i64, stride: i64, sizes: f64s, listed: i
 
 
 @native(fast=True)
-def _measure(p: i64, top: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s) -> None:
+def _measure(p: i64, top: i64, sizes: f64s, degree: i32s, most: f64s) -> None:
     """Number of entries of a column, and the largest of them, both without the diagonal."""
-    row = sizes[p * stride :]
+    row = sizes[p * top :]
     count = 0
     high = 0.0
     for k in range(top):
@@ -89,9 +89,9 @@ def _measure(p: i64, top: i64, stride: i64, sizes: f64s, degree: i32s, most: f64
 
 
 @native(fast=True)
-def _largest(p: i64, left_out: i64, top: i64, stride: i64, sizes: f64s, most: f64s) -> f64:
+def _largest(p: i64, left_out: i64, top: i64, sizes: f64s, most: f64s) -> f64:
     """Largest entry of a column off the diagonal and outside ``left_out``."""
-    row = sizes[p * stride :]
+    row = sizes[p * top :]
     high = most[p]
     if fabs(row[left_out]) == high:
         high = 0.0
@@ -101,9 +101,9 @@ def _largest(p: i64, left_out: i64, top: i64, stride: i64, sizes: f64s, most: f6
 
 
 @native
-def _one_cost(p: i64, margin: f64, stride: i64, sizes: f64s, degree: i32s, most: f64s) -> f64:
+def _one_cost(p: i64, margin: f64, top: i64, sizes: f64s, degree: i32s, most: f64s) -> f64:
     """Multiplications of a 1x1 pivot, or -1."""
-    own = fabs(sizes[p * stride + p])
+    own = fabs(sizes[p * top + p])
     cost = -1.0
     if own > NEGLIGIBLE:
         cost = 0.5 * degree[p] * (degree[p] + 1)
@@ -114,12 +114,12 @@ def _one_cost(p: i64, margin: f64, stride: i64, sizes: f64s, degree: i32s, most:
 
 @native
 def _two_cost(
-    p: i64, q: i64, margin: f64, top: i64, stride: i64, sizes: f64s, degree: i32s, most: f64s, limit: f64
+    p: i64, q: i64, margin: f64, top: i64, sizes: f64s, degree: i32s, most: f64s, limit: f64
 ) -> f64:
     """Multiplications per unknown of a 2x2 pivot, or -1; any number above ``limit`` when it is above."""
-    b = sizes[p * stride + q]
-    a = sizes[p * stride + p]
-    c = sizes[q * stride + q]
+    b = sizes[p * top + q]
+    a = sizes[p * top + p]
+    c = sizes[q * top + q]
     determinant = fabs(a * c - b * b)
     if fabs(b) <= NEGLIGIBLE or determinant < 0.5 * max(b * b, fabs(a * c)):
         return -1.0
@@ -132,8 +132,8 @@ def _two_cost(
         cost += 0.5 * size_p * (size_p + 1.0)
     cost *= 0.5
     if cost <= limit:
-        most_p = _largest(p, q, top, stride, sizes, most)
-        most_q = _largest(q, p, top, stride, sizes, most)
+        most_p = _largest(p, q, top, sizes, most)
+        most_q = _largest(q, p, top, sizes, most)
         a = fabs(a)
         b = fabs(b)
         c = fabs(c)
@@ -143,9 +143,7 @@ def _two_cost(
 
 
 @native
-def _added(
-    p: i64, q: i64, words: i64, stride: i64, sizes: f64s, bits: i64s, sets: i64s
-) -> f64:  # fmt: skip
+def _added(p: i64, q: i64, words: i64, top: i64, sizes: f64s, bits: i64s, sets: i64s) -> f64:
     """Entries per unknown that the elimination of p, and of q when that is no less than 0, would add.
 
     Args:
@@ -159,8 +157,8 @@ def _added(
     full_p = q < 0
     full_q = False
     if q >= 0:
-        full_p = sizes[q * stride + q] != 0.0
-        full_q = sizes[p * stride + p] != 0.0
+        full_p = sizes[q * top + q] != 0.0
+        full_q = sizes[p * top + p] != 0.0
     for w in range(words):
         in_both[w] = of_p[w] & of_q[w]
         in_q_only[w] = of_q[w] ^ in_both[w]
@@ -173,7 +171,7 @@ def _added(
             left = left ^ one
             i = slot_of(w, one)
             row = bits[i * words :]
-            own = 1 if sizes[i * stride + i] == 0.0 else 0
+            own = 1 if sizes[i * top + i] == 0.0 else 0
             if of_p[w] & one != 0:
                 if in_both[w] & one != 0:
                     once += missing(words, in_q_only, row)
@@ -192,19 +190,18 @@ def _added(
 
 @native
 def _choose(
-    done: i64, count: i64, waiting: i32s, margin: f64, compared: f64, top: i64, stride: i64, sizes: f64s,
-    degree: i32s, most: f64s, weak: i32s, words: i64, bits: i64s, candidates: i64, first: i32s, second: i32s,
-    costs: f64s,
+    done: i64, count: i64, waiting: i32s, margin: f64, compared: f64, top: i64, sizes: f64s, degree: i32s, most: f64s,
+    weak: i32s, words: i64, bits: i64s, candidates: i64, first: i32s, second: i32s, costs: f64s,
 ) -> i64:  # fmt: skip
-    """The next pivot as ``p * (stride + 1) + q + 1``, q being -1 for a single one; -1 when there is none."""
+    """The next pivot as ``p * (top + 1) + q + 1``, q being -1 for a single one; -1 when there is none."""
     least = -1.0
     found = 0
     effort = 0
     weak_count = 0  # of those before, which may have to be paired
     for k in range(done, count):
         one = waiting[k]
-        strong = fabs(sizes[one * stride + one]) >= margin * most[one]
-        cost = _one_cost(one, margin, stride, sizes, degree, most)
+        strong = fabs(sizes[one * top + one]) >= margin * most[one]
+        cost = _one_cost(one, margin, top, sizes, degree, most)
         if cost >= 0.0 and (least < 0.0 or cost <= compared * least + 2.0):
             least = cost if least < 0.0 else min(least, cost)
             if found < candidates:
@@ -222,10 +219,10 @@ def _choose(
             other = others[e]
             if effort > EFFORT:
                 break
-            if sizes[one * stride + other] == 0.0:
+            if sizes[one * top + other] == 0.0:
                 continue
             limit = compared * least + 2.0 if least >= 0.0 else PENALTY
-            cost = _two_cost(one, other, margin, top, stride, sizes, degree, most, limit)
+            cost = _two_cost(one, other, margin, top, sizes, degree, most, limit)
             if cost >= 0.0 and (least < 0.0 or cost <= limit):
                 effort += 2 * top
                 least = cost if least < 0.0 else min(least, cost)
@@ -247,16 +244,16 @@ def _choose(
             effort += degree[p] * degree[p] // 2
             if q >= 0:
                 effort += degree[p] * degree[q]
-            cost = _added(p, q, words, stride, sizes, bits, bits[stride * words :]) + 1e-3 * costs[k]
+            cost = _added(p, q, words, top, sizes, bits, bits[top * words :]) + 1e-3 * costs[k]
             if best < 0.0 or cost < best:
                 best = cost
-                chosen = p * (stride + 1) + q + 1
+                chosen = p * (top + 1) + q + 1
     return chosen
 
 
 @native
 def _choose_any(
-    all_taken: i64, done: i64, count: i64, waiting: i32s, margin: f64, stride: i64, sizes: f64s, most: f64s
+    all_taken: i64, done: i64, count: i64, waiting: i32s, margin: f64, top: i64, sizes: f64s, most: f64s
 ) -> i64:  # fmt: skip
     """The same where every order costs the same: single pivots as long as there are strong ones, the strongest first
     where all are taken as they come."""
@@ -264,23 +261,23 @@ def _choose_any(
     chosen = -1
     for k in range(done, count):
         p = waiting[k]
-        own = fabs(sizes[p * stride + p])
+        own = fabs(sizes[p * top + p])
         if own > NEGLIGIBLE and own >= best * most[p] and (all_taken != 0 or chosen < 0):
             best = own / max(most[p], SMALLEST)
             chosen = p
     if chosen >= 0:
-        return chosen * (stride + 1)
+        return chosen * (top + 1)
     for k in range(done, count):
         p = waiting[k]
         q = -1
         size = NEGLIGIBLE
         for e in range(done, count):
             other = waiting[e]
-            if other != p and fabs(sizes[p * stride + other]) > size:
-                size = fabs(sizes[p * stride + other])
+            if other != p and fabs(sizes[p * top + other]) > size:
+                size = fabs(sizes[p * top + other])
                 q = other
         if q >= 0:
-            return p * (stride + 1) + q + 1
+            return p * (top + 1) + q + 1
     return -1
 
 
@@ -292,90 +289,89 @@ def _kept(value: f64) -> f64:
 
 @native
 def _fill_pivot(
-    p: i64, q: i64, margin: f64, top: i64, stride: i64, sizes: f64s, most: f64s, row_p: i32s, row_q: i32s
+    p: i64, q: i64, margin: f64, top: i64, sizes: f64s, most: f64s, row_p: i32s, row_q: i32s
 ) -> None:
     """Subtract what the elimination of p, and of q when that is no less than 0, leaves behind."""
-    count = _column(p, q, top, stride, sizes, row_p)
-    a = sizes[p * stride + p]
+    count = _column(p, q, top, sizes, row_p)
+    a = sizes[p * top + p]
     if q < 0:
         reciprocal = 1.0 / copysign(max(max(fabs(a), margin * most[p]), SMALLEST), a)
         for k in range(count):
             i = row_p[k]
-            by_row = sizes[i * stride + p] * reciprocal
+            by_row = sizes[i * top + p] * reciprocal
             for e in range(k + 1):
                 j = row_p[e]
-                value = _kept(sizes[i * stride + j] - by_row * sizes[j * stride + p])
-                sizes[i * stride + j] = value
-                sizes[j * stride + i] = value
+                value = _kept(sizes[i * top + j] - by_row * sizes[j * top + p])
+                sizes[i * top + j] = value
+                sizes[j * top + i] = value
         return
     # The columns' common list.
-    for k in range(_column(q, p, top, stride, sizes, row_q)):
-        if sizes[p * stride + row_q[k]] == 0.0:
+    for k in range(_column(q, p, top, sizes, row_q)):
+        if sizes[p * top + row_q[k]] == 0.0:
             row_p[count] = row_q[k]
             count += 1
-    b = sizes[p * stride + q]
-    c = sizes[q * stride + q]
+    b = sizes[p * top + q]
+    c = sizes[q * top + q]
     determinant = a * (c / b) - b
     for k in range(count):
         i = row_p[k]
-        of_p = ((c / b) * sizes[i * stride + p] - sizes[i * stride + q]) / determinant
-        of_q = ((a / b) * sizes[i * stride + q] - sizes[i * stride + p]) / determinant
+        of_p = ((c / b) * sizes[i * top + p] - sizes[i * top + q]) / determinant
+        of_q = ((a / b) * sizes[i * top + q] - sizes[i * top + p]) / determinant
         for e in range(k + 1):
             j = row_p[e]
-            product = of_p * sizes[j * stride + p] + of_q * sizes[j * stride + q]
+            product = of_p * sizes[j * top + p] + of_q * sizes[j * top + q]
             if product != 0.0:
-                value = _kept(sizes[i * stride + j] - product)
-                sizes[i * stride + j] = value
-                sizes[j * stride + i] = value
+                value = _kept(sizes[i * top + j] - product)
+                sizes[i * top + j] = value
+                sizes[j * top + i] = value
 
 
 @native
-def _drop(p: i64, q: i64, top: i64, stride: i64, sizes: f64s, used: i64, lists: i32s) -> i64:
+def _drop(p: i64, q: i64, top: i64, sizes: f64s, used: i64, lists: i32s) -> i64:
     """Take a pivot's rows and columns out and append its column's slots to ``lists``; their new length."""
     for k in range(top):
         if k != p and k != q:
-            touched = sizes[p * stride + k] != 0.0
+            touched = sizes[p * top + k] != 0.0
             if q >= 0:
-                touched = touched or sizes[q * stride + k] != 0.0
+                touched = touched or sizes[q * top + k] != 0.0
             if touched:
                 lists[used] = k
                 used += 1
     for k in range(top):
-        sizes[p * stride + k] = 0.0
-        sizes[k * stride + p] = 0.0
+        sizes[p * top + k] = 0.0
+        sizes[k * top + p] = 0.0
         if q >= 0:
-            sizes[q * stride + k] = 0.0
-            sizes[k * stride + q] = 0.0
+            sizes[q * top + k] = 0.0
+            sizes[k * top + q] = 0.0
     return used
 
 
 @native
 def follow_order(
-    stride: i64, top: i64, count: i64, order: i32s, kinds: i32s, sizes: f64s, degree: i32s, most: f64s, row_p: i32s,
-    row_q: i32s, lists: i32s,
+    top: i64, count: i64, order: i32s, kinds: i32s, sizes: f64s, degree: i32s, most: f64s, row_p: i32s, row_q: i32s,
+    lists: i32s,
 ) -> None:  # fmt: skip
-    """Eliminate slots in a known order; arguments as in ``order_stage``, ``lists`` is work space, (stride,)."""
+    """Eliminate slots in a known order; arguments as in ``order_stage``, ``lists`` is work space, (top,)."""
     for k in range(count):
         if kinds[k] != SECOND:
             p = order[k]
             q = -1
             if kinds[k] == 2:
                 q = order[k + 1]
-            _measure(p, top, stride, sizes, degree, most)
-            _fill_pivot(p, q, MARGIN, top, stride, sizes, most, row_p, row_q)
-            _drop(p, q, top, stride, sizes, 0, lists)
+            _measure(p, top, sizes, degree, most)
+            _fill_pivot(p, q, MARGIN, top, sizes, most, row_p, row_q)
+            _drop(p, q, top, sizes, 0, lists)
 
 
 @native(small=True)
 def take_leaves(
-    stride: i64, top: i64, count: i64, waiting: i32s, fresh: i32s, sizes: f64s, degree: i32s, most: f64s,
-    row_p: i32s, row_q: i32s,
+    top: i64, count: i64, waiting: i32s, fresh: i32s, sizes: f64s, degree: i32s, most: f64s, row_p: i32s, row_q: i32s,
 ) -> i64:  # fmt: skip
     """Eliminate slots with few entries and a strong diagonal, no two of them coupled, before all others.
 
     Args:
-        stride, top, count, waiting, sizes: those of ``order_stage``; leaves come first in ``waiting`` afterwards.
-        fresh: slots that enter the window at this stage, (stride,), so that their columns are still as in the
+        top, count, waiting, sizes: those of ``order_stage``; leaves come first in ``waiting`` afterwards.
+        fresh: slots that enter the window at this stage, (top,), so that their columns are still as in the
             matrix; those of the leaves and their neighbours are cleared.
 
     Returns:
@@ -383,29 +379,28 @@ def take_leaves(
     """
     leaves = 0
     for k in range(top):
-        _measure(k, top, stride, sizes, degree, most)
+        _measure(k, top, sizes, degree, most)
     for k in range(count):
         p = waiting[k]
-        own = fabs(sizes[p * stride + p])
+        own = fabs(sizes[p * top + p])
         if fresh[p] != 0 and degree[p] <= LEAF and own > NEGLIGIBLE and own >= STRONG * most[p]:
             fresh[p] = 0
-            for e in range(_column(p, -1, top, stride, sizes, row_p)):
+            for e in range(_column(p, -1, top, sizes, row_p)):
                 fresh[row_p[e]] = 0
             waiting[k] = waiting[leaves]
             waiting[leaves] = p
             leaves += 1
     for k in range(leaves):
         p = waiting[k]
-        _fill_pivot(p, -1, MARGIN, top, stride, sizes, most, row_p, row_q)
+        _fill_pivot(p, -1, MARGIN, top, sizes, most, row_p, row_q)
         for e in range(top):
-            sizes[p * stride + e] = 0.0
-            sizes[e * stride + p] = 0.0
+            sizes[p * top + e] = 0.0
+            sizes[e * top + p] = 0.0
     return leaves
 
 
 @native
 def order_stage(
-    stride: i64,
     top: i64,
     count: i64,
     waiting: i32s,
@@ -428,9 +423,10 @@ def order_stage(
     capacity: i64,
     lists: i32s,
 ) -> i64:
-    """Eliminate the slots ``waiting`` (count,) from the sizes (stride * stride,), in place.
+    """Eliminate the slots ``waiting`` (count,) from the sizes (top * top,), in place.
 
     Args:
+        top: how many slots are in use.
         margin: the threshold that pivots are planned for.
         compared: pivots with at most this many times the fewest multiplications are compared by their fill.
         all_taken: 1 where whoever eliminates takes all pivots in that order, whatever their values: then these count
@@ -442,16 +438,16 @@ def order_stage(
         starts: the column of pivot k is ``lists[starts[k]:starts[k + 1]]``; the second of two has an empty one,
             (count + 1,).
         capacity: length of ``lists``.
-        degree, most, row_p, row_q: work space, (stride,); bits: ((stride + SETS) * words_of(top),).
+        degree, most, row_p, row_q: work space, (top,); bits: ((top + SETS) * words_of(top),).
         first, second, costs: work space, (candidates,).
 
     Returns:
         The number of entries in ``lists``, or -1 when they do not fit.
     """
     words = words_of(top)
-    note_rows(top, words, stride, sizes, bits)
+    note_rows(top, words, sizes, bits)
     for k in range(top):
-        _measure(k, top, stride, sizes, degree, most)
+        _measure(k, top, sizes, degree, most)
     done = 0
     used = 0
     full = False
@@ -460,11 +456,11 @@ def order_stage(
         if used + top > capacity:
             return -1
         if full:
-            chosen = _choose_any(all_taken, done, count, waiting, margin, stride, sizes, most)
+            chosen = _choose_any(all_taken, done, count, waiting, margin, top, sizes, most)
         else:
             chosen = _choose(
-                done, count, waiting, margin, compared, top, stride, sizes, degree, most, row_p, words, bits,
-                candidates, first, second, costs,
+                done, count, waiting, margin, compared, top, sizes, degree, most, row_p, words, bits, candidates,
+                first, second, costs,
             )  # fmt: skip
         kind = 1
         p = waiting[done]
@@ -472,22 +468,22 @@ def order_stage(
         if chosen < 0:
             kind = UNPLANNED
         else:
-            p = chosen // (stride + 1)
-            q = chosen % (stride + 1) - 1
+            p = chosen // (top + 1)
+            q = chosen % (top + 1) - 1
             if q >= 0:
                 kind = 2
                 # The one without diagonal comes second: its zeros stay zeros.
-                if fabs(sizes[p * stride + p]) < fabs(sizes[q * stride + q]):
+                if fabs(sizes[p * top + p]) < fabs(sizes[q * top + q]):
                     p, q = q, p
         if all_taken != 0 or not full:
-            _fill_pivot(p, q, margin, top, stride, sizes, most, row_p, row_q)
+            _fill_pivot(p, q, margin, top, sizes, most, row_p, row_q)
         if not full:
             full_p = 1
             full_q = 0
             if q >= 0:
-                full_p = 1 if sizes[q * stride + q] != 0.0 else 0
-                full_q = 1 if sizes[p * stride + p] != 0.0 else 0
-            fill(p, q, full_p, full_q, words, bits, bits[stride * words :])
+                full_p = 1 if sizes[q * top + q] != 0.0 else 0
+                full_q = 1 if sizes[p * top + p] != 0.0 else 0
+            fill(p, q, full_p, full_q, words, bits, bits[top * words :])
             # Once a single pivot has coupled all that is left, nothing can be filled any more.
             coupled = 0
             for k in range(top):
@@ -496,10 +492,10 @@ def order_stage(
         degree[p] = 0
         if q >= 0:
             degree[q] = 0
-        used = _drop(p, q, top, stride, sizes, used, lists)
+        used = _drop(p, q, top, sizes, used, lists)
         if all_taken != 0 or not full:
             for k in range(starts[done], used):
-                _measure(lists[k], top, stride, sizes, degree, most)
+                _measure(lists[k], top, sizes, degree, most)
         for member in range(2 if kind == 2 else 1):
             slot = p if member == 0 else q
             for k in range(done, count):

@@ -259,8 +259,8 @@ class _Walk:
         known = self.plans[plan]
         degree, row_p, row_q, lists = (np.empty(top, dtype=np.int32) for _ in range(4))
         follow_order(
-            top, top, known.slots.size, known.slots, known.kinds, sizes.reshape(-1), degree, np.empty(top), row_p,
-            row_q, lists,
+            top, known.slots.size, known.slots, known.kinds, sizes.reshape(-1), degree, np.empty(top), row_p, row_q,
+            lists,
         )  # fmt: skip
         before, cover = self.states[following]
         after = sizes[: len(before), : len(before)]
@@ -276,9 +276,7 @@ class _Walk:
         waiting = self.leaving_slot[begin:end].copy()
         degree, row_p, row_q = (np.empty(top, dtype=np.int32) for _ in range(3))
         most = np.empty(top)
-        leaves = take_leaves(
-            top, top, waiting.size, waiting, fresh, sizes.reshape(-1), degree, most, row_p, row_q
-        )
+        leaves = take_leaves(top, waiting.size, waiting, fresh, sizes.reshape(-1), degree, most, row_p, row_q)
         leaf_slots, waiting = waiting[:leaves], waiting[leaves:].copy()
         cover[sizes != 0.0] = 1.0
         cover[leaf_slots] = cover[:, leaf_slots] = 0.0
@@ -290,15 +288,15 @@ class _Walk:
         before = sizes.reshape(-1).copy()
         bits = np.empty((top + SETS) * words_of(top), dtype=np.int64)
         order_stage(
-            top, top, count, waiting, PLANNED, COMPARED, 0, sizes.reshape(-1), degree, most, row_p, row_q,
-            bits, first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
+            top, count, waiting, PLANNED, COMPARED, 0, sizes.reshape(-1), degree, most, row_p, row_q, bits,
+            first.size, first, second, np.empty(first.size), order, kinds, starts, lists.size, lists,
         )  # fmt: skip
         fixed = np.zeros_like(order)
         groups, rows = np.empty_like(order), np.empty(2 * lists.size, dtype=np.int32)
         group_starts, surplus_starts = np.empty_like(starts), np.empty_like(starts)
         used = group_stage(
-            top, top, count, order, kinds, starts, lists, before, bits, sizes.reshape(-1), cover.reshape(-1),
-            row_p, row_q, np.empty(count + 1), np.empty(count + 1), np.empty_like(starts), groups, fixed, group_starts,
+            top, count, order, kinds, starts, lists, before, bits, sizes.reshape(-1), cover.reshape(-1), row_p, row_q,
+            np.empty(count + 1), np.empty(count + 1), np.empty_like(starts), groups, fixed, group_starts,
             surplus_starts, rows,
         )  # fmt: skip
         leaf = np.ones(leaves, dtype=np.int32)

@@ -34,11 +34,11 @@ def words_of(top: i64) -> i64:
 
 
 @native
-def note_rows(top: i64, words: i64, stride: i64, sizes: f64s, bits: i64s) -> None:
+def note_rows(top: i64, words: i64, sizes: f64s, bits: i64s) -> None:
     """Note which entries all rows have of ``sizes``, where these are not zero."""
     for p in range(top):
         for w in range(words):
-            row = sizes[p * stride + WORD * w :]
+            row = sizes[p * top + WORD * w :]
             word = 0
             one = 1
             for k in range(min(WORD, top - WORD * w)):

@@ -69,18 +69,18 @@ def test_gather_merge_and_subtract(seed, density):
 
 
 def ordered(
-    sizes: np.ndarray, top: int, leaving: np.ndarray, *, all_taken: bool
+    sizes: np.ndarray, leaving: np.ndarray, *, all_taken: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Order, kinds, and the starts and lists of columns that ``order_stage`` finds; ``sizes`` are left as by that."""
-    stride, count = len(sizes), leaving.size
+    top, count = len(sizes), leaving.size
     order, kinds = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
     starts, lists = np.zeros(count + 1, dtype=np.int32), np.zeros((count + 1) * top, dtype=np.int32)
-    degree, row_p, row_q = (np.zeros(stride, dtype=np.int32) for _ in range(3))
+    degree, row_p, row_q = (np.zeros(top, dtype=np.int32) for _ in range(3))
     pairs = np.zeros(50, dtype=np.int32), np.zeros(50, dtype=np.int32), np.zeros(50)
     used = order_stage(
-        stride, top, count, leaving.copy(), MARGIN, COMPARED, int(all_taken), sizes.reshape(-1), degree,
-        np.zeros(stride), row_p, row_q, np.zeros((stride + SETS) * words_of(top), dtype=np.int64), 50, *pairs, order,
-        kinds, starts, lists.size, lists,
+        top, count, leaving.copy(), MARGIN, COMPARED, int(all_taken), sizes.reshape(-1), degree, np.zeros(top), row_p,
+        row_q, np.zeros((top + SETS) * words_of(top), dtype=np.int64), 50, *pairs, order, kinds, starts, lists.size,
+        lists,
     )  # fmt: skip
     assert used == starts[count]
     return order, kinds, starts, lists
@@ -104,7 +104,7 @@ def test_pivots_that_are_taken_whatever_their_values_are_none_that_cancel(seed):
     rows = int(rng.integers(2, 7))
     matrix = dependent_rows(rng, int(rng.integers(2, 8)), rows, int(rng.integers(1, rows)))
     size = len(matrix)
-    order, kinds, _, _ = ordered(matrix.copy(), size, np.arange(size, dtype=np.int32), all_taken=True)
+    order, kinds, _, _ = ordered(matrix.copy(), np.arange(size, dtype=np.int32), all_taken=True)
     assert sorted(order) == list(range(size))
     rest = matrix.copy()
     for k in range(size):
@@ -127,14 +127,12 @@ def test_pivots_that_are_taken_whatever_their_values_are_none_that_cancel(seed):
 def test_planned_patterns_hold_all_fill(seed):
     """Elimination in the order found fills no entry outside the lists, whatever the values."""
     rng = np.random.default_rng(seed)
-    stride = int(rng.integers(4, 16))
-    top = int(rng.integers(2, stride + 1))
-    matrix = np.zeros((stride, stride))
-    matrix[:top, :top] = symmetric(rng, top, 0.3)
+    top = int(rng.integers(2, 16))
+    matrix = symmetric(rng, top, 0.3)
     leaving = np.sort(rng.choice(top, size=int(rng.integers(1, top + 1)), replace=False)).astype(np.int32)
     count = leaving.size
     sizes = np.abs(matrix)
-    order, kinds, starts, lists = ordered(sizes, top, leaving, all_taken=False)
+    order, kinds, starts, lists = ordered(sizes, leaving, all_taken=False)
     assert sorted(order) == leaving.tolist()
     rest = matrix.copy()
     for k in range(count):
