@@ -9,7 +9,7 @@ from itertools import count
 from typing import Any
 
 from stc.codegen.native_blocks import Value
-from stc.codegen.native_expressions import DECLARATIONS, Callee, ExpressionEmitter
+from stc.codegen.native_calls import DECLARATIONS, Callee, CallEmitter
 from stc.codegen.native_types import Signature, Type, type_of_annotation
 from stc.codegen.vector import PAST_CACHES_NODE
 
@@ -22,7 +22,7 @@ _REDUCTION = "!reduction"
 _IN_PLACE = ' "no-builtin-memcpy" "no-builtin-memmove" "no-builtin-memset"'
 
 
-class FunctionEmitter(ExpressionEmitter):
+class FunctionEmitter(CallEmitter):
     """Emits one function: its body, and a second entry that takes its arguments from memory."""
 
     def __init__(

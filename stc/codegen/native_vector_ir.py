@@ -11,12 +11,12 @@ from stc.codegen.native_types import Type
 from stc.codegen.vector import PAST_CACHES, WIDTH, prefetch
 
 if TYPE_CHECKING:
-    from stc.codegen.native_expressions import ExpressionEmitter
+    from stc.codegen.native_calls import CallEmitter
 
 __all__ = ["vector_call"]
 
 
-def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: str) -> Value:
+def vector_call(emitter: CallEmitter, node: ast.Call, target: Any, name: str) -> Value:
     """A call of one of the functions of stc.codegen.native_vector."""
     if target is native_vector.wide:
         return Value(Type.I64, WIDTH)
@@ -63,14 +63,14 @@ def vector_call(emitter: ExpressionEmitter, node: ast.Call, target: Any, name: s
     return emitter.compute(type_, f"call {vector} @llvm.arithmetic.fence.v{lanes}f64({vector} {choice.text})")
 
 
-def _address(emitter: ExpressionEmitter, node: ast.Call, name: str, count: int) -> str:
+def _address(emitter: CallEmitter, node: ast.Call, name: str, count: int) -> str:
     """The address that the first two of ``count`` arguments mean: an array of floats, and a place in it."""
     if len(node.args) != count:
         raise emitter.error(node, f"{name}() takes {count} arguments, not {len(node.args)}")
     return _place_in(emitter, node, name, node.args[0], node.args[1])
 
 
-def _place_in(emitter: ExpressionEmitter, node: ast.Call, name: str, array: ast.expr, place: ast.expr) -> str:
+def _place_in(emitter: CallEmitter, node: ast.Call, name: str, array: ast.expr, place: ast.expr) -> str:
     """The address of a place in an array of floats, both of them arguments."""
     type_, address = emitter.element_address(ast.copy_location(ast.Subscript(array, place, ast.Load()), node))
     if type_ is not Type.F64S:
@@ -78,7 +78,7 @@ def _place_in(emitter: ExpressionEmitter, node: ast.Call, name: str, array: ast.
     return address
 
 
-def _prefetched(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
+def _prefetched(emitter: CallEmitter, node: ast.Call, name: str) -> Value:
     """prefetch8: no address is outside here, since nothing is read."""
     if len(node.args) != 2:
         raise emitter.error(node, f"{name}() takes 2 arguments, not {len(node.args)}")
@@ -91,7 +91,7 @@ def _prefetched(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
     return Value(Type.NONE, "")
 
 
-def _masked(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
+def _masked(emitter: CallEmitter, node: ast.Call, name: str) -> Value:
     """masked8: nothing is read where the mask is 0, so that only the others need to exist."""
     address = _address(emitter, node, name, 3)
     # Without AVX-512, bits in a register would become a vector one by one.
@@ -116,7 +116,7 @@ _FOLDS = (
 )
 
 
-def _sums(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
+def _sums(emitter: CallEmitter, node: ast.Call, name: str) -> Value:
     """sums8: a transposition that adds as it goes."""
     address = _address(emitter, node, name, 2)
     vector = Type.F64V.ir
@@ -137,7 +137,7 @@ def _sums(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
 _TURNS = ((0, 4, 2, 6), (1, 5, 3, 7)), ((0, 1, 4, 5), (2, 3, 6, 7))
 
 
-def _spread(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
+def _spread(emitter: CallEmitter, node: ast.Call, name: str) -> Value:
     """spread8: the four numbers at each place are loaded at once, and transposed."""
     array, first = _places(emitter, node, name, 8)
     vector = "<4 x double>"
@@ -166,14 +166,14 @@ def _spread(emitter: ExpressionEmitter, node: ast.Call, name: str) -> Value:
     return Value(Type.NONE, "")
 
 
-def _shuffled(emitter: ExpressionEmitter, vector: str, one: str, other: str, lanes: tuple[int, ...]) -> str:
+def _shuffled(emitter: CallEmitter, vector: str, one: str, other: str, lanes: tuple[int, ...]) -> str:
     """Lanes of two vectors, those of the second counted on from those of the first."""
     order = ", ".join(f"i32 {lane}" for lane in lanes)
     shuffle = f"shufflevector {vector} {one}, {vector} {other}, <{len(lanes)} x i32> <{order}>"
     return emitter.compute(Type.F64V, shuffle).text
 
 
-def _places(emitter: ExpressionEmitter, node: ast.Call, name: str, count: int) -> tuple[str, str]:
+def _places(emitter: CallEmitter, node: ast.Call, name: str, count: int) -> tuple[str, str]:
     """The array of floats and the address of the first place that the first three of ``count`` arguments mean."""
     if len(node.args) != count:
         raise emitter.error(node, f"{name}() takes {count} arguments, not {len(node.args)}")
@@ -186,7 +186,7 @@ def _places(emitter: ExpressionEmitter, node: ast.Call, name: str, count: int) -
     return array.text, first
 
 
-def _element(emitter: ExpressionEmitter, array: str, first: str, lane: int) -> str:
+def _element(emitter: CallEmitter, array: str, first: str, lane: int) -> str:
     """The address of the element of an array at a place, of those from ``first`` on."""
     at = emitter.compute(Type.I64, f"getelementptr inbounds i32, ptr {first}, i64 {lane}").text
     narrow = emitter.compute(Type.I64, f"load i32, ptr {at}, align 4").text
@@ -194,7 +194,7 @@ def _element(emitter: ExpressionEmitter, array: str, first: str, lane: int) -> s
     return emitter.compute(Type.F64S, f"getelementptr inbounds double, ptr {array}, i64 {place}").text
 
 
-def _by_places(emitter: ExpressionEmitter, node: ast.Call, name: str, stores: bool) -> Value:
+def _by_places(emitter: CallEmitter, node: ast.Call, name: str, stores: bool) -> Value:
     """gather8 and scatter8: element by element, which is as fast as the instructions for it."""
     vector = Type.F64V.ir
     array, first = _places(emitter, node, name, 3 + stores)

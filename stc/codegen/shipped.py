@@ -92,13 +92,14 @@ def build(folder: Path, others: Iterable[FixedModule]) -> int:
     Returns:
         How many objects were written.
     """
-    from stc.codegen import engine, native
+    from stc.codegen import engine
     from stc.codegen.image import image_of
+    from stc.codegen.native_units import units
 
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*" + cache.SUFFIX):
         old.unlink()
-    texts = [(unit.key, unit.ir(), True) for unit in native.units()]
+    texts = [(unit.key, unit.ir(), True) for unit in units()]
     texts += [(module.name, module.write(), module.optimise) for module in others]
     count = 0
     for unit_key, ir, optimise in texts:

@@ -209,7 +209,7 @@ class Profile:
         Args:
             whole_process: the process was started for this solve alone.
         """
-        from stc.codegen.native import load_all
+        from stc.codegen.native_units import load_all
 
         self.before = time.process_time() if whole_process else 0.0
         begin = time.perf_counter()

@@ -32,8 +32,8 @@ from stc.codegen.native import (
     native,
     native_source,
     sqrt,
-    unit_ir,
 )
+from stc.codegen.native_units import unit_ir
 
 SCALE = 2.5
 WIDTH = 4

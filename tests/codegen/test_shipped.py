@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stc.codegen import cache, engine, native, shipped
+from stc.codegen import cache, engine, native, native_units, shipped
 from stc.codegen.fixed import FixedModule
 from stc.codegen.image import supported
 from stc.codegen.machine import Machine
@@ -58,7 +58,9 @@ def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
     engine._stand_ins()
     monkeypatch.setenv("STC_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(shipped, "FOLDER", tmp_path / "shipped")
-    monkeypatch.setattr(native, "_registry", {})
+    empty: dict[str, Any] = {}
+    for module in (native, native_units):
+        monkeypatch.setattr(module, "registry", empty)
     made = Box(tmp_path / "shipped", [])
     original = engine.compile_ir
 

@@ -8,6 +8,7 @@ import pytest
 from stc.codegen import engine, native
 from stc.codegen.native import FEW_CALLS, f64, f64s, i64
 from stc.codegen.native import native as compiled
+from stc.codegen.native_units import units
 
 
 @compiled(inline=True)
@@ -37,7 +38,7 @@ def test_what_is_copied_into_its_callers_is_compiled_by_itself_only_when_it_is_c
     x = np.arange(5.0)
     assert doubled_sum(5, x) == 20.0
     assert scaled.is_compiled and not doubled.is_compiled
-    (own,) = [unit for unit in native.units() if doubled_sum in unit.roots]
+    (own,) = [unit for unit in units() if doubled_sum in unit.roots]
     assert scaled in own.roots and doubled not in own.roots
     assert doubled in own.functions
     assert doubled(3.0) == 6.0

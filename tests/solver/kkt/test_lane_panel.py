@@ -10,6 +10,7 @@ import pytest
 
 from stc.arrays import aligned_zeros
 from stc.codegen import engine, native
+from stc.codegen.native_units import Unit, symbols_of
 from stc.codegen.vector import WIDTH
 from stc.solver.kkt.lane_panel import KNOWN, panel_vectors, take_panel
 from stc.solver.kkt.lane_program import triangle
@@ -38,9 +39,9 @@ def take(request: pytest.FixtureRequest) -> Call:
     """``take_panel`` as machines compile it whose registers hold so many, or as plain Python."""
     if request.param == 0:
         return take_panel.python
-    unit = native.Unit([take_panel])
+    unit = Unit([take_panel])
     code = engine.compile_ir(unit.ir().replace(WIDTH, str(request.param)), level=1, optimise=True)
-    (symbol,) = native._symbols(unit.functions)[:1]
+    (symbol,) = symbols_of(unit.functions)[:1]
     loaded = engine.load_object(code, [symbol])
     types = [native._CTYPES.get(type_, ctypes.c_void_p) for type_ in take_panel.signature.types]
     entry = ctypes.CFUNCTYPE(None, *types)(loaded.address(symbol))
