@@ -76,9 +76,11 @@ def run(arguments: Sequence[str]) -> int:
 
         told = plain.read(arguments)
         if told is not None:
-            from stc.cli.jobs import solve_as_told
+            from stc.cli.jobs import solve
+            from stc.cli.options import solve_options
 
-            status = solve_as_told(**told)
+            spec, json = told.pop("spec"), told.pop("json", False)
+            status = solve(spec, solve_options(**told), as_json=json)
         else:
             from stc.cli.app import app_for
 

@@ -103,8 +103,7 @@ def solve(
     json: Json = False,
 ) -> int:
     """Solve a spec and save the motion."""
-    return jobs.solve_as_told(
-        spec,
+    options = solve_options(
         settings,
         method,
         max_iterations,
@@ -113,17 +112,17 @@ def solve(
         warm_start,
         output,
         optimizer,
-        explain,
-        guess_from,
-        walk,
-        starts,
-        seed,
-        refine,
-        profile,
-        direct,
-        json,
-        threads,
+        explain=explain,
+        guess_from=guess_from,
+        walk=walk,
+        starts=starts,
+        seed=seed,
+        refine=refine,
+        profile=profile,
+        direct=direct,
+        threads=threads,
     )
+    return jobs.solve(spec, options, as_json=json)
 
 
 @app.command()
@@ -184,7 +183,7 @@ def compare(
     json: Json = False,
 ) -> int:
     """Solve a spec with several optimizers and print what each of them finds."""
-    options = solve_options(settings, method, max_iterations, time_limit, tolerance, None, None)
+    options = solve_options(settings, method, max_iterations, time_limit, tolerance)
     return jobs.compare(spec, optimizers, options, as_json=json)
 
 
@@ -243,7 +242,7 @@ def validate(
 @app.command()
 def check(spec: Spec, settings: Set = None, method: Method = None, json: Json = False) -> int:
     """Read a spec without solving it: mistakes, warnings, sizes."""
-    options = solve_options(settings, method, None, None, None, None, None)
+    options = solve_options(settings, method)
     return jobs.check(spec, options, as_json=json)
 
 
@@ -255,7 +254,7 @@ def show(
     method: Method = None,
 ) -> int:
     """Print what one stage makes of a spec: tokens, syntax, problem, operations, machine code, ..."""
-    options = solve_options(settings, method, None, None, None, None, None)
+    options = solve_options(settings, method)
     return jobs.show(spec, stage, options)
 
 
@@ -269,7 +268,7 @@ def plot(
     json: Json = False,
 ) -> int:
     """Draw joints, torques and paths over time, solved against replayed, as .png, .svg or .pdf."""
-    options = solve_options(settings, method, None, None, None, None, None)
+    options = solve_options(settings, method)
     return pictures.plot(target, output, options, force=force, as_json=json)
 
 
@@ -300,7 +299,7 @@ def render(
     json: Json = False,
 ) -> int:
     """Render the motion, no screen needed: a filmstrip (.png, .jpg) or a video (.webp, .gif, .mp4)."""
-    options = solve_options(settings, method, None, None, None, None, None)
+    options = solve_options(settings, method)
     look = pictures.look(size, camera, rate, speed, tiles)
     return pictures.render(target, output, look, show, options, force=force, as_json=json)
 
@@ -333,7 +332,7 @@ def export(
     json: Json = False,
 ) -> int:
     """Write a motion for other programs: tables, MuJoCo keyframes and controls with gains, glTF."""
-    options = solve_options(settings, method, None, None, None, None, None)
+    options = solve_options(settings, method)
     return exports.export(
         target, kind, output, options, rate=rate, time_step=time_step, force=force, as_json=json
     )

@@ -14,7 +14,7 @@ import stc.cli as cli
 from stc.cli import BAD, GOOD, console, reasons, record, searches
 from stc.cli.inputs import load
 from stc.cli.live import Watch
-from stc.cli.options import SolveOptions, existing_solution, is_solution, solve_options, writable_solution
+from stc.cli.options import SolveOptions, existing_solution, is_solution, writable_solution
 from stc.errors import Diagnostic, UsageError
 from stc.records import dataclass
 
@@ -73,50 +73,6 @@ class Outcome:
             reasons.show_explanation(self.explanation)
         if self.profile:
             console.show_profile(self.profile)
-
-
-def solve_as_told(
-    spec: str,
-    settings: Sequence[str] | None = None,
-    method: str | None = None,
-    max_iterations: int | None = None,
-    time_limit: float | None = None,
-    tolerance: float | None = None,
-    warm_start: str | None = None,
-    output: str | None = None,
-    optimizer: str | None = None,
-    explain: bool = False,
-    guess_from: str | None = None,
-    walk: str | None = None,
-    starts: int | None = None,
-    seed: int | None = None,
-    refine: float | None = None,
-    profile: bool = False,
-    direct: bool = False,
-    json: bool = False,
-    threads: int | None = None,
-) -> int:
-    """Check what the command line says of a solve, and carry it out."""
-    options = solve_options(
-        settings,
-        method,
-        max_iterations,
-        time_limit,
-        tolerance,
-        warm_start,
-        output,
-        optimizer,
-        explain,
-        guess_from,
-        walk,
-        starts,
-        seed,
-        refine,
-        profile,
-        direct=direct,
-        threads=threads,
-    )
-    return solve(spec, options, as_json=json)
 
 
 def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:

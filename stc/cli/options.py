@@ -34,13 +34,13 @@ class SolveOptions:
 
 
 def solve_options(
-    settings: Sequence[str] | None,
-    method: str | None,
-    max_iterations: int | None,
-    time_limit: float | None,
-    tolerance: float | None,
-    warm_start: str | None,
-    output: str | None,
+    settings: Sequence[str] | None = None,
+    method: str | None = None,
+    max_iterations: int | None = None,
+    time_limit: float | None = None,
+    tolerance: float | None = None,
+    warm_start: str | None = None,
+    output: str | None = None,
     optimizer: str | None = None,
     explain: bool = False,
     guess_from: str | None = None,

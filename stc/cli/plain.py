@@ -34,7 +34,9 @@ Arguments = dict[str, Any]
 
 
 def read(words: Sequence[str]) -> Arguments | None:
-    """The arguments of :func:`stc.cli.jobs.solve_as_told`; None for what is better left to the parser.
+    """What is asked for; None for what is better left to the parser.
+
+    That is ``spec``, ``json`` where it is wanted, and arguments of :func:`stc.cli.options.solve_options`.
 
     Args:
         words: those after ``stc``.

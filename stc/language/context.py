@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 from stc.errors import Span
 from stc.language import syntax
@@ -16,6 +17,8 @@ from stc.language.names import collect_names
 from stc.language.positions import Positions
 from stc.problem import ConstantRef, DefinitionRef, FrameRange, IndexRef, Jump, TimeRef
 from stc.symbolic.expr import Expr, substitute, symbols
+
+S = TypeVar("S", bound=syntax.Node)
 
 
 class Context:
@@ -55,6 +58,16 @@ class Context:
     def range(self, block: syntax.Block) -> FrameRange | None:
         """The frames of a block; None after a mistake in its header."""
         return self.everywhere if block.header is None else self.positions.frames(block.header)
+
+    def statements(self, section: str, kind: type[S]) -> Iterator[tuple[syntax.Block, FrameRange | None, S]]:
+        """Each statement of one kind in a section, with its block and that one's frames; before it, the builder forgets
+        that there was a mistake."""
+        for block in self.tree.blocks(section):
+            where = self.range(block)
+            for statement in block.statements:
+                if isinstance(statement, kind):
+                    self.builder.poisoned = False
+                    yield block, where, statement
 
     def is_fixed(self, e: Expr) -> bool:
         """Whether an expression is made of constants, ``i`` and a ``t`` that no unknown changes."""

@@ -199,70 +199,55 @@ class _Elaborator(Context):
 
     def _constraints(self) -> list[Relation]:
         found: list[Relation] = []
-        for block in self.tree.blocks("constraints"):
-            where = self.range(block)
-            for statement in block.statements:
-                if not isinstance(statement, syntax.Relation):
-                    continue
-                self.builder.poisoned = False
-                bounded = self.relations.split(statement)
-                if self.builder.poisoned or where is None:
-                    continue
-                text = statement.written or statement_text(self.source, statement)
-                for part in bounded:
-                    body = self.settled(part.body, where, statement)
-                    found.append(Relation(body, part.lower, part.upper, where, self.span(statement), text))
-                    if self.is_fixed(body):
-                        message = "this constraint holds no unknown"
-                        self.diagnostics.warning(
-                            message, statement.start, statement.end, "it is true or false as it is"
-                        )
+        for _, where, statement in self.statements("constraints", syntax.Relation):
+            bounded = self.relations.split(statement)
+            if self.builder.poisoned or where is None:
+                continue
+            text = statement.written or statement_text(self.source, statement)
+            for part in bounded:
+                body = self.settled(part.body, where, statement)
+                found.append(Relation(body, part.lower, part.upper, where, self.span(statement), text))
+                if self.is_fixed(body):
+                    message = "this constraint holds no unknown"
+                    self.diagnostics.warning(
+                        message, statement.start, statement.end, "it is true or false as it is"
+                    )
         return found
 
     def _objective(self) -> list[ObjectiveTerm]:
         found: list[ObjectiveTerm] = []
-        for block in self.tree.blocks("objective"):
-            where = self.range(block)
-            for statement in block.statements:
-                if not isinstance(statement, syntax.Relation):
-                    continue
-                self.builder.poisoned = False
-                if statement.operators:
-                    hint = "relations belong under `constraints:`; an equation is penalised as `(a - b)^2`"
-                    self.builder.fail(statement, "an objective is an expression, not a relation", hint)
-                    for operand in statement.operands:
-                        self.builder.build(operand)
-                    continue
-                summands = self.objective.split(statement.operands[0])
-                if self.builder.poisoned or where is None:
-                    continue
-                text = statement_text(self.source, statement)
-                for part in summands:
-                    body = self.settled(part.body, where, statement)
-                    found.append(ObjectiveTerm(body, part.integral, where, self.span(statement), text))
+        for _, where, statement in self.statements("objective", syntax.Relation):
+            if statement.operators:
+                hint = "relations belong under `constraints:`; an equation is penalised as `(a - b)^2`"
+                self.builder.fail(statement, "an objective is an expression, not a relation", hint)
+                for operand in statement.operands:
+                    self.builder.build(operand)
+                continue
+            summands = self.objective.split(statement.operands[0])
+            if self.builder.poisoned or where is None:
+                continue
+            text = statement_text(self.source, statement)
+            for part in summands:
+                body = self.settled(part.body, where, statement)
+                found.append(ObjectiveTerm(body, part.integral, where, self.span(statement), text))
         return found
 
     # ------------------------------------------------------- guesses and replay
 
     def _guesses(self) -> list[Guess]:
         found: list[Guess] = []
-        for block in self.tree.blocks("guess"):
-            where = self.range(block)
-            for statement in block.statements:
-                if not isinstance(statement, syntax.Assignment):
-                    continue
-                self.builder.poisoned = False
-                body = self.builder.build(statement.value)
-                name = statement.name.name
-                kind = self.table.kind(name)
-                if kind not in ("variable", "parameter"):
-                    self._no_guess_for(statement.name, kind)
-                    continue
-                if self.builder.poisoned or where is None:
-                    continue
-                for part, value in self.by_piece(body, where, statement):
-                    if self._guess_is_known(statement, kind, value):
-                        found.append(Guess(name, value, part, self.span(statement)))
+        for _, where, statement in self.statements("guess", syntax.Assignment):
+            body = self.builder.build(statement.value)
+            name = statement.name.name
+            kind = self.table.kind(name)
+            if kind not in ("variable", "parameter"):
+                self._no_guess_for(statement.name, kind)
+                continue
+            if self.builder.poisoned or where is None:
+                continue
+            for part, value in self.by_piece(body, where, statement):
+                if self._guess_is_known(statement, kind, value):
+                    found.append(Guess(name, value, part, self.span(statement)))
         return found
 
     def _no_guess_for(self, name: syntax.Name, kind: str | None) -> None:

@@ -145,21 +145,16 @@ def _forces(context: Context) -> dict[str, list[Expr]]:
     """Forces that hold everywhere, by coordinate; those under headers become pieces of a definition."""
     everywhere: dict[str, list[Expr]] = {}
     pieces: dict[str, list[DefinitionPiece]] = {}
-    for block in context.tree.blocks("forces"):
-        where = context.range(block)
-        for statement in block.statements:
-            if not isinstance(statement, syntax.Assignment):
-                continue
-            context.builder.poisoned = False
-            body = context.builder.build(statement.value)
-            if context.builder.poisoned or where is None or not _is_coordinate(context, statement.name):
-                continue
-            name = statement.name.name
-            body = context.settled(body, where, statement)
-            if block.header is None:
-                everywhere.setdefault(name, []).append(body)
-            else:
-                pieces.setdefault(name, []).append(DefinitionPiece(body, where, context.span(statement)))
+    for block, where, statement in context.statements("forces", syntax.Assignment):
+        body = context.builder.build(statement.value)
+        if context.builder.poisoned or where is None or not _is_coordinate(context, statement.name):
+            continue
+        name = statement.name.name
+        body = context.settled(body, where, statement)
+        if block.header is None:
+            everywhere.setdefault(name, []).append(body)
+        else:
+            pieces.setdefault(name, []).append(DefinitionPiece(body, where, context.span(statement)))
     for name, found in pieces.items():
         rest = DefinitionPiece(ZERO, FrameRange(0, context.n), found[0].span)
         context.builder.pieces[force_name(name)] = [rest, *found]

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stc.cli import jobs, plain
+from stc.cli import plain
+from stc.cli.options import solve_options
 
 WORDS = st.one_of(
     st.sampled_from([*plain.VALUES, *plain.FLAGS, plain.SETTING]),
@@ -44,9 +45,11 @@ def by_parser(parser: Any, words: list[str]) -> dict[str, Any] | None:
 
 def meant(arguments: dict[str, Any]) -> dict[str, Any]:
     """All arguments of the command, with what is not given as it is by default."""
-    bound = inspect.signature(jobs.solve_as_told).bind(**arguments)
+    asked = {"spec": arguments["spec"], "json": arguments.get("json", False)}
+    bound = inspect.signature(solve_options).bind(**{k: v for k, v in arguments.items() if k not in asked})
     bound.apply_defaults()
-    return dict(bound.arguments)
+    assert bound.arguments.pop("until") is None  # which belongs to `stc run`
+    return {**asked, **bound.arguments}
 
 
 @given(words=st.lists(WORDS, max_size=6))
