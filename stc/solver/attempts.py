@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from stc.solver.active_set import newton_on_active_set, newton_point
@@ -24,6 +26,8 @@ QUADRATIC_STEPS = 3
 NEIGHBOUR_STEPS, PATIENCE = 8, 2
 FEWER = 2
 """Brief restorations of the later attempts."""
+WIDEST, LESS_WIDE, NARROWED = 3.0, 1.0, 350
+"""How much wider limits are at first, in distances between them, and the iterations that it may take to narrow them."""
 CLOSE = 0.1
 """The violation allowed on the way from a feasible point."""
 
@@ -135,6 +139,24 @@ class Attempts:
         """Start far off."""
         moved = self._perturbed(form, x0, ELSEWHERE)
         return self.barrier(form, moved, Tactics(brief_restorations=FEWER), by_gaps=False)
+
+    def narrowed(self, form: ScaledProblem, x0: Floats, widest: float = WIDEST) -> Outcome | None:
+        """Start where limits led that were wide at first; None where they cannot be narrowed so far."""
+        from stc.solver.narrowing import narrowed_start
+
+        monitor = self.monitor
+        limits = replace(
+            self.options,
+            max_iterations=min(NARROWED, monitor.limit - monitor.iterations),
+            time_limit=monitor.time_left,
+        )
+        x, spent = narrowed_start(self.nlp, x0, widest, limits, lambda *_: form.kkt)
+        monitor.iterations += spent
+        return None if x is None else self.barrier(form, x, Tactics(), by_gaps=False)
+
+    def less_narrowed(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
+        """The same, from limits that are not as wide."""
+        return self.narrowed(form, x0, LESS_WIDE)
 
     def from_feasible(self, form: ScaledProblem, x: Floats) -> Outcome:
         """Start at a feasible point ``x`` (n,), and do not leave the rows far behind."""

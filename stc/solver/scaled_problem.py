@@ -3,7 +3,8 @@
 Scaling is by gradients at the starting point (A. Waechter and L. T. Biegler, On the implementation of a
 primal-dual interior point filter line search algorithm, Math. Program. 106, 2006, section 3.8): the objective
 and the rows are divided so that no gradient entry exceeds a limit.  Variables are scaled first, and only those
-whose own magnitude is far from one.
+whose own magnitude is far from one, or has to be to make a difference to any row.  What is flat where all begins,
+like squares at 0, tells its size a little way off, or by its bounds.
 """
 
 from __future__ import annotations
@@ -29,9 +30,15 @@ __all__ = ["ScaledProblem", "is_small", "relative_violation"]
 
 LARGEST_GRADIENT = 100.0
 SMALLEST_FACTOR = 1e-8
+TOO_LARGE, LEAST_FACTOR = 1e4, 1e-12
+"""A gradient that no such factor keeps below this, or that only begins small, is divided by more."""
 SMALLEST_GRADIENT = 1e-3
 LARGEST_FACTOR = 1e8
-RELAXATION = 1e-9
+LARGEST_BOUND = 1e4
+"""Of an inequality row: a gradient that is small where all begins says nothing of a row that may become so large."""
+WEAK, WEAKEST = 1e-4, 1e-10
+"""A variable whose entries of the scaled Jacobian are all smaller is measured in larger units."""
+RELAXATION, SMALLEST_BOUND = 1e-9, 1e-3
 TINY = 1e-4
 """Where no variable is larger, nor may be, it is for the units."""
 ORDINARY = (1e-2, 1e3)  # magnitudes of variables that are left alone
@@ -142,20 +149,49 @@ class ScaledProblem(Formulation):
             wide |= is_small(x0)
         self.x_scale = np.where(narrow, span, np.where(wide, magnitude, 1.0))
         self.x_scale = np.exp2(np.round(np.log2(self.x_scale)))
-        gradient, rows = self._magnitudes(x0)
-        nearby = scattered(self.n) * self.x_scale
-        gradient_nearby, rows_nearby = self._magnitudes(np.clip(x0 + 0.1 * nearby, nlp.x_lower, nlp.x_upper))
-        self.objective_scale = float(_factors(np.array([gradient]), np.array([gradient_nearby]))[0])
-        self.row_scale = _factors(rows, rows_nearby)
+        columns = self._choose_function_scales(x0)
+        weak = (columns > 0.0) & (columns < WEAK)
+        if weak.any() and bool((self.x_scale >= 1.0).all()):  # else it is small that they are
+            self.x_scale[weak] *= np.exp2(np.round(-np.log2(np.maximum(columns[weak], WEAKEST))))
+            self._choose_function_scales(x0)
+        sizes = np.zeros(self.m)
+        for bound in (nlp.row_lower, nlp.row_upper):
+            np.maximum(sizes, np.abs(bound), out=sizes, where=np.isfinite(bound))
+        sizes *= self.row_scale
+        large = (sizes > LARGEST_BOUND) & (nlp.row_lower < nlp.row_upper)
+        self.row_scale[large] *= LARGEST_BOUND / sizes[large]
 
-    def _magnitudes(self, x: Floats) -> tuple[float, Floats]:
-        """Largest gradient entry of the objective and of each row (m,), for the scaled variables."""
+    def _choose_function_scales(self, x0: Floats) -> Floats:
+        """Scale the objective and the rows for the variables' scales; each column's largest entry then, (n,)."""
+        nlp = self.nlp
+        at_start, columns = self._magnitudes(x0)
+        way = 0.1 * scattered(self.n)
+        nearby, columns_nearby = self._magnitudes(np.clip(x0 + way * self.x_scale, nlp.x_lower, nlp.x_upper))
+        factors = _factors(at_start, nearby)
+        flat = (at_start < SMALLEST_GRADIENT) & (nearby > TOO_LARGE)
+        if flat.any():
+            # Where a variable is small, a way of its own size.
+            own = np.where(x0 == 0.0, self.x_scale, np.minimum(np.abs(x0), self.x_scale))
+            nearby, _ = self._magnitudes(np.clip(x0 + way * own, nlp.x_lower, nlp.x_upper))
+            flat &= np.isfinite(nearby) & (nearby > TOO_LARGE)
+            factors[flat] = np.maximum(TOO_LARGE / nearby[flat], LEAST_FACTOR)
+        self.row_scale, self.objective_scale = factors[:-1], float(factors[-1])
+        largest = np.zeros(self.n)
+        np.maximum.at(
+            largest, self.jac_cols, np.maximum(columns, columns_nearby) * self.row_scale[self.jac_rows]
+        )
+        return largest
+
+    def _magnitudes(self, x: Floats) -> tuple[Floats, Floats]:
+        """Largest gradient entry of each row and of the objective, (m + 1,), for the scaled variables; the magnitudes
+        of the Jacobian's entries, (nnz_J,)."""
         gradient, jac, _ = self.nlp.derivatives(x, np.zeros(self.m), 0.0)
         free = ~self._held_user
-        rows = np.zeros(self.m)
+        functions = np.zeros(self.m + 1)
         entries = np.abs(jac) * (self.x_scale * free)[self.jac_cols]
-        np.maximum.at(rows, self.jac_rows, entries)
-        return float((np.abs(gradient) * self.x_scale)[free].max(initial=0.0)), rows
+        np.maximum.at(functions, self.jac_rows, entries)
+        functions[-1] = (np.abs(gradient) * self.x_scale)[free].max(initial=0.0)
+        return functions, entries
 
     def _combine_scales(self) -> None:
         nlp = self.nlp
@@ -237,19 +273,26 @@ def _factors(gradients: Floats, nearby: Floats) -> Floats:
     """
     factors = np.ones_like(gradients)
     large = np.isfinite(gradients) & (gradients > LARGEST_GRADIENT)
-    factors[large] = np.maximum(LARGEST_GRADIENT / gradients[large], SMALLEST_FACTOR)
+    most = np.clip(TOO_LARGE / gradients[large], LEAST_FACTOR, SMALLEST_FACTOR)
+    factors[large] = np.maximum(LARGEST_GRADIENT / gradients[large], most)
     both = np.maximum(gradients, nearby)
     small = (both > 0.0) & (both < SMALLEST_GRADIENT)  # False for nan
     factors[small] = np.minimum(1.0 / both[small], LARGEST_FACTOR)
     return factors
 
 
+def _hair(bound: Floats) -> Floats:
+    """What bounds are widened by; one that is 0 says nothing of its size."""
+    return RELAXATION * np.where(bound == 0.0, 1.0, np.maximum(np.abs(bound), SMALLEST_BOUND))
+
+
 def _relaxed(lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
     """Inequalities widened by a hair, so that a strict interior exists even where they imply equalities.
 
-    Those of variables stay where functions are undefined beyond them.
+    Those of variables stay where functions are undefined beyond them.  Small limits are widened by less: one of 1e-7
+    that gives way by 1e-9 may be worth a per cent of the objective.
     """
     open_ = lower < upper
-    below = np.where(open_, lower - RELAXATION * np.maximum(1.0, np.abs(lower)), lower)
-    above = np.where(open_, upper + RELAXATION * np.maximum(1.0, np.abs(upper)), upper)
+    below = np.where(open_, lower - _hair(lower), lower)
+    above = np.where(open_, upper + _hair(upper), upper)
     return np.where(np.isfinite(lower), below, lower), np.where(np.isfinite(upper), above, upper)

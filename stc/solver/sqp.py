@@ -37,6 +37,8 @@ DISPROOF = 0.1
 DIVIDED, SHARED = 1e-3, 0.25
 """Rows that are multiplied by so little in the mean leave the objective too heavy beside them; the power of that by
 which it is multiplied, too."""
+FAR_LARGER = 1e3
+"""A variable that has become so many times larger than it was, or than it is measured in, tells of its units."""
 SEVERAL = 0.25
 """The share of the variables that are small, where that may be for the units."""
 GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
@@ -147,7 +149,10 @@ class _Solve:
             )
         else:
             outcome = self._settle(self._cold(form, x0))
+        ways: list[Callable[[ScaledProblem, Floats], Outcome | None]]
         ways = [attempts.feasible_first, attempts.held_barrier, attempts.nearby, attempts.elsewhere]
+        if form.gaps and not once(is_convex, self.nlp):
+            ways[1:] = [attempts.narrowed, attempts.held_barrier, attempts.nearby, attempts.less_narrowed]
         ways = ways[: options.retries]
         if not form.m and not form.gaps:  # they would do the same again
             ways = [way for way in ways if way not in (attempts.feasible_first, attempts.held_barrier)]
@@ -158,10 +163,14 @@ class _Solve:
             ways.insert(0, self._enlarged)
         if ways and not outcome.is_answer and _mean_row_scale(form) < DIVIDED:
             outcome = self._better(outcome, self._lighter(form, x0))
+        if ways and not outcome.is_answer and options.scaling:
+            outcome = self._better(outcome, self._resized(form, x0, outcome))
         for again in ways:
             if outcome.is_answer or self._is_proof(outcome):
                 break
-            outcome = self._better(outcome, self._settle(again(form, x0)))
+            other = again(form, x0)
+            if other is not None:
+                outcome = self._better(outcome, self._settle(other))
         if ways and not outcome.is_answer:
             best = self._feasible()
             if best is not None:
@@ -226,6 +235,18 @@ class _Solve:
             return self._settle(self.attempts.cold(lighter, x0, options))
         finally:
             kkt.trust_small_pivots(False)
+
+    def _resized(self, form: ScaledProblem, x0: Floats, outcome: Outcome) -> Outcome:
+        """From the guess, variables that an attempt has made much larger scaled by that; its outcome where none is.
+
+        A claim of infeasibility is as good as the scales that it was made with.
+        """
+        far = self.judgement.stated(outcome).x
+        larger = np.abs(far) > FAR_LARGER * np.maximum(form.x_scale, np.abs(x0))
+        if not larger.any():
+            return outcome
+        resized = self._scaled_anew(form, np.where(larger, far, x0), form.objective_factor)
+        return self._settle(self.attempts.cold(resized, x0, self.options))
 
     def _enlarged(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start there with small variables scaled, too: units may be such that all are."""

@@ -1,0 +1,83 @@
+"""Motions in units that make numbers large, or limits small, are those of ordinary units."""
+
+from __future__ import annotations
+
+import pytest
+
+import stc
+
+#: A stage of two links: lengths in ``L`` to the metre, times in ``S`` to the second.
+STAGE = """
+constants: n = 60, L = LENGTH, S = TIME, g = 9.81*L/S^2, m1 = 12, m2 = 16, l1 = 0.032*L, l2 = 0.053*L, T = 0.107*S,
+           most = 85*L^2/S^2;
+variables: a, b, u, v;
+method: trapezoidal;
+definitions: h = T/n; x1 = l1/2*cos(a); z1 = l1/2*sin(a); x2 = l1*cos(a) + l2/2*cos(b); z2 = l1*sin(a) + l2/2*sin(b);
+lagrangian: m1/2*(x1'^2 + z1'^2) + m1*l1^2/24*a'^2 + m2/2*(x2'^2 + z2'^2) + m2*l2^2/24*b'^2 - g*(m1*z1 + m2*z2);
+forces: a: u - v; b: v;
+constraints:
+  [0, n]: -most <= u <= most; -most <= v <= most;
+  [0]: a = -0.22; b = -0.01; a'; b';
+  [n]: a = 1.17; b = 1.05; a'; b';
+objective: [0, n]: integral(u^2 + v^2);
+"""
+
+#: A point that is pushed from place to place.
+PUSHED = """
+constants: n = 40, T = 0.9, h = T/n, far = FAR, c = ROOM*far;
+variables: x;
+method: METHOD;
+constraints: [0, n]: LIMIT; [0]: x; x'; x''; [n]: x = far; x'; x'';
+objective: [0, n]: integral(x'''^2);
+"""
+
+#: From one orbit to another with a weak engine, in kilometres: the square of its acceleration is 2e-7.
+TRANSFER = """
+constants: n = 50, mu = 398600.4, r0 = 6678, r1 = 6858.306, acc = 0.0004326, v0 = sqrt(mu/r0), v1 = sqrt(mu/r1);
+variables: r, th, vr, vt, ar, at;
+parameters: T;
+method: hermite-simpson;
+definitions: h = T/n;
+guess: T = 2726.3; r = r0 + (r1 - r0)*i/n; th = pi*i/n; vt = v0 + (v1 - v0)*i/n;
+constraints: 277 <= T <= 11082;
+  [0, n]: r' = vr; th' = vt/r; vr' = vt^2/r - mu/r^2 + ar; vt' = -vr*vt/r + at; LIMIT; r >= r0*0.9;
+  [0]: r = r0; th; vr; vt = v0;
+  [n]: r = r1; vr; vt = v1;
+objective: [0]: T;
+"""
+
+
+def solved(text: str) -> stc.Solution:
+    solution = stc.load(text).solve()
+    assert solution.status == "optimal", solution.message
+    return solution
+
+
+@pytest.mark.parametrize(("length", "time"), [(1e3, 1.0), (1e3, 1e3), (1e-3, 1.0), (39.37, 1.0), (1.0, 1e-3)])
+def test_motions_do_not_depend_on_units(length: float, time: float) -> None:
+    ordinary = solved(STAGE.replace("LENGTH", "1").replace("TIME", "1"))
+    other = solved(STAGE.replace("LENGTH", f"{length}").replace("TIME", f"{time}"))
+    unit = length**4 / time**3  # of the integral of squared torques, which are masses times (length/time)^2
+    assert other.objective == pytest.approx(ordinary.objective * unit, rel=1e-5)
+
+
+@pytest.mark.parametrize("method", ["trapezoidal", "hermite-simpson"])
+@pytest.mark.parametrize(("far", "room"), [(1.0, 60), (1e3, 60), (1e6, 600), (1e6, 2000)])
+def test_squares_that_may_become_large(far: float, room: float, method: str) -> None:
+    text = PUSHED.replace("FAR", f"{far}").replace("METHOD", method).replace("ROOM", f"{room}")
+    linear = solved(text.replace("LIMIT", "-c <= x''' <= c"))
+    square = solved(text.replace("LIMIT", "x'''^2 <= c^2"))
+    assert square.objective == pytest.approx(linear.objective, rel=1e-6)
+
+
+def test_small_limits_are_kept() -> None:
+    plain = solved(TRANSFER.replace("LIMIT", "ar^2 + at^2 <= acc^2"))
+    relative = solved(TRANSFER.replace("LIMIT", "(ar/acc)^2 + (at/acc)^2 <= 1"))
+    assert plain.objective == pytest.approx(relative.objective, rel=1e-5)
+
+
+def test_variables_that_turn_out_large_are_scaled_by_that() -> None:
+    """A limit that is just wide enough; nothing at the start tells how large what it limits will be."""
+    text = PUSHED.replace("METHOD", "trapezoidal").replace("LIMIT", "-c <= x''' <= c").replace("ROOM", "60")
+    ordinary, large = solved(text.replace("FAR", "1")), solved(text.replace("FAR", "1e6"))
+    assert large.objective == pytest.approx(1e12 * ordinary.objective, rel=1e-6)
