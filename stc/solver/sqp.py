@@ -152,7 +152,7 @@ class _Solve:
         ways: list[Callable[[ScaledProblem, Floats], Outcome | None]]
         ways = [attempts.feasible_first, attempts.held_barrier, attempts.nearby, attempts.elsewhere]
         if form.gaps and not once(is_convex, self.nlp):
-            ways[1:] = [attempts.narrowed, attempts.held_barrier, attempts.nearby, attempts.less_narrowed]
+            ways[1:] = [attempts.nearby, attempts.narrowed, attempts.less_narrowed, attempts.held_barrier]
         ways = ways[: options.retries]
         if not form.m and not form.gaps:  # they would do the same again
             ways = [way for way in ways if way not in (attempts.feasible_first, attempts.held_barrier)]
