@@ -83,6 +83,13 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert (page.parent / target).exists(), target
 
 
+def test_nothing_advises_to_install_somebody_elses_package() -> None:
+    # `stc` on PyPI is not this project.
+    wrong = re.compile(r"pip install (\S+ )*['\"]?stc(?![\w./-]| @ )")
+    texts = [*PAGES, *ROOT.glob("stc/**/*.py"), *ROOT.glob("validate/**/*.py")]
+    assert [path.name for path in texts if wrong.search(path.read_text(encoding="utf-8"))] == []
+
+
 def test_every_stage_is_named_in_the_readme() -> None:
     from stc.cli.stages import STAGES
 

@@ -240,7 +240,7 @@ def _require_av() -> Any:
         import av
     except ImportError:
         raise PictureError(
-            "an .mp4 takes the library PyAV: pip install 'stc[video]'\n  .webp and .gif work without it"
+            "an .mp4 takes the library PyAV: pip install av\n  .webp and .gif work without it"
         ) from None
     return av
 
