@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.problem import ConstantRef, ParameterRef
 from stc.records import dataclass, field
 from stc.solver.convexity import is_convex
 from stc.studies.conflict import Conflict, find_conflict
-from stc.studies.relaxation import needed_relaxation
+from stc.studies.relaxation import Relaxation, needed_relaxation
 from stc.studies.standouts import dependent_rows, largest_residuals, undefined_nearby
+from stc.symbolic.expr import symbols
 from stc.transcription.bind import BoundProgram, Contradiction
 from stc.transcription.ownership import Ownership, Place
 from stc.transcription.statements import LINK
@@ -172,9 +174,8 @@ class _Search:
     def _conflict(self, conflict: Conflict) -> Blame:
         ranked = list(conflict.relations)
         culprits = []
-        for k, relation in enumerate(ranked):
-            left = (self.deadline - time.perf_counter()) / (len(ranked) - k)
-            culprits.append(self._conflicting(relation, conflict, left))
+        for relation, lack in zip(ranked, conflict.lacks, strict=True):
+            culprits.append(self._conflicting(relation, lack, others=len(ranked) > 1))
         if conflict.minimal:  # each is as much to blame as the others: in the order of the text
             culprits = [culprit for _, culprit in sorted(zip(ranked, culprits), key=lambda pair: pair[0])]
         # Of statements that are not convex nobody has looked everywhere.
@@ -191,13 +192,13 @@ class _Search:
             )
         return Blame("", summary, culprits, conflict.minimal, conflict.solves)
 
-    def _conflicting(self, relation: int, conflict: Conflict, time_limit: float) -> Culprit:
-        """A statement of a conflict with what it lacks when the others hold."""
-        others = set(conflict.relations) - {relation}
-        lack = needed_relaxation(self.bound, self.ownership, others, relation, conflict.x, time_limit)
+    def _conflicting(self, relation: int, lack: Relaxation | None, others: bool) -> Culprit:
+        """A statement of a conflict with what it lacks when the others hold, if there are others."""
         if lack is None:
             return self._culprit("conflict", relation, None, None, "")
-        place = lack.place if self.problem.n else None
+        keys = symbols(self.problem.relations[relation].body)
+        framed = self.problem.n and not all(isinstance(key, ParameterRef | ConstantRef) for key in keys)
+        place = lack.place if framed else None
         note = f"misses by {abs(lack.amount):.4g}"
         culprit = self._culprit("conflict", relation, place, lack.amount, note)
         return replace(culprit, text=f"{culprit.text} when the others hold") if others else culprit

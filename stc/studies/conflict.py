@@ -5,11 +5,15 @@ after the other out, for good if the rest is infeasible still.  What remains is 
 its statements the others can hold.  The multipliers of the violation's minimum tell beforehand which statements
 take no part, so that few have to be tried.  For nonlinear statements "infeasible" is what the solver finds
 from the starts that it is given, here as everywhere.
+
+What remains is put to the test: how far does each statement have to give way for the others to hold?  Where the answer
+is a point that meets all of them, they are no conflict, and the search goes on from that point.
 """
 
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +22,7 @@ from stc.records import dataclass
 from stc.solver import Options, Start, Status, minimize
 from stc.solver.residuals import assess
 from stc.studies.feasibility import ElasticProblem, FeasibilityProblem
+from stc.studies.relaxation import Relaxation, needed_relaxation
 from stc.transcription.bind import BoundProgram
 from stc.transcription.ownership import Ownership, limits_of
 
@@ -28,6 +33,10 @@ __all__ = ["Conflict", "find_conflict"]
 NEGLIGIBLE = 1e-5
 CLOSE = 1e-4
 QUICK_ITERATIONS, ITERATIONS = 100, 500
+REVISIONS = 4
+"""Sets of statements that may turn out to be no conflict before the search is given up."""
+TESTING = 0.5
+"""Share of the time limit that is added for the test of what was found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +50,7 @@ class Conflict:
         x: (N,) where they are violated least, as far as the solver can tell; or a point that meets all.
         weights: (M,) multipliers of the rows there: which of them pull, and which way.
         solves: feasibility problems that were solved.
+        lacks: for each of the relations, how far it misses when the others hold; None where that was not found.
     """
 
     relations: tuple[int, ...]
@@ -48,6 +58,7 @@ class Conflict:
     x: FloatArray
     weights: FloatArray
     solves: int
+    lacks: tuple[Relaxation | None, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +81,7 @@ class _Filter:
         self.least: dict[frozenset[int], _Least] = {}
         self.last: list[FloatArray] = []
         self.feasible = bound.x0
+        self.met: dict[frozenset[int], FloatArray] = {}
 
     def infeasible(self, kept: set[int]) -> bool | None:
         """Whether statements cannot hold together; None where the solver could not tell."""
@@ -80,12 +92,14 @@ class _Filter:
         starts = [*self.last, *self.starts]
         for start in starts:
             if self._holds(problem, np.clip(start, problem.x_lower, problem.x_upper)):
+                self.met[frozenset(kept)] = self.feasible
                 return False
         for start in starts:
             least = self._relaxed(problem, np.clip(start, problem.x_lower, problem.x_upper))
             if least is None:
                 continue
             if self._meets(problem, least.x):
+                self.met[frozenset(kept)] = least.x
                 return False
             found = least
             break
@@ -93,6 +107,10 @@ class _Filter:
             return None
         self.least[frozenset(kept)], self.last = found, [found.x]
         return True
+
+    def hold(self, kept: set[int], x: FloatArray) -> bool:
+        """Whether a point meets all of these statements."""
+        return self._meets(FeasibilityProblem(self.bound, self.ownership, kept), x)
 
     def _meets(self, problem: FeasibilityProblem, x: FloatArray) -> bool:
         violation = assess(problem, x, np.zeros(problem.m)).violation
@@ -141,7 +159,7 @@ def find_conflict(
         ownership: its rows and bounds by statement.
         x: (N,) where a solve ended.
         row_multipliers: (M,) of that solve: the certificate if it ended infeasible.
-        time_limit: seconds for all feasibility problems together.
+        time_limit: seconds for all feasibility problems together; half as many more for the test of what was found.
 
     Returns:
         The conflict, or None where nothing could be told in time.
@@ -153,9 +171,48 @@ def find_conflict(
 def _find(
     bound: BoundProgram, ownership: Ownership, x: FloatArray, y: FloatArray, time_limit: float
 ) -> Conflict | None:
-    whole = set(ownership.relations)
-    starts = [bound.x0] if not np.isfinite(x).all() or np.array_equal(x, bound.x0) else [bound.x0, x]
+    starts = [bound.x0]
+    for other in (x, np.zeros(bound.n)):  # at rest in the origin much holds that does not near the guess
+        if np.isfinite(other).all() and not any(np.array_equal(other, known) for known in starts):
+            starts.append(other)
     search = _Filter(bound, ownership, starts, time_limit)
+    deadline = search.deadline + TESTING * time_limit
+    for _ in range(REVISIONS):
+        found = _filtered(search, x, y)
+        if found is None or not found.relations:
+            return found
+        found = _tested(search, found, deadline)
+        if found.lacks:
+            return found
+        # A point meets them all: from there it has to be another set that fails, or none does.
+        search.starts.insert(0, search.feasible)
+    return None
+
+
+def _tested(search: _Filter, found: Conflict, deadline: float) -> Conflict:
+    """A conflict with what each statement lacks; without where a point meets all, which is ``search.feasible`` then."""
+    lacks: list[Relaxation | None] = []
+    relations = set(found.relations)
+    for k, relation in enumerate(found.relations):
+        others = relations - {relation}
+        tried = [x for x in (search.met.get(frozenset(others)), found.x) if x is not None]
+        answers: list[Relaxation] = []
+        for number, x in enumerate(tried):
+            left = (deadline - time.perf_counter()) / (len(relations) - k) / (len(tried) - number)
+            lack = needed_relaxation(search.bound, search.ownership, others, relation, x, left)
+            if lack is None:
+                continue
+            if search.hold(relations, lack.x):
+                return found
+            answers.append(lack)
+        lacks.append(min(answers, key=lambda lack: abs(lack.amount), default=None))
+    return replace(found, lacks=tuple(lacks))
+
+
+def _filtered(search: _Filter, x: FloatArray, y: FloatArray) -> Conflict | None:
+    """What the deletion filter leaves."""
+    bound, ownership = search.bound, search.ownership
+    whole = set(ownership.relations)
     weight = _weights(bound, ownership, x, y)
     heavy = {k for k in whole if weight.get(k, 0.0) > NEGLIGIBLE * max(weight.values(), default=0.0) > 0.0}
     candidates = whole
