@@ -81,7 +81,8 @@ class Model:
     Attributes:
         source: the text and where it came from.
         name: the spec's name.
-        warnings: what the last elaboration found allowed but odd; empty before the first one.
+        warnings: what is allowed but odd in the last problem that was asked for, not in the same one on fewer frames;
+            empty before the first one.
     """
 
     def __init__(self, source: Source, overrides: Mapping[str, float] | None = None) -> None:
@@ -188,6 +189,7 @@ class Model:
             if fewer is not None:
                 small, reduced = self.compiled(problem.method, {**given, **fewer.constants}, at_once=True)
                 reduced.bind(small.constants)
+                self.warnings = tuple(problem.warnings)
         options = _options(max_iterations=max_iterations, time_limit=time_limit)
         return ColdSolve(self, problem, transcription, given, options)
 
@@ -278,6 +280,7 @@ class Model:
                 transcription, problem.constants, options, start, callback, optimizer, minimizer
             )
         seconds["solve"] += time.perf_counter() - solving
+        self.warnings = tuple(problem.warnings)
         seconds["total"] = parse_seconds + time.perf_counter() - begin
         solution = collect(transcription, result, problem.constants, given, seconds, optimizer)
         solution.origin = self

@@ -271,19 +271,29 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         if file is not None:
             keep = solution.save if profile is None else profile.saving.over(solution.save)
             keep(file)
-    console.warn(model.warnings)
+    warnings = _stated_warnings(model, options)
+    console.warn(warnings)
     parts = () if profile is None else profile.parts(solution)
     if solution.status != "optimal":
         blame = reasons.find_blame(model, solution, options.explain, options.time_limit)
-        return Outcome(solution, file, model.warnings, blame, found=found, profile=parts)
+        return Outcome(solution, file, warnings, blame, found=found, profile=parts)
     return Outcome(
         solution,
         file,
-        model.warnings,
+        warnings,
         explanation=reasons.find_explanation(model, solution) if options.explain else None,
         found=found,
         profile=parts,
     )
+
+
+def _stated_warnings(model: Model, options: SolveOptions) -> Sequence[Diagnostic]:
+    """The warnings about a spec as it was to be solved, whatever numbers of frames a search has come to."""
+    search = options.search
+    if search.walk is None and search.refine is None and search.until is None:
+        return model.warnings
+    last = {} if search.walk is None else {search.walk.name: search.walk.last}
+    return model.problem(options.method, **last).warnings
 
 
 def _judged(

@@ -174,6 +174,21 @@ def test_contradictory_bounds_are_infeasible(stc_: Stc) -> None:
     assert record["optimality"] is None
 
 
+def test_warnings_are_of_the_spec_as_it_stands(stc_: Stc) -> None:
+    # A free end time that every frame counts; not quadratic, on enough frames to be solved on fewer of them first.
+    Path("swing.stc").write_text(
+        """constants: n = 80; variables: q, u; parameters: T; definitions: h = T/n; guess: T = 4; q = pi*t/4;
+        constraints: q'' + 9.81*sin(q) = u; -3 <= u <= 3; [0]: q; q'; [n]: q = pi; q'; 1 <= T <= 10;
+        objective: T; method: trapezoidal;"""
+    )
+    said = "this term is the same on every frame and counts 81 times"
+    for words in (("check", "swing"), ("solve", "swing"), ("solve", "swing", "--refine", "10")):
+        assert said in stc_(*words)[2], words
+        warnings = last_line(stc_(*words, "--json")[1])["warnings"]
+        assert [one["message"] for one in warnings] == [said], words
+    assert "counts 41 times" in stc_("solve", "swing", "--continue", "n=20:40:1")[2]
+
+
 # --------------------------------------------------------------- validation
 
 
