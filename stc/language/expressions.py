@@ -30,6 +30,7 @@ from stc.symbolic.differentiate import total_derivative
 from stc.symbolic.expr import (
     FUNCTIONS,
     ONE,
+    ZERO,
     Expr,
     add,
     call,
@@ -193,6 +194,8 @@ class ExpressionBuilder:
         result = build[type(first)](first)
         for operator, factor in node.factors[1:]:
             e = build[type(factor)](factor)
+            if operator == "/" and e is ZERO and not self.poisoned:
+                return self.fail(factor, "division by zero")
             result = mul(result, e) if operator == "*" else div(result, e)
         return result
 

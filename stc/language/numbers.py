@@ -47,14 +47,18 @@ def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
         return -a, -b
     if isinstance(node, syntax.Sum):
         a = b = 0.0
+        endless = False
         for sign, term in node.terms:
             c, d = affine(term, resolve)
+            endless |= math.isinf(d)
             a, b = (a + c, b + d) if sign == "+" else (a - c, b - d)
-        return _checked(node, a, b)
+        return _checked(node, a, b, endless)
     if isinstance(node, syntax.Product):
         a, b = affine(node.factors[0][1], resolve)
+        endless = math.isinf(b)
         for operator, factor in node.factors[1:]:
             c, d = affine(factor, resolve)
+            endless |= math.isinf(d)
             if operator == "/":
                 if c:
                     raise NotANumber(factor, "an index cannot be divided by `i`")
@@ -64,8 +68,9 @@ def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
             elif a and c:
                 raise NotANumber(node, "an index has to be of the form `a*i + b`")
             else:
-                a, b = a * d + b * c, b * d
-        return _checked(node, a, b)
+                # Zero times infinity is no number: a factor without `i` has no share in `a`.
+                a, b = (a * d if a else 0.0) + (b * c if c else 0.0), b * d
+        return _checked(node, a, b, endless)
     if isinstance(node, syntax.Power):
         base, exponent = _plain(node.base, resolve), _plain(node.exponent, resolve)
         return 0.0, _applied(node, "^", math.pow, base, exponent)
@@ -88,9 +93,12 @@ def _plain(node: syntax.Expression, resolve: Resolve) -> float:
     return b
 
 
-def _checked(node: syntax.Expression, a: float, b: float) -> tuple[float, float]:
+def _checked(node: syntax.Expression, a: float, b: float, endless: bool) -> tuple[float, float]:
+    """The same where it is a number; infinite only where something in it is (``endless``)."""
     if math.isnan(a) or math.isnan(b):
         raise NotANumber(node, "this has no value (infinity less infinity, or zero times infinity)")
+    if math.isinf(a) or (math.isinf(b) and not endless):
+        raise NotANumber(node, "this number is too large", "the largest is 1.797e308")
     return a, b
 
 

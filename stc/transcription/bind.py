@@ -6,7 +6,7 @@ constant that shapes nothing binds again in moments; nothing is differentiated o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,12 @@ from stc.arrays import aligned_zeros
 from stc.codegen import threads
 from stc.codegen.calls import chain
 from stc.codegen.kernel import KernelSet
-from stc.problem import ConstantRef, Problem
+from stc.errors import EvaluationError
+from stc.problem import ConstantRef, Problem, Relation
 from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Part, Scaling
 from stc.solver.keeping import Keeper
-from stc.symbolic.expr import Expr, evaluate, symbols
+from stc.symbolic.expr import ZERO, Expr, evaluate, symbols
 from stc.transcription.assemble import Program, data_of
 from stc.transcription.bending import row_bends
 from stc.transcription.evaluation import Piece, copied_within, evaluator, fill_constants, kernel_calls
@@ -27,7 +28,7 @@ from stc.transcription.grid import Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import DataRef, data_values
 from stc.transcription.statements import Bound as BoundStatement
-from stc.transcription.statements import Statements
+from stc.transcription.statements import LINK, Statements
 from stc.transcription.steps import Steps
 from stc.transcription.wanted import Wanted
 
@@ -89,7 +90,11 @@ class Numbers:
 
 
 def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, numbers: Numbers) -> Bounds:
-    """Intersects all bounds on each decision variable and lists those that contradict each other."""
+    """Intersects all bounds on each decision variable and lists those that contradict each other.
+
+    Raises:
+        EvaluationError: a bound, or what it bounds, has no value.
+    """
     size = layout.size
     result = Bounds(np.full(size, -np.inf), np.full(size, np.inf), np.full(size, -1), np.full(size, -1), [])
     for bound in statements.bounds:
@@ -117,7 +122,10 @@ def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, nu
 
 
 def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Numbers, into: Bounds) -> None:
+    relation = problem.relations[bound.relation]
     rest = numbers.at(bound.rest, bound.nodes)
+    _check_value(relation, bound.rest, rest, bound.nodes, numbers)
+    _check_limits(relation, bound.lower, bound.upper, bound.nodes, numbers)
     minus, plus = np.full(len(rest), -np.inf), np.full(len(rest), np.inf)
     low = minus if bound.lower is None else numbers.at(bound.lower, bound.nodes) - rest
     high = plus if bound.upper is None else numbers.at(bound.upper, bound.nodes) - rest
@@ -125,12 +133,12 @@ def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Num
         slope = np.zeros(len(rest))
     else:
         slope = numbers.at(bound.coefficient, bound.nodes)
+        _check_value(relation, bound.coefficient, slope, bound.nodes, numbers)
     tolerance = 1e-9 * np.maximum(1.0, np.abs(rest))
     dead = slope == 0
     wrong = dead & ((low > tolerance) | (high < -tolerance) | np.isnan(low) | np.isnan(high))
     if wrong.any():
         k = int(np.flatnonzero(wrong)[0])
-        relation = problem.relations[bound.relation]
         frame = float(bound.nodes.position[k]) / 2
         into.contradictions.append(
             Contradiction(
@@ -150,6 +158,53 @@ def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Num
     at = position[live]
     _tighten(np.fmax, into.lower, into.lower_from, at, ends[0][live], bound.relation)
     _tighten(np.fmin, into.upper, into.upper_from, at, ends[1][live], bound.relation)
+
+
+def _check_limits(
+    relation: Relation, lower: Expr | None, upper: Expr | None, nodes: Nodes, numbers: Numbers
+) -> None:
+    """Refuse bounds that are no numbers, or that no number keeps; infinite ones are none where a constant says so.
+
+    Raises:
+        EvaluationError: with the statement, the frame and the constants.
+    """
+    for limit, impossible in ((lower, np.inf), (upper, -np.inf)):
+        if limit is None:
+            continue
+        value = numbers.at(limit, nodes)
+        if np.isfinite(value).all():
+            continue
+        endless = any(np.isinf(numbers.constants.get(key, 0.0)) for key in symbols(limit))
+        wrong = np.isnan(value) | (value == impossible) if endless else ~np.isfinite(value)
+        if wrong.any():
+            raise _no_value(relation, limit, nodes, wrong, numbers)
+
+
+def _check_value(relation: Relation, e: Expr, value: FloatArray, nodes: Nodes, numbers: Numbers) -> None:
+    """Refuse what is no number at some node, such as what is too large for one.
+
+    Raises:
+        EvaluationError: with the statement, the frame and the constants.
+    """
+    wrong = ~np.isfinite(value)
+    if wrong.any():
+        raise _no_value(relation, e, nodes, wrong, numbers)
+
+
+def _no_value(
+    relation: Relation, e: Expr, nodes: Nodes, wrong: NDArray[np.bool_], numbers: Numbers
+) -> EvaluationError:
+    from stc.transcription.undefined import constant_fault
+
+    hint, values = constant_fault(e, numbers.constants)
+    return EvaluationError(
+        "this has no value",
+        expression=relation.text,
+        frame=float(nodes.position[wrong][0]) / 2,
+        values=values,
+        span=relation.span,
+        hint=hint or "what it is made of is too large, or is divided by zero there",
+    )
 
 
 def _tighten(
@@ -178,6 +233,7 @@ class BoundProgram:
         x0: FloatArray,
         kernels: KernelSet,
         constants: Mapping[str, float],
+        relations: Sequence[Relation],
     ) -> None:
         self.program = program
         self.keeper = Keeper()
@@ -191,7 +247,7 @@ class BoundProgram:
         # Programs with other starts share them, and are told apart by them.
         bounds.lower.flags.writeable = bounds.upper.flags.writeable = False
         self._start_at(x0)
-        self.row_lower, self.row_upper = _row_bounds(program, numbers)
+        self.row_lower, self.row_upper = _row_bounds(program, numbers, relations)
         self.jac_rows, self.jac_cols = program.jacobian.rows, program.jacobian.cols
         self.hess_rows, self.hess_cols = program.hessian.rows, program.hessian.cols
         self.var_stage, self.row_stage = layout.stage, program.row_stage
@@ -315,10 +371,17 @@ def _read_only(array: FloatArray) -> FloatArray:
     return view
 
 
-def _row_bounds(program: Program, numbers: Numbers) -> tuple[FloatArray, FloatArray]:
+def _row_bounds(
+    program: Program, numbers: Numbers, relations: Sequence[Relation]
+) -> tuple[FloatArray, FloatArray]:
     lower, upper = np.full(program.row_count, -np.inf), np.full(program.row_count, np.inf)
     for group in program.groups:
         for r, row in enumerate(group.rows):
+            if row.lower is ZERO and row.upper is ZERO:
+                lower[group.row_ids[r]] = upper[group.row_ids[r]] = 0.0
+                continue
+            if len(row.relation) and row.relation[0] != LINK:
+                _check_limits(relations[row.relation[0]], row.lower, row.upper, row.nodes, numbers)
             if row.lower is not None:
                 lower[group.row_ids[r]] = numbers.at(row.lower, row.nodes)
             if row.upper is not None:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.errors import Diagnostic, SpecError, UsageError
-from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef
+from stc.errors import Diagnostic, EvaluationError, SpecError, UsageError
+from stc.problem import ConstantRef, Guess, IndexRef, ParameterRef, Problem, TimeRef
 from stc.symbolic.expr import evaluate, symbols
 from stc.transcription.grid import Grid, Nodes
 from stc.transcription.layout import Layout
@@ -42,12 +42,16 @@ def starting_point(
 
     Raises:
         SpecError: a step would be zero or negative: a parameter in it needs a guess.
+        EvaluationError: a written guess has no value.
     """
     x = np.zeros(layout.size)
     values: dict[object, float] = {ConstantRef(k): v for k, v in constants.items()}
     for guess in problem.guesses:
         if guess.name in layout.parameters:
-            x[layout.parameters[guess.name]] = float(evaluate(guess.body, dict(values)))
+            start = float(evaluate(guess.body, dict(values)))
+            if not np.isfinite(start):
+                raise _no_value(guess, None)
+            x[layout.parameters[guess.name]] = start
     for name, at in layout.parameters.items():
         number = None if given is None else given.parameter(name)
         if number is not None:
@@ -139,9 +143,18 @@ def _written(
             t[half] = 0.5 * (time[nodes.frame[half]] + time[nodes.frame[half] + 1])
             known = {**values, IndexRef(): nodes.position / 2.0, TimeRef(): t}
             value = np.broadcast_to(evaluate(body, known), t.shape)
+            wrong = ~np.isfinite(value) & (grid.has_midpoints | ~half)
+            if wrong.any():
+                raise _no_value(guess, float(nodes.position[wrong][0]) / 2)
             at_frames[nodes.frame[~half]] = value[~half]
             at_mids[nodes.frame[half]] = value[half]
     return result
+
+
+def _no_value(guess: Guess, frame: float | None) -> EvaluationError:
+    """What to raise for a guess that is no number at a frame."""
+    hint = "a guess is a number on every frame of its range"
+    return EvaluationError("this guess has no value", frame=frame, span=guess.span, hint=hint)
 
 
 def _is_whole(values: NodeValues | None) -> bool:

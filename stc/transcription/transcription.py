@@ -118,7 +118,7 @@ class Transcription:
 
         Raises:
             SpecError: a step is not positive at the starting point.
-            EvaluationError: a function is undefined at the starting point, if that is to be checked.
+            EvaluationError: a bound has no value; a function has none at the starting point, if that is to be checked.
         """
         if self.kernels is None:
             self.compile()
@@ -152,7 +152,16 @@ class Transcription:
         else:
             x0 = np.clip(start, low, high)
         if known is None:
-            bound = BoundProgram(self.program, self.layout, numbers, bounds, x0, self.kernels, constants)
+            bound = BoundProgram(
+                self.program,
+                self.layout,
+                numbers,
+                bounds,
+                x0,
+                self.kernels,
+                constants,
+                self.problem.relations,
+            )
         else:
             bound = known.program.started(x0)
         if check and not bound.contradictions:
@@ -228,13 +237,18 @@ class Transcription:
                 if frame != int(frame) and channel.mid is not None:
                     at = channel.mid[int(frame)]
                 values[name + "'" * order] = float(at)
+        from stc.transcription.undefined import constant_fault
+
+        hint, constants = constant_fault(body, bound.numbers.constants)
+        if hint:
+            values = constants
         raise EvaluationError(
             "this has no value",
             expression=text,
             frame=frame,
             values=values,
             span=span,
-            hint="the solve starts there: give a guess at which every function is defined",
+            hint=hint or "the solve starts there: give a guess at which every function is defined",
         )
 
 

@@ -97,6 +97,20 @@ def test_constants_that_define_each_other_are_refused() -> None:
     ]
 
 
+def test_constants_that_are_too_large_are_refused() -> None:
+    for formula in ("1e200*1e200", "1e308 + 1e308", "-1e308 - 1e308", "1e200/1e-200"):
+        spec = f"constants: n = 0, k = {formula}; variables: x; constraints: x <= k;"
+        assert messages_of(spec) == ["this number is too large"]
+    spec = "constants: n = 0, k = 2*inf + 1; variables: x; constraints: x <= k;"
+    assert problem_of(spec).constants["k"] == math.inf
+
+
+def test_a_division_by_zero_is_told_where_it_stands() -> None:
+    for formula in ("x/0", "x/(2 - 2)", "1/(x - x)", "x/(3*0)"):
+        spec = f"constants: n = 0; variables: x; constraints: x + {formula} = 1;"
+        assert messages_of(spec) == ["division by zero"]
+
+
 def test_an_override_breaks_a_cycle() -> None:
     text = "constants: n = 3, a = b, b = a + 1; variables: x; constraints: x = a + b;"
     assert problem_of(text, a=2).constants["b"] == 3.0

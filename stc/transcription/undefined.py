@@ -1,0 +1,48 @@
+"""Why an expression has no value whatever the unknowns are: what its constants do alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stc.problem import ConstantRef
+from stc.symbolic.expr import Expr, evaluate, reachable, symbols
+
+__all__ = ["constant_fault"]
+
+
+def constant_fault(body: Expr, constants: Mapping[object, float]) -> tuple[str, dict[str, float]]:
+    """What is wrong with the constants of an expression, in words, and those that are to blame by name.
+
+    Args:
+        body: the expression.
+        constants: values by :class:`stc.problem.ConstantRef`.
+
+    Returns:
+        An empty text where its constants alone leave it a value.
+    """
+    for node in reachable([body]):  # parts before what they are parts of
+        if node.op == "div" and _is_fixed(node.args[1]) and evaluate(node.args[1], constants) == 0.0:
+            return "it divides by zero, so that no guess helps", _named(node.args[1], constants)
+        if not _is_fixed(node):
+            continue
+        value = float(evaluate(node, constants))
+        if np.isfinite(value):
+            continue
+        if node.op in ("sym", "num"):
+            return "`inf` is no number; as a bound it means that there is none", _named(
+                node, constants
+            )
+        if np.isinf(value):
+            return "its constants give more than the largest number, 1.797e308", _named(node, constants)
+        return "a part that is made of constants alone is no real number", _named(node, constants)
+    return "", {}
+
+
+def _is_fixed(e: Expr) -> bool:
+    return all(isinstance(key, ConstantRef) for key in symbols(e))
+
+
+def _named(e: Expr, constants: Mapping[object, float]) -> dict[str, float]:
+    return {key.name: constants[key] for key in symbols(e) if isinstance(key, ConstantRef)}
