@@ -22,7 +22,10 @@ from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
 from stc.transcription.statements import highest_orders
 
-__all__ = ["ColdSolve", "solve"]
+__all__ = ["ColdSolve", "contradictions_of", "solve"]
+
+#: Bounds that exclude each other are told up to this number.
+MOST_CONTRADICTIONS = 5
 
 Callback = Callable[[Any], bool | None]
 
@@ -86,15 +89,19 @@ def solve(
     return bound, minimizer(bound, options or Options(), start=start, callback=callback)
 
 
-def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
-    """The result where bounds exclude each other before any step is taken."""
+def contradictions_of(transcription: Transcription, bound: BoundProgram) -> list[str]:
+    """The bounds that exclude each other, each with where its statements stand; of many the first few."""
     lines = []
-    for contradiction in bound.contradictions[:5]:
+    for contradiction in bound.contradictions[:MOST_CONTRADICTIONS]:
         places = [transcription.problem.relations[k].span.location for k in contradiction.relations if k >= 0]
         lines.append(f"{contradiction.message} ({' and '.join(dict.fromkeys(places))})")
     more = len(bound.contradictions) - len(lines)
-    if more > 0:
-        lines.append(f"and {more} more")
+    return [*lines, f"and {more} more"] if more > 0 else lines
+
+
+def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
+    """The result where bounds exclude each other before any step is taken."""
+    lines = contradictions_of(transcription, bound)
     objective, rows = bound.values(bound.x0)
     with np.errstate(invalid="ignore"):
         low = np.maximum(bound.x_lower - bound.x0, bound.x0 - bound.x_upper)

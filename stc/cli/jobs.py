@@ -162,17 +162,17 @@ def solved(target: str, options: SolveOptions, as_json: bool) -> tuple[Outcome, 
 
 
 def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
-    """Read a spec as far as its nonlinear program, and tell its sizes."""
+    """Read a spec as far as its nonlinear program, and tell its sizes; good when nothing in it is known to fail."""
+    from stc.solving import contradictions_of
     from stc.studies.replay_lines import check_replay_lines
 
     model = load(spec, options.constants)
     problem, transcription = model.transcription(options.method)
     check_replay_lines(problem)
     # Evaluating everything once at the starting point finds what the text alone does not show.
-    contradictions = [one.message for one in transcription.bind(problem.constants).contradictions]
+    contradictions = contradictions_of(transcription, transcription.bind(problem.constants))
     console.warn(problem.warnings)
-    for message in contradictions:
-        console.note(f"infeasible: {message}")
+    status = "infeasible" if contradictions else "ok"
     sizes = {
         "variables": transcription.program.size,
         "rows": transcription.program.row_count,
@@ -184,22 +184,25 @@ def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
         warnings = record.of_diagnostics(problem.warnings)
         record.write(
             {
-                **record.blank("ok"),
+                **record.blank(status, "; ".join(contradictions)),
                 **facts,
                 "constants": dict(problem.constants),
                 "warnings": warnings,
                 "contradictions": contradictions,
             }
         )
-        return GOOD
+        return BAD if contradictions else GOOD
+    for message in contradictions:
+        console.note(f"no solve can meet all constraints: {message}")
     rows = [
         ("unknowns", f"{len(problem.variables)} variables a frame, {len(problem.parameters)} parameters"),
         ("size", f"{sizes['variables']} variables, {sizes['rows']} rows"),
         ("nonzeros", f"{sizes['jacobian']} in the Jacobian, {sizes['hessian']} in the Hessian's lower half"),
-        ("warnings", str(len(problem.warnings) + len(contradictions))),
+        ("warnings", str(len(problem.warnings))),
     ]
-    console.print_table(f"{model.name}, {problem.method}, n = {problem.n}: no mistakes", rows)
-    return GOOD
+    verdict = "infeasible, its bounds contradict each other" if contradictions else "no mistakes"
+    console.print_table(f"{model.name}, {problem.method}, n = {problem.n}: {verdict}", rows)
+    return BAD if contradictions else GOOD
 
 
 def show(spec: str, stage: str, options: SolveOptions) -> int:

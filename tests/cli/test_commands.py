@@ -189,6 +189,20 @@ def test_warnings_are_of_the_spec_as_it_stands(stc_: Stc) -> None:
     assert "counts 41 times" in stc_("solve", "swing", "--continue", "n=20:40:1")[2]
 
 
+def test_check_does_not_praise_bounds_that_contradict_each_other(stc_: Stc) -> None:
+    Path("contra.stc").write_text(
+        "constants: n = 4; variables: x;\nconstraints:\n  [0]: x = 0;\n  [0]: x = 1;\nobjective: x''^2;"
+    )
+    status, out, err = stc_("check", "contra")
+    assert status == 1
+    assert "no mistakes" not in out and "infeasible" in out
+    said = "x at frame 0 must be at least 1 and at most 0 (contra.stc:4:8 and contra.stc:3:8)"
+    assert said in err
+    status, out, _ = stc_("check", "contra", "--json")
+    record = last_line(out)
+    assert (status, record["status"], record["contradictions"]) == (1, "infeasible", [said])
+
+
 # --------------------------------------------------------------- validation
 
 
