@@ -96,6 +96,13 @@ class Constants:
             pass
         return None
 
+    def value_of(self, expression: syntax.Expression) -> float | None:
+        """The value of an expression of constants; None where it holds anything else or has none."""
+        try:
+            return affine(expression, self._resolve)[1]
+        except (NotANumber, Unknown):
+            return None
+
     def _resolve(self, node: syntax.Name) -> tuple[float, float]:
         """A name within the value of a constant."""
         name = node.name

@@ -7,10 +7,11 @@ A contact is declared with the expressions that place it, and then listed under 
       [0, 20]:  sole at 0;
       [36, n]:  sole at D;
 
-What it stands for is text (:func:`expansion`): variables for the forces of the ground, their generalised forces
+What it stands for is text (:class:`Expansion`): variables for the forces of the ground, their generalised forces
 by virtual work, rows of zero acceleration while it stands, the cone of friction and the bounds of the centre of
 pressure, no force and some clearance while it does not, and where it lands the impulse and the balance of every
-momentum.  The text is parsed like the rest of the spec, and its statements take the place of the section.
+momentum.  The text is parsed like the rest of the spec, and its statements take the place of the section; each
+knows the line that it is there for, so that whoever speaks of it later points there.
 
 Position and velocity are fixed at the start of each phase only; its later frames follow from the acceleration
 being zero.  Fixing them on every frame would say the same several times over, and leave no unique multipliers.
@@ -18,12 +19,15 @@ being zero.  Fixing them on every frame would say the same several times over, a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping
 
 from stc.errors import Source, SpecError
 from stc.language import syntax
-from stc.language.contact_statements import KINDS, NEEDED, Contact, Mechanics, Phase, Writer
+from stc.language.constants import Constants
+from stc.language.contact_statements import KINDS, NEEDED, Contact, Line, Mechanics, Phase, Writer
 from stc.language.context import Context
+from stc.language.definition_values import define
 from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.parser import parse
 from stc.language.show import show_expression
@@ -35,22 +39,28 @@ def without_contacts(
     """The tree with every contact section replaced by what it stands for; mistakes are noted."""
     if not any(section.kind == "contact" for section in tree.sections):
         return tree
-    text = expansion(tree, overrides, diagnostics)
+    found = expansion(tree, overrides, diagnostics)
     first = next(section for section in tree.sections if section.kind == "contact")
-    try:
-        expanded = parse(Source("<contact>", text)).sections
-    except SpecError as error:  # a name such as that of a function: told where the contact is declared
-        diagnostics.error(error.diagnostics[0].message, first.start, first.end)
-        expanded = []
-    for section in expanded:
-        _place(section, first, text)
+    expanded: list[syntax.Section] = []
+    damaged = tree.damaged
+    if found is None:  # its mistakes are told; that nothing declares its forces is none
+        damaged = damaged | set(_forces(tree))
+    else:
+        try:
+            expanded = parse(Source("<contact>", found.text)).sections
+        except SpecError as error:  # a name such as that of a function
+            wrong = error.diagnostics[0]
+            at = found.origin(wrong.span.start if wrong.span is not None else 0) or first
+            diagnostics.error(wrong.message, at.start, at.end)
+        for section in expanded:
+            found.place(section, first)
     sections: list[syntax.Section] = []
     for section in tree.sections:
         if section is first:
             sections += expanded
         elif section.kind != "contact":
             sections.append(section)
-    return syntax.SpecTree(tree.source, sections, tree.damaged)
+    return syntax.SpecTree(tree.source, sections, damaged)
 
 
 def plain_text(tree: syntax.SpecTree, overrides: Mapping[str, float]) -> str:
@@ -62,7 +72,8 @@ def plain_text(tree: syntax.SpecTree, overrides: Mapping[str, float]) -> str:
     diagnostics = Diagnostics(tree.source)
     text = tree.source.text
     found = [section for section in tree.sections if section.kind == "contact"]
-    expanded = expansion(tree, overrides, diagnostics) if found else ""
+    written = expansion(tree, overrides, diagnostics) if found else None
+    expanded = "" if written is None else written.text
     if diagnostics.error_count:
         raise SpecError(diagnostics.errors())
     for section in reversed(found):
@@ -73,45 +84,110 @@ def plain_text(tree: syntax.SpecTree, overrides: Mapping[str, float]) -> str:
     return text
 
 
-def expansion(tree: syntax.SpecTree, overrides: Mapping[str, float], diagnostics: Diagnostics) -> str:
-    """The plain statements that all contact sections of a spec stand for together; mistakes are noted."""
+def expansion(
+    tree: syntax.SpecTree, overrides: Mapping[str, float], diagnostics: Diagnostics
+) -> Expansion | None:
+    """The plain statements that all contact sections of a spec stand for; None after mistakes, which are noted."""
     # Ranges and poses are worked out in a trial of the rest of the spec; its mistakes are told in the real one.
-    trial = _trial(tree, overrides, diagnostics)
+    trial = _trial(tree, overrides)
     contacts = _contacts(tree, trial, diagnostics)
+    _check_expressions(tree, trial, diagnostics)
     if diagnostics.error_count:
-        return ""
-    return "\n".join(Writer(contacts, Mechanics(tree, trial, contacts), trial.n).lines()) + "\n"
+        return None
+    return Expansion(Writer(contacts, Mechanics(tree, trial, contacts), trial.n).lines())
 
 
-def _place(node: object, at: syntax.Node, text: str) -> None:
-    """Give a node and all below the place of the contact section; relations remember how they are written."""
-    if isinstance(node, list | tuple):
-        for part in node:
-            _place(part, at, text)
-    elif isinstance(node, syntax.Node):
-        if isinstance(node, syntax.Relation):
-            node.written = text[node.start : node.end]
-        node.start, node.end = at.start, at.end
-        for name in node.__dataclass_fields__:
-            if name not in ("start", "end"):
-                _place(getattr(node, name), at, text)
+class Expansion:
+    """What contact sections stand for: its text, and for each line the statement that it is there for."""
+
+    def __init__(self, lines: Iterable[Line]) -> None:
+        texts, self._starts, self._origins = [], list[int](), list[syntax.Node | None]()
+        at = 0
+        for text, origin in lines:
+            texts.append(f"{text}\n")
+            self._starts.append(at)
+            self._origins.append(origin)
+            at += len(text) + 1
+        self.text = "".join(texts)
+
+    def origin(self, offset: int) -> syntax.Node | None:
+        """What the character of the text at an offset is there for; None for the head of a section."""
+        return self._origins[bisect_right(self._starts, offset) - 1]
+
+    def place(self, node: object, otherwise: syntax.Node) -> None:
+        """Give a node and all below the place of its origin; relations remember how they are written."""
+        if isinstance(node, list | tuple):
+            for part in node:
+                self.place(part, otherwise)
+        elif isinstance(node, syntax.Node):
+            if isinstance(node, syntax.Relation):
+                node.written = self.text[node.start : node.end]
+            at = self.origin(node.start) or otherwise
+            node.start, node.end = at.start, at.end
+            for name in node.__dataclass_fields__:
+                if name not in ("start", "end"):
+                    self.place(getattr(node, name), otherwise)
 
 
 # ---------------------------------------------------------------- reading the section
 
 
-def _trial(tree: syntax.SpecTree, overrides: Mapping[str, float], diagnostics: Diagnostics) -> Context:
-    names = [
-        statement.name.name
+def _declarations(tree: syntax.SpecTree) -> list[syntax.ContactDeclaration]:
+    return [
+        statement
         for block in tree.blocks("contact")
         for statement in block.statements
         if isinstance(statement, syntax.ContactDeclaration)
     ]
-    unknown = [f"{name}_{part}" for name in names for part in ("fx", "fz", "my")]
+
+
+def _forces(tree: syntax.SpecTree) -> list[str]:
+    """The names of all force variables that contacts may bring."""
+    return [f"{one.name.name}_{part}" for one in _declarations(tree) for part in ("fx", "fz", "my")]
+
+
+def _trial(tree: syntax.SpecTree, overrides: Mapping[str, float]) -> Context:
+    """The rest of the spec, as far as its definitions."""
+    unknown = _forces(tree)
     sections = [section for section in tree.sections if section.kind != "contact"]
     if unknown:
         sections += parse(Source("<contact>", f"variables: {', '.join(unknown)};")).sections
-    return Context(syntax.SpecTree(tree.source, sections, tree.damaged), overrides, Diagnostics(tree.source))
+    trial = Context(syntax.SpecTree(tree.source, sections, tree.damaged), overrides, Diagnostics(tree.source))
+    define(trial, lambda expression: any(_is_integral(part) for part in syntax.walk(expression)))
+    return trial
+
+
+def _is_integral(node: syntax.Expression) -> bool:
+    return isinstance(node, syntax.Call) and node.function == "integral"
+
+
+def _check_expressions(tree: syntax.SpecTree, trial: Context, diagnostics: Diagnostics) -> None:
+    """Note what makes no sense in poses, options and places, where it stands."""
+    builder = trial.builder
+    builder.diagnostics = diagnostics
+    for block in tree.blocks("contact"):
+        for statement in block.statements:
+            found: list[syntax.Expression] = []
+            if isinstance(statement, syntax.ContactDeclaration):
+                found = [*statement.pose, *(value for _, value in statement.options if value is not None)]
+            elif isinstance(statement, syntax.ContactPlace):
+                found = statement.at
+            for expression in found:
+                builder.poisoned = False
+                builder.build(expression)
+            if isinstance(statement, syntax.ContactDeclaration):
+                _check_options(statement, trial.constants, diagnostics)
+    builder.poisoned = False
+
+
+def _check_options(
+    statement: syntax.ContactDeclaration, constants: Constants, diagnostics: Diagnostics
+) -> None:
+    """No option makes sense below zero."""
+    for name, value in statement.options:
+        number = None if value is None else constants.value_of(value)
+        if value is not None and number is not None and not number >= 0.0:
+            _fail(diagnostics, value, f"`{name.name}` is {number:.12g}", "it has to be 0 or more")
 
 
 def _contacts(tree: syntax.SpecTree, trial: Context, diagnostics: Diagnostics) -> list[Contact]:
@@ -144,7 +220,7 @@ def _contacts(tree: syntax.SpecTree, trial: Context, diagnostics: Diagnostics) -
                     if len(places) > len(found[name].pose):
                         _fail(diagnostics, statement, f"a {found[name].kind} takes no angle")
                     x, (z, angle) = (places[0] if places else None), [*places[1:], "0", "0"][:2]
-                    found[name].phases.append(Phase(where, block.header, x, z, angle))
+                    found[name].phases.append(Phase(where, block.header, statement, x, z, angle))
     for contact in found.values():
         _order(contact, diagnostics)
     return list(found.values())

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from stc.language import syntax
 from stc.language.context import Context
-from stc.language.definition_values import define
 from stc.language.show import show_expression, show_header
 from stc.problem import ConstantRef, FrameRange, VariableRef
 from stc.records import dataclass, field
@@ -34,6 +33,7 @@ class Phase:
 
     frames: FrameRange
     header: syntax.RangeHeader
+    statement: syntax.ContactPlace
     x: str | None
     z: str
     angle: str
@@ -84,7 +84,6 @@ class Mechanics:
     """The coordinates of the Lagrangian, what is under `forces:`, and how contacts move with coordinates."""
 
     def __init__(self, tree: syntax.SpecTree, trial: Context, contacts: Sequence[Contact]) -> None:
-        define(trial, lambda expression: any(_is_integral(part) for part in syntax.walk(expression)))
         builder = trial.builder
         energies = [
             builder.build(statement.operands[0])
@@ -125,11 +124,10 @@ def _variables_in(e: Expr) -> list[str]:
     return [key.name for key in symbols(e) if isinstance(key, VariableRef)]
 
 
-def _is_integral(node: syntax.Expression) -> bool:
-    return isinstance(node, syntax.Call) and node.function == "integral"
-
-
 # ------------------------------------------------------------------------- writing it out
+
+Line = tuple[str, syntax.Node | None]
+"""A line of what contacts stand for, and the statement of the section that it is there for; None for a head."""
 
 
 class Writer:
@@ -138,37 +136,43 @@ class Writer:
     def __init__(self, contacts: Sequence[Contact], mechanics: Mechanics, n: int) -> None:
         self.contacts, self.mechanics, self.n = contacts, mechanics, n
 
-    def lines(self) -> Iterator[str]:
+    def lines(self) -> Iterator[Line]:
         """The sections, line by line."""
-        yield "variables:"
-        yield f"  {', '.join(force for contact in self.contacts for force in contact.forces)};"
-        impulses = [name for c in self.contacts for p in c.phases if p.landing for name in c.impulses(p)]
-        if impulses:
-            yield "parameters:"
-            yield f"  {', '.join(impulses)};"
+        yield "variables:", None
+        for contact in self.contacts:
+            yield f"  {', '.join(contact.forces)};", contact.statement
+        landings = [
+            (contact, phase) for contact in self.contacts for phase in contact.phases if phase.landing
+        ]
+        if landings:
+            yield "parameters:", None
+        for contact, phase in landings:
+            yield f"  {', '.join(contact.impulses(phase))};", phase.statement
         yield from _section("definitions", self.shares())
         yield from _section("forces", self.generalised())
         yield from _section("jumps", self.jumps())
         yield from _section("guess", self.guesses())
-        yield "constraints:"
+        yield "constraints:", None
         for contact in self.contacts:
             yield from self.statements(contact)
         yield from self.impacts()
         yield from _section("objective", self.prices())
 
-    def shares(self) -> Iterator[str]:
+    def shares(self) -> Iterator[Line]:
         """The share of each flight that is over at frame i."""
         for contact in self.contacts:
             for number, (before, after) in enumerate(zip(contact.phases, contact.phases[1:]), 1):
                 first = "i" if before.last == "0" else f"(i - {_term(before.last)})"
-                yield f"  {contact.name}_s{number} = {first}/({after.first} - {_term(before.last)});"
+                share = f"{contact.name}_s{number} = {first}/({after.first} - {_term(before.last)})"
+                yield f"  {share};", after.statement
 
-    def generalised(self) -> Iterator[str]:
+    def generalised(self) -> Iterator[Line]:
         """`q: ...;` per coordinate that a contact moves with."""
         for coordinate in self.mechanics.coordinates:
-            terms = [t for c in self.contacts for t in self.terms(c, c.forces, coordinate)]
+            terms = [(t, c) for c in self.contacts for t in self.terms(c, c.forces, coordinate)]
             if terms:
-                yield f"  {coordinate}: {' + '.join(terms)};"
+                text = " + ".join(term for term, _ in terms)
+                yield f"  {coordinate}: {text};", terms[0][1].statement
 
     def terms(self, contact: Contact, names: Sequence[str], coordinate: str) -> list[str]:
         """The generalised force or impulse on a coordinate, by virtual work."""
@@ -179,28 +183,28 @@ class Writer:
                 found.append(name if share == "1" else f"({share})*{name}")
         return found
 
-    def switches(self) -> Iterator[tuple[int, str, list[str]]]:
-        """Frames at which a contact ends or begins: number, text, quantities that jump."""
+    def switches(self) -> Iterator[tuple[Phase, int, str, list[str]]]:
+        """Frames at which a contact ends or begins: of which phase, number, text, quantities that jump."""
         drives = self.mechanics.drives
         for contact in self.contacts:
             for phase in contact.phases:
                 if phase.frames.first > 0:
                     speeds = [f"{q}'" for q in self.mechanics.coordinates] if phase.landing else []
                     all_forces = [force for c in self.contacts for force in c.forces]
-                    yield phase.frames.first, phase.first, [*speeds, *all_forces, *drives]
+                    yield phase, phase.frames.first, phase.first, [*speeds, *all_forces, *drives]
                 if phase.frames.last < self.n:
                     # pressure and friction fade until a foot lifts off; what holds a pin can let go at once
                     jumping = [c for c in self.contacts if c is not contact or c.kind == "pin"]
                     forces = [force for c in jumping for force in c.forces]
-                    yield phase.frames.last, phase.last, [*forces, *drives]
+                    yield phase, phase.frames.last, phase.last, [*forces, *drives]
 
-    def jumps(self) -> Iterator[str]:
+    def jumps(self) -> Iterator[Line]:
         """Motors may jump where a contact ends, its forces too where one begins, speeds at an impact."""
-        for _, frame, names in sorted(self.switches(), key=lambda switch: switch[0]):
+        for phase, _, frame, names in sorted(self.switches(), key=lambda switch: switch[1]):
             if names:
-                yield f"  [{frame}]: {', '.join(names)};"
+                yield f"  [{frame}]: {', '.join(names)};", phase.statement
 
-    def guesses(self) -> Iterator[str]:
+    def guesses(self) -> Iterator[Line]:
         """Standing under its weight, flying along a parabola."""
         for contact in self.contacts:
             weight = self.mechanics.weight(contact)
@@ -209,7 +213,7 @@ class Writer:
                 if weight and contact.kind != "pin":
                     lines.append(f"{contact.forces[1]} = {weight};")
                 if lines:
-                    yield f"  {show_header(phase.header)} {' '.join(lines)}"
+                    yield f"  {show_header(phase.header)} {' '.join(lines)}", phase.statement
             for number, (before, after) in enumerate(zip(contact.phases, contact.phases[1:]), 1):
                 lines = []
                 s = f"{contact.name}_s{number}"
@@ -221,42 +225,54 @@ class Writer:
                 if len(contact.pose) > 2 and contact.pose[2] in self.mechanics.coordinates:
                     lines.append(f"{contact.pose[2]} = {_between(before.angle, after.angle, s)};")
                 if lines:
-                    yield f"  [{before.last}, {after.first}]: {' '.join(lines)}"
+                    yield f"  [{before.last}, {after.first}]: {' '.join(lines)}", after.statement
 
     def at(self, contact: Contact, phase: Phase) -> list[tuple[str, str]]:
         """Each part of the pose that a phase fixes, with its value."""
         values = [phase.x, phase.z, phase.angle][: len(contact.pose)]
         return [(part, value) for part, value in zip(contact.pose, values) if value is not None]
 
-    def statements(self, contact: Contact) -> Iterator[str]:
+    def statements(self, contact: Contact) -> Iterator[Line]:
         """One contact's constraints, phase by phase and flight by flight."""
-        pose = [_whole(part) for part in contact.pose]
         previous: Phase | None = None
         for phase in contact.phases:
             yield from self.flight(contact, previous, phase)
-            yield f"  {show_header(phase.header)}"
-            yield "    " + " ".join(f"{part}'' = 0;" for part in pose)
-            for line in _cone(contact, contact.forces):
-                yield f"    {line}"
-            yield f"  [{phase.first}]:"
-            yield "    " + " ".join(f"{part} = {value};" for part, value in self.at(contact, phase))
-            if not phase.landing:
-                yield "    " + " ".join(f"{part}' = 0;" for part in pose)
-            else:
-                yield "    " + " ".join(f"after({part}') = 0;" for part in pose)
-                limits = ["speed", "speed", "spin"][: len(pose)]
-                found = [
-                    f"-{contact.options[limit]} <= before({part}') <= {contact.options[limit]};"
-                    for part, limit in zip(pose, limits)
-                    if limit in contact.options
-                ]
-                if found:
-                    yield "    " + " ".join(found)
+            for line in self.standing(contact, phase):
+                yield line, phase.statement
             previous = phase
         yield from self.flight(contact, previous, None)
 
-    def flight(self, contact: Contact, before: Phase | None, after: Phase | None) -> Iterator[str]:
+    def standing(self, contact: Contact, phase: Phase) -> Iterator[str]:
+        """What holds on one phase, and where it begins."""
+        pose = [_whole(part) for part in contact.pose]
+        yield f"  {show_header(phase.header)}"
+        yield "    " + " ".join(f"{part}'' = 0;" for part in pose)
+        for line in _cone(contact, contact.forces):
+            yield f"    {line}"
+        yield f"  [{phase.first}]:"
+        yield "    " + " ".join(f"{part} = {value};" for part, value in self.at(contact, phase))
+        if not phase.landing:
+            yield "    " + " ".join(f"{part}' = 0;" for part in pose)
+        else:
+            yield "    " + " ".join(f"after({part}') = 0;" for part in pose)
+            limits = ["speed", "speed", "spin"][: len(pose)]
+            found = [
+                f"-{contact.options[limit]} <= before({part}') <= {contact.options[limit]};"
+                for part, limit in zip(pose, limits)
+                if limit in contact.options
+            ]
+            if found:
+                yield "    " + " ".join(found)
+
+    def flight(self, contact: Contact, before: Phase | None, after: Phase | None) -> Iterator[Line]:
         """Between two phases, or before the first or after the last: no force, and room below."""
+        phase = after or before
+        assert phase is not None
+        for line in self.flying(contact, before, after):
+            yield line, phase.statement
+
+    def flying(self, contact: Contact, before: Phase | None, after: Phase | None) -> Iterator[str]:
+        """The lines of that."""
         first = 0 if before is None else before.frames.last
         last = self.n if after is None else after.frames.first
         if first == last:
@@ -277,7 +293,7 @@ class Writer:
         for end in ends:
             yield f"    {end} >= {ground};"
 
-    def prices(self) -> Iterator[str]:
+    def prices(self) -> Iterator[Line]:
         """What the speed of landing costs."""
         for contact in self.contacts:
             for phase in contact.phases:
@@ -285,9 +301,10 @@ class Writer:
                     speeds = [f"before({_whole(part)}')^2" for part in contact.pose[:2]]
                     if len(contact.pose) > 2:
                         speeds.append(f"({contact.options['half']}*before({_whole(contact.pose[2])}'))^2")
-                    yield f"  [{phase.first}]: {contact.options['landing']}*({' + '.join(speeds)});"
+                    price = f"{contact.options['landing']}*({' + '.join(speeds)})"
+                    yield f"  [{phase.first}]: {price};", phase.statement
 
-    def impacts(self) -> Iterator[str]:
+    def impacts(self) -> Iterator[Line]:
         """Where something lands: impulses within their cones, and the balance of every momentum."""
         landing: dict[int, list[tuple[Contact, Phase]]] = {}
         for contact in self.contacts:
@@ -295,10 +312,11 @@ class Writer:
                 if phase.landing:
                     landing.setdefault(phase.frames.first, []).append((contact, phase))
         for frame in sorted(landing):
-            yield f"  [{landing[frame][0][1].first}]:"
+            first = landing[frame][0][1]
+            yield f"  [{first.first}]:", first.statement
             for contact, phase in landing[frame]:
                 for line in _cone(contact, contact.impulses(phase)):
-                    yield f"    {line}"
+                    yield f"    {line}", phase.statement
             for coordinate in self.mechanics.coordinates:
                 given = [
                     term
@@ -306,13 +324,13 @@ class Writer:
                     for term in self.terms(contact, contact.impulses(phase), coordinate)
                 ]
                 terms = " + ".join([f"before(momentum({coordinate}))", *given])
-                yield f"    after(momentum({coordinate})) = {terms};"
+                yield f"    after(momentum({coordinate})) = {terms};", first.statement
 
 
-def _section(name: str, lines: Iterator[str]) -> Iterator[str]:
+def _section(name: str, lines: Iterator[Line]) -> Iterator[Line]:
     found = list(lines)
     if found:
-        yield f"{name}:"
+        yield f"{name}:", None
         yield from found
 
 

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.language.statements import statement_text
+from stc.language.syntax import Node
 from stc.problem import ConstantRef, ParameterRef
 from stc.records import dataclass, field
 from stc.solver.convexity import is_convex
@@ -45,7 +47,7 @@ class Culprit:
 
     Attributes:
         kind: ``conflict``, ``residual``, ``dependent`` or ``undefined``.
-        statement: its text, or what the transcription calls a row of its own.
+        statement: its text; in words for a row of the transcription itself.
         file, line, column: where it stands; "" and 0 for the transcription's rows.
         frame: the frame that stands out, a half more at midpoints; None in a problem without frames.
         side: ``before`` or ``after`` where that frame jumps.
@@ -245,8 +247,9 @@ class _Search:
         owner = int(self.ownership.row_owner[row])
         place = self.ownership.place(row) if self.problem.n else None
         if owner == LINK:
-            name = self.ownership.label(row)
-            return self._written(kind, name, "", 0, 0, place, residual, note)
+            name = self.ownership.label(row).removeprefix("link of ")
+            rule = f"the method's rule that leads from {name} by {name}' to the next frame"
+            return self._written(kind, rule, "", 0, 0, place, residual, note)
         return self._culprit(kind, owner, place, residual, note)
 
     # -- words -------------------------------------------------------------------------------------------------
@@ -256,8 +259,11 @@ class _Search:
     ) -> Culprit:
         stated = self.problem.relations[relation]
         span = stated.span
+        cause = statement_text(span.source, Node(span.start, span.end))
+        if cause == stated.text or stated.coordinate:
+            cause = ""
         return self._written(
-            kind, stated.text, span.source.name, span.line, span.column, place, residual, note
+            kind, stated.text, span.source.name, span.line, span.column, place, residual, note, cause
         )
 
     def _written(
@@ -270,12 +276,19 @@ class _Search:
         place: Place | None,
         residual: float | None,
         note: str,
+        cause: str = "",
     ) -> Culprit:
-        short = statement if len(statement) <= LONGEST else f"{statement[: LONGEST - 3]}..."
+        """A culprit with its line of text; ``cause`` is the statement that it is written out from, if there is one."""
+        short = _shortened(statement)
         head = f"{file}:{line}:{column}: `{short}`" if file else f"({short})"
+        head += f" (from `{_shortened(cause)}`)" if cause else ""
         if kind in ("undefined", "dependent"):
             note = {"undefined": "undefined or without slope", "dependent": "dependent"}[kind]
         tail = " ".join(part for part in (note, f"at {place}" if place is not None else "") if part)
         frame, side = (None, "") if place is None else (place.frame, place.side)
         text = f"{head} {tail}".rstrip()
         return Culprit(kind, statement, file, line, column, frame, side, residual, text)
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."

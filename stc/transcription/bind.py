@@ -27,8 +27,8 @@ from stc.transcription.evaluation import Piece, copied_within, evaluator, fill_c
 from stc.transcription.grid import Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import DataRef, data_values
-from stc.transcription.statements import Bound as BoundStatement
 from stc.transcription.statements import LINK, Statements
+from stc.transcription.statements import Bound as BoundStatement
 from stc.transcription.steps import Steps
 from stc.transcription.wanted import Wanted
 

@@ -9,6 +9,9 @@ import stc
 from stc.errors import Source, SpecError
 from stc.language import parse, read_problem
 from stc.language.contact import plain_text
+from stc.language.diagnostics import Diagnostics
+from stc.language.elaborate import elaborate_with_recovery
+from stc.studies.blame import blame
 
 HOPPER = """\
 constants: n = 24, na = 8, nb = 16, D = 0.3, g = 9.81, m = 2, I = 0.05, h = 0.05;
@@ -99,6 +102,8 @@ def test_a_soft_landing_needs_no_impulse() -> None:
         ("[0, na]: sole at 0;", "[0, nb]: sole at 0;", "with no frames between"),
         ("[0, na]: sole at 0;\n  [nb, n]: sole at D;", "", "stands nowhere"),
         ("method: trapezoidal", "method: central", "knows no jumps"),
+        ("friction = 0.5", "friction = -D", "`friction` is -0.3"),
+        ("half = 0.1", "half = 1/0", "division by zero"),
     ],
 )
 def test_mistakes_are_told_where_they_are(old: str, new: str, message: str) -> None:
@@ -108,6 +113,61 @@ def test_mistakes_are_told_where_they_are(old: str, new: str, message: str) -> N
     span = caught.value.diagnostics[0].span
     assert span is not None
     assert span.line >= 3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message", "where"),
+    [
+        ("foot(x, z, th)", "foot(x, z, q)", "`q` is not declared", "q)"),
+        ("friction = 0.5", "friction = mu", "`mu` is not declared", "mu"),
+        ("friction = 0.5", "friction = -0.5", "`friction` is -0.5", "-0.5"),
+        ("clearance = 0.02", "clearance = -g", "`clearance` is -9.81", "-g"),
+        ("sole at D;", "sole at E;", "`E` is not declared", "E;"),
+        ("D = 0.3, g", "D = 0.3, k = 1, g", "the constant `k` is not used", "k ="),
+    ],
+)
+def test_expressions_of_a_contact_are_told_where_they_stand(
+    old: str, new: str, message: str, where: str
+) -> None:
+    text = HOPPER.replace(old, new)
+    diagnostics = Diagnostics(Source("hopper", text))
+    elaborate_with_recovery(parse(diagnostics.source), {}, None, diagnostics)
+    found = [(one.message, one.span.start) for one in diagnostics.items if one.span is not None]
+    at = text.index(new) + new.index(where)
+    assert found == [(message, at)]
+
+
+def test_forces_of_a_contact_that_makes_no_sense_are_not_called_undeclared_on_top() -> None:
+    text = HOPPER.replace("foot(x, z, th)", "foot(x, z, q)") + "constraints: sole_fz <= 100;\n"
+    with pytest.raises(SpecError) as caught:
+        read_problem(Source("hopper", text))
+    assert [one.message for one in caught.value.diagnostics] == ["`q` is not declared"]
+
+
+def test_statements_stand_at_the_phase_that_they_are_there_for() -> None:
+    problem = read_problem(Source("hopper", HOPPER))
+    lines: dict[str, set[str]] = {}
+    for relation in problem.relations:
+        if not relation.coordinate:
+            lines.setdefault(relation.text, set()).add(relation.span.text)
+    first, second = "sole at 0", "sole at D"
+    assert lines["x = 0"] == lines["x' = 0"] == {first}
+    assert lines["x = D"] == lines["after(x') = 0"] == lines["sole_jx1 <= 0.5*sole_jz1"] == {second}
+    assert lines["x'' = 0"] == lines["sole_fx <= 0.5*sole_fz"] == {first, second}
+    # In flight it is on its way to the second one.
+    assert lines["sole_fx = 0"] == {second}
+    assert {"after(momentum(x)) = before(momentum(x)) + sole_jx1"} <= lines.keys()
+
+
+def test_a_conflict_says_which_phase_its_statements_are_from() -> None:
+    # From rest to rest 0.3 away in four tenths of a second, with thrusters that hardly push.
+    text = HOPPER + "constraints: -0.1 <= fx <= 0.1; sole_fx = 0;\n"
+    model = stc.load(text)
+    found = blame(model, model.solve())
+    assert found is not None
+    said = [one.text for one in found.culprits]
+    assert any("`x = D` (from `sole at D`)" in one for one in said), said
+    assert all("<text>:6:1" not in one for one in said)
 
 
 def test_momentum_is_the_derivative_of_the_lagrangian() -> None:

@@ -34,9 +34,7 @@ def refused(statement: str, head: str = HEAD) -> stc.EvaluationError:
         ("sin(x) >= lim", {"lim": float("inf")}, "`inf` is no number"),
     ],
 )
-def test_constants_without_a_value_are_an_error(
-    statement: str, values: dict[str, float], hint: str
-) -> None:
+def test_constants_without_a_value_are_an_error(statement: str, values: dict[str, float], hint: str) -> None:
     error = refused(statement)
     assert error.message == "this has no value"
     assert (error.expression, error.frame, error.values) == (statement, 0.0, values)
