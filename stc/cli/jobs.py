@@ -272,6 +272,10 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         )
         solution = found.solution
         if file is not None:
+            if solution.status != "optimal":
+                from stc.cli.keeping import keep_optimal
+
+                keep_optimal(file, solution.status)
             keep = solution.save if profile is None else profile.saving.over(solution.save)
             keep(file)
     warnings = _stated_warnings(model, options)

@@ -92,6 +92,7 @@ def _check(target: str, window: Window, live: bool) -> None:
 
 def _live(target: str, options: SolveOptions, window: Window) -> int:
     """Show a solve; what it hands over is saved."""
+    from stc.cli.keeping import keep_optimal
     from stc.solver.optimizers import DEFAULT
     from stc.viewer.live import LiveSolve
 
@@ -99,9 +100,14 @@ def _live(target: str, options: SolveOptions, window: Window) -> int:
     if model.problem(options.method).model is None:
         raise UsageError(f"{model.name} has no `replay:` section that names a model to show it with")
     file = options.output or writable_solution(f"{model.name}.npz")
+
+    def keep(solution: Solution) -> None:
+        keep_optimal(file, solution.status)
+        solution.save(file)
+
     solve = LiveSolve(
         model,
-        keep=lambda solution: solution.save(file),
+        keep=keep,
         method=options.method,
         tolerance=options.tolerance,
         max_iterations=options.max_iterations,

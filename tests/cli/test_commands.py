@@ -158,6 +158,28 @@ def test_what_did_not_converge_says_so_and_is_saved(stc_: Stc) -> None:
     assert "iteration_limit" in out
 
 
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+def test_what_did_not_converge_does_not_cost_an_optimal_solution(stc_: Stc, suffix: str) -> None:
+    target = ("-o", f"rest{suffix}")
+    assert stc_("solve", "rest", *target)[2] == ""
+    best = Path(f"rest{suffix}").read_bytes()
+    status, _, err = stc_("solve", "rest", "--max-iterations", "0", *target)
+    kept = Path(f"rest.optimal{suffix}")
+    assert (status, err.strip()) == (
+        1,
+        f"note: rest{suffix} held an optimal solution, which this one is not: it is kept as {kept}",
+    )
+    assert kept.read_bytes() == best
+    assert stc.read(f"rest{suffix}").status == "iteration_limit"
+    # The next failure has nothing to keep, and what was kept stays; so it does beside the next success.
+    assert stc_("solve", "rest", "--max-iterations", "0", *target)[2] == ""
+    assert stc_("solve", "rest", *target)[2] == ""
+    assert kept.read_bytes() == best
+    # What cannot be read is nothing to keep.
+    Path(f"rest{suffix}").write_text("no solution")
+    assert stc_("solve", "rest", "--max-iterations", "0", *target)[::2] == (1, "")
+
+
 def test_infeasible_is_an_outcome_and_no_mistake(stc_: Stc) -> None:
     status, out, _ = stc_("solve", "infeasible", "--json")
     record = last_line(out)
