@@ -91,6 +91,22 @@ def nearest_name(name: str, candidates: Iterable[str]) -> str | None:
     return best
 
 
+#: How a time derivative is called where there is no prime, by its order.
+_DERIVATIVES = (
+    (1, ("{}_dot", "{}dot", "d{}", "d{}_dt", "d{}dt", "{}_d", "{}_prime")),
+    (2, ("{}_ddot", "{}ddot", "dd{}", "d2{}", "d2{}_dt2", "d2{}dt2", "{}_dd", "{}_dotdot")),
+)
+
+
+def derivative_meant(name: str, variables: Iterable[str]) -> str:
+    """The hint for an undeclared name that is made of a variable's as those of its derivatives often are, or ''."""
+    for variable in variables:
+        for order, shapes in _DERIVATIVES:
+            if name in [shape.format(variable) for shape in shapes]:
+                return f"the {'second ' * (order == 2)}derivative of `{variable}` is `{variable}{order * chr(39)}`"
+    return ""
+
+
 def did_you_mean(name: str, candidates: Iterable[str]) -> str:
     """``did you mean `x`?`` for the nearest candidate, or an empty text."""
     found = nearest_name(name, candidates)

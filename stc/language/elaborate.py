@@ -98,7 +98,7 @@ class _Elaborator(Context):
         relations = [*equations_of_motion(self), *self._constraints()]
         objective = self._objective()
         guesses = self._guesses()
-        model, replay = self._replay()
+        model_file, replay = self._replay()
         if self.diagnostics.error_count:
             return None
         problem = Problem(
@@ -117,7 +117,8 @@ class _Elaborator(Context):
             objective=objective,
             guesses=guesses,
             jumps=jumps,
-            model=model,
+            model=None if model_file is None else model_file.path,
+            model_span=None if model_file is None else self.span(model_file),
             replay=replay,
             macros=self.builder.macros,
         )
@@ -279,7 +280,7 @@ class _Elaborator(Context):
                 return False
         return True
 
-    def _replay(self) -> tuple[str | None, list[ReplayChannel]]:
+    def _replay(self) -> tuple[syntax.ModelFile | None, list[ReplayChannel]]:
         model: syntax.ModelFile | None = None
         channels: dict[tuple[str, ...], ReplayChannel] = {}
         for block in self.tree.blocks("replay"):
@@ -305,7 +306,7 @@ class _Elaborator(Context):
             self.diagnostics.error(
                 "the replay has no model", first.start, first.end, 'add `model = "file.xml";`'
             )
-        return (model.path if model is not None else None), list(channels.values())
+        return model, list(channels.values())
 
     def _channel(self, statement: syntax.Channel) -> ReplayChannel | None:
         self.builder.poisoned = False

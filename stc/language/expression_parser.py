@@ -11,10 +11,12 @@ import math
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.lexer import Tokens
-from stc.language.words import SECTIONS
+from stc.language.words import DEGREES, MAXIMISING, MINIMISING, SECTIONS, UNITS
 
 #: Parentheses, calls, indices and exponents within each other: more is refused (and never needed).
 MAX_NESTING = 100
+
+MAXIMUM_HINT = "what stands under `objective:` is minimised: for the largest `e`, write `-(e)`"
 
 RELATIONS = frozenset(("=", "<=", ">="))
 OPERAND_STARTS = frozenset(("name", "number", "(", "string"))
@@ -103,8 +105,18 @@ class ExpressionParser:
         hint = ""
         if self.kind == "string":
             hint = "a second derivative is written with two `'`"
+        elif self.kind == "name" and previous == "number" and self.token_text(self.at) in DEGREES:
+            hint = f"angles are in radians: `{self.token_text(self.at - 1)}*pi/180`"
+        elif self.kind == "name" and previous == "number" and self.token_text(self.at) in UNITS:
+            hint = "units are not written; write `*` to multiply"
         elif self.kind in ("name", "(") and previous in ("number", ")", "]", "prime"):
             hint = "write `*` to multiply"
+        elif self.kind == "name" and self.token_text(self.at - 1) in MAXIMISING:
+            hint = MAXIMUM_HINT
+        elif self.kind == "name" and self.token_text(self.at - 1) in MINIMISING:
+            hint = "what stands under `objective:` is minimised: write it alone"
+        elif self.kind == ",":
+            hint = self.decimal_hint(self.at)
         elif self.kind == "number" and previous in (")", "]", "prime"):
             hint = "write `*` to multiply, `^` for a power"
         elif self.kind == "number" and touching:
@@ -120,6 +132,17 @@ class ExpressionParser:
         elif self.kind == ":":
             hint = did_you_mean(self.token_text(self.at - 1), SECTIONS) if previous == "name" else ""
         raise self.fail(f"expected an operator or {what}, found {self.described()}", hint)
+
+    def decimal_hint(self, comma: int) -> str:
+        """What to say of a `,` within a number; empty where the token is none."""
+        around = self.kinds[comma - 1 : comma + 2]
+        close = self.ends[comma - 1] == self.starts[comma] and self.ends[comma] == self.starts[comma + 1]
+        if comma < 1 or not close or around != ["number", ",", "number"]:
+            return ""
+        whole, rest = self.token_text(comma - 1), self.token_text(comma + 1)
+        if len(rest) == 3 and rest.isdigit() and not whole.startswith("0"):
+            return f"thousands are not separated: write `{whole}{rest}`, or `{whole}.{rest}` with a decimal point"
+        return f"the decimal point is a `.`: write `{whole}.{rest}`"
 
     # ------------------------------------------------------------- expressions
 

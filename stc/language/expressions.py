@@ -11,7 +11,7 @@ from typing import Any
 from stc.language import syntax
 from stc.language.constants import Constants
 from stc.language.definitions import runs
-from stc.language.diagnostics import Diagnostics, did_you_mean
+from stc.language.diagnostics import Diagnostics, derivative_meant, did_you_mean
 from stc.language.names import NameTable
 from stc.language.numbers import arity_message
 from stc.language.positions import Positions
@@ -167,7 +167,12 @@ class ExpressionBuilder:
         if name not in self.constants.reported and name not in self.constants.damaged and name != "n":
             self.constants.reported.add(name)
             known = [*self.table.entries, *RESERVED, "n", "h"]
-            hint = did_you_mean(name, known) or "declare it under `constants:`, `variables:` or `parameters:`"
+            hint = (
+                derivative_meant(name, self.table.of_kind("variable"))
+                or (name == "dt" and "the time from one frame to the next is `h`; a derivative is `x'`")
+                or did_you_mean(name, known)
+                or "declare it under `constants:`, `variables:` or `parameters:`"
+            )
             return self.fail(node, f"`{name}` is not declared", hint)
         return UNKNOWN
 

@@ -124,6 +124,7 @@ def _bad_character(text: str, position: int, diagnostics: Diagnostics) -> int:
         "\\": "a statement may go on over several lines without any mark",
         "`": "write the plain `'`",
         "!": "comments start with `#`",
+        "°": "angles are in radians: 30 degrees are `30*pi/180`",
     }.get(shown, "")
     diagnostics.error(f"unexpected character `{shown}`", position, end, hint)
     return end

@@ -9,10 +9,16 @@ from __future__ import annotations
 from stc.errors import Source, SpecError
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, did_you_mean, nearest_name
-from stc.language.expression_parser import OPERAND_STARTS, RELATIONS, ExpressionParser, Misread
+from stc.language.expression_parser import (
+    MAXIMUM_HINT,
+    OPERAND_STARTS,
+    RELATIONS,
+    ExpressionParser,
+    Misread,
+)
 from stc.language.lexer import Tokens, tokenize
 from stc.language.statements import statement_text
-from stc.language.words import COMPLEMENTS, METHODS, REPLAY_KINDS, SECTION_SYNONYMS, SECTIONS
+from stc.language.words import COMPLEMENTS, MAXIMISING, METHODS, REPLAY_KINDS, SECTION_SYNONYMS, SECTIONS
 
 
 def parse(source: Source) -> syntax.SpecTree:
@@ -139,6 +145,8 @@ class _Parser(ExpressionParser):
             )
             known = ", ".join(f"`{word}`" for word, section in SECTIONS.items() if section.supported)
             hint = f"did you mean `{meant}`?" if meant else f"sections are {known}"
+            if name.lower() in MAXIMISING:
+                meant, hint = "objective", MAXIMUM_HINT
             self.diagnostics.error(f"there is no section `{name}`", start, name_end, hint)
             if meant is None:
                 self.skip_to_head()
@@ -211,6 +219,8 @@ class _Parser(ExpressionParser):
 
     def declarations(self, into: list[syntax.Statement], what: str, valued: bool) -> None:
         while True:
+            if self.kind == "number" and (hint := self.decimal_hint(self.at - 1)):
+                raise self.fail(f"expected the name of a {what}, found {self.described()}", hint)
             name = self.name(f"the name of a {what}")
             value: syntax.Expression | None = None
             if self.kind in ("prime", "["):

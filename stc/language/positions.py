@@ -113,6 +113,7 @@ class Positions:
         if first > last:
             if header.last is None:
                 message, hint = f"frame {shown} is not a whole number", "a range `[k]:` stands for one frame"
+                hint = self._not_whole(header.first) or hint
             else:
                 message, hint = f"the range {shown} holds no whole number", "a range is `[first, last]:`"
                 if low > high:
@@ -127,6 +128,15 @@ class Positions:
             return None
         return FrameRange(first, last, Span(self.diagnostics.source, header.start, header.end))
 
+    def _not_whole(self, node: syntax.Expression) -> str:
+        """The hint for a position that is no frame for the values of its constants; empty where it has none."""
+        values = {name: self.constants.values.get(name) for name in syntax.names(node)}
+        known = [f"{name} = {value:.12g}" for name, value in values.items() if value is not None]
+        if not known:
+            return ""
+        text = self.diagnostics.source.text[node.start : node.end]
+        return f"`{text}` is not a whole number for {', '.join(known)}"
+
     def index(self, node: syntax.Expression) -> Position | None:
         """``(scale, shift)`` of an index ``scale*i + shift``, or None after noting what is wrong with it."""
         try:
@@ -139,7 +149,7 @@ class Positions:
         scale, shift = exact(a), exact(b)
         if scale is None or shift is None or (scale.denominator == 1 and shift.denominator != 1):
             shown = f"{b:.12g}" if a == 0 else f"{a:.12g}*i + {b:.12g}"
-            hint = "an index has to be the number of a frame"
+            hint = self._not_whole(node) or "an index has to be the number of a frame"
             self.diagnostics.error(f"the index {shown} is never a whole number", node.start, node.end, hint)
             return None
         n = self.constants.n

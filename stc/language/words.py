@@ -79,6 +79,16 @@ RESERVED = {
     "after": "the value after a jump",
 }
 
+#: What people write after numbers, and where angles are no radians.
+UNITS = frozenset(
+    ("g", "kg", "m", "mm", "cm", "km", "s", "ms", "min", "N", "kN", "Nm", "J", "W", "Hz", "rad")
+)
+DEGREES = frozenset(("deg", "degree", "degrees"))
+
+#: Ways to ask for the largest value of what is minimised.
+MAXIMISING = frozenset(("max", "maximize", "maximise", "maximum"))
+MINIMISING = frozenset(("min", "minimize", "minimise", "minimum"))
+
 #: What people write for functions that the language calls otherwise or does not have.
 FUNCTION_ADVICE = {
     "ln": "the natural logarithm is `log`",
@@ -103,6 +113,10 @@ FUNCTION_ADVICE = {
     "ddot": "the second time derivative of `x` is written `x''`",
     "sum": "an objective is summed over its frames already",
     "int": "the integral of an objective term is written `integral(e)`",
+    "maximize": "what stands under `objective:` is minimised: for the largest `e`, write `-(e)`",
+    "maximise": "what stands under `objective:` is minimised: for the largest `e`, write `-(e)`",
+    "minimize": "what stands under `objective:` is minimised: write it alone",
+    "minimise": "what stands under `objective:` is minimised: write it alone",
     "sec": "write `1/cos(x)`",
     "csc": "write `1/sin(x)`",
     "cot": "write `1/tan(x)`",
