@@ -144,7 +144,14 @@ class SpecError(StcError):
         super().__init__(self.diagnostics)
 
     def __str__(self) -> str:
-        return "\n".join(diagnostic.render() for diagnostic in self.diagnostics)
+        return self.shown()
+
+    def shown(self, most: int | None = None) -> str:
+        """The message with so many mistakes at ``most``, and how many more there are."""
+        lines = [diagnostic.render() for diagnostic in self.diagnostics[:most]]
+        if len(lines) < len(self.diagnostics):
+            lines.append(f"and {len(self.diagnostics) - len(lines)} more mistakes")
+        return "\n".join(lines)
 
 
 class EvaluationError(StcError):

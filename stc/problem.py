@@ -205,7 +205,8 @@ class Problem:
     ``constants`` holds the value of each constant (overrides applied).  ``structural`` names the constants
     whose values shaped this object (ranges, indices, exponents): changing one of those means elaborating
     again, changing any other does not.  ``step`` is the time from a frame to the next, in constants,
-    parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared.
+    parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared, and
+    ``model_span`` where the model is named.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
     others, which occur in no other expression by name.
     """
@@ -229,3 +230,4 @@ class Problem:
     step_span: Span | None = None
     warnings: Sequence[Diagnostic] = field(default_factory=list)
     macros: Mapping[str, Expr] = field(default_factory=dict)
+    model_span: Span | None = None

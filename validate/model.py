@@ -62,7 +62,10 @@ def find_model(name: str, folders: Iterable[str | Path]) -> Path:
     if bundled is not None:
         return bundled
     places = [f"in {folder}" for folder in dict.fromkeys(tried)] + ["among the bundled models"]
-    known = nearest(name, models.names())
+    beside = [path.name for folder in tried for path in sorted(folder.glob("*.xml"))]
+    # A misspelt file that lies beside the spec is likelier to be meant than a bundled one.
+    known = nearest(name, beside) if difflib.get_close_matches(name, beside, n=1) else ""
+    known = known or nearest(name, [*beside, *models.names()])
     raise ModelError(f"there is no model {name}: looked {' and '.join(places)}{known}")
 
 

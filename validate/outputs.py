@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 _AXES = {"x": 0, "y": 1, "z": 2}
 _VELOCITIES = {"vx": 0, "vy": 1, "vz": 2}
 
+#: Finds a value in a simulation whose derived quantities are up to date.
+Read = Callable[["mujoco.MjModel", "mujoco.MjData"], float]
+
 
 @dataclass(frozen=True, slots=True)
 class Output:
@@ -42,7 +45,7 @@ class Output:
 
     line: ReplayChannel
     unit: str
-    read: Callable[[mujoco.MjModel, mujoco.MjData], float]
+    read: Read
 
 
 def compared_outputs(model: mujoco.MjModel, solution: Solution) -> list[Output]:
@@ -51,12 +54,17 @@ def compared_outputs(model: mujoco.MjModel, solution: Solution) -> list[Output]:
     Raises:
         ModelError: an unknown path.
     """
-    return [_output(model, line) for line in lines_of(solution, "compare")]
+    return [Output(line, *find_output(model, line.path)) for line in lines_of(solution, "compare")]
 
 
-def _output(model: mujoco.MjModel, line: ReplayChannel) -> Output:
-    written = f"compare {line.name}"
-    kind, *rest = line.path
+def find_output(model: mujoco.MjModel, path: tuple[str, ...]) -> tuple[str, Read]:
+    """The unit of what a ``compare`` line names, "" for a sensor, and what reads it.
+
+    Raises:
+        ModelError: an unknown path.
+    """
+    written = f"compare {'.'.join(path)}"
+    kind, *rest = path
     if kind not in ("joint", "sensor", "com", "body", "geom", "site"):
         known = ["joint", "body", "geom", "site", "com", "sensor"]
         raise ModelError(f"{written}: {kind} is nothing to compare{nearest(kind, known)}")
@@ -64,45 +72,45 @@ def _output(model: mujoco.MjModel, line: ReplayChannel) -> Output:
         raise ModelError(f"{written}: the name of the {kind} is missing")
     index = find_object(model, "body" if kind == "com" else kind, rest[0], written)
     if kind == "joint":
-        return _joint(model, line, index, rest[1:])
+        return _joint(model, written, index, rest[1:])
     if kind == "sensor":
-        return _sensor(model, line, index, rest[1:])
-    return _point(line, kind, index, rest[1:])
+        return _sensor(model, written, index, rest[1:])
+    return _point(written, kind, index, rest[1:])
 
 
-def _joint(model: mujoco.MjModel, line: ReplayChannel, index: int, rest: list[str]) -> Output:
+def _joint(model: mujoco.MjModel, written: str, index: int, rest: list[str]) -> tuple[str, Read]:
     import mujoco
 
     units = {int(mujoco.mjtJoint.mjJNT_SLIDE): "m", int(mujoco.mjtJoint.mjJNT_HINGE): "rad"}
     unit = units.get(int(model.jnt_type[index]))
     if unit is None:
-        raise ModelError(f"compare {line.name}: a ball or free joint has several coordinates")
+        raise ModelError(f"{written}: a ball or free joint has several coordinates")
     position, velocity = int(model.jnt_qposadr[index]), int(model.jnt_dofadr[index])
     if not rest:
-        return Output(line, unit, lambda _, data: float(data.qpos[position]))
+        return unit, (lambda _, data: float(data.qpos[position]))
     if rest == ["velocity"]:
-        return Output(line, f"{unit}/s", lambda _, data: float(data.qvel[velocity]))
-    raise ModelError(f"compare {line.name}: a joint has its position and .velocity, no .{'.'.join(rest)}")
+        return f"{unit}/s", (lambda _, data: float(data.qvel[velocity]))
+    raise ModelError(f"{written}: a joint has its position and .velocity, no .{'.'.join(rest)}")
 
 
-def _sensor(model: mujoco.MjModel, line: ReplayChannel, index: int, rest: list[str]) -> Output:
+def _sensor(model: mujoco.MjModel, written: str, index: int, rest: list[str]) -> tuple[str, Read]:
     if rest or model.sensor_dim[index] != 1:
-        raise ModelError(f"compare {line.name}: only a sensor with one value can be compared")
+        raise ModelError(f"{written}: only a sensor with one value can be compared")
     address = int(model.sensor_adr[index])
-    return Output(line, "", lambda _, data: float(data.sensordata[address]))
+    return "", (lambda _, data: float(data.sensordata[address]))
 
 
-def _point(line: ReplayChannel, kind: str, index: int, rest: list[str]) -> Output:
+def _point(written: str, kind: str, index: int, rest: list[str]) -> tuple[str, Read]:
     """A world coordinate of a body, geom, site or centre of mass, or its velocity."""
     if len(rest) == 1 and rest[0] in _AXES:
         array = {"body": "xpos", "geom": "geom_xpos", "site": "site_xpos", "com": "subtree_com"}[kind]
         axis = _AXES[rest[0]]
-        return Output(line, "m", lambda _, data: float(getattr(data, array)[index, axis]))
+        return "m", (lambda _, data: float(getattr(data, array)[index, axis]))
     if len(rest) == 1 and rest[0] in _VELOCITIES and kind != "com":
         axis = _VELOCITIES[rest[0]]
-        return Output(line, "m/s", lambda model, data: _velocity(model, data, kind, index, axis))
+        return "m/s", (lambda model, data: _velocity(model, data, kind, index, axis))
     parts = ".x, .y, .z" if kind == "com" else ".x, .y, .z, .vx, .vy, .vz"
-    raise ModelError(f"compare {line.name}: end the path in one of {parts}")
+    raise ModelError(f"{written}: end the path in one of {parts}")
 
 
 def _velocity(model: mujoco.MjModel, data: mujoco.MjData, kind: str, index: int, axis: int) -> float:

@@ -22,7 +22,7 @@ from stc.validate.model import (
     names_of,
     tied_joints,
 )
-from stc.validate.outputs import Output, compared_outputs
+from stc.validate.outputs import Output, compared_outputs, find_output
 from stc.validate.reference import Reference
 
 if TYPE_CHECKING:
@@ -138,8 +138,6 @@ def prepare(
 def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> None:
     """Find what a replay line names, before there is a motion; ``set`` lines leave a 1 in the model.
 
-    What ``compare`` lines name is found with the motion alone.
-
     Raises:
         ModelError: it is not in the model.
     """
@@ -151,6 +149,8 @@ def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> Non
         set_fields(model, {path: 1.0})
     elif kind in ("apply", "contact"):
         Attachments(model, [(kind, path)])
+    elif kind == "compare":
+        find_output(model, path)
 
 
 def _path(solution: Solution, model: str | os.PathLike[str] | None, beside: Iterable[str | Path]) -> Path:

@@ -25,6 +25,9 @@ __all__ = ["main", "run"]
 GOOD, BAD, MISTAKE = 0, 1, 2
 
 
+#: So many mistakes of a spec are shown.
+MOST_MISTAKES = 20
+
 #: Whether this process was started for one command.
 owns_process = False
 
@@ -95,6 +98,8 @@ def run(arguments: Sequence[str]) -> int:
         return _report(as_json, "interrupted", "interrupted", BAD)
     except SystemExit as exit_:
         return exit_.code if isinstance(exit_.code, int) else BAD
+    except SpecError as error:
+        return _report(as_json, "error", _mistakes(error), MISTAKE, error)
     except StcError as error:
         return _report(as_json, "error", str(error), MISTAKE, error)
     except OSError as error:
@@ -107,6 +112,16 @@ def run(arguments: Sequence[str]) -> int:
         if hasattr(error, "format_message"):
             return _report(as_json, "error", _usage(error), MISTAKE)
         return _unexpected(as_json, error)
+
+
+def _mistakes(error: SpecError) -> str:
+    """The mistakes of a spec, not more than anybody reads, and whether it is a spec at all."""
+    text = error.shown(MOST_MISTAKES)
+    span = error.diagnostics[0].span if error.diagnostics else None
+    if len(error.diagnostics) > MOST_MISTAKES and span is not None and span.source.path is not None:
+        if not span.source.path.endswith(".stc"):
+            text += f"\n`{span.source.name}` may be no spec: those are .stc files; `stc new NAME` writes one"
+    return text
 
 
 def _usage(error: Exception) -> str:

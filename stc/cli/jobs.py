@@ -145,6 +145,7 @@ def solved(target: str, options: SolveOptions, as_json: bool) -> tuple[Outcome, 
 
     Raises:
         UsageError: options of a solve for what is solved already, or a spec that names no model.
+        SpecError: a spec whose replay lines do not fit its model.
     """
     if is_solution(target):
         if options != SolveOptions({}):
@@ -154,9 +155,13 @@ def solved(target: str, options: SolveOptions, as_json: bool) -> tuple[Outcome, 
         path = existing_solution(target)
         # The file and not the solution is handed on: the model may lie beside it.
         return Outcome(read(path), path), path
+    from stc.studies.replay_lines import check_replay_lines
+
     model = load(target, options.constants)
-    if model.problem(options.method).model is None:
+    problem = model.problem(options.method)
+    if problem.model is None:
         raise UsageError(_no_replay(model.name), "`stc solve` solves it without validation")
+    check_replay_lines(problem)
     outcome = _solved(model, options, as_json, save=options.output is not None)
     return outcome, outcome.solution
 

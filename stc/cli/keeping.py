@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from stc.cli import console
@@ -32,6 +31,6 @@ def keep_optimal(file: Path, status: str) -> Path | None:
     if before != "optimal":
         return None
     kept = file.with_name(f"{file.stem}.optimal{file.suffix}")
-    os.replace(file, kept)
+    file.replace(kept)
     console.note(f"{file} held an optimal solution, which this one is not: it is kept as {kept}")
     return kept

@@ -13,24 +13,23 @@ from stc.validate.warnings import caught_warnings
 
 
 def check_replay_lines(problem: Problem) -> None:
-    """Find every joint, actuator, field and place of a force that the replay section names.
-
-    What ``compare`` lines name is found when the motion is replayed, and not here.
+    """Find every joint, actuator, field, place of a force and compared output that the replay section names.
 
     Args:
         problem: a spec, with or without a model.
 
     Raises:
-        ModelError: there is no model of that name, or MuJoCo does not accept it.
-        SpecError: lines that do not fit it.
+        SpecError: there is no model of that name, MuJoCo does not accept it, or lines do not fit it.
     """
     if problem.model is None:
         return
     folder = [Path(problem.source.path).parent] if problem.source.path else []
-    path = find_model(problem.model, folder)
     mistakes = []
     with caught_warnings():
-        compiled = load_model(path)
+        try:
+            compiled = load_model(find_model(problem.model, folder))
+        except ModelError as error:
+            raise SpecError([Diagnostic("error", str(error), problem.model_span)]) from None
         for line in problem.replay:
             try:
                 require_line(compiled, line.kind, line.path)

@@ -431,3 +431,34 @@ def test_replay_lines_that_do_not_fit_the_model_are_told_with_their_places_befor
     assert len(re.findall(r"^wrong\.stc:\d+:3: error", said, re.MULTILINE)) == 2
     assert len(re.findall(r"\^+$", said, re.MULTILINE)) == 2
     assert not (tmp_path / "wrong.npz").exists()
+
+
+@pytest.mark.parametrize("command", ["check", "run", "validate"])
+def test_outputs_and_models_that_are_not_there_are_told_before_a_solve(stc_: Stc, command: str) -> None:
+    text = stc.load("particle_waypoints").text.rstrip()
+    Path("wrong.stc").write_text(f"{text}\n  compare body.particle.q = x;\n")
+    status, _, err = stc_(command, "wrong.stc")
+    last = len(text.splitlines()) + 1
+    assert status == 2
+    said = "error: compare body.particle.q: end the path in one of .x, .y, .z"
+    assert err.startswith(f"wrong.stc:{last}:3: {said}")
+    assert not Path("wrong.npz").exists()
+    # A file beside the spec is meant rather than a bundled one whose name is like it, too.
+    Path("parcel.xml").write_text("<mujoco/>")
+    Path("wrong.stc").write_text(text.replace('"particle.xml"', '"parcl.xml"'))
+    status, _, err = stc_(command, "wrong.stc")
+    line = text[: text.index('"particle.xml"')].count("\n") + 1
+    assert status == 2
+    assert err.startswith(f"wrong.stc:{line}:3: error: there is no model parcl.xml: looked in")
+    assert "did you mean parcel.xml?" in err
+
+
+def test_what_is_no_spec_is_told_in_few_lines(stc_: Stc) -> None:
+    Path("README.md").write_text("This is *prose*, and no spec.\n\nIt's long; really: long.\n" * 100)
+    status, out, err = stc_("check", "README.md", "--json")
+    assert status == 2
+    assert len(err.splitlines()) < 120
+    last = "`README.md` may be no spec: those are .stc files; `stc new NAME` writes one"
+    assert err.rstrip().endswith(last)
+    mistakes = last_line(out)["diagnostics"]
+    assert f"and {len(mistakes) - 20} more mistakes" in err
