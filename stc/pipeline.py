@@ -32,8 +32,9 @@ from stc.nested import FINE, FewerFrames, Fineness, fewer_frames
 from stc.phases import named_cuts
 from stc.problem import Problem
 from stc.solution import Solution, read
-from stc.solver import IterationRecord, Options, Result, Start, Status
+from stc.solver import IterationRecord, Result, Start, Status
 from stc.solver.optimizers import DEFAULT, Minimizer
+from stc.solver.options import given_options
 from stc.solving import ColdSolve, solve
 from stc.transcription import Transcription
 from stc.transcription import transcribe as _transcribe
@@ -190,7 +191,7 @@ class Model:
                 small, reduced = self.compiled(problem.method, {**given, **fewer.constants}, at_once=True)
                 reduced.bind(small.constants)
                 self.warnings = tuple(problem.warnings)
-        options = _options(max_iterations=max_iterations, time_limit=time_limit)
+        options = given_options(max_iterations=max_iterations, time_limit=time_limit)
         return ColdSolve(self, problem, transcription, given, options)
 
     def compiled(
@@ -221,7 +222,7 @@ class Model:
 
         Args:
             method: ``central``, ``trapezoidal`` or ``hermite-simpson`` instead of the spec's own.
-            tolerance: of the optimality conditions.
+            tolerance: of the optimality conditions, between 1e-14 and 1.
             max_iterations: limit on iterations.
             time_limit: limit in seconds of wall time.
             warm_start: an earlier solution or its file, whose multipliers and active set are used too; resampled
@@ -242,9 +243,11 @@ class Model:
 
         Raises:
             SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
-            UsageError: an unknown constant, method, optimizer or file, or an optimizer that cannot do it.
+            UsageError: an unknown constant, method, optimizer or file, a tolerance or limit that cannot be meant, or an
+                optimizer that cannot do it.
         """
         begin = time.perf_counter()
+        options = given_options(tolerance, max_iterations, time_limit)
         parse_seconds, self._parse_seconds = self._parse_seconds, 0.0  # counts for the first solve only
         given = {**self.overrides, **(constants or {}), **overrides}
         problem, transcription = self.transcription(method, **given)
@@ -266,10 +269,7 @@ class Model:
             check_names(values, problem)
             start = Start(transcription.bind(problem.constants, guess=values).x0)
         warm = start is not None and start.row_multipliers is not None
-        options = replace(
-            _options(tolerance=tolerance, max_iterations=max_iterations, time_limit=time_limit),
-            warm_start=warm,
-        )
+        options = replace(options, warm_start=warm)
         solving = time.perf_counter()
         if fewer_first and start is None and optimizer == DEFAULT:
             result = ColdSolve(
@@ -401,11 +401,6 @@ class Model:
             except StcError:
                 return even
         return even if old.n != earlier.n else Alignment.of(named_cuts(old), named_cuts(problem))
-
-
-def _options(**given: Any) -> Options:
-    """The solver's options, its own where None is given."""
-    return Options(**{name: value for name, value in given.items() if value is not None})
 
 
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:

@@ -220,9 +220,12 @@ def validate(
     ] = False,
     samples: Annotated[
         int | None,
-        typer.Option("--samples", metavar="COUNT", help="Replays of each kind of perturbation."),
+        typer.Option("--samples", metavar="COUNT", help="Replays of each kind of --robustness; default 16."),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", metavar="NUMBER", help="Of the random perturbations.")] = 0,
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", metavar="NUMBER", help="Of the random --robustness; default 0."),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Validate a saved motion in MuJoCo, or solve a spec and validate that."""
@@ -234,6 +237,9 @@ def validate(
         if page is not None or equations or order:
             raise UsageError("--robustness goes without --report, --equations and --order")
         return perturbed.run(target, options, force=force, samples=samples, seed=seed, as_json=json)
+    for option, value in (("--samples", samples), ("--seed", seed)):
+        if value is not None:
+            raise UsageError(f"{option} is for --robustness")
     if page is None and (equations or order):
         return studies.run(target, options, equations=equations, order=order, as_json=json)
     return jobs.validate(target, options, force=force, page=page, order=order, as_json=json)

@@ -237,10 +237,15 @@ def list_specs(*, as_json: bool) -> int:
 
 def new(name: str) -> int:
     """Write the starter spec under a name that is still free."""
+    import shlex
+
+    from stc import specs
     from stc.cli.starter import write
 
     path = write(name)
-    print(f"{path} written; next: stc run {path}")
+    print(f"{path} written; next: stc run {shlex.quote(str(path))}")
+    if path.parent == Path() and path.stem in specs.names():
+        console.note(f"{path.stem} is a bundled spec too: in this folder that name means {path} from now on")
     return GOOD
 
 

@@ -64,8 +64,10 @@ def solve_options(
         raise UsageError(f"--max-iterations must be at least 0, not {max_iterations}")
     if time_limit is not None and not time_limit > 0:
         raise UsageError(f"--time-limit must be a positive number of seconds, not {time_limit:g}")
-    if tolerance is not None and not 0 < tolerance < 1:
-        raise UsageError(f"--tolerance must lie between 0 and 1, not {tolerance:g}")
+    if tolerance is not None:
+        from stc.solver.options import check_tolerance
+
+        check_tolerance(tolerance, "--tolerance")
     if threads is not None and threads < 1:
         raise UsageError(f"--threads must be at least 1, not {threads}")
     if optimizer is not None:

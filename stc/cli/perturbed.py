@@ -10,7 +10,7 @@ from stc.errors import UsageError
 
 
 def run(
-    target: str, options: SolveOptions, *, force: bool, samples: int | None, seed: int, as_json: bool
+    target: str, options: SolveOptions, *, force: bool, samples: int | None, seed: int | None, as_json: bool
 ) -> int:
     """Replay the motion and show the envelope; good when the unperturbed replay is not lost.
 
@@ -21,6 +21,7 @@ def run(
     from stc.validate.robustness import robustness
     from stc.validate.verdict import open_setup
 
+    seed = seed or 0
     if seed < 0:
         raise UsageError(f"--seed must not be negative, but is {seed}")
     _, motion = jobs.solved(target, options, as_json)

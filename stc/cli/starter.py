@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
 
+from stc.cli.options import ready_to_write
 from stc.errors import UsageError
 
 _TEXT = """\
 # {name}: a particle is thrown onto a ledge with the least force.
 #
-#     stc run {file}                     solve it, then let MuJoCo replay the forces
-#     stc run {file} --set g=1.62        the same on the moon
-#     stc show {file} --stage problem    what it says, spelled out
+#     stc run {word}                     solve it, then let MuJoCo replay the forces
+#     stc run {word} --set g=1.62        the same on the moon
+#     stc show {word} --stage problem    what it says, spelled out
 
 constants:
   n = 40,                 # frames are 0, 1, ..., n
@@ -60,7 +62,7 @@ replay:
 
 
 def write(name: str) -> Path:
-    """Write the starter spec as ``NAME.stc``; a name may be a path.
+    """Write the starter spec as ``NAME.stc``; a name may be a path, whose folders are made.
 
     Raises:
         UsageError: the file exists, or the name is none for a spec.
@@ -71,9 +73,10 @@ def write(name: str) -> Path:
         path = path.with_name(path.name + ".stc") if path.name else path
     if path.stem in ("", ".stc") or name.endswith(("/", os.sep)):
         raise UsageError(f"`{name}` is no name for a spec")
+    ready_to_write(path, "stc new")
     try:
         with path.open("x", encoding="utf-8") as file:
-            file.write(_TEXT.format(name=path.stem, file=path))
+            file.write(_TEXT.format(name=path.stem, word=shlex.quote(str(path))))
     except FileExistsError:
         raise UsageError(f"`{path}` exists already; nothing was written") from None
     return path

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from stc.errors import UsageError
 from stc.records import dataclass
 
-__all__ = ["Options"]
+__all__ = ["Options", "check_tolerance", "given_options"]
+
+#: Rounding alone leaves larger errors in all but the smallest problems: nothing below can be told from zero.
+SMALLEST_TOLERANCE = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,3 +45,39 @@ class Options:
     initial_barrier: float = 0.1
     retries: int = 5
     seed: int = 0
+
+
+def check_tolerance(tolerance: float, name: str = "the tolerance") -> None:
+    """Refuse a tolerance that no solve can keep, or that every point does.
+
+    Args:
+        tolerance: of the optimality conditions.
+        name: what the message calls it.
+
+    Raises:
+        UsageError: it is not between 1e-14 and 1.
+    """
+    if not SMALLEST_TOLERANCE <= tolerance < 1:
+        hint = "numbers have 16 digits: smaller errors are those of rounding" if 0 < tolerance < 1 else ""
+        raise UsageError(f"{name} must lie between {SMALLEST_TOLERANCE:g} and 1, not {tolerance:g}", hint)
+
+
+def given_options(
+    tolerance: float | None = None, max_iterations: int | None = None, time_limit: float | None = None
+) -> Options:
+    """The options with what is given, the defaults elsewhere.
+
+    Args:
+        tolerance, max_iterations, time_limit: as in :class:`Options`; None is not given.
+
+    Raises:
+        UsageError: a value that cannot be meant.
+    """
+    if tolerance is not None:
+        check_tolerance(tolerance)
+    if max_iterations is not None and not max_iterations >= 0:
+        raise UsageError(f"max_iterations must be at least 0, not {max_iterations}")
+    if time_limit is not None and not time_limit > 0:
+        raise UsageError(f"the time limit must be a positive number of seconds, not {time_limit:g}")
+    given = {"tolerance": tolerance, "max_iterations": max_iterations, "time_limit": time_limit}
+    return Options(**{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from stc.errors import UsageError
 from stc.pipeline import solve
 from stc.records import dataclass
-from stc.solver import Options
 from stc.solver.optimizers import optimizer_of
+from stc.solver.options import given_options
 
 if TYPE_CHECKING:
     from stc.pipeline import Model
@@ -74,18 +74,17 @@ def compare(
         One record per optimizer, in the same order.
 
     Raises:
-        UsageError: no optimizer, or one that does not exist.
+        UsageError: no optimizer, or one that does not exist; a tolerance or limit that cannot be meant.
         SpecError, EvaluationError: mistakes in the spec.
     """
     if not optimizers:
         raise UsageError("name at least one optimizer", "for example: sqp,nlopt:slsqp")
     for name in optimizers:
         optimizer_of(name)
+    options = given_options(tolerance, max_iterations, time_limit)
     problem, transcription = model.transcription(method, **constants)
     if transcription.kernels is None:
         transcription.compile()
-    given = {"tolerance": tolerance, "max_iterations": max_iterations, "time_limit": time_limit}
-    options = Options(**{key: value for key, value in given.items() if value is not None})  # type: ignore[arg-type]
     runs = []
     for name in optimizers:
         begin = time.perf_counter()

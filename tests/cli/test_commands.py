@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -303,7 +304,10 @@ def test_a_spec_without_a_replay_section_is_solved_but_not_validated(stc_: Stc) 
         (["validate", "rest"], "replay"),
         (["show", "point", "--stage", "tokns"], "did you mean `tokens`?"),
         (["new", "point"], "exists already"),
-        (["new", "no/such/folder/spec"], "no/such/folder/spec.stc"),
+        (["new", "point.stc/inside"], "point.stc/inside.stc"),
+        (["solve", "point", "--tolerance", "1e-30"], "between 1e-14 and 1, not 1e-30"),
+        (["validate", "point", "--samples", "3"], "--samples is for --robustness"),
+        (["validate", "point", "--seed", "3"], "--seed is for --robustness"),
     ],
 )
 def test_mistakes_get_a_message_and_exit_2(stc_: Stc, words: list[str], expected: str) -> None:
@@ -397,6 +401,28 @@ def test_list_names_every_bundled_spec(stc_: Stc) -> None:
     listed = last_line(stc_("list", "--json")[1])["specs"]
     assert [entry["name"] for entry in listed] == names
     assert all(entry["summary"] for entry in listed)
+
+
+def test_new_makes_folders_and_advises_what_works(stc_: Stc) -> None:
+    status, out, err = stc_("new", "sub/my hop")
+    assert (status, err) == (0, "")
+    assert Path("sub/my hop.stc").is_file()
+    advice = out.split("next: stc ")[1]
+    assert stc_(*shlex.split(advice))[0] == 0
+    assert advice.strip() in Path("sub/my hop.stc").read_text()
+
+
+def test_new_says_that_it_shadows_a_bundled_spec(stc_: Stc) -> None:
+    status, _, err = stc_("new", "luxo_jump")
+    assert status == 0
+    assert "luxo_jump is a bundled spec too: in this folder that name means luxo_jump.stc" in err
+    assert stc_("new", "sub/luxo_jump")[2] == ""
+
+
+def test_the_help_tells_how_many_samples_there_are(stc_: Stc) -> None:
+    from stc.validate.limits import PERTURBED_SAMPLES
+
+    assert f"default {PERTURBED_SAMPLES}." in stc_("validate", "--help")[1]
 
 
 def test_new_writes_a_spec_that_solves_and_validates(stc_: Stc) -> None:
