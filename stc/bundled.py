@@ -17,6 +17,8 @@ def find_spec(name: str | os.PathLike[str]) -> Path:
     Raises:
         UsageError: neither exists; the hint offers the nearest file or bundled name.
     """
+    if not str(name).strip():
+        raise UsageError("the name of the spec is empty", "`stc list` names the bundled specs")
     path = Path(name)
     candidates = (path, path.with_name(path.name + SUFFIX)) if path.name else ()
     for candidate in candidates:

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.errors import StcError
 from stc.solution import Solution, read
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from stc.studies.equations import EquationReport
     from stc.validate.certificate import Certificate
     from stc.validate.metrics import Metric
@@ -32,7 +31,7 @@ def certify(
     """Validate a motion and keep everything that its certificate shows.
 
     Args:
-        motion: a solution, or the path of a saved one.
+        motion: a solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
         model: another model file than the one that the spec names.
         force: judge a solution that is not optimal as well.
         equations: whether to compare the spec's equations of motion with the model's; None compares them where
@@ -44,10 +43,12 @@ def certify(
         ModelError: there is no model, or a replay line does not fit it.
         UsageError: a solution file that cannot be used.
         SolutionError: the solution file is damaged, or time does not increase along the solution.
+        SpecError, EvaluationError: mistakes in a spec.
     """
     from stc.pipeline import statements_between
     from stc.validate.certificate import certify as validated
 
+    motion = motion_of(motion)
     solution = motion if isinstance(motion, Solution) else read(motion)
     # The file and not the solution is handed on: the model may lie beside it.
     statements = statements_between(solution)
@@ -58,6 +59,24 @@ def certify(
         if why:
             certificate.report.notes = [*certificate.report.notes, why]
     return certificate
+
+
+def motion_of(motion: Solution | str | os.PathLike[str]) -> Solution | str | os.PathLike[str]:
+    """What is to be validated: a solution or its file as it is, and what solving it gives for a spec.
+
+    Args:
+        motion: a solution, the path of a saved one, or a spec: a path, a bundled name, the text itself.
+
+    Raises:
+        SpecError, EvaluationError, UsageError: as :meth:`stc.pipeline.Model.solve`, and where there is no such spec.
+    """
+    from stc.pipeline import load
+
+    if isinstance(motion, Solution) or not isinstance(motion, str | os.PathLike):
+        return motion
+    if Path(motion).suffix.lower() in (".npz", ".csv"):
+        return motion
+    return load(motion).solve()
 
 
 def _equations(solution: Solution, model: Path) -> tuple[EquationReport | None, str]:

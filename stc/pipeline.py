@@ -59,6 +59,8 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
     Raises:
         UsageError: no such spec, or a file that is not UTF-8 text.
     """
+    if not isinstance(spec, str | os.PathLike):
+        raise UsageError(f"a spec is a path, a bundled name or its text, not {spec!r}")
     if isinstance(spec, str) and ("\n" in spec or (":" in spec and ";" in spec)):
         return Source("<text>", spec)
     path = find_spec(spec)
@@ -90,7 +92,7 @@ class Model:
         begin = time.perf_counter()
         self.source = source
         self.name = Path(source.path).stem if source.path else "text"
-        self.overrides = dict(overrides or {})
+        self.overrides = _numbers(overrides or {})
         self.tree: SpecTree = self._parsed()
         self._parse_seconds = time.perf_counter() - begin
         self.warnings: tuple[Diagnostic, ...] = ()
@@ -122,11 +124,11 @@ class Model:
         """
         if method is not None and method not in METHODS:
             raise UsageError(f"unknown method {method!r}", f"the methods are {', '.join(METHODS)}")
-        return elaborate(self.tree, {**self.overrides, **constants}, method)
+        return elaborate(self.tree, {**self.overrides, **_numbers(constants)}, method)
 
     def transcription(self, method: str | None = None, **constants: float) -> tuple[Problem, Transcription]:
         """The problem and its transcription, an earlier one where only numbers have changed."""
-        known = self._known(method, {**self.overrides, **constants})
+        known = self._known(method, {**self.overrides, **_numbers(constants)})
         if known is not None:
             return known
         problem = self.problem(method, **constants)
@@ -249,7 +251,7 @@ class Model:
         begin = time.perf_counter()
         options = given_options(tolerance, max_iterations, time_limit)
         parse_seconds, self._parse_seconds = self._parse_seconds, 0.0  # counts for the first solve only
-        given = {**self.overrides, **(constants or {}), **overrides}
+        given = {**self.overrides, **_numbers({**(constants or {}), **overrides})}
         problem, transcription = self.transcription(method, **given)
         seconds = {"parse": parse_seconds + time.perf_counter() - begin}
         seconds["derive"] = transcription.seconds.pop("derive", 0.0)
@@ -401,6 +403,21 @@ class Model:
             except StcError:
                 return even
         return even if old.n != earlier.n else Alignment.of(named_cuts(old), named_cuts(problem))
+
+
+def _numbers(given: Mapping[str, object]) -> dict[str, float]:
+    """The values of constants from outside.
+
+    Raises:
+        UsageError: one that is no number.
+    """
+    found = {}
+    for name, value in given.items():
+        try:
+            found[name] = float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            raise UsageError(f"the constant `{name}` needs a number, not {value!r}") from None
+    return found
 
 
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:

@@ -272,9 +272,11 @@ class Solution:
             return f"{base} is a parameter of {self.name}; it has no derivative"
         from difflib import get_close_matches
 
-        near = get_close_matches(name, self.names, n=1, cutoff=0.0)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        return f"the solution of {self.name} has no {name}{hint}"
+        names = [*self.variables, *self.parameters]
+        near = get_close_matches(base, names, n=1)
+        primes = name[len(base) :] if near and near[0] not in self.parameters else ""
+        hint = f"did you mean {near[0]}{primes}?" if near else f"it has {', '.join(names) or 'no names'}"
+        return f"the solution of {self.name} has no {name}; {hint}"
 
     @property
     def before(self) -> Mapping[str, FloatArray]:
@@ -298,11 +300,11 @@ class Solution:
             of the shape of ``t`` (parameters are floats always).
 
         Raises:
-            UsageError: a time outside of the motion.
+            UsageError: a time outside of the motion, or what is no number.
             SolutionError: the times do not increase (a solve that failed with a free duration).
         """
         self.require_increasing_times()
-        instants = np.asarray(t, dtype=np.float64)
+        instants = _as_numbers(t, "a time is a number of seconds")
         flat = instants.reshape(-1)
         first, last = float(self.time[0]), float(self.time[-1])
         slack = 1e-9 * max(1.0, self.duration)
@@ -319,9 +321,9 @@ class Solution:
         the frames even where the durations of the steps differ.
 
         Raises:
-            UsageError: an index outside 0..n.
+            UsageError: an index outside 0..n, or what is no number.
         """
-        indices = np.asarray(index, dtype=np.float64)
+        indices = _as_numbers(index, "a frame is given by its index")
         flat = indices.reshape(-1)
         outside = ~((flat >= -1e-9) & (flat <= self.n + 1e-9))
         if np.any(outside):
@@ -422,6 +424,13 @@ def _checked(side: Side) -> Side:
     if side not in ("before", "after"):
         raise UsageError(f"side must be 'before' or 'after', not {side!r}")
     return side
+
+
+def _as_numbers(given: npt.ArrayLike, wanted: str) -> FloatArray:
+    try:
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise UsageError(f"{wanted}, or an array of such, not {given!r}") from None
 
 
 def _key(name: object) -> tuple[str, int]:

@@ -80,6 +80,8 @@ def load(path: str | os.PathLike[str]) -> Solution:
     """Read a solution; see :func:`stc.solution.read`."""
     import zipfile
 
+    if not isinstance(path, str | os.PathLike):
+        raise UsageError(f"a solution is read from a path, not from {path!r}")
     source = Path(path)
     readers: dict[str, Callable[[Path], Solution]] = {".npz": _read_npz, ".csv": _read_csv}
     reader = readers.get(source.suffix.lower())

@@ -90,7 +90,7 @@ def assert_physical(
     """Validate a motion in MuJoCo, and fail unless every measurement keeps its limit.
 
     Args:
-        motion: a solution, or the path of a saved one.
+        motion: a solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
         model: another model file than the one that the spec names.
         limits: other limits, by the beginning of the metrics' names: ``{"open-loop drift": 1e-3}``.  None as a
             limit reports without judging.
@@ -103,9 +103,10 @@ def assert_physical(
         UsageError: a limit for something that was not measured.
     """
     __tracebackhide__ = True
-    from stc.certification import certify
+    from stc.certification import certify, motion_of
 
     try:
+        motion = motion_of(motion)
         certificate = certify(motion, model, equations=None if limits is None else False)
     except StcError as error:
         raise AssertionError(str(error)) from None

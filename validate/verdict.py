@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 
 from stc.errors import StcError
@@ -66,7 +67,7 @@ def validate(
     """Replay a solution in MuJoCo and judge it.
 
     Args:
-        solution: a solution, or the path of a saved one.
+        solution: a solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
         model: another model file than the one that the spec names.
         force: judge a solution that is not optimal as well.
         time_step: longest time step of the replay, in seconds.
@@ -79,6 +80,7 @@ def validate(
         ModelError: there is no model, or a replay line does not fit it.
         UsageError: a solution file, time step or integrator that cannot be used.
         SolutionError: the solution file is damaged, or time does not increase along the solution.
+        SpecError, EvaluationError: mistakes in a spec.
     """
     return examine(
         solution,
@@ -120,6 +122,9 @@ def open_setup(
 ) -> Setup:
     """A solution or its file with its model; arguments and errors as of :func:`validate`."""
     beside: list[str | Path] = []
+    if not isinstance(solution, Solution):
+        # By name: nothing here is imported from the layers above.
+        solution = import_module("stc.certification").motion_of(solution)
     if not isinstance(solution, Solution):
         beside.append(Path(solution).parent)
         solution = read(solution)

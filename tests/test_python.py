@@ -1,0 +1,118 @@
+"""Calls from Python that cannot be carried out say why, and the page about them is true."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import stc
+from stc.certification import certify
+from stc.testing import assert_physical
+from stc.validate import validate
+
+PAGE = Path(__file__).parent.parent / "docs" / "python.md"
+
+# The line between (0, 1) and (2, 1): x = t, y = 1.
+STRAIGHT = """constants: n = 4, T = 2, h = T/n, speed = 1;
+variables: x, y;
+parameters: width;
+constraints: x' = speed; y' = 0; [0]: x = 0; y = 1; [0]: width = 3;
+method: trapezoidal;
+"""
+
+
+@pytest.fixture(scope="module")
+def solution() -> stc.Solution:
+    return stc.load(STRAIGHT).solve()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda model: model.solve(tolerance=-1), "the tolerance must lie between 1e-14 and 1, not -1"),
+        (lambda model: model.solve(tolerance=1e-30), "the tolerance must lie between 1e-14 and 1, not 1e-30"),
+        (lambda model: model.solve(tolerance=float("nan")), "between 1e-14 and 1, not nan"),
+        (lambda model: model.solve(max_iterations=-1), "max_iterations must be at least 0, not -1"),
+        (lambda model: model.solve(time_limit=0), "the time limit must be a positive number of seconds"),
+        (lambda model: model.solve(speed=[1, 2]), r"the constant `speed` needs a number, not \[1, 2\]"),
+        (lambda model: model.solve(speed=np.ones(2)), "the constant `speed` needs a number"),
+        (lambda model: model.solve(warm_start=3), "a solution is read from a path, not from 3"),
+        (lambda model: model.problem(speed=None), "the constant `speed` needs a number, not None"),
+        (lambda _: stc.load(STRAIGHT, speed="fast"), "the constant `speed` needs a number, not 'fast'"),  # type: ignore[arg-type]
+        (lambda _: stc.load(3), "a spec is a path, a bundled name or its text, not 3"),  # type: ignore[arg-type]
+        (lambda _: stc.load(""), "the name of the spec is empty"),
+        (lambda _: stc.read(3), "a solution is read from a path, not from 3"),  # type: ignore[arg-type]
+        (lambda _: validate("nowhere"), "there is no spec `nowhere`"),
+        (lambda _: validate("nowhere.npz"), "there is no solution file nowhere.npz"),
+    ],
+)
+def test_what_cannot_be_meant_is_a_usage_error(call: Callable[[stc.Model], Any], message: str) -> None:
+    with pytest.raises(stc.UsageError, match=message):
+        call(stc.load(STRAIGHT))
+
+
+def test_numbers_of_any_kind_are_numbers() -> None:
+    model = stc.load(STRAIGHT)
+    for two in (2, np.float32(2), np.array(2.0)):
+        assert model.solve(speed=two)["x"][-1] == pytest.approx(4.0)
+
+
+def test_times_and_frames_are_numbers(solution: stc.Solution) -> None:
+    with pytest.raises(stc.UsageError, match="a time is a number of seconds, or an array of such, not 'a'"):
+        solution.at("a")
+    with pytest.raises(stc.UsageError, match="a frame is given by its index, or an array of such"):
+        solution.at_frame([[1, 2], [3]])  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("q", "the solution of text has no q; it has x, y, width"),
+        ("widht", "has no widht; did you mean width?"),
+        ("widht'", "has no widht'; did you mean width?"),
+        ("xx'", "has no xx'; did you mean x'?"),
+        ("x" + 3 * "'", "no such derivative is used (it has x, x')"),
+    ],
+)
+def test_unknown_names_offer_what_is_near_or_what_there_is(
+    solution: stc.Solution, name: str, message: str
+) -> None:
+    with pytest.raises(KeyError) as caught:
+        solution[name]
+    assert message in str(caught.value)
+
+
+def test_a_spec_is_solved_to_be_validated() -> None:
+    report = validate("particle_waypoints")
+    assert report.passed and report.spec == "particle_waypoints"
+    solution = stc.load("particle_waypoints").solve()
+    assert report.to_dict()["metrics"] == validate(solution).to_dict()["metrics"]
+    assert certify("particle_waypoints").passed
+    assert assert_physical("particle_waypoints", limits={"open-loop drift": 1e-6}).passed
+    with pytest.raises(AssertionError, match="there is no spec `nowhere`"):
+        assert_physical("nowhere")
+
+
+def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (block,) = re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(block, names)
+    assert names["solution"].variables == ["x", "a", "u"]
+    assert names["again"].constants["umax"] == 20.0
+
+
+def test_the_page_names_all_that_a_solution_has(solution: stc.Solution) -> None:
+    section = PAGE.read_text().split("## `Solution`")[1]
+    # Of use to those who write files alone.
+    beside = {"trajectories", "stc_version", "origin"}
+    missing = [one.name for one in fields(solution) if f"`{one.name}" not in section]
+    assert set(missing) <= beside
+    for name in set(re.findall(r"^\| `(\w+)", section, re.MULTILINE)) - {"solution"}:
+        assert hasattr(solution, name), name
