@@ -230,8 +230,8 @@ class Model:
             warm_start: an earlier solution or its file, whose multipliers and active set are used too; resampled
                 where the number of frames differs.
             guess: values to start from by name, or a file of them (see :mod:`stc.guess_file`); what it does not name
-                keeps the spec's own guess. Several numbers are spread evenly over the motion, or stand where ``t`` or
-                ``frame`` says.
+                keeps the spec's own guess. Several numbers are spread evenly over the motion, or stand where ``t``,
+                ``time`` or ``frame`` says.
             callback: called with a record after every iteration; returning True stops the solve.
             optimizer: ``sqp``, ``nlopt:slsqp``, ... instead of the project's own method, see docs/solver.md.
             minimizer: called in the optimizer's stead, say to measure it (see :mod:`stc.studies.profile`).

@@ -83,6 +83,13 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert (page.parent / target).exists(), target
 
 
+def test_the_limits_are_where_pages_and_certificates_say() -> None:
+    texts = [*PAGES, ROOT / "validate" / "certificate" / "page.py"]
+    named = {found for page in texts for found in re.findall(r"[\w/.]*limits\.py", page.read_text("utf-8"))}
+    assert named == {"validate/limits.py", "../validate/limits.py"}
+    assert (ROOT / "validate" / "limits.py").is_file()
+
+
 def test_nothing_advises_to_install_somebody_elses_package() -> None:
     # `stc` on PyPI is not this project.
     wrong = re.compile(r"pip install (\S+ )*['\"]?stc(?![\w./-]| @ )")

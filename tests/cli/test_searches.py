@@ -54,6 +54,18 @@ def test_a_walk_shows_every_solve_and_saves_the_last(stc_: Stc) -> None:
     assert stc.read("particle_jet.npz").constants["g"] == 9.8
 
 
+def test_an_exported_table_is_a_guess(stc_: Stc) -> None:
+    assert stc_("solve", "particle_jet")[0] == 0
+    assert stc_("export", "particle_jet.npz", "--format", "csv", "-o", "table.csv", "--rate", "37")[0] == 0
+    assert Path("table.csv").read_text().split(",")[0] == "time"
+    options = ("--guess-from", "table.csv", "--max-iterations", "0", "-o", "guess.npz")
+    status, _, err = stc_("solve", "particle_jet", *options)
+    assert (status, err) == (1, "")  # the time is no unknown name, and no other time than the motion's
+    solved, guessed = stc.read("particle_jet.npz"), stc.read("guess.npz")
+    # Between the rows the table is linear.
+    assert guessed["x"] == pytest.approx(solved["x"], abs=1e-2 * np.ptp(solved["x"]))
+
+
 @pytest.mark.slow
 def test_a_walk_that_stops_says_where_and_saves_the_last_good_solution(stc_: Stc) -> None:
     status, out, err = stc_("solve", "circle.stc", "--continue", "s=1.4:1.6:1", "-o", "a.npz", "--json")

@@ -280,5 +280,5 @@ def _foot(certificate: Certificate) -> str:
         "<section aria-labelledby='made'>\n<details><summary id='made'>Hashes, and what the spec set in the model"
         f"</summary><table class='plain'>{cells}</table></details>\n"
         f"<p class='hint'>Validated in {report.seconds:.2g}&#8239;s. "
-        "All limits are in stc/validate/limits.py.</p></section>\n"
+        "All limits are in validate/limits.py.</p></section>\n"
     )
