@@ -1,8 +1,8 @@
 """Starting values from outside: a table of numbers, or an earlier solution, asked for at the frames of a motion.
 
 ``.csv``
-    A heading line with names, then numbers.  A column ``t`` or ``time`` (seconds) or ``frame`` says where each row stands;
-    without any the rows are spread evenly over the motion.  All other columns are variables, derivatives
+    A heading line with names, then numbers.  A column ``t`` or ``time`` (seconds) or ``frame`` says where each row
+    stands; without any the rows are spread evenly over the motion.  All other columns are variables, derivatives
     (``x'``) or parameters (the first number counts).  Empty cells and ``nan`` are gaps, which are interpolated.
     Two rows with the same ``t`` state a jump.  Before the first row and after the last one values stay the same.
 ``.npz``

@@ -124,11 +124,13 @@ def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, nu
 def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Numbers, into: Bounds) -> None:
     relation = problem.relations[bound.relation]
     rest = numbers.at(bound.rest, bound.nodes)
-    _check_value(relation, bound.rest, rest, bound.nodes, numbers)
-    _check_limits(relation, bound.lower, bound.upper, bound.nodes, numbers)
     minus, plus = np.full(len(rest), -np.inf), np.full(len(rest), np.inf)
     low = minus if bound.lower is None else numbers.at(bound.lower, bound.nodes) - rest
     high = plus if bound.upper is None else numbers.at(bound.upper, bound.nodes) - rest
+    sound = np.isfinite(low).all() or bound.lower is None
+    if not (sound and (np.isfinite(high).all() or bound.upper is None)):
+        _check_value(relation, bound.rest, rest, bound.nodes, numbers)
+        _check_limits(relation, bound.lower, bound.upper, bound.nodes, numbers)
     if bound.unknown is None:
         slope = np.zeros(len(rest))
     else:
@@ -152,9 +154,13 @@ def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Num
     if bound.unknown is None or dead.all():
         return
     position = layout.position(bound.unknown, bound.nodes)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ends = np.where(slope > 0, low / slope, high / slope), np.where(slope > 0, high / slope, low / slope)
     live = ~dead
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        one, other = low / slope, high / slope
+    beyond = live & (np.isfinite(low) & np.isinf(one) | np.isfinite(high) & np.isinf(other))
+    if beyond.any():
+        raise _no_value(relation, bound.coefficient, bound.nodes, beyond, numbers)
+    ends = np.where(slope > 0, one, other), np.where(slope > 0, other, one)
     at = position[live]
     _tighten(np.fmax, into.lower, into.lower_from, at, ends[0][live], bound.relation)
     _tighten(np.fmin, into.upper, into.upper_from, at, ends[1][live], bound.relation)
@@ -380,10 +386,10 @@ def _row_bounds(
             if row.lower is ZERO and row.upper is ZERO:
                 lower[group.row_ids[r]] = upper[group.row_ids[r]] = 0.0
                 continue
-            if len(row.relation) and row.relation[0] != LINK:
-                _check_limits(relations[row.relation[0]], row.lower, row.upper, row.nodes, numbers)
-            if row.lower is not None:
-                lower[group.row_ids[r]] = numbers.at(row.lower, row.nodes)
-            if row.upper is not None:
-                upper[group.row_ids[r]] = numbers.at(row.upper, row.nodes)
+            for end, into in ((row.lower, lower), (row.upper, upper)):
+                if end is None:
+                    continue
+                values = into[group.row_ids[r]] = numbers.at(end, row.nodes)
+                if not np.isfinite(values).all() and row.relation[0] != LINK:
+                    _check_limits(relations[row.relation[0]], row.lower, row.upper, row.nodes, numbers)
     return lower, upper

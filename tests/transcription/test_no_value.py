@@ -42,6 +42,11 @@ def test_constants_without_a_value_are_an_error(statement: str, values: dict[str
     assert error.span is not None and (error.span.line, error.span.column) == (4, 11)
 
 
+def test_a_bound_beyond_all_numbers_is_an_error() -> None:
+    error = refused("x/a = a")
+    assert "too large" in error.hint and error.frame == 0.0
+
+
 def test_the_frame_is_told_where_only_some_have_none() -> None:
     assert refused("x <= 1/(1 - i)").frame == 1.0
 
