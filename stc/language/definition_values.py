@@ -30,7 +30,7 @@ MOST_STEPS = 100_000
 def define(context: Context, holds_integral: Callable[[syntax.Expression], bool]) -> None:
     """Fill the builder's macros and pieces, each definition after those it uses.
 
-    Those that hold an integral are only remembered as such: the objective takes them apart itcontext.
+    Those that hold an integral are only remembered as such: the objective takes them apart itself.
     """
     builder = context.builder
     for name in context.definitions.order:
