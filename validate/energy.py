@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 #: Gauss-Legendre nodes of the work integral in each step.
 _NODES = 5
 
+#: Motions smaller than this, in m or rad, count as that large: where nothing moves, all that passes through the books
+#: is rounding, and a share of that says nothing.
+_STILL = 1e-3
+
 
 @dataclass(frozen=True, slots=True)
 class EnergyBalance:
@@ -29,7 +33,9 @@ class EnergyBalance:
 
     Attributes:
         defect: largest absolute value of the accumulated difference between energy and work.
-        turnover: what passes through the books: the largest change of energy, or the work counted absolutely.
+        turnover: what passes through the books: the work counted absolutely, the kinetic energy, the change of
+            potential energy or that of both together, whichever is largest.  A free flight and a free pendulum do no
+            work and keep their energy, but exchange one kind for the other.
         jumps: energy that appears (positive) or disappears where velocities jump, largest in size.
     """
 
@@ -63,14 +69,16 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
     points, weights = np.polynomial.legendre.leggauss(_NODES)
     shares, weights = 0.5 * (points + 1.0), 0.5 * weights
 
-    def energy(part: str, frame: int) -> float:
+    def energies(part: str, frame: int) -> FloatArray:
+        """(2,) potential and kinetic."""
         setup.reference.put(data, setup.reference.at(part, frame)[:2])
         mujoco.mj_forward(model, data)
-        return float(data.energy.sum())
+        return np.array(data.energy)
 
-    after = np.array([energy("after", k) for k in range(solution.n)])
-    before = np.array([energy("before", k) for k in range(1, solution.n + 1)])
-    work, effort = np.zeros(solution.n), 0.0
+    starts = np.array([energies("after", k) for k in range(solution.n)])
+    ends = np.array([energies("before", k) for k in range(1, solution.n + 1)])
+    after, before = starts.sum(axis=1), ends.sum(axis=1)
+    work, effort, force = np.zeros(solution.n), 0.0, 0.0
     for step, duration in enumerate(np.diff(solution.time)):
         states = setup.reference.in_step(step, shares)
         controls, forces = setup.controls.in_step(step, shares), outer.in_step(step, shares)
@@ -82,11 +90,15 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
             power = _powers(model, data)
             work[step] += duration * weight * float(power.sum())
             effort += duration * weight * float(np.abs(power).sum())
+            force = max(force, *(float(np.abs(part).max()) for part in (data.qfrc_bias, data.qfrc_smooth)))
     books = np.cumsum(before - after - work)
     levels = np.concatenate([after, before])
     jumps = after[1:] - before[:-1]
     largest = float(jumps[np.argmax(np.abs(jumps))]) if len(jumps) else 0.0
-    turnover = max(effort, float(levels.max() - levels.min()))
+    potential, kinetic = np.concatenate([starts, ends]).T
+    turnover = max(
+        effort, float(np.ptp(levels)), float(np.ptp(potential)), float(kinetic.max()), _STILL * force
+    )
     return EnergyBalance(float(np.abs(books).max()), turnover, largest)
 
 

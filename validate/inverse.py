@@ -27,7 +27,8 @@ class InverseDynamics:
     Attributes:
         at_nodes: (k,) per tied joint, N or N m, where the transcription imposes the equations of motion.
         between: (k,) in between, where only the transcription's polynomials say how the motion goes.
-        scale: the motion's largest generalised force: needed, delivered or due to gravity and velocity.
+        scale: the motion's largest generalised force: needed, delivered or due to gravity and velocity; at least
+            what gives it its momentum within its duration, so that gliding, which takes no force, is measured too.
     """
 
     at_nodes: FloatArray
@@ -49,14 +50,15 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
         None where it cannot be said: a joint of the model is not tied, the solution lacks an acceleration,
         or an actuator has a state of its own.
     """
-    model = setup.model(contacts=False)
+    solution, model = setup.solution, setup.model(contacts=False)
+    duration = solution.duration
     if not setup.all_tied or model.na or not setup.reference.has_acceleration:
         return None
     import mujoco
 
     data = mujoco.MjData(model)
     outer = setup.all_forces
-    scale = 0.0
+    scale, momentum = 0.0, np.zeros(model.nv)
 
     def residual(state: list[FloatArray], control: FloatArray, force: FloatArray) -> FloatArray:
         nonlocal scale
@@ -67,10 +69,11 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
         needed = data.qfrc_inverse.copy()
         mujoco.mj_fwdActuation(model, data)
         delivered = data.qfrc_actuator + data.qfrc_applied
-        scale = max(scale, *(float(np.abs(f).max()) for f in (needed, delivered, data.qfrc_bias)))
+        mujoco.mj_mulM(model, data, momentum, data.qvel)
+        gathered = momentum / duration if duration > 0.0 else momentum
+        scale = max(scale, *(float(np.abs(f).max()) for f in (needed, delivered, data.qfrc_bias, gathered)))
         return np.asarray(np.abs(needed - delivered))
 
-    solution = setup.solution
     first, last = solution.force_frames or (0, solution.n)
     at_nodes, between = np.zeros(model.nv), np.zeros(model.nv)
     for part, index in _nodes(first, last, solution.method):

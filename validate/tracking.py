@@ -152,6 +152,24 @@ def proportional(setup: Setup) -> Feedback | None:
     return Feedback("PD", setup, lambda _, shares: np.broadcast_to(gain, (len(shares), *gain.shape)))
 
 
+def strengths(setup: Setup) -> FloatArray:
+    """(m,) the largest generalised force, in N or N m, that one unit of each control gives where the motion starts."""
+    import mujoco
+
+    model = setup.model(contacts=False)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    data = mujoco.MjData(model)
+    setup.reference.put(data, setup.reference.at("after", 0)[:2])
+    mujoco.mj_forward(model, data)
+    idle, found = data.qfrc_actuator.copy(), np.zeros(len(setup.controls))
+    for k, address in enumerate(setup.controls.addresses):
+        data.ctrl[:] = 0.0
+        data.ctrl[address] = 1.0
+        mujoco.mj_forward(model, data)
+        found[k] = np.abs(data.qfrc_actuator - idle).max(initial=0.0)
+    return found
+
+
 def _full_mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
     import mujoco
 

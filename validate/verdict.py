@@ -15,7 +15,7 @@ from stc.validate import limits
 from stc.validate.contact import contact_metrics, friction_note, time_step_for
 from stc.validate.energy import energy_balance
 from stc.validate.impacts import velocity_jumps
-from stc.validate.inverse import inverse_dynamics
+from stc.validate.inverse import InverseDynamics, inverse_dynamics
 from stc.validate.linearisation import growth, linearise
 from stc.validate.metrics import Metric, drift
 from stc.validate.model import file_hash
@@ -23,7 +23,7 @@ from stc.validate.replay import Replay, replay
 from stc.validate.report import Report
 from stc.validate.setup import Setup, prepare
 from stc.validate.statements import StatementCheck, statement_metrics
-from stc.validate.tracking import Feedback, proportional, regulator
+from stc.validate.tracking import Feedback, proportional, regulator, strengths
 from stc.validate.warnings import caught_warnings
 
 
@@ -190,12 +190,13 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
 
     setup, motion = replays.setup, replays.open_loop
     solution = setup.solution
+    inverse = inverse_dynamics(setup)
     metrics = _open_loop_metrics(replays)
-    metrics += _tracked_metrics(replays)
+    metrics += _tracked_metrics(replays, 0.0 if inverse is None else inverse.scale)
     if replays.external is not None:
         limit = limits.EXTERNAL_DRIFT[solution.method]
         metrics += [m for m in _drifts("external drift", setup, replays.external, limit) if m.limit]
-    metrics += _physics_metrics(setup)
+    metrics += _physics_metrics(setup, inverse)
     metrics += statement_metrics(statements, solution.method)
     model_integrator = mujoco.mjtIntegrator(setup.compiled.opt.integrator).name.removeprefix("mjINT_").lower()
     return Report(
@@ -245,7 +246,8 @@ def _open_loop_metrics(replays: Replays) -> list[Metric]:
     return [*metrics, Metric("growth of small errors", "motion", factor, "times")]
 
 
-def _tracked_metrics(replays: Replays) -> list[Metric]:
+def _tracked_metrics(replays: Replays, force: float) -> list[Metric]:
+    """Drift and effort of the tracked replay; ``force`` is the motion's largest generalised force."""
     if replays.tracked is None:
         return []
     setup, tracked = replays.setup, replays.tracked
@@ -258,9 +260,12 @@ def _tracked_metrics(replays: Replays) -> list[Metric]:
         metrics = _drifts("tracked drift", setup, tracked, limits.TRACKED_DRIFT[method])
         metrics = [metric for metric in metrics if metric.limit is not None]
     largest = float(tracked.total.max(initial=0.0))
-    for name, feedback, total in zip(setup.controls.names, tracked.feedback, tracked.total):
+    # Where no motor does anything the motion is made by what is there without them, gravity for one.
+    units, passive = strengths(setup), force * setup.solution.duration
+    idle = float((tracked.total * units).max(initial=0.0)) < 1e-3 * passive
+    for name, feedback, total, unit in zip(setup.controls.names, tracked.feedback, tracked.total, units):
         # An actuator that the motion hardly uses is measured against the strongest one's thousandth part.
-        base = max(float(total), 1e-3 * largest)
+        base = max(float(total), 1e-3 * (passive / float(unit) if idle and unit > 0.0 else largest))
         share = float(feedback) / base if base > 0.0 else 0.0
         metrics.append(Metric("feedback share", f"actuator {name}", share, "share", share_limit))
     return metrics
@@ -282,11 +287,10 @@ def _drifts(name: str, setup: Setup, motion: Replay, limit: float) -> list[Metri
     return metrics
 
 
-def _physics_metrics(setup: Setup) -> list[Metric]:
+def _physics_metrics(setup: Setup, inverse: InverseDynamics | None) -> list[Metric]:
     """Inverse dynamics, energy and impulses: what needs no replay."""
     method = setup.solution.method
     metrics = []
-    inverse = inverse_dynamics(setup)
     if inverse is not None:
         for name, residual, limit in (
             ("inverse-dynamics residual", inverse.at_nodes, limits.INVERSE_DYNAMICS),

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from closed_form_motions import particle, smooth_particle, waypoint_spline
-from pendulums import GRAVITY, INERTIA, LENGTH, MASS, pendulum
+from closed_form_motions import Curve, particle, smooth_particle, waypoint_spline
+from pendulums import GRAVITY, INERTIA, LENGTH, MASS, MODEL, held, pendulum, weight
 
+import stc
 from stc.solution import ReplayChannel, Solution
 from stc.trajectory import Channel, FloatArray
 from stc.validate import Report, limits, validate
@@ -69,6 +70,75 @@ def test_a_force_that_does_not_fit_the_motion_leaves_a_gap(tmp_path: Path) -> No
     assert gap > limits.ENERGY_BALANCE["hermite-simpson"]
     # 2 % of the kinetic energy that comes and goes, as a share of what is turned over.
     assert 1e-4 < gap < 0.02
+
+
+def free_flight(method: str, n: int = 24, g: float = 9.8) -> Solution:
+    """Thrown, with no force on it: the parabola, exact at every node of every method."""
+    time = np.linspace(0, 0.8, n + 1)
+    x: list[Curve] = [lambda t: 4 * t, lambda t: 0 * t + 4, lambda t: 0 * t]
+    y: list[Curve] = [lambda t: 2 + 3 * t - 0.5 * g * t**2, lambda t: 3 - g * t, lambda t: 0 * t - g]
+    return smooth_particle(method, time, x, y, m=0.6, g=g)
+
+
+@pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal", "central"])
+@pytest.mark.parametrize("g", [9.8, 0.0])
+def test_a_motion_without_work_closes_its_books(method: str, g: float) -> None:
+    """Nothing does work and the energy stays what it is: rounding must not be divided by rounding."""
+    solution = free_flight(method, g=g)
+    balance = energy_balance(prepare(solution))
+    assert balance is not None
+    assert balance.share < 1e-12
+    # What it starts with at least, 0.6 kg at 5 m/s, is in the books.
+    assert balance.turnover >= 0.5 * 0.6 * 25 * (1 - 1e-12)
+    assert validate(solution).passed
+
+
+@pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal", "central"])
+def test_standing_still_closes_the_books(method: str, tmp_path: Path) -> None:
+    angle = held(0.4)
+    still = pendulum(tmp_path, np.linspace(0, 1, 21), angle, lambda t: 0 * t + weight(0.4), method=method)
+    assert validate(still).passed
+
+
+FREE_PENDULUM = """
+constants: n = 80, T = 2, h = T/n;
+variables: q;
+constraints:
+  [0, n]: q'' = -%s*sin(q);
+  [0]: q = 1; q';
+replay:
+  model = "pendulum.xml";
+  joint pivot = q;
+"""
+
+
+@pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal", "central"])
+@pytest.mark.parametrize("missing", ["", 'damping="0.05"', 'stiffness="2"'])
+def test_a_free_pendulum_passes_and_one_with_a_term_missing_does_not(
+    method: str, missing: str, tmp_path: Path
+) -> None:
+    model = MODEL.format(more="").replace('<joint name="pivot"', f'<joint name="pivot" {missing}')
+    (tmp_path / "pendulum.xml").write_text(model)
+    (tmp_path / "free.stc").write_text(FREE_PENDULUM % (MASS * GRAVITY * LENGTH / INERTIA))
+    report = validate(stc.load(str(tmp_path / "free.stc")).solve(method=method))
+    assert report.passed == (not missing)
+    verdicts = {metric.name: metric.verdict for metric in report.metrics}
+    assert verdicts["energy balance"] == ("fail" if missing else "pass")
+    assert verdicts["inverse-dynamics residual"] == ("fail" if missing else "pass")
+
+
+def test_a_torque_that_nobody_states_leaves_a_gap_in_a_passive_motion(tmp_path: Path) -> None:
+    """The pendulum is swung as its motor would swing it, but the spec has no motor."""
+    report = validate(
+        pendulum(
+            tmp_path,
+            np.linspace(0, 1.2, 25),
+            [lambda t: np.sin(2 * t) - 0.5, lambda t: 2 * np.cos(2 * t), lambda t: -4 * np.sin(2 * t)],
+            None,
+        ),
+        tracked=False,
+    )
+    assert value(report, "energy balance") > limits.ENERGY_BALANCE["central"]
 
 
 def bounce(contact: bool, loss: float = 0.5) -> Solution:
