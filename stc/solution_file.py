@@ -33,6 +33,7 @@ from typing import IO, Any
 import numpy as np
 
 from stc import npz
+from stc.atomic import replacing
 from stc.errors import UsageError
 from stc.solution import MultiplierBlock, ReplayChannel, Solution, SolutionError
 from stc.trajectory import Channel, FloatArray
@@ -73,7 +74,8 @@ def write(solution: Solution, path: str | os.PathLike[str]) -> None:
     writer = writers.get(target.suffix.lower())
     if writer is None:
         raise UsageError(f"cannot tell the format of {target.name!r}: a solution file ends in .npz or .csv")
-    _write_atomically(target, lambda stream: writer(solution, stream))
+    with replacing(target) as temporary, temporary.open("wb") as stream:
+        writer(solution, stream)
 
 
 def load(path: str | os.PathLike[str]) -> Solution:
@@ -111,19 +113,6 @@ def load(path: str | os.PathLike[str]) -> Solution:
 def _first_line(error: BaseException) -> str:
     lines = str(error).splitlines()
     return lines[0] if lines else type(error).__name__
-
-
-def _write_atomically(target: Path, fill: Callable[[IO[bytes]], None]) -> None:
-    """Write beside the target, then move: a reader sees the old file or the new one, never a part."""
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as stream:
-            fill(stream)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 # --- what both formats share -------------------------------------------------------------------------------

@@ -134,6 +134,20 @@ PERTURBED_SAMPLES: Final = 16
 #: A replay that leaves the solved motion by more than this, in m or rad, is lost: nothing brings a fallen lamp back.
 LOST: Final = 0.5
 
+# --- files ---------------------------------------------------------------------------------------------------
+
+#: Most numbers of a table, a control sequence or an animation: 160 MB as such, 400 MB as text.
+MOST_NUMBERS: Final = 20_000_000
+
+#: Most pixels of a filmstrip, 300 MB while it is put together.
+MOST_STRIP_PIXELS: Final = 100_000_000
+
+#: Most pixels of all images of a .webp or .gif, which are encoded together: 1.8 GB.
+MOST_ANIMATION_PIXELS: Final = 600_000_000
+
+#: Most images of one picture, which are drawn one after the other: a tenth of a second each.
+MOST_IMAGES: Final = 20_000
+
 # --- refinement and equations ------------------------------------------------------------------------------
 
 #: Smallest order of convergence of the replay, observed on the two finest of three grids.

@@ -102,6 +102,8 @@ def run(arguments: Sequence[str]) -> int:
         return _report(as_json, "error", _mistakes(error), MISTAKE, error)
     except StcError as error:
         return _report(as_json, "error", str(error), MISTAKE, error)
+    except MemoryError:
+        return _report(as_json, "failed", "there is not enough memory for this: ask for less of it", BAD)
     except OSError as error:
         if error.errno is None:
             return _unexpected(as_json, error)

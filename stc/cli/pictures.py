@@ -34,12 +34,14 @@ def render(
     target: str, output: str, look: Look, show: str, options: SolveOptions, *, force: bool, as_json: bool
 ) -> int:
     """Render a motion as a filmstrip or a video."""
-    from stc.validate.pictures.film import STILLS, VIDEOS, draw
+    from stc.validate.pictures.film import STILLS, VIDEOS, draw, require_filmstrip
     from stc.validate.verdict import run_replays
 
     if show not in _MOTIONS:
         raise UsageError(f"--show must be one of {', '.join(_MOTIONS)}, not `{show}`")
     file = _writable(output, (*STILLS, *VIDEOS))
+    if file.suffix.lower() in STILLS:
+        require_filmstrip(look)
     setup = _setup(target, options, force, as_json)
     motion = None
     if show != "solved":

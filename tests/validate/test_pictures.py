@@ -267,3 +267,25 @@ def test_a_replay_that_runs_away_does_not_flatten_the_plot() -> None:
     made = figure(run_replays(prepare(wild)))
     low, high = made.axes[0].get_ylim()
     assert high - low < 10
+
+
+@pytest.mark.parametrize(
+    ("name", "look"),
+    [
+        ("a.png", Look(tiles=1000)),
+        ("a.gif", Look(rate=1_000_000)),
+        ("a.webp", Look(width=4096, height=4096)),
+        ("a.mp4", Look(speed=1e-9)),
+    ],
+)
+def test_pictures_out_of_proportion_are_refused_before_the_work(
+    name: str, look: Look, setup: Setup, tmp_path: Path
+) -> None:
+    def progress(done: int, total: int) -> None:
+        raise AssertionError("an image was drawn")
+
+    if name.endswith(".mp4"):
+        pytest.importorskip("av")
+    with pytest.raises(UsageError, match="at most"):
+        draw(setup, tmp_path / name, look, progress=progress)
+    assert not list(tmp_path.iterdir())

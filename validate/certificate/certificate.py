@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from stc.atomic import replacing
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate import limits
@@ -146,7 +147,9 @@ class Certificate:
 
         target = Path(path)
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(page(self, pictures=pictures), encoding="utf-8")
+        text = page(self, pictures=pictures)
+        with replacing(target) as temporary:
+            temporary.write_text(text, encoding="utf-8")
         return target
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:

@@ -63,7 +63,8 @@ def export(
         The path of the file.
 
     Raises:
-        UsageError: an unknown format, a suffix that is not the format's, or a rate or time step that is not positive.
+        UsageError: an unknown format, a suffix that is not the format's, or a rate or time step that is not positive
+            or means a file out of proportion.
         ModelError: there is no model, or it cannot be written as asked.
         SolutionError: the solution is damaged.
     """

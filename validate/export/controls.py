@@ -22,6 +22,8 @@ from pathlib import Path
 
 import numpy as np
 
+from stc.atomic import replacing
+from stc.validate.export.proportion import require_proportion
 from stc.validate.linearisation import linearise
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures.motion import solved_at
@@ -37,8 +39,15 @@ def steps(setup: Setup, time_step: float | None = None) -> tuple[int, float]:
 
 
 def sequence(setup: Setup, time_step: float | None = None) -> dict[str, FloatArray]:
-    """The arrays of the file; see the module's table."""
+    """The arrays of the file; see the module's table.
+
+    Raises:
+        UsageError: with such steps the file is out of proportion.
+    """
     model, solution = setup.compiled, setup.solution
+    wanted = float(model.opt.timestep) if time_step is None else time_step
+    numbers = 1 + model.nq + 2 * model.nv + model.nu * (1 + 2 * model.nv)
+    require_proportion(solution.duration / wanted, numbers, f"a time step of {wanted:g} s")
     count, length = steps(setup, time_step)
     edges = solution.time[0] + length * np.arange(count + 1)
     edges[-1] = solution.time[-1]
@@ -74,9 +83,15 @@ def sequence(setup: Setup, time_step: float | None = None) -> dict[str, FloatArr
 
 
 def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
-    """Write the arrays; see the module's table."""
-    with path.open("wb") as stream:
-        np.savez(stream, **sequence(setup, time_step))  # type: ignore[arg-type]
+    """Write the arrays; see the module's table.
+
+    Raises:
+        UsageError: with such steps the file is out of proportion.
+        OSError: the file cannot be written.
+    """
+    arrays = sequence(setup, time_step)
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, **arrays)  # type: ignore[arg-type]
 
 
 def _law(setup: Setup) -> Feedback | None:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stc.atomic import replacing
+from stc.validate.export.proportion import require_proportion
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures.motion import solved_at
 from stc.validate.setup import Setup
@@ -44,8 +46,13 @@ def write(setup: Setup, path: Path, rate: float = 60.0) -> None:
         setup: the motion and its model.
         path: of the file, ``.glb``.
         rate: keyframes per second; a short motion has one per frame at least.
+
+    Raises:
+        UsageError: with this rate the file is out of proportion.
+        OSError: the file cannot be written.
     """
     solution = setup.solution
+    require_proportion(solution.duration * rate, 7 * setup.compiled.nbody, f"a rate of {rate:g} Hz")
     count = max(int(np.ceil(solution.duration * rate)), solution.n, 1)
     times = np.linspace(solution.time[0], solution.time[-1], count + 1)
     poses = local_poses(setup.compiled, solved_at(setup, times))
@@ -56,7 +63,8 @@ def write(setup: Setup, path: Path, rate: float = 60.0) -> None:
 
     from trimesh.exchange.gltf import export_glb
 
-    path.write_bytes(export_glb(scene, include_normals=True, buffer_postprocessor=animate))
+    with replacing(path) as temporary:
+        temporary.write_bytes(export_glb(scene, include_normals=True, buffer_postprocessor=animate))
 
 
 def local_poses(model: mujoco.MjModel, positions: FloatArray) -> tuple[FloatArray, FloatArray]:

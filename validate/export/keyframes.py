@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.atomic import replacing
 from stc.validate.export.controls import steps
 from stc.validate.metrics import FloatArray
 from stc.validate.model import ModelError, load_model
@@ -64,8 +65,9 @@ def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
         root.remove(old)
     root.append(_keyframes(setup))
     ET.indent(root)
-    path.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
-    _check(load_model(path), setup, path)
+    with replacing(path) as temporary:
+        temporary.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+        _check(load_model(temporary), setup, path)
 
 
 def _keyframes(setup: Setup) -> ET.Element:

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from stc.atomic import replacing
 from stc.solution import Solution
+from stc.validate.export.proportion import require_proportion
 from stc.validate.metrics import FloatArray
 
 
@@ -21,11 +23,15 @@ def columns(solution: Solution, rate: float | None = None) -> dict[str, FloatArr
 
     Returns:
         Arrays of one length by name; derivatives have primes, parameters are constant columns.
+
+    Raises:
+        UsageError: with this rate the table is out of proportion.
     """
     if rate is None or solution.n == 0:
         times = solution.time
         values = {name: np.asarray(solution[name]) for name in solution.names}
     else:
+        require_proportion(solution.duration * rate, 1 + len(solution.names), f"a rate of {rate:g} Hz")
         count = max(1, int(np.ceil(solution.duration * rate - 1e-9)))
         times = np.minimum(solution.time[0] + np.arange(count + 1) / rate, solution.time[-1])
         found = solution.at(times)
@@ -34,13 +40,18 @@ def columns(solution: Solution, rate: float | None = None) -> dict[str, FloatArr
 
 
 def write(solution: Solution, path: Path, rate: float | None = None) -> None:
-    """Write the table as ``.csv`` (a header, then rows, every digit kept) or ``.npz`` (one array per column)."""
+    """Write the table as ``.csv`` (a header, then rows, every digit kept) or ``.npz`` (one array per column).
+
+    Raises:
+        UsageError: with this rate the table is out of proportion.
+        OSError: the file cannot be written.
+    """
     found = columns(solution, rate)
     if path.suffix.lower() == ".npz":
-        with path.open("wb") as stream:
+        with replacing(path) as temporary, temporary.open("wb") as stream:
             np.savez(stream, **found)  # type: ignore[arg-type]
         return
-    with path.open("w", newline="", encoding="utf-8") as stream:
+    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(found)
         writer.writerows([repr(float(value)) for value in row] for row in zip(*found.values()))

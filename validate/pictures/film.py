@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stc.atomic import replacing
 from stc.errors import UsageError
 from stc.records import dataclass
+from stc.validate import limits
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures import PictureError
 from stc.validate.pictures.motion import paths, simulated_at, solved_at
@@ -89,7 +91,7 @@ def draw(
         progress: told after each image how many of how many are done.
 
     Raises:
-        UsageError: another ending.
+        UsageError: another ending, or a picture that is out of proportion.
         ModelError: there is no such camera.
         PictureError: there is no OpenGL, or no encoder for the video.
         OSError: the file cannot be written.
@@ -102,12 +104,55 @@ def draw(
             f"{', '.join(VIDEOS)} videos"
         )
     if suffix in STILLS:
-        filmstrip(setup, look, motion, progress).save(target)
+        strip = filmstrip(setup, look, motion, progress)
+        with replacing(target) as temporary:
+            strip.save(temporary)
         return
     if suffix == ".mp4":
         _require_av()
+    require_film(look, setup.solution.duration, suffix)
     write = _write_mp4 if suffix == ".mp4" else _write_animation
-    write(target, film(setup, look, motion, progress), look)
+    with replacing(target) as temporary:
+        write(temporary, film(setup, look, motion, progress), look)
+
+
+def require_filmstrip(look: Look) -> None:
+    """Refuse a filmstrip that is out of proportion, before any work is done.
+
+    Raises:
+        UsageError: it has too many tiles, or too many pixels in all.
+    """
+    most = min(limits.MOST_IMAGES, limits.MOST_STRIP_PIXELS // (look.width * look.height))
+    if look.tiles > most:
+        raise UsageError(
+            f"{look.tiles} tiles of {look.width}x{look.height} pixels are too many for one filmstrip: "
+            f"{most} at most",
+            "take fewer or smaller ones (--tiles, --size), or a video (.webp, .gif, .mp4)",
+        )
+
+
+def require_film(look: Look, duration: float, suffix: str) -> None:
+    """Refuse a video that is out of proportion, before any work is done.
+
+    Args:
+        look: how it is to be made.
+        duration: of the motion, in seconds.
+        suffix: of the file.
+
+    Raises:
+        UsageError: it has too many images, or too many pixels where all are encoded together; or speed or rate are
+            not positive.
+    """
+    count = duration / _step(look, duration)
+    most = limits.MOST_IMAGES
+    if suffix != ".mp4":
+        most = min(most, limits.MOST_ANIMATION_PIXELS // (look.width * look.height))
+    if not count <= most:
+        raise UsageError(
+            f"{duration:.4g} s at {look.rate} images per second and {_speed(look, duration):g} of real time are "
+            f"{count:.3g} images of {look.width}x{look.height} pixels: a {suffix} has {most} of them at most",
+            "choose a lower --rate, a higher --speed or a smaller --size",
+        )
 
 
 def filmstrip(
@@ -119,6 +164,7 @@ def filmstrip(
     """The motion at equal intervals, first and last position included, as a Pillow image.  See :func:`draw`."""
     from PIL import Image as Pillow
 
+    require_filmstrip(look)
     count = max(1, look.tiles)
     times = np.linspace(setup.solution.time[0], setup.solution.time[-1], count)
     columns = look.columns or _columns(count)
@@ -150,15 +196,25 @@ def film(
     progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[Image]:
     """The images of a video, (height, width, 3) each.  See :func:`draw`."""
-    speed = slow_motion(setup.solution.duration) if look.speed is None else look.speed
-    if not speed > 0.0 or look.rate < 1:
-        raise UsageError("speed and rate of a video must be positive")
-    step = speed / look.rate
+    speed, step = _speed(look, setup.solution.duration), _step(look, setup.solution.duration)
     start, end = setup.solution.time[0], setup.solution.time[-1]
     count = max(2, round((end - start) / step) + 1)
     times = np.minimum(start + step * np.arange(count), end)
     times[-1] = end
     return _images(setup, look, motion, times, speed, progress)
+
+
+def _speed(look: Look, duration: float) -> float:
+    """The share of real time at which a video of a motion of this duration, in seconds, runs."""
+    return slow_motion(duration) if look.speed is None else look.speed
+
+
+def _step(look: Look, duration: float) -> float:
+    """Seconds of the motion from one image of a video to the next."""
+    speed = _speed(look, duration)
+    if not speed > 0.0 or look.rate < 1:
+        raise UsageError("speed and rate of a video must be positive")
+    return speed / look.rate
 
 
 def slow_motion(duration: float) -> float:

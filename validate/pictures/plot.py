@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stc.atomic import replacing
 from stc.errors import UsageError
 from stc.validate import limits
 from stc.validate.certificate.curves import Line, Panel, panels
@@ -65,7 +66,9 @@ def save_plot(replays: Replays, path: str | os.PathLike[str]) -> None:
 
     with matplotlib.rc_context({"svg.hashsalt": "stc", "svg.fonttype": "none", "font.size": 9}):
         metadata = {"Date": None} if target.suffix.lower() == ".svg" else None
-        figure(replays).savefig(target, dpi=_DPI, metadata=metadata)
+        drawn = figure(replays)
+        with replacing(target) as temporary:
+            drawn.savefig(temporary, dpi=_DPI, metadata=metadata)
 
 
 def figure(replays: Replays) -> Figure:

@@ -11,7 +11,7 @@ from closed_form_motions import smooth_particle, waypoint_spline
 
 from stc.errors import UsageError
 from stc.solution import Solution
-from stc.validate.export import default_name, export
+from stc.validate.export import FORMATS, default_name, export
 
 
 def spline() -> Solution:
@@ -52,3 +52,36 @@ def test_names_of_files_and_formats() -> None:
         export(solution, "gltf", "a.gltf")
     with pytest.raises(UsageError, match="the rate must be positive"):
         export(solution, "csv", rate=0.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "asked"),
+    [
+        ("csv", {"rate": 1e9}),
+        ("npz", {"rate": float("inf")}),
+        ("gltf", {"rate": 1e7}),
+        ("controls", {"time_step": 1e-9}),
+    ],
+)
+def test_what_is_out_of_proportion_is_refused_before_the_work(
+    kind: str, asked: dict[str, float], tmp_path: Path
+) -> None:
+    with pytest.raises(UsageError, match="numbers at most"):
+        export(spline(), kind, tmp_path / f"a{FORMATS[kind]}", **asked)  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_table_that_is_stopped_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = export(spline(), "npz", tmp_path / "a.npz")
+    before = file.read_bytes()
+
+    def fail(stream: object, **arrays: object) -> None:
+        stream.write(b"half")  # type: ignore[attr-defined]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(np, "savez", fail)
+    for kind in ("npz", "controls"):
+        with pytest.raises(KeyboardInterrupt):
+            export(spline(), kind, file)
+    assert file.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [file]

@@ -1,0 +1,33 @@
+"""Files that are whole or not there: written beside their place, then moved to it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A path to write to, beside ``path`` and with its suffix; what is there in the end becomes the file ``path``.
+
+    A reader sees the old file or the new one, never a part. When the block is left by an exception, Ctrl-C among
+    them, the old file stays as it was, and where there was none there is none.
+
+    Raises:
+        OSError: the file cannot be written; its ``filename`` is the one that was asked for.
+    """
+    target = Path(path)
+    temporary = target.with_name(f".{target.stem}.{os.getpid()}.tmp{target.suffix}")
+    try:
+        yield temporary
+        with temporary.open("r+b") as stream:
+            os.fsync(stream.fileno())
+        temporary.replace(target)
+    except OSError as error:
+        if error.filename == str(temporary):  # nobody asked for that one
+            error.filename, error.filename2 = str(target), None
+        raise
+    finally:
+        temporary.unlink(missing_ok=True)
