@@ -30,7 +30,7 @@ def export(
 
     if kind not in FORMATS:
         raise UsageError(f"unknown format `{kind}`", f"the formats are {', '.join(FORMATS)}")
-    outcome, motion = jobs.solved(target, options, as_json)
+    outcome, motion = jobs.to_show(target, options, as_json)
     status = outcome.solution.status
     if status != "optimal" and not force:
         raise UsageError(

@@ -166,6 +166,20 @@ def solved(target: str, options: SolveOptions, as_json: bool) -> tuple[Outcome, 
     return outcome, outcome.solution
 
 
+def to_show(target: str, options: SolveOptions, as_json: bool) -> tuple[Outcome, Solution | Path]:
+    """As :func:`solved`, for commands that show or pass on a motion without judging it.
+
+    Where the spec has changed since, the motion is still the one that was asked for: a note says so, once.
+    """
+    outcome, motion = solved(target, options, as_json)
+    if outcome.file is not None and outcome.file is motion:
+        from stc.validate.certificate.staleness import stale
+
+        for line in stale(outcome.solution):
+            console.note(f"{line}; this is the motion as it was")
+    return outcome, motion
+
+
 def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     """Read a spec as far as its nonlinear program, and tell its sizes; good when nothing in it is known to fail."""
     from stc.solving import contradictions_of

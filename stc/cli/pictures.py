@@ -80,7 +80,7 @@ def _setup(target: str, options: SolveOptions, force: bool, as_json: bool) -> Se
     """The motion with its model."""
     from stc.validate.verdict import open_setup
 
-    return open_setup(jobs.solved(target, options, as_json)[1], force=force)
+    return open_setup(jobs.to_show(target, options, as_json)[1], force=force)
 
 
 def _done(setup: Setup, file: Path, as_json: bool) -> int:

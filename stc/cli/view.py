@@ -46,7 +46,7 @@ def view(target: str, options: SolveOptions, window: Window, *, live: bool) -> i
     _check(target, window, live)
     if live:
         return _live(target, options, window)
-    outcome, motion = jobs.solved(target, options, as_json=False)
+    outcome, motion = jobs.to_show(target, options, as_json=False)
     if not is_solution(target):
         outcome.show()
     if outcome.solution.status != "optimal":
