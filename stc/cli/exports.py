@@ -31,12 +31,7 @@ def export(
     if kind not in FORMATS:
         raise UsageError(f"unknown format `{kind}`", f"the formats are {', '.join(FORMATS)}")
     outcome, motion = jobs.to_show(target, options, as_json)
-    status = outcome.solution.status
-    if status != "optimal" and not force:
-        raise UsageError(
-            f"the motion is not exported: its solve ended {status}, not optimal",
-            "--force exports it all the same",
-        )
+    jobs.require_optimal(outcome.solution, "exported", force)
     # A file is handed on as such: the model may lie beside it.
     subject: Solution | Path = motion
     file = write(subject, kind, output, rate=rate, time_step=time_step)

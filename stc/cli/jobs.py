@@ -93,7 +93,7 @@ def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_
     check_replay_lines(model.problem(options.method))
     outcome = _solved(model, options, as_json, save=True)
     if outcome.solution.model is None:
-        return _not_validated(outcome, _no_replay(outcome.solution.name), as_json)
+        return _not_validated(outcome, _no_replay(outcome.solution.name), page, as_json)
     return _judged(outcome, outcome.solution, force, page, as_json)
 
 
@@ -178,6 +178,24 @@ def to_show(target: str, options: SolveOptions, as_json: bool) -> tuple[Outcome,
         for line in stale(outcome.solution):
             console.note(f"{line}; this is the motion as it was")
     return outcome, motion
+
+
+def require_optimal(solution: Solution, done: str, force: bool) -> None:
+    """Refuse to show or pass on what is no solution, unless that is asked for.
+
+    Args:
+        solution: what a solve gave.
+        done: what would be done with it, such as ``drawn``.
+        force: whether ``--force`` was given.
+
+    Raises:
+        UsageError: the solve did not end optimal.
+    """
+    if solution.status != "optimal" and not force:
+        raise UsageError(
+            f"the motion of {solution.name} is not {done}: its solve ended {solution.status}, not optimal",
+            f"solving the spec again with `stc solve` tells why; with --force the motion is {done} all the same",
+        )
 
 
 def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
@@ -339,7 +357,7 @@ def _judged(
     status = outcome.solution.status  # what a search found before it was stopped is judged as well
     if status != "optimal" and not force:
         reason = f"the solve ended {status}, not optimal; --force replays it all the same"
-        return _not_validated(outcome, reason, as_json)
+        return _not_validated(outcome, reason, page, as_json)
     from stc.certification import certify
 
     if not as_json:
@@ -357,10 +375,12 @@ def _judged(
     return GOOD if certificate.passed and outcome.good else BAD
 
 
-def _not_validated(outcome: Outcome, reason: str, as_json: bool) -> int:
-    """Show a solution that is not replayed, and why."""
+def _not_validated(outcome: Outcome, reason: str, page: Path | None, as_json: bool) -> int:
+    """Show a solution that is not replayed, and why; ``page`` is where its certificate would have gone."""
+    if page is not None:
+        reason = f"{reason}; {page} is not written"
     if as_json:
-        record.write({**outcome.record(), "validation": None})
+        record.write({**outcome.record(), "validation": None, "report": None})
     else:
         outcome.show()
     console.note(f"not validated: {reason}")

@@ -24,7 +24,8 @@ def run(
     seed = seed or 0
     if seed < 0:
         raise UsageError(f"--seed must not be negative, but is {seed}")
-    _, motion = jobs.to_show(target, options, as_json)
+    outcome, motion = jobs.to_show(target, options, as_json)
+    jobs.require_optimal(outcome.solution, "replayed", force)
     setup = open_setup(motion, force=force)
     found = robustness(setup, limits.PERTURBED_SAMPLES if samples is None else samples, seed)
     good = not any(envelope.lost.any() for envelope in found.envelopes if envelope.kind == "none")

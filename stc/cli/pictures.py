@@ -80,7 +80,9 @@ def _setup(target: str, options: SolveOptions, force: bool, as_json: bool) -> Se
     """The motion with its model."""
     from stc.validate.verdict import open_setup
 
-    return open_setup(jobs.to_show(target, options, as_json)[1], force=force)
+    outcome, motion = jobs.to_show(target, options, as_json)
+    jobs.require_optimal(outcome.solution, "drawn", force)
+    return open_setup(motion, force=force)
 
 
 def _done(setup: Setup, file: Path, as_json: bool) -> int:

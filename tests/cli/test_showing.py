@@ -59,3 +59,35 @@ def test_a_motion_of_an_older_text_is_shown_with_a_note(words: list[str], solved
     assert "written" in out
     assert err.startswith("note: hop.stc has changed since this solution was made")
     assert len(err.splitlines()) == 1
+
+
+# ------------------------------------------------------------------ solves that failed
+
+
+@pytest.mark.parametrize(
+    ("words", "done"),
+    [
+        *zip(SHOWING, ["drawn", "drawn", "exported"], strict=True),
+        (["validate", "hop.npz", "--robustness", "--samples", "1"], "replayed"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_what_is_no_solution_is_shown_only_by_force(words: list[str], done: str, stc_: Stc) -> None:
+    Path("hop.stc").write_text(hop())
+    assert stc_("solve", "hop.stc", "--max-iterations", "0")[0] == 1
+    status, _, err = stc_(*words)
+    assert status == 2
+    assert f"is not {done}: its solve ended iteration_limit, not optimal" in err
+    assert "--force" in err.splitlines()[-1]
+    if done != "replayed":  # whether a replay of what is no solution goes well is another matter
+        assert stc_(*words, "--force")[0] == 0
+
+
+@pytest.mark.parametrize("command", ["run", "validate"])
+def test_a_page_that_is_not_written_is_told_of(command: str, stc_: Stc) -> None:
+    Path("hop.stc").write_text(hop())
+    status, _, err = stc_(command, "hop.stc", "--max-iterations", "0", "--report", "hop.html")
+    assert status == 1
+    assert "not validated: the solve ended iteration_limit" in err
+    assert "hop.html is not written" in err
+    assert not Path("hop.html").exists()
