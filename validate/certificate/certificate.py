@@ -11,7 +11,7 @@ from stc.atomic import replacing
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate import limits
-from stc.validate.certificate import blame, table
+from stc.validate.certificate import advice, blame, table
 from stc.validate.certificate.contact_forces import (
     ContactForces,
     contact_force_metrics,
@@ -92,6 +92,15 @@ class Certificate:
         return blame.headline(self.metrics, self.findings, self.equations is not None)
 
     @property
+    def next_steps(self) -> list[str]:
+        """What to do about a motion that failed, one line for each kind of failure; empty where it passed."""
+        if self.passed or self.solution.status != "optimal" or self.faults:
+            return []
+        n = self.solution.constants.get("n")
+        more_frames = f"--set n={2 * self.solution.n}" if n is not None and n == self.solution.n else ""
+        return advice.next_steps(self.metrics, self.equations is not None, more_frames)
+
+    @property
     def notes(self) -> list[str]:
         """What a reader should know besides."""
         equations = self.equations.notes if self.equations is not None else []
@@ -124,11 +133,12 @@ class Certificate:
         return facts
 
     def to_dict(self) -> dict[str, Any]:
-        """The certificate as JSON takes it: the report's keys, with all metrics, and the headline."""
+        """The certificate as JSON takes it: the report's keys, with all metrics, the headline and what to do next."""
         found = self.report.to_dict()
         found["passed"] = self.passed
         found["headline"] = self.headline
         found["findings"] = self.findings
+        found["next_steps"] = self.next_steps
         found["metrics"] = [metric.to_dict() for metric in self.metrics]
         found["notes"] = self.notes
         return found

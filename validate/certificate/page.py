@@ -74,12 +74,13 @@ def _head(certificate: Certificate, verdict: str) -> str:
     report = certificate.report
     lines = [] if certificate.passed else blame.others(certificate.metrics, certificate.findings)
     others = f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>" if lines else ""
+    steps = "".join(f"<p class='next'>Next: {escape(step)}.</p>" for step in certificate.next_steps)
     notes = "".join(f"<p class='note'>{escape(note)}</p>" for note in certificate.notes)
     return (
         "<header>\n<p class='kind'>Certificate of a motion</p>\n"
         f"<h1>{escape(report.spec)}</h1>\n"
         f"<div class='verdict {verdict}'><p><strong>{verdict.capitalize()}.</strong> "
-        f"{escape(certificate.headline)}</p>{others}</div>\n{notes}"
+        f"{escape(certificate.headline)}</p>{others}{steps}</div>\n{notes}"
         f"{_facts(certificate.facts())}</header>\n"
     )
 

@@ -51,3 +51,5 @@ def show(certificate: Certificate) -> Iterator[Any]:
     yield Text(f"failed: {certificate.headline}", style="bold red")
     for line in blame.others(certificate.metrics, certificate.findings):
         yield Text(f"  {line}", style="red")
+    for step in certificate.next_steps:
+        yield Text(f"next: {step}", style="bold")

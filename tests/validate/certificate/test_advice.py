@@ -1,0 +1,76 @@
+"""What a failed motion is told to do next, and that it helps."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+from planted_faults import text_of
+
+import stc
+from stc.certification import certify
+from stc.validate import Metric
+from stc.validate.certificate.advice import next_steps
+from stc.validate.certificate.page import page
+
+
+def failed(name: str) -> Metric:
+    return Metric(name, "joint a", 2.0, "share", 1.0)
+
+
+def test_following_the_advice_makes_a_coarse_motion_pass() -> None:
+    model = stc.load("arm_reach")
+    coarse = certify(model.solve(n=16))
+    assert not coarse.passed
+    (step,) = coarse.next_steps
+    found = re.search(r"--set n=(\d+)", step)
+    assert found is not None
+    better = certify(model.solve(n=int(found[1])))
+    assert better.passed
+    assert better.next_steps == []
+
+
+def test_it_is_in_the_terminal_the_page_and_the_record() -> None:
+    certificate = certify(stc.load("arm_reach").solve(n=16))
+    (step,) = certificate.next_steps
+    assert f"next: {step}" in " ".join(str(certificate).split())
+    assert "Next: take more frames: --set n=32" in page(certificate, pictures=False)
+    assert json.loads(json.dumps(certificate.to_dict()))["next_steps"] == [step]
+
+
+def test_wrong_equations_are_to_be_mended_and_not_refined() -> None:
+    right = text_of("arm_reach_by_hand")
+    wrong = right.replace("(I2 + m2*d2^2)*a2''", "(2*I2 + m2*d2^2)*a2''")
+    assert wrong != right
+    certificate = certify(stc.load(wrong).solve(n=16))
+    (step,) = certificate.next_steps
+    assert step.startswith("make the spec's equations and the model the same")
+
+
+@pytest.mark.parametrize(
+    ("names", "compared", "beginnings"),
+    [
+        (["inequality between frames"], False, ["take more frames"]),
+        (["open-loop drift, largest", "energy balance"], False, ["take more frames"]),
+        (["open-loop drift, largest", "inverse-dynamics residual"], False, ["check the forces"]),
+        (["inverse-dynamics residual"], True, ["the equations are right"]),
+        (["KKT residual", "constraint violation"], False, ["solve it more exactly"]),
+        (["unexplained impulse"], False, ["name the contact"]),
+        (
+            ["friction used, solved forces in the model's cone", "tracked drift"],
+            False,
+            ["state less friction"],
+        ),
+        (["open-loop error on the ground, RMS"], False, ["take more frames"]),
+        (["something new"], False, []),
+    ],
+)
+def test_there_is_one_step_for_each_kind(names: list[str], compared: bool, beginnings: list[str]) -> None:
+    steps = next_steps([failed(name) for name in names], compared)
+    assert len(steps) == len(beginnings)
+    assert all(step.startswith(beginning) for step, beginning in zip(steps, beginnings, strict=True))
+
+
+def test_what_passed_needs_no_advice() -> None:
+    assert next_steps([Metric("energy balance", "motion", 0.5, "share", 1.0)], True, "--set n=2") == []

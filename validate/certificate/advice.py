@@ -1,0 +1,114 @@
+"""What to do next about a motion that failed: one step for each kind of thing that is wrong, in a line.
+
+As with the blame, causes come before effects: while equations of motion or forces are wrong, more frames cure nothing,
+so that nothing is said of them then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stc.validate.certificate.blame import rank
+from stc.validate.metrics import Metric
+
+#: Metrics of the solver's answer, of the equations as such, and of the ground, by how their names begin.
+_SOLVER = ("constraint violation", "KKT residual")
+_EQUATIONS = (
+    "equations of motion",
+    "mass matrix",
+    "static force",
+    "gravity",
+    "velocity product",
+    "damping",
+    "force, entry",
+)
+_GROUND = ("contact", "penetration", "slip", "normal", "external")
+
+#: Metrics that the distance of the frames is in.
+_STEP = (
+    "residual between",
+    "inequality between",
+    "energy balance",
+    "momentum in flight",
+    "angular momentum",
+    "open-loop",
+    "tracked",
+    "feedback",
+    "external",
+    "order of convergence",
+)
+
+
+def next_steps(metrics: Sequence[Metric], compared: bool, more_frames: str = "") -> list[str]:
+    """What to do about the metrics that failed, the first thing first; nothing where none did.
+
+    Args:
+        metrics: everything that was measured.
+        compared: whether the spec's equations of motion were compared with the model's.
+        more_frames: what takes twice the frames, such as ``--set n=120``; "" where that cannot be said in a word.
+    """
+    found: dict[str, None] = {}
+    failed = sorted((metric for metric in metrics if metric.verdict == "fail"), key=rank)
+    wrong = False
+    for metric in failed:
+        step = _cause(metric, compared, differ=wrong)
+        wrong = wrong or bool(step)
+        if not step and not wrong:
+            step = _effect(metric, more_frames)
+        if step:
+            found[step] = None
+    return list(found)
+
+
+def _cause(metric: Metric, compared: bool, differ: bool) -> str:
+    """A step for what is wrong with the statement itself, "" for metrics of another kind."""
+    name = metric.name
+    if name.startswith(_SOLVER):
+        return "solve it more exactly: a smaller --tolerance, such as 1e-10"
+    if name.startswith(_EQUATIONS):
+        return (
+            "make the spec's equations and the model the same, beginning with the term named first: mend one of them, "
+            "or give the model the spec's number with a `set` line under replay:"
+        )
+    if name.startswith("unexplained impulse"):
+        return (
+            "name the contact that gives the impulse with a `contact` line under replay:, or state that the velocity "
+            "does not jump"
+        )
+    if name.startswith("inverse-dynamics"):
+        if differ:
+            return ""
+        if compared:
+            return (
+                "the equations are right: check that the joint, actuator, apply and set lines under replay: name the "
+                "variables meant, then solve with a smaller --tolerance"
+            )
+        return (
+            "check the forces: `stc validate SPEC --equations` compares the equations of motion term by term, and the "
+            "actuator and apply lines under replay: must name all that acts"
+        )
+    if name.startswith("friction used"):
+        return (
+            "state less friction in the spec than the model has, or give the model more with "
+            "`set geom.NAME.friction` under replay:"
+        )
+    return ""
+
+
+def _effect(metric: Metric, more_frames: str) -> str:
+    """A step for what finer frames may cure."""
+    if metric.name.startswith("order of convergence"):
+        return (
+            "look for what is not smooth: limits that become active within a step, jumps, guesses that lead to another "
+            "motion with more frames"
+        )
+    on_ground = "on the ground" in metric.name or metric.name.startswith(_GROUND)
+    if not on_ground and not metric.name.startswith(_STEP):
+        return ""
+    how = f"{more_frames}, or " if more_frames else ""
+    step = f"take more frames: {how}`stc run SPEC --until-verified 1e-6`, which adds them until MuJoCo agrees"
+    if on_ground:
+        step += (
+            "; if that does not help, compare the solved contact forces with MuJoCo's in the page of --report"
+        )
+    return step
