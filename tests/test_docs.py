@@ -110,3 +110,15 @@ def test_the_searches_from_python_work() -> None:
     exec(block, names)
     assert names["walk"].arrived and names["finer"].reached  # type: ignore[attr-defined]
     assert names["sure"].verified and len(names["found"].optima) >= 1  # type: ignore[attr-defined]
+
+
+def test_the_model_of_ones_own_is_what_its_spec_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (model,) = blocks("docs/own_model.md", "xml")
+    (spec,) = blocks("docs/own_model.md")
+    (tmp_path / "rod.xml").write_text(model)
+    (tmp_path / "rod.stc").write_text(spec)
+    lines = re.findall(r"^    stc (.*?)(?:  +#.*)?$", (ROOT / "docs/own_model.md").read_text(), re.MULTILINE)
+    assert len(lines) == 4
+    for line in lines:
+        assert run(line.split()) == 0, line

@@ -273,7 +273,10 @@ def plot(
     force: Force = False,
     json: Json = False,
 ) -> int:
-    """Draw joints, torques and paths over time, solved against replayed, as .png, .svg or .pdf."""
+    """Draw joints, torques and paths over time, solved against replayed, as .png, .svg or .pdf.
+
+    Without a model the variables are drawn.
+    """
     options = solve_options(settings, method)
     return pictures.plot(target, output, options, force=force, as_json=json)
 

@@ -25,12 +25,18 @@ def export(
 ) -> int:
     """Write a motion in another format."""
     from stc.solution import Solution
-    from stc.validate.export import FORMATS
+    from stc.validate.export import FORMATS, TABLES
     from stc.validate.export import export as write
 
     if kind not in FORMATS:
         raise UsageError(f"unknown format `{kind}`", f"the formats are {', '.join(FORMATS)}")
-    outcome, motion = jobs.to_show(target, options, as_json)
+    outcome, motion = jobs.to_show(
+        target,
+        options,
+        as_json,
+        "" if kind in TABLES else f"there are no bodies and joints for {kind} to be about",
+        "--format csv and npz write the variables over time",
+    )
     jobs.require_optimal(outcome.solution, "exported", force)
     # A file is handed on as such: the model may lie beside it.
     subject: Solution | Path = motion

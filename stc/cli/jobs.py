@@ -140,11 +140,24 @@ def validate(
     return _judged(outcome, motion, force, page, as_json, further)
 
 
-def solved(target: str, options: SolveOptions, as_json: bool) -> tuple[Outcome, Solution | Path]:
+def solved(
+    target: str,
+    options: SolveOptions,
+    as_json: bool,
+    needs_model: str = "MuJoCo cannot replay it",
+    without: str = "`stc solve` solves it without validation",
+) -> tuple[Outcome, Solution | Path]:
     """A saved solution, or what solving a spec gives, and what is to be handed on for its validation.
 
+    Args:
+        target: what the command line names.
+        options: of a solve, where a spec is named.
+        as_json: whether nothing is to be told on the way.
+        needs_model: what cannot be done without a model; "" where none is needed.
+        without: what can be done in its place.
+
     Raises:
-        UsageError: options of a solve for what is solved already, or a spec that names no model.
+        UsageError: options of a solve for what is solved already, or a motion that names no model.
         SpecError: a spec whose replay lines do not fit its model.
     """
     if is_solution(target):
@@ -154,24 +167,31 @@ def solved(target: str, options: SolveOptions, as_json: bool) -> tuple[Outcome, 
 
         path = existing_solution(target)
         # The file and not the solution is handed on: the model may lie beside it.
-        return Outcome(read(path), path), path
+        outcome = Outcome(read(path), path)
+        if needs_model and outcome.solution.model is None:
+            raise UsageError(_no_replay(outcome.solution.name, needs_model), f"{without}; {_HOW}")
+        return outcome, path
     from stc.studies.replay_lines import check_replay_lines
 
     model = load(target, options.constants)
     problem = model.problem(options.method)
-    if problem.model is None:
-        raise UsageError(_no_replay(model.name), "`stc solve` solves it without validation")
-    check_replay_lines(problem)
+    if problem.model is not None:
+        check_replay_lines(problem)
+    elif needs_model:
+        raise UsageError(_no_replay(model.name, needs_model), f"{without}; {_HOW}")
     outcome = _solved(model, options, as_json, save=options.output is not None)
     return outcome, outcome.solution
 
 
-def to_show(target: str, options: SolveOptions, as_json: bool) -> tuple[Outcome, Solution | Path]:
+def to_show(
+    target: str, options: SolveOptions, as_json: bool, *needs: str
+) -> tuple[Outcome, Solution | Path]:
     """As :func:`solved`, for commands that show or pass on a motion without judging it.
 
-    Where the spec has changed since, the motion is still the one that was asked for: a note says so, once.
+    ``needs`` are its last two arguments. Where the spec has changed since, the motion is still the one that was asked
+    for: a note says so, once.
     """
-    outcome, motion = solved(target, options, as_json)
+    outcome, motion = solved(target, options, as_json, *needs)
     if outcome.file is not None and outcome.file is motion:
         from stc.validate.certificate.staleness import stale
 
@@ -387,5 +407,9 @@ def _not_validated(outcome: Outcome, reason: str, page: Path | None, as_json: bo
     return BAD
 
 
-def _no_replay(name: str) -> str:
-    return f"{name} has no `replay:` section that names a model, so that MuJoCo cannot replay it"
+#: How a motion gets a model.
+_HOW = "docs/own_model.md tells how to write a model and tie a spec to it"
+
+
+def _no_replay(name: str, reason: str = "MuJoCo cannot replay it") -> str:
+    return f"{name} has no `replay:` section that names a model, so that {reason}"

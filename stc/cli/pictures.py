@@ -12,22 +12,26 @@ from stc.cli.options import SolveOptions, ready_to_write
 from stc.errors import UsageError
 
 if TYPE_CHECKING:
+    from stc.solution import Solution
     from stc.validate.pictures.film import Look
-    from stc.validate.setup import Setup
 
 #: Motions that can be rendered.
 _MOTIONS = ("solved", "replayed", "tracked")
 
 
 def plot(target: str, output: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
-    """Draw a motion over time."""
+    """Draw a motion over time: with a model joints and forces, solved against replayed, else its variables."""
     from stc.validate.pictures.plot import PLOTS, save_plot
-    from stc.validate.verdict import run_replays
+    from stc.validate.pictures.variables import save_variables
+    from stc.validate.verdict import open_setup, run_replays
 
     file = _writable(output, PLOTS)
-    setup = _setup(target, options, force, as_json)
-    save_plot(run_replays(setup), file)
-    return _done(setup, file, as_json)
+    outcome, motion = _motion(target, options, force, as_json, "")
+    if outcome.solution.model is None:
+        save_variables(outcome.solution, file)
+    else:
+        save_plot(run_replays(open_setup(motion, force=force)), file)
+    return _done(outcome.solution, file, as_json)
 
 
 def render(
@@ -35,14 +39,15 @@ def render(
 ) -> int:
     """Render a motion as a filmstrip or a video."""
     from stc.validate.pictures.film import STILLS, VIDEOS, draw, require_filmstrip
-    from stc.validate.verdict import run_replays
+    from stc.validate.verdict import open_setup, run_replays
 
     if show not in _MOTIONS:
         raise UsageError(f"--show must be one of {', '.join(_MOTIONS)}, not `{show}`")
     file = _writable(output, (*STILLS, *VIDEOS))
     if file.suffix.lower() in STILLS:
         require_filmstrip(look)
-    setup = _setup(target, options, force, as_json)
+    needs = "there are no bodies to render", "`stc plot` draws its variables over time"
+    setup = open_setup(_motion(target, options, force, as_json, *needs)[1], force=force)
     motion = None
     if show != "solved":
         replays = run_replays(setup, tracked=show == "tracked")
@@ -53,7 +58,7 @@ def render(
             )
     with _Counter() as counter:
         draw(setup, file, look, motion, counter)
-    return _done(setup, file, as_json)
+    return _done(setup.solution, file, as_json)
 
 
 def look(size: str, camera: str | None, rate: int, speed: float | None, tiles: int) -> Look:
@@ -76,18 +81,18 @@ def look(size: str, camera: str | None, rate: int, speed: float | None, tiles: i
     return Look(int(width), int(height), camera, rate, speed, tiles)
 
 
-def _setup(target: str, options: SolveOptions, force: bool, as_json: bool) -> Setup:
-    """The motion with its model."""
-    from stc.validate.verdict import open_setup
-
-    outcome, motion = jobs.to_show(target, options, as_json)
+def _motion(
+    target: str, options: SolveOptions, force: bool, as_json: bool, *needs: str
+) -> tuple[jobs.Outcome, Solution | Path]:
+    """The motion to draw; ``needs`` as of :func:`stc.cli.jobs.to_show`."""
+    outcome, motion = jobs.to_show(target, options, as_json, *needs)
     jobs.require_optimal(outcome.solution, "drawn", force)
-    return open_setup(motion, force=force)
+    return outcome, motion
 
 
-def _done(setup: Setup, file: Path, as_json: bool) -> int:
+def _done(solution: Solution, file: Path, as_json: bool) -> int:
     if as_json:
-        record.write({**record.of_solution(setup.solution), "picture": str(file)})
+        record.write({**record.of_solution(solution), "picture": str(file)})
     else:
         print(f"{file} written")
     return GOOD

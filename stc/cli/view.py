@@ -46,7 +46,9 @@ def view(target: str, options: SolveOptions, window: Window, *, live: bool) -> i
     _check(target, window, live)
     if live:
         return _live(target, options, window)
-    outcome, motion = jobs.to_show(target, options, as_json=False)
+    outcome, motion = jobs.to_show(
+        target, options, False, "there are no bodies to show", "`stc plot` draws its variables over time"
+    )
     if not is_solution(target):
         outcome.show()
     if outcome.solution.status != "optimal":

@@ -91,3 +91,52 @@ def test_a_page_that_is_not_written_is_told_of(command: str, stc_: Stc) -> None:
     assert "not validated: the solve ended iteration_limit" in err
     assert "hop.html is not written" in err
     assert not Path("hop.html").exists()
+
+
+# ------------------------------------------------------------------ motions without a model
+
+# From rest to rest in unit time with the least squared acceleration: 3t^2 - 2t^3.
+REST_TO_REST = """\
+constants: n = 10, h = 1/n;
+variables: x, x2;
+constraints:
+  [0]: x; x';
+  [n]: x = 1; x';
+  [0, n]: x2 = x^2;
+objective: [0, n]: integral(x''^2);
+method: hermite-simpson;
+"""
+
+
+@pytest.mark.parametrize("target", ["rest.stc", "rest.npz"])
+def test_without_a_model_variables_are_drawn_and_tabled(target: str, stc_: Stc) -> None:
+    Path("rest.stc").write_text(REST_TO_REST)
+    assert stc_("solve", "rest.stc")[0] == 0
+    assert stc_("plot", target, "-o", "rest.svg")[0] == 0
+    drawn = Path("rest.svg").read_text()
+    assert all(f">{word}</text>" in drawn for word in ("x", "x2", "s"))
+    assert stc_("export", target, "--format", "csv")[0] == 0
+    assert Path("rest_motion.csv").read_text().startswith("time,x")
+
+
+@pytest.mark.parametrize("target", ["rest.stc", "rest.npz"])
+@pytest.mark.parametrize(
+    ("words", "why", "instead"),
+    [
+        (["render", "-o", "rest.png"], "no bodies to render", "stc plot"),
+        (["export", "--format", "gltf"], "no bodies and joints for gltf", "--format csv"),
+        (["export", "--format", "controls"], "no bodies and joints for controls", "--format csv"),
+        (["validate"], "MuJoCo cannot replay it", "stc solve"),
+    ],
+    ids=["render", "gltf", "controls", "validate"],
+)
+def test_what_needs_a_model_says_what_for(
+    target: str, words: list[str], why: str, instead: str, stc_: Stc
+) -> None:
+    Path("rest.stc").write_text(REST_TO_REST)
+    assert stc_("solve", "rest.stc")[0] == 0
+    status, _, err = stc_(words[0], target, *words[1:])
+    assert status == 2
+    assert why in err
+    assert instead in err
+    assert "docs/own_model.md" in err

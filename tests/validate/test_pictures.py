@@ -15,6 +15,7 @@ from closed_form_motions import smooth_particle, waypoint_spline
 from stc import models
 from stc.errors import UsageError
 from stc.solution import Solution
+from stc.trajectory import Channel
 from stc.validate import ModelError
 from stc.validate.pictures import PictureError
 from stc.validate.pictures.camera import fit, usual_camera
@@ -22,6 +23,7 @@ from stc.validate.pictures.film import Look, draw, filmstrip, slow_motion
 from stc.validate.pictures.motion import paths, simulated_at, solved_at
 from stc.validate.pictures.plot import figure, save_plot
 from stc.validate.pictures.stage import Stage, Trail
+from stc.validate.pictures.variables import sampled
 from stc.validate.replay import replay
 from stc.validate.setup import Setup, prepare
 from stc.validate.verdict import run_replays
@@ -267,6 +269,23 @@ def test_a_replay_that_runs_away_does_not_flatten_the_plot() -> None:
     made = figure(run_replays(prepare(wild)))
     low, high = made.axes[0].get_ylim()
     assert high - low < 10
+
+
+def test_variables_are_sampled_on_their_own_curve_with_upright_jumps() -> None:
+    solved = solution()
+    time, curves = sampled(solved)
+    assert np.all(np.diff(time) >= 0.0)
+    assert (time[0], time[-1]) == (0.0, 2.0)
+    assert np.allclose(curves["x"], solved.at(time)["x"], atol=1e-12)
+    jump = copy.copy(solved)
+    fx = solved.trajectories["fx", 0]
+    after = fx.after.copy()
+    after[7] += 5.0
+    jump.trajectories = {**solved.trajectories, ("fx", 0): Channel(fx.before, after, fx.mid)}
+    time, curves = sampled(jump)
+    (at,) = np.flatnonzero((np.diff(time) == 0.0) & (np.abs(np.diff(curves["fx"])) > 4.0))
+    assert time[at] == solved.time[7]
+    assert (curves["fx"][at], curves["fx"][at + 1]) == (fx.before[7], after[7])
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,9 @@ from stc.solution import Solution, read
 #: Formats and the suffix of their files.
 FORMATS = {"csv": ".csv", "npz": ".npz", "keyframes": ".xml", "controls": ".npz", "gltf": ".glb"}
 
+#: Those that hold the variables of the spec, so that a motion needs no model for them.
+TABLES = ("csv", "npz")
+
 #: What distinguishes a file from the solution it comes from, where no name is given.
 _ENDINGS = {
     "csv": "_motion",
@@ -79,7 +82,7 @@ def export(
     if target.suffix.lower() != FORMATS[kind]:
         raise UsageError(f"{target}: the format {kind} is written to *{FORMATS[kind]}")
     target.parent.mkdir(parents=True, exist_ok=True)
-    if kind in ("csv", "npz"):
+    if kind in TABLES:
         from stc.validate.export import table
 
         table.write(solution, target, rate)

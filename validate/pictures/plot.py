@@ -7,7 +7,7 @@ that first asks for another installation is one that nobody uses.  It is importe
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from stc.atomic import replacing
 from stc.errors import UsageError
+from stc.solution import Solution
 from stc.validate import limits
 from stc.validate.certificate.curves import Line, Panel, panels
 from stc.validate.metrics import FloatArray
@@ -59,6 +60,11 @@ def save_plot(replays: Replays, path: str | os.PathLike[str]) -> None:
         UsageError: another ending.
         OSError: the file cannot be written.
     """
+    save_figure(lambda: figure(replays), path)
+
+
+def save_figure(draw: Callable[[], Figure], path: str | os.PathLike[str]) -> None:
+    """Draw a figure in the style of all plots into a file; errors as of :func:`save_plot`."""
     target = Path(path)
     if target.suffix.lower() not in PLOTS:
         raise UsageError(f"cannot draw {target.name!r}: a plot is saved as {', '.join(PLOTS)}")
@@ -66,34 +72,38 @@ def save_plot(replays: Replays, path: str | os.PathLike[str]) -> None:
 
     with matplotlib.rc_context({"svg.hashsalt": "stc", "svg.fonttype": "none", "font.size": 9}):
         metadata = {"Date": None} if target.suffix.lower() == ".svg" else None
-        drawn = figure(replays)
+        drawn = draw()
         with replacing(target) as temporary:
             drawn.savefig(temporary, dpi=_DPI, metadata=metadata)
 
 
 def figure(replays: Replays) -> Figure:
     """All plots of a motion as one Matplotlib figure."""
-    from matplotlib.figure import Figure
-
     found = panels(replays)
     ways = _paths(replays)
-    count = len(found) + bool(ways)
-    columns = 2 if count in (2, 4) else min(3, max(1, count))
-    rows = -(-count // columns)
-    made = Figure(figsize=(columns * _PLOT[0], rows * _PLOT[1] + 0.75), layout="constrained")
-    axes = np.atleast_1d(made.subplots(rows, columns, squeeze=False)).ravel()
+    made, axes = grid_of_plots(len(found) + bool(ways), replays.setup.solution)
     for one, panel in zip(axes, found):
         _draw(one, panel, replays)
     if ways:
         _draw_paths(axes[len(found)], ways)
+    _legend(made, found, replays)
+    return made
+
+
+def grid_of_plots(count: int, solution: Solution) -> tuple[Figure, Sequence[Axes]]:
+    """A figure with the motion's name above it, and the axes of so many plots."""
+    from matplotlib.figure import Figure
+
+    columns = 2 if count in (2, 4) else min(3, max(1, count))
+    rows = -(-count // columns)
+    made = Figure(figsize=(columns * _PLOT[0], rows * _PLOT[1] + 0.75), layout="constrained")
+    axes = list(np.atleast_1d(made.subplots(rows, columns, squeeze=False)).ravel())
     for one in axes[count:]:
         one.set_visible(False)
-    solution = replays.setup.solution
     made.suptitle(
         f"{solution.name}: {solution.method}, n = {solution.n}, {solution.duration:.4g} s", fontweight="bold"
     )
-    _legend(made, found, replays)
-    return made
+    return made, axes
 
 
 def _legend(made: Figure, found: Sequence[Panel], replays: Replays) -> None:
@@ -142,7 +152,7 @@ def _draw(axes: Axes, panel: Panel, replays: Replays) -> None:
         )
     axes.set_ylabel(panel.unit)
     axes.set_xlabel("s")
-    _style(axes)
+    style(axes)
 
 
 def _drift(gap: float, replays: Replays) -> str:
@@ -201,10 +211,11 @@ def _draw_paths(axes: Axes, ways: Sequence[tuple[str, FloatArray]]) -> None:
     )
     axes.set_xlabel(f"{'xyz'[first]}, m")
     axes.set_ylabel(f"{'xyz'[second]}, m")
-    _style(axes)
+    style(axes)
 
 
-def _style(axes: Axes) -> None:
+def style(axes: Axes) -> None:
+    """The look that all plots have in common: light grid, few ticks, two spines."""
     axes.grid(color="#e5e7eb", linewidth=0.7)
     axes.set_axisbelow(True)
     axes.locator_params(axis="x", nbins=6)
