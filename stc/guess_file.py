@@ -214,6 +214,7 @@ def read_guess(path: str | os.PathLike[str]) -> GivenValues:
     """
     import csv
     import zipfile
+    import zlib
 
     source = Path(path)
     suffix = source.suffix.lower()
@@ -223,14 +224,26 @@ def read_guess(path: str | os.PathLike[str]) -> GivenValues:
         raise UsageError(f"there is no file `{source}` to read a guess from")
     try:
         return _read_csv(source) if suffix == ".csv" else _read_npz(source)
-    except ValueError as error:
-        what = "it holds other data than numbers" if "pickle" in str(error) else str(error)
+    except UnicodeDecodeError:
+        raise UsageError(f"no guess can be read from `{source}`: it is not UTF-8 text") from None
+    except PermissionError:
+        raise UsageError(f"no guess can be read from `{source}`: it may not be read") from None
+    except csv.Error as error:
+        raise UsageError(f"no guess can be read from `{source}`: it is no table ({error})") from None
+    except (OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError) as error:
+        what = "it was cut off, or is no .npz file"
+        if not source.stat().st_size:
+            what = "it is empty"
+        elif "pickle" in str(error):
+            what = "it holds other data than numbers"
         raise UsageError(f"no guess can be read from `{source}`: {what}") from None
-    except (OSError, zipfile.BadZipFile, EOFError, csv.Error) as error:
-        raise UsageError(f"no guess can be read from `{source}`: {error}") from None
 
 
 def _read_npz(source: Path) -> GivenValues:
+    import zipfile
+
+    if not zipfile.is_zipfile(source):  # NumPy would read a single array, or take it for pickled objects
+        raise zipfile.BadZipFile
     with np.load(source, allow_pickle=False) as archive:
         if "facts" in archive.files:
             return SolutionValues(read(source))

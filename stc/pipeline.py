@@ -57,13 +57,14 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
     """The text of a spec: a path, a bundled name, or the text itself (anything with a line break or a colon).
 
     Raises:
-        UsageError: no such spec, or a file that is not UTF-8 text.
+        UsageError: no such spec, a file that is not UTF-8 text, or one that holds a solution or table instead.
     """
     if not isinstance(spec, str | os.PathLike):
         raise UsageError(f"a spec is a path, a bundled name or its text, not {spec!r}")
     if isinstance(spec, str) and ("\n" in spec or (":" in spec and ";" in spec)):
         return Source("<text>", spec)
     path = find_spec(spec)
+    _require_text(path)
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
@@ -71,6 +72,28 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
     return Source(str(spec) if Path(spec).is_file() else path.name, text, str(path))
+
+
+def _require_text(path: Path) -> None:
+    """Refuse the files that the program itself writes, which users take for specs, and say what they are for.
+
+    Raises:
+        UsageError: the file is one of those.
+    """
+    if path.suffix.lower() not in (".npz", ".csv"):
+        return
+    from stc.solution_file import contents
+
+    found = contents(path)
+    if found == "solution":
+        raise UsageError(
+            f"{path} is a saved solution, not a spec",
+            f"`stc validate {path}` judges it; `stc solve SPEC --warm-start {path}` solves on from it",
+        )
+    raise UsageError(
+        f"{path} is {'a table of numbers' if found else 'a data file'}, not a spec",
+        f"`stc solve SPEC --guess-from {path}` starts a solve from the numbers of a table",
+    )
 
 
 def transcribe(problem: Problem) -> Transcription:

@@ -94,6 +94,11 @@ def load(path: str | os.PathLike[str]) -> Solution:
     try:
         return reader(source)
     except SolutionError as error:
+        if contents(source) == "table":
+            raise SolutionError(
+                f"{source} is a table, as `stc export` writes it, and no saved solution\n"
+                f"  `stc solve SPEC --guess-from {source}` starts a solve from it"
+            ) from None
         raise SolutionError(f"{source}: {error}") from None
     except PermissionError:
         raise UsageError(f"{source} may not be read") from None
@@ -108,6 +113,30 @@ def load(path: str | os.PathLike[str]) -> Solution:
         AttributeError,
     ) as error:
         raise SolutionError(f"{source} is damaged or not a solution file ({_first_line(error)})") from error
+
+
+def contents(path: str | os.PathLike[str]) -> str:
+    """What a file with the suffix of a solution holds: ``solution``, ``table`` (as exported) or "" for anything else.
+
+    Nothing is raised: a file that cannot be read holds anything else.
+    """
+    import zipfile
+
+    source = Path(path)
+    try:
+        if source.suffix.lower() == ".csv":
+            with source.open(encoding="utf-8-sig") as stream:
+                first = stream.readline()
+            return "solution" if first.startswith("# facts") else "table" if first.startswith("time,") else ""
+        with zipfile.ZipFile(source) as archive:
+            names = {name.removesuffix(".npy") for name in archive.namelist()}
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return ""
+    if "facts" in names:
+        return "solution"
+    return (
+        "table" if "time" in names and "ctrl" not in names else ""
+    )  # with ``ctrl`` it is a control sequence
 
 
 def _first_line(error: BaseException) -> str:

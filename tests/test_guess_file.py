@@ -93,8 +93,11 @@ def test_other_files_are_refused(tmp_path: Path):
         read_guess(written(tmp_path, "x", "a.txt"))
     with pytest.raises(stc.UsageError, match="there is no file"):
         read_guess(tmp_path / "b.csv")
-    with pytest.raises(stc.UsageError, match="other data than numbers"):
+    with pytest.raises(stc.UsageError, match=r"is no \.npz file"):
         read_guess(written(tmp_path, "junk", "a.npz"))
+    np.savez(tmp_path / "b.npz", x=np.array([{}]))
+    with pytest.raises(stc.UsageError, match="other data than numbers"):
+        read_guess(tmp_path / "b.npz")
     np.savez(tmp_path / "c.npz", x=np.zeros((2, 2)))
     with pytest.raises(stc.UsageError, match=r"no list of numbers \(shape \(2, 2\)\)"):
         read_guess(tmp_path / "c.npz")
@@ -134,3 +137,19 @@ def test_numbers_by_name() -> None:
             model.solve(guess={name: wrong})
     with pytest.raises(UsageError, match="names `nobody`"):
         model.solve(guess={"nobody": [1.0]})
+
+
+def test_damaged_arrays_are_told_in_plain_words(tmp_path: Path) -> None:
+    whole, guess = tmp_path / "whole.npz", tmp_path / "guess.npz"
+    np.savez_compressed(whole, x=np.random.default_rng(1).random(300))
+    content = whole.read_bytes()
+    np.save(tmp_path / "single.npy", np.zeros(3))
+    for damaged, what in (
+        (b"", "it is empty"),
+        (content[: len(content) // 2], "it was cut off"),
+        (content[:400] + bytes(200) + content[600:], "it was cut off"),
+        ((tmp_path / "single.npy").read_bytes(), "it was cut off, or is no .npz file"),
+    ):
+        guess.write_bytes(damaged)
+        with pytest.raises(UsageError, match=f"no guess can be read from `.*guess.npz`: {what}"):
+            read_guess(guess)

@@ -93,6 +93,35 @@ def test_a_page_that_is_not_written_is_told_of(command: str, stc_: Stc) -> None:
     assert not Path("hop.html").exists()
 
 
+# ------------------------------------------------------------------ files that are taken for others
+
+
+@pytest.mark.parametrize("command", ["solve", "run", "compare", "check"])
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+def test_a_solution_is_no_spec_and_a_table_no_solution(command: str, suffix: str, stc_: Stc) -> None:
+    Path("hop.stc").write_text(hop())
+    saved, table = f"saved{suffix}", f"table{suffix}"
+    assert stc_("solve", "hop.stc", "-o", saved)[0] == 0
+    assert stc_("export", "hop.stc", "--format", suffix[1:], "-o", table)[0] == 0
+    status, _, err = stc_(command, saved)
+    assert status == 2
+    assert f"{saved} is a saved solution, not a spec" in err
+    assert f"stc validate {saved}" in err
+    assert f"--warm-start {saved}" in err
+    status, _, err = stc_(command, table)
+    assert status == 2
+    assert f"{table} is a table of numbers, not a spec" in err
+    for words in (["validate", table], ["solve", "hop.stc", "--warm-start", table]):
+        status, _, err = stc_(*words)
+        assert status == 2
+        assert f"{table} is a table, as `stc export` writes it" in err
+        assert f"--guess-from {table}" in err
+    # What is advised works.
+    assert stc_("validate", saved)[0] == 0
+    assert stc_("solve", "hop.stc", "--warm-start", saved)[0] == 0
+    assert stc_("solve", "hop.stc", "--guess-from", table)[0] == 0
+
+
 # ------------------------------------------------------------------ motions without a model
 
 # From rest to rest in unit time with the least squared acceleration: 3t^2 - 2t^3.
