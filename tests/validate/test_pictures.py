@@ -18,8 +18,9 @@ from stc.solution import Solution
 from stc.trajectory import Channel
 from stc.validate import ModelError
 from stc.validate.pictures import PictureError
+from stc.validate.pictures.background import picture_model
 from stc.validate.pictures.camera import fit, usual_camera
-from stc.validate.pictures.film import Look, draw, filmstrip, slow_motion
+from stc.validate.pictures.film import Look, draw, filmstrip, path_trails, slow_motion
 from stc.validate.pictures.motion import paths, simulated_at, solved_at
 from stc.validate.pictures.plot import figure, save_plot
 from stc.validate.pictures.stage import Stage, Trail
@@ -112,6 +113,68 @@ def test_ghosts_and_trails_are_drawn(setup: Setup) -> None:
         - (plain.astype(int)[..., 1] - plain[..., 0])
     )
     assert (green > 60).sum() > 10
+
+
+def pixels(image: np.ndarray, colour: str) -> int:
+    """How many pixels have the colour of a path: ``orange`` is the solved one's, ``blue`` the simulated one's."""
+    r, b = image[..., 0].astype(int), image[..., 2].astype(int)
+    return int(((b > 190) & (b > r + 60)).sum() if colour == "blue" else ((r > 190) & (r > b + 60)).sum())
+
+
+def test_two_paths_in_the_same_place_are_both_seen(setup: Setup) -> None:
+    """The simulated one lies on the solved one, which shows on either side of it all along."""
+    motion = run_replays(setup, tracked=False).open_loop
+    model = setup.model()
+    with Stage(model, 240, 180, frame=solved_at(setup, setup.solution.time)) as stage:
+        start = setup.reference.at("after", 0)[0]
+        alone = stage.render(start, (), path_trails(setup, None))
+        both = stage.render(start, (), path_trails(setup, motion))
+    way = pixels(alone, "orange")
+    assert pixels(alone, "blue") == 0
+    assert pixels(both, "blue") > 0.5 * way
+    assert pixels(both, "orange") > 0.5 * way
+
+
+def test_floors_mirror_no_paths(setup: Setup) -> None:
+    """A curve high above the floor changes nothing below the horizon."""
+    start = setup.reference.at("after", 0)[0]
+    line = np.linspace([0.2, 0, 0.8], [1.8, 0, 1.0], 20)
+    with Stage(setup.compiled, 240, 180, frame=solved_at(setup, setup.solution.time)) as stage:
+        high = stage.render(start, (), [Trail(line)])
+        far = stage.render(start, (), [Trail(line + [0, 0, 100.0])])
+    rows = np.flatnonzero((high != far).any(axis=(1, 2)))
+    assert len(rows)
+    assert rows.max() < 90
+
+
+def test_a_model_without_a_sky_stands_before_a_neutral_background(tmp_path: Path) -> None:
+    (tmp_path / "particle.xml").write_text("""
+        <mujoco>
+          <worldbody>
+            <body name="particle">
+              <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+              <geom type="sphere" size="0.1" mass="2" rgba="1 0 0 1"/>
+            </body>
+          </worldbody>
+          <actuator><motor name="fx" joint="x"/><motor name="fz" joint="z"/></actuator>
+        </mujoco>""")
+    own = prepare(solution(directory=str(tmp_path)))
+    model = picture_model(own)
+    # What the spec sets is in the picture's model as well, and the simulated one is as it was.
+    assert np.array_equal(model.body_mass, own.compiled.body_mass)
+    assert own.compiled.ntex == 0
+    with Stage(model, 96, 72, frame=solved_at(own, own.solution.time)) as stage:
+        corners = stage.render(own.reference.at("after", 0)[0])[[0, 0, -1, -1], [0, -1, 0, -1]].astype(int)
+    assert corners.min() > 120
+    assert np.ptp(corners, axis=1).max() < 40
+
+
+def test_the_whole_motion_is_framed_however_few_tiles_there_are(setup: Setup) -> None:
+    """The ball is highest between first and last frame: its path must not leave the image."""
+    look = Look(width=240, height=180, tiles=2, captions=False)
+    strip = np.asarray(filmstrip(setup, look))[:, :240]
+    assert pixels(strip, "orange") > 50
+    assert pixels(strip[:8], "orange") == 0
 
 
 def test_a_filmstrip_has_its_tiles(setup: Setup) -> None:

@@ -10,9 +10,10 @@ import numpy as np
 from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.metrics import FloatArray
-from stc.validate.pictures.film import slow_motion
-from stc.validate.pictures.motion import paths, simulated_at, solved_at
-from stc.validate.pictures.stage import Stage, Trail
+from stc.validate.pictures.background import picture_model
+from stc.validate.pictures.film import path_trails, slow_motion
+from stc.validate.pictures.motion import simulated_at, solved_at
+from stc.validate.pictures.stage import Stage
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -30,9 +31,6 @@ _SHADOWS = 2048
 
 #: How far apart solved and simulated coordinates must be, in m or rad, for the solved motion to be drawn too.
 _GHOST_FROM, _GHOST_OPACITY = 1e-3, 0.35
-
-#: Colours of the paths: solved, simulated.
-_SOLVED, _SIMULATED = (0.98, 0.62, 0.16, 0.9), (0.25, 0.75, 0.95, 0.9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,12 +104,10 @@ def render(replays: Replays) -> Pictures:
     times = np.linspace(start, end, count)
     simulated, solved = simulated_at(motion, times), solved_at(setup, times)
     ghost = bool(np.max(np.abs(simulated - solved), initial=0.0) > _GHOST_FROM)
-    trails = [Trail(points, _SIMULATED) for points in paths(setup, motion)]
-    if ghost:
-        trails += [Trail(points, _SOLVED) for points in paths(setup)]
+    trails = path_trails(setup, motion, both=ghost)
     some = solved[np.unique(np.linspace(0, count - 1, 25).astype(np.intp))]
     frames = []
-    model = setup.model()
+    model = picture_model(setup)
     # Most of this is rendered in software, where fine shadows take most of the time and hardly show at this size.
     model.vis.quality.shadowsize = min(int(model.vis.quality.shadowsize), _SHADOWS)
     with Stage(model, *SIZE, frame=some) as stage:

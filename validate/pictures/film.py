@@ -19,6 +19,7 @@ from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures import PictureError
+from stc.validate.pictures.background import picture_model
 from stc.validate.pictures.motion import paths, simulated_at, solved_at
 from stc.validate.pictures.stage import Image, Stage, Trail
 
@@ -44,6 +45,16 @@ _FEW, _SHADOWS = 16, 2048
 
 #: Colours of paths: solved, simulated.
 _SOLVED, _SIMULATED = (0.98, 0.62, 0.16, 0.9), (0.25, 0.75, 0.95, 0.9)
+
+#: Width of the solved path, in pixels, where a simulated one lies on it, and how far that is lifted from it.
+_BROAD, _LIFT = 6.0, 3e-3
+
+#: So many positions of a motion are kept within the image.
+_FRAMED = 25
+
+#: Colour of the simulated path there. It is opaque, and so drawn before the translucent one, which would hide it.
+#: MuJoCo draws what is opaque once for each light that casts a shadow and adds it up: the treble is blue too.
+_ON_TOP = (0.08, 0.37, 0.48, 1.0)
 
 #: Opacity of the solved motion where it stands behind a simulated one.
 _GHOST = 0.35
@@ -232,13 +243,11 @@ def _images(
 ) -> Iterator[Image]:
     solved = solved_at(setup, times)
     shown = solved if motion is None else simulated_at(motion, times)
-    trails = [Trail(points, _SOLVED) for points in paths(setup)]
-    if motion is not None:
-        trails += [Trail(points, _SIMULATED) for points in paths(setup, motion)]
-    model = setup.model()
+    model = picture_model(setup)
     if len(times) > _FEW:
         model.vis.quality.shadowsize = min(int(model.vis.quality.shadowsize), _SHADOWS)
-    with Stage(model, look.width, look.height, look.camera, frame=_spread(solved)) as stage:
+    with Stage(model, look.width, look.height, look.camera, frame=_framed(setup)) as stage:
+        trails = path_trails(setup, motion)
         for k, time in enumerate(times):
             ghosts: Sequence[tuple[FloatArray, float]] = [] if motion is None else [(solved[k], _GHOST)]
             image = stage.render(shown[k], ghosts, trails)
@@ -247,9 +256,26 @@ def _images(
                 progress(k + 1, len(times))
 
 
-def _spread(positions: FloatArray) -> FloatArray:
-    """Some of the positions, the first and last among them."""
-    return positions[np.unique(np.linspace(0, len(positions) - 1, 25).astype(np.intp))]
+def path_trails(setup: Setup, motion: Replay | None, both: bool = True) -> list[Trail]:
+    """The paths of a motion: the solved one broad, for the simulated one to lie on.
+
+    Args:
+        setup: the motion.
+        motion: a replay of it, or None for the solved path alone.
+        both: whether the solved path is shown where there is a replay.
+    """
+    if motion is None:
+        return [Trail(points, _SOLVED) for points in paths(setup)]
+    if not both:
+        return [Trail(points, _SIMULATED) for points in paths(setup, motion)]
+    solved = [Trail(points, _SOLVED, _BROAD) for points in paths(setup)]
+    return [*solved, *(Trail(points, _ON_TOP, lift=_LIFT) for points in paths(setup, motion))]
+
+
+def _framed(setup: Setup) -> FloatArray:
+    """Positions that are to be seen whole, along all of the motion, however few of them are shown."""
+    times = np.linspace(setup.solution.time[0], setup.solution.time[-1], _FRAMED)
+    return solved_at(setup, times)
 
 
 def _captioned(image: Image, time: float, speed: float) -> Image:

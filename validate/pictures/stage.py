@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from itertools import pairwise
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -26,11 +27,20 @@ _GEOMS = 20_000
 
 @dataclass(frozen=True, slots=True)
 class Trail:
-    """A curve in the scene: (k, 3) points in m, its colour (red, green, blue, opacity), its width in pixels."""
+    """A curve in the scene.
+
+    Attributes:
+        points: (k, 3) in m.
+        colour: red, green, blue, opacity.
+        width: in pixels.
+        lift: by which share of its distance it is nearer to the camera than it is. It stays where it is in the image,
+            but lies on what has the same place, such as the same path of another motion.
+    """
 
     points: FloatArray
     colour: tuple[float, float, float, float] = (0.95, 0.55, 0.15, 0.9)
     width: float = 2.5
+    lift: float = 0.0
 
 
 class Stage:
@@ -98,7 +108,7 @@ class Stage:
         Args:
             position: (nq,) where the model is.
             ghosts: further positions (nq,) to show it in, each with its opacity.
-            trails: curves to draw.
+            trails: curves to draw. With any, floors mirror nothing: a mirrored curve looks like one more path.
 
         Returns:
             (height, width, 3) red, green and blue.
@@ -114,6 +124,7 @@ class Stage:
             self._add_ghost(ghost, opacity)
         for trail in trails:
             self._add_trail(trail)
+        scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = not trails
         view = mujoco.MjrRect(0, 0, self.width, self.height)
         mujoco.mjr_render(view, scene, self._context)
         pixels = np.empty((self.height, self.width, 3), dtype=np.uint8)
@@ -136,7 +147,9 @@ class Stage:
         import mujoco
 
         scene, colour = self._scene, np.array(trail.colour, dtype=np.float32)
-        for start, end in zip(trail.points[:-1], trail.points[1:]):
+        eye = 0.5 * (np.array(scene.camera[0].pos) + np.array(scene.camera[1].pos))
+        points = eye + (1.0 - trail.lift) * (trail.points - eye)
+        for start, end in pairwise(points):
             if scene.ngeom >= scene.maxgeom:
                 return
             geom = scene.geoms[scene.ngeom]
