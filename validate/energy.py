@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.records import dataclass
+from stc.validate.progress import steps
 
 if TYPE_CHECKING:
     import mujoco
@@ -79,7 +80,9 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
     ends = np.array([energies("before", k) for k in range(1, solution.n + 1)])
     after, before = starts.sum(axis=1), ends.sum(axis=1)
     work, effort, force = np.zeros(solution.n), 0.0, 0.0
-    for step, duration in enumerate(np.diff(solution.time)):
+    durations = np.diff(solution.time)
+    for step in steps("energy balance", solution.n):
+        duration = durations[step]
         states = setup.reference.in_step(step, shares)
         controls, forces = setup.controls.in_step(step, shares), outer.in_step(step, shares)
         for k, weight in enumerate(weights):

@@ -15,6 +15,7 @@ import numpy as np
 from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.metrics import FloatArray
+from stc.validate.progress import steps
 
 if TYPE_CHECKING:
     from stc.validate.setup import Setup
@@ -80,7 +81,8 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
         state, control = setup.reference.at(part, index), setup.controls.at(part, index)
         at_nodes = np.maximum(at_nodes, residual(state, control, outer.at(part, index)))
     shares = np.array(limits.BETWEEN_SHARES)
-    for step in range(first, last):
+    for done in steps("inverse dynamics", last - first):
+        step = first + done
         states, controls = setup.reference.in_step(step, shares), setup.controls.in_step(step, shares)
         forces = outer.in_step(step, shares)
         for k in range(len(shares)):

@@ -16,6 +16,7 @@ from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.metrics import FloatArray
 from stc.validate.model import ModelError
+from stc.validate.progress import steps
 
 if TYPE_CHECKING:
     from stc.validate.setup import Setup
@@ -68,7 +69,8 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
     nv, total = model.nv, int(first[-1])
     state = np.zeros((total, 2 * nv + model.na, 2 * nv + model.na))
     control = np.zeros((total, 2 * nv + model.na, model.nu))
-    for frame, count in enumerate(parts):
+    for frame in steps("linearisation", setup.solution.n):
+        count = parts[frame]
         shares = (np.arange(count) + 0.5) / count
         motion = setup.reference.in_step(frame, shares)
         controls, outer = setup.controls.in_step(frame, shares), forces.in_step(frame, shares)

@@ -20,6 +20,7 @@ from stc.errors import UsageError
 from stc.records import dataclass, field
 from stc.validate import limits
 from stc.validate.metrics import FloatArray
+from stc.validate.progress import steps
 
 if TYPE_CHECKING:
     import mujoco
@@ -127,6 +128,7 @@ class _Simulation:
         import mujoco
 
         self.setup, self.model, self.feedback = setup, model, feedback
+        self.what = "replay with feedback" if feedback else "replay, contact forces" if external else "replay"
         self.restarts = set(setup.solution.frames_that_jump()) if external else set()
         self.forces: OuterForces = setup.all_forces if external else setup.applied
         self.data = mujoco.MjData(model)
@@ -153,7 +155,9 @@ class _Simulation:
         times, path = [float(solution.time[0])], [data.qpos.copy()]
         data.time = times[0]
         stopped = watcher is not None and bool(watcher(data))
-        for frame, duration in enumerate(np.diff(solution.time)):
+        durations = np.diff(solution.time)
+        for frame in steps(self.what, solution.n):
+            duration = durations[frame]
             if stopped:
                 break
             if frame in self.restarts:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import stc.cli as cli
 from stc.cli import BAD, GOOD, console, reasons, record, searches
 from stc.cli.inputs import load
-from stc.cli.live import Watch
+from stc.cli.live import Watch, validating
 from stc.cli.options import SolveOptions, existing_solution, is_solution, writable_solution
 from stc.errors import Diagnostic, UsageError
 from stc.records import dataclass
@@ -112,6 +112,7 @@ def compare(spec: str, optimizers: str, options: SolveOptions, *, as_json: bool)
             max_iterations=options.max_iterations,
             time_limit=options.time_limit,
             callback=watch,
+            announce=lambda name, k, count: watch.announce(f"{model.name}  {name} ({k} of {count})"),
         )
     console.warn(model.warnings)
     good = any(run.status == "optimal" for run in runs)
@@ -382,7 +383,10 @@ def _judged(
 
     if not as_json:
         outcome.show()
-    certificate = certify(motion, force=force, equations=True if page is not None else None, further=further)
+    with validating(outcome.solution.name):
+        certificate = certify(
+            motion, force=force, equations=True if page is not None else None, further=further
+        )
     if page is not None:
         certificate.write(page)
     if as_json:

@@ -1,7 +1,7 @@
-"""The line that shows a solve as it goes, and Ctrl-C as a request to stop with what there is.
+"""The line that shows a solve or a validation as it goes, and Ctrl-C as a request to stop with what there is.
 
-The line appears on a terminal only, and only when a solve takes long enough to be looked at.  The first
-Ctrl-C lets the solver finish its iteration and hand over its best iterate; a second one ends the program.
+The line appears on a terminal only, and only when something takes long enough to be looked at.  During a solve the
+first Ctrl-C lets the solver finish its iteration and hand over its best iterate; a second one ends the program.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +22,60 @@ if TYPE_CHECKING:
 DELAY, PERIOD = 0.15, 0.08
 
 
+class Line:
+    """One line on a terminal's standard error that changes and goes away; nothing where that is no terminal."""
+
+    def __init__(self) -> None:
+        self.visible = sys.stderr.isatty()
+        self._next_update = time.monotonic() + DELAY
+        self._live: Any = None
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for another text."""
+        return self.visible and time.monotonic() >= self._next_update
+
+    def show(self, text: str) -> None:
+        """Put a text in place of the last one."""
+        if not self.visible:
+            return
+        if self._live is None:
+            from rich.console import Console
+            from rich.live import Live
+
+            self._live = Live(console=Console(stderr=True), auto_refresh=False, transient=True)
+            self._live.start()
+        self._live.update(text, refresh=True)
+        self._next_update = time.monotonic() + PERIOD
+
+    def close(self) -> None:
+        """Take the line away."""
+        if self._live is not None:
+            self._live.stop()
+            self._live = None
+
+
+@contextmanager
+def validating(title: str) -> Iterator[None]:
+    """A context around a validation, whose loops tell how far they have got."""
+    from stc.validate.progress import listening
+
+    line = Line()
+    if not line.visible:
+        yield
+        return
+
+    def show(what: str, done: int, count: int) -> None:
+        if line.due:
+            line.show(f"{title}  {what}  {100 * done // count} %")
+
+    try:
+        with listening(show):
+            yield
+    finally:
+        line.close()
+
+
 class Watch:
     """A context around a solve; itself the solver's callback.
 
@@ -28,10 +84,8 @@ class Watch:
     """
 
     def __init__(self, title: str) -> None:
-        self._title = title
-        self._visible = sys.stderr.isatty()
-        self._next_update = time.monotonic() + DELAY
-        self._live: Any = None
+        self.title = title
+        self._line = Line()
         self._stop = False
         self._previous_handler: Any = None
         self._in_main_thread = threading.current_thread() is threading.main_thread()
@@ -46,30 +100,24 @@ class Watch:
     ) -> None:
         if self._in_main_thread:
             signal.signal(signal.SIGINT, self._previous_handler)
-        if self._live is not None:
-            self._live.stop()
+        self._line.close()
+
+    def announce(self, title: str) -> None:
+        """Solve something else from here on, and show that it has begun."""
+        self.title = title
+        self._line.show(f"{title}  ...")
 
     def __call__(self, iterate: IterationRecord) -> bool:
         """Show an iterate; True asks the solver to stop."""
-        if self._visible and time.monotonic() >= self._next_update:
-            self._show(iterate)
-            self._next_update = time.monotonic() + PERIOD
+        if self._line.due:
+            self._line.show(line(self.title, iterate))
         return self._stop
 
     def _on_interrupt(self, number: int, frame: FrameType | None) -> None:
         self._stop = True
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        if self._visible:
+        if self._line.visible:
             sys.stderr.write("\nstopping after this iteration; Ctrl-C again to stop at once\n")
-
-    def _show(self, iterate: IterationRecord) -> None:
-        if self._live is None:
-            from rich.console import Console
-            from rich.live import Live
-
-            self._live = Live(console=Console(stderr=True), auto_refresh=False, transient=True)
-            self._live.start()
-        self._live.update(line(self._title, iterate), refresh=True)
 
 
 def line(title: str, iterate: IterationRecord) -> str:

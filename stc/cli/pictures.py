@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.cli import GOOD, jobs, record
+from stc.cli.live import validating
 from stc.cli.options import SolveOptions, ready_to_write
 from stc.errors import UsageError
 
@@ -30,7 +31,9 @@ def plot(target: str, output: str, options: SolveOptions, *, force: bool, as_jso
     if outcome.solution.model is None:
         save_variables(outcome.solution, file)
     else:
-        save_plot(run_replays(open_setup(motion, force=force)), file)
+        with validating(outcome.solution.name):
+            replays = run_replays(open_setup(motion, force=force))
+        save_plot(replays, file)
     return _done(outcome.solution, file, as_json)
 
 
@@ -50,7 +53,8 @@ def render(
     setup = open_setup(_motion(target, options, force, as_json, *needs)[1], force=force)
     motion = None
     if show != "solved":
-        replays = run_replays(setup, tracked=show == "tracked")
+        with validating(setup.solution.name):
+            replays = run_replays(setup, tracked=show == "tracked")
         motion = replays.tracked if show == "tracked" else replays.open_loop
         if motion is None:
             raise UsageError(

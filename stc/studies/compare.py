@@ -59,6 +59,7 @@ def compare(
     max_iterations: int | None = None,
     time_limit: float | None = None,
     callback: Callable[[Any], bool | None] | None = None,
+    announce: Callable[[str, int, int], None] | None = None,
     **constants: float,
 ) -> list[Run]:
     """Solves a model with each optimizer, from the same start; each has the limits to itself.
@@ -68,6 +69,7 @@ def compare(
         optimizers: names as :func:`stc.solver.optimizers.optimizer_of` takes them.
         method: of transcription instead of the spec's own.
         tolerance, max_iterations, time_limit, callback: as for :meth:`stc.pipeline.Model.solve`.
+        announce: told before each solve the optimizer's name, which one it is, from 1, and of how many.
         **constants: values of constants.
 
     Returns:
@@ -86,7 +88,9 @@ def compare(
     if transcription.kernels is None:
         transcription.compile()
     runs = []
-    for name in optimizers:
+    for number, name in enumerate(optimizers, 1):
+        if announce is not None:
+            announce(name, number, len(optimizers))
         begin = time.perf_counter()
         try:
             bound, result = solve(transcription, problem.constants, options, None, callback, name)
