@@ -64,7 +64,10 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
     if isinstance(spec, str) and ("\n" in spec or (":" in spec and ";" in spec)):
         return Source("<text>", spec)
     path = find_spec(spec)
-    _require_text(path)
+    if path.suffix.lower() in (".npz", ".csv"):
+        from stc.solution_file import refuse_as_spec
+
+        refuse_as_spec(path)
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
@@ -72,28 +75,6 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
     return Source(str(spec) if Path(spec).is_file() else path.name, text, str(path))
-
-
-def _require_text(path: Path) -> None:
-    """Refuse the files that the program itself writes, which users take for specs, and say what they are for.
-
-    Raises:
-        UsageError: the file is one of those.
-    """
-    if path.suffix.lower() not in (".npz", ".csv"):
-        return
-    from stc.solution_file import contents
-
-    found = contents(path)
-    if found == "solution":
-        raise UsageError(
-            f"{path} is a saved solution, not a spec",
-            f"`stc validate {path}` judges it; `stc solve SPEC --warm-start {path}` solves on from it",
-        )
-    raise UsageError(
-        f"{path} is {'a table of numbers' if found else 'a data file'}, not a spec",
-        f"`stc solve SPEC --guess-from {path}` starts a solve from the numbers of a table",
-    )
 
 
 def transcribe(problem: Problem) -> Transcription:

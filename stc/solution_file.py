@@ -28,7 +28,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NoReturn
 
 import numpy as np
 
@@ -137,6 +137,24 @@ def contents(path: str | os.PathLike[str]) -> str:
     return (
         "table" if "time" in names and "ctrl" not in names else ""
     )  # with ``ctrl`` it is a control sequence
+
+
+def refuse_as_spec(path: Path) -> NoReturn:
+    """Say what a data file that was named in place of a spec is for.
+
+    Raises:
+        UsageError: always.
+    """
+    found = contents(path)
+    if found == "solution":
+        raise UsageError(
+            f"{path} is a saved solution, not a spec",
+            f"`stc validate {path}` judges it; `stc solve SPEC --warm-start {path}` solves on from it",
+        )
+    raise UsageError(
+        f"{path} is {'a table of numbers' if found else 'a data file'}, not a spec",
+        f"`stc solve SPEC --guess-from {path}` starts a solve from the numbers of a table",
+    )
 
 
 def _first_line(error: BaseException) -> str:
