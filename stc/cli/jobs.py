@@ -176,10 +176,9 @@ def solved(
 
     model = load(target, options.constants)
     problem = model.problem(options.method)
-    if problem.model is not None:
-        check_replay_lines(problem)
-    elif needs_model:
+    if needs_model and problem.model is None:
         raise UsageError(_no_replay(model.name, needs_model), f"{without}; {_HOW}")
+    check_replay_lines(problem)
     outcome = _solved(model, options, as_json, save=options.output is not None)
     return outcome, outcome.solution
 
