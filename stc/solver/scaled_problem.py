@@ -152,7 +152,9 @@ class ScaledProblem(Formulation):
         columns = self._choose_function_scales(x0)
         weak = (columns > 0.0) & (columns < WEAK)
         if weak.any() and bool((self.x_scale >= 1.0).all()):  # else it is small that they are
-            self.x_scale[weak] *= np.exp2(np.round(-np.log2(np.maximum(columns[weak], WEAKEST))))
+            most = np.maximum(np.abs(nlp.x_lower), np.abs(nlp.x_upper))[weak]  # infinite where either is
+            larger = np.minimum(self.x_scale[weak] / np.maximum(columns[weak], WEAKEST), most)
+            self.x_scale[weak] = np.exp2(np.round(np.log2(np.maximum(larger, self.x_scale[weak]))))
             self._choose_function_scales(x0)
         sizes = np.zeros(self.m)
         for bound in (nlp.row_lower, nlp.row_upper):

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from quadratic_program import Quadratic
 
 import stc
+from stc.solver import minimize
 
 #: A stage of two links: lengths in ``L`` to the metre, times in ``S`` to the second.
 STAGE = """
@@ -81,3 +84,46 @@ def test_variables_that_turn_out_large_are_scaled_by_that() -> None:
     text = PUSHED.replace("METHOD", "trapezoidal").replace("LIMIT", "-c <= x''' <= c").replace("ROOM", "60")
     ordinary, large = solved(text.replace("FAR", "1")), solved(text.replace("FAR", "1e6"))
     assert large.objective == pytest.approx(1e12 * ordinary.objective, rel=1e-6)
+
+
+def _program(seed: int, decades: float) -> tuple[Quadratic, float]:
+    """A random convex quadratic program, its rows, variables and objective in units that differ by so many decades, and
+    the factor of its objective."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(4, 25))
+    m = int(rng.integers(2, n))
+    matrix = rng.normal(size=(m, n)) * (rng.random((m, n)) < 0.5)
+    point, root = rng.normal(size=n), rng.normal(size=(n, n))
+    value = matrix @ point
+    kind = rng.integers(0, 4, m)  # an equation, one bound, the other, two
+    rows = (
+        np.where(kind == 0, value, np.where(kind == 2, -np.inf, value - rng.random(m))),
+        np.where(kind == 0, value, np.where(kind == 1, np.inf, value + rng.random(m))),
+    )
+    kind = rng.integers(0, 4, n)
+    low = np.where((kind == 1) | (kind == 3), point - rng.random(n), -np.inf)
+    high = np.where((kind == 2) | (kind == 3), point + rng.random(n), np.inf)
+    gradient, curvature = 3.0 * rng.normal(size=n), root.T @ root + 0.1 * np.eye(n)
+    row = 10.0 ** rng.uniform(-decades, decades, m)
+    unit = 10.0 ** rng.uniform(-0.5 * decades, 0.5 * decades, n)
+    factor = 10.0 ** float(rng.uniform(0.0, decades))
+    matrix = matrix * row[:, None] / unit
+    return (
+        Quadratic(
+            factor * gradient / unit,
+            factor * curvature / unit[:, None] / unit,
+            matrix,
+            (rows[0] * row, rows[1] * row),
+            (low * unit, high * unit),
+        ),
+        factor,
+    )
+
+
+@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("decades", [2.0, 4.0, 6.0])
+def test_quadratic_programs_do_not_depend_on_units(seed: int, decades: float) -> None:
+    ordinary, other = _program(seed, 0.0), _program(seed, decades)
+    known, found = minimize(ordinary[0]), minimize(other[0])
+    assert known.status == found.status == "optimal"
+    assert found.objective / other[1] == pytest.approx(known.objective / ordinary[1], rel=1e-5, abs=1e-5)
