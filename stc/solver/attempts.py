@@ -14,7 +14,7 @@ from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import End, Outcome, Tactics
 from stc.solver.projection_passes import ACCURATE
-from stc.solver.report import Start
+from stc.solver.report import IterationRecord, Start
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 
@@ -150,7 +150,13 @@ class Attempts:
             max_iterations=min(NARROWED, monitor.limit - monitor.iterations),
             time_limit=monitor.time_left,
         )
-        x, spent = narrowed_start(self.nlp, x0, widest, limits, lambda *_: form.kkt)
+        begin = monitor.iterations
+
+        def told(record: IterationRecord) -> bool:
+            return monitor.pass_on(replace(record, iteration=begin + record.iteration))
+
+        callback = told if monitor.watched else None
+        x, spent = narrowed_start(self.nlp, x0, widest, limits, lambda *_: form.kkt, callback)
         monitor.iterations += spent
         return None if x is None else self.barrier(form, x, Tactics(), by_gaps=False)
 

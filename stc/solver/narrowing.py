@@ -17,7 +17,7 @@ import numpy as np
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
-from stc.solver.report import Start
+from stc.solver.report import Callback, IterationRecord, Start
 from stc.solver.status import Status
 
 if TYPE_CHECKING:
@@ -96,7 +96,12 @@ def _units(lower: Floats, upper: Floats) -> Floats:
 
 
 def narrowed_start(
-    nlp: NLP, x: Floats, widest: float, limits: Options, new_kkt: Callable[..., KKTSystem]
+    nlp: NLP,
+    x: Floats,
+    widest: float,
+    limits: Options,
+    new_kkt: Callable[..., KKTSystem],
+    callback: Callback | None = None,
 ) -> tuple[Floats | None, int]:
     """A point that meets all equations and is nearly between the limits.
 
@@ -104,16 +109,24 @@ def narrowed_start(
         x: where to start, (n,).
         widest: how much wider the limits are at first, in distances between them.
         limits: has those on iterations and time, and all other settings.
-        new_kkt: see :func:`stc.solver.minimize`.
+        new_kkt, callback: see :func:`stc.solver.minimize`; iterations are counted on from one solve to the next.
 
     Returns:
         The point, (n,), or None where the way to it ended; and the iterations it took.
+
+    Raises:
+        KeyboardInterrupt: a solve was interrupted, by Ctrl-C or by ``callback``.
     """
     from stc.solver.sqp import minimize
 
     deadline = time.perf_counter() + limits.time_limit
     wide = Widened(nlp)
     spent, most, wider = 0, FIRST_ITERATIONS, widest
+
+    def told(record: IterationRecord) -> bool | None:
+        assert callback is not None
+        return callback(replace(record, iteration=spent + record.iteration, phase="narrowing"))
+
     while wider > NARROWER * CLOSE:
         wide.widen(wider)
         options = replace(
@@ -124,8 +137,10 @@ def narrowed_start(
             warm_start=False,
             presolve=False,
         )
-        result = minimize(wide, options, start=Start(x), new_kkt=new_kkt)
+        result = minimize(wide, options, None if callback is None else told, Start(x), new_kkt)
         spent += result.iterations
+        if result.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
         if result.status is not Status.OPTIMAL:
             return None, spent
         x, most = result.x, ITERATIONS

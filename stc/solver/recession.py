@@ -98,6 +98,8 @@ def falls_forever(nlp: NLP, x: Floats, size: Floats, limits: Options) -> tuple[b
     problem = RecessionProblem(nlp, x, size)
     left = min(ITERATIONS, limits.max_iterations)
     result = minimize(problem, Options(max_iterations=left, time_limit=limits.time_limit, retries=0))
+    if result.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
     if result.status is not Status.OPTIMAL:
         return False, result.iterations
     way = between(result.x, problem.x_lower, problem.x_upper)

@@ -93,6 +93,27 @@ def test_limits_are_widened_and_equations_are_not() -> None:
     assert wide.lacking(x) == pytest.approx(0.3)
 
 
+def test_the_way_is_told_of_and_can_be_stopped() -> None:
+    seen: list[tuple[int, str]] = []
+    shape = bound(ACROBOT).x0.shape
+
+    def watch(record) -> bool:
+        seen.append((record.iteration, record.phase))
+        assert record.x.shape == shape
+        return record.phase == "narrowing" and len(seen) >= stop
+
+    program, stop = bound(ACROBOT), 10_000
+    watched = minimize(program, callback=watch)
+    assert watched.status == "optimal"
+    assert any(phase == "narrowing" for _, phase in seen)
+    first = next(k for k, (_, phase) in enumerate(seen) if phase == "narrowing")
+    seen.clear()
+    stop = first + 5
+    stopped = minimize(bound(ACROBOT), callback=watch)
+    assert stopped.status == "interrupted"
+    assert len(seen) == stop
+
+
 def test_the_way_ends_at_its_limits() -> None:
     program = bound(ACROBOT)
     start, spent = narrowed_start(program, program.x0, 3.0, Options(max_iterations=7), structured_kkt)
