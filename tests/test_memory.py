@@ -1,9 +1,14 @@
-"""What becomes of memory that is freed."""
+"""Pausing the collector leaves it as it was; what becomes of memory that is freed."""
 
+from __future__ import annotations
+
+import gc
 import subprocess
 import sys
 
 import pytest
+
+from stc.memory import without_collection
 
 FAULTS = """
 import resource
@@ -25,6 +30,22 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
+def test_it_is_off_inside_and_as_before_after() -> None:
+    assert gc.isenabled()
+    with without_collection():
+        assert not gc.isenabled()
+        with without_collection():
+            pass
+        assert not gc.isenabled()
+    assert gc.isenabled()
+
+
+def test_a_failure_turns_it_on_again() -> None:
+    with pytest.raises(RuntimeError), without_collection():
+        raise RuntimeError
+    assert gc.isenabled()
+
+
 def faults(how: str) -> int:
     """Pages that the system had to provide while arrays came and went, 8192 of them in use at a time."""
     run = subprocess.run([sys.executable, "-c", FAULTS, how], capture_output=True, text=True, check=True)
@@ -32,7 +53,7 @@ def faults(how: str) -> int:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="asks the GNU C library")
-def test_kept_memory_is_used_again():
+def test_kept_memory_is_used_again() -> None:
     given_back = faults("given back")
     if given_back < 8192:
         pytest.skip("this C library keeps it anyway")
