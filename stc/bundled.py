@@ -1,4 +1,4 @@
-"""How a user's name for a spec finds its file: a path, or one of the specs that ship with stc."""
+"""How a user's name for a spec finds its file, a path or one of the specs that ship with stc, and what names none."""
 
 from __future__ import annotations
 
@@ -9,6 +9,12 @@ from stc import specs
 from stc.errors import UsageError
 
 SUFFIX = ".stc"
+SOLUTION_SUFFIXES = (".npz", ".csv")
+
+
+def is_solution(name: str | os.PathLike[str]) -> bool:
+    """Whether a file's name says that it holds a solution (and not a spec)."""
+    return Path(name).suffix.lower() in SOLUTION_SUFFIXES
 
 
 def find_spec(name: str | os.PathLike[str]) -> Path:

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stc.bundled import is_solution
 from stc.errors import StcError
 from stc.solution import Solution, read
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from stc.studies.equations import EquationReport
     from stc.validate.certificate import Certificate
     from stc.validate.metrics import Metric
@@ -70,12 +72,10 @@ def motion_of(motion: Solution | str | os.PathLike[str]) -> Solution | str | os.
     Raises:
         SpecError, EvaluationError, UsageError: as :meth:`stc.pipeline.Model.solve`, and where there is no such spec.
     """
+    if not isinstance(motion, str | os.PathLike) or is_solution(motion):
+        return motion
     from stc.pipeline import load
 
-    if isinstance(motion, Solution) or not isinstance(motion, str | os.PathLike):
-        return motion
-    if Path(motion).suffix.lower() in (".npz", ".csv"):
-        return motion
     return load(motion).solve()
 
 

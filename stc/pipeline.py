@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stc.alignment import Alignment
-from stc.bundled import find_spec
+from stc.bundled import find_spec, is_solution
 from stc.collecting import collect
 from stc.errors import Diagnostic, Source, SpecError, StcError, UsageError
 from stc.language import read_problem
@@ -64,7 +64,7 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
     if isinstance(spec, str) and ("\n" in spec or (":" in spec and ";" in spec)):
         return Source("<text>", spec)
     path = find_spec(spec)
-    if path.suffix.lower() in (".npz", ".csv"):
+    if is_solution(path):
         from stc.solution_file import refuse_as_spec
 
         refuse_as_spec(path)

@@ -134,9 +134,8 @@ def contents(path: str | os.PathLike[str]) -> str:
         return ""
     if "facts" in names:
         return "solution"
-    return (
-        "table" if "time" in names and "ctrl" not in names else ""
-    )  # with ``ctrl`` it is a control sequence
+    is_table = "time" in names and "ctrl" not in names  # with ``ctrl`` it is a control sequence
+    return "table" if is_table else ""
 
 
 def refuse_as_spec(path: Path) -> NoReturn:

@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import stc.cli as cli
+from stc.bundled import is_solution
 from stc.cli import BAD, GOOD, console, reasons, record, searches
 from stc.cli.inputs import load
 from stc.cli.live import Watch, validating
-from stc.cli.options import SolveOptions, existing_solution, is_solution, writable_solution
+from stc.cli.options import SolveOptions, existing_solution, writable_solution
 from stc.errors import Diagnostic, UsageError
 from stc.records import dataclass
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from stc.bundled import SOLUTION_SUFFIXES, is_solution
 from stc.cli.inputs import number
 from stc.cli.searches import Search, search_options
 from stc.errors import UsageError
 from stc.records import dataclass, field
 
 #: Kinds of file that a solution is saved as.
-SOLUTION_SUFFIXES = (".npz", ".csv")
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,11 +138,6 @@ def constants(settings: Sequence[str] | None) -> dict[str, float]:
             )
         found[name] = number(value, f"--set {setting}")
     return found
-
-
-def is_solution(name: str) -> bool:
-    """Whether a file's name says that it holds a solution (and not a spec)."""
-    return Path(name).suffix.lower() in SOLUTION_SUFFIXES
 
 
 def existing_solution(name: str, option: str = "") -> Path:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
+from stc.bundled import is_solution
 from stc.cli import BAD, GOOD, console, record
 from stc.cli.inputs import load
 from stc.cli.live import Watch
-from stc.cli.options import SolveOptions, existing_solution, is_solution
+from stc.cli.options import SolveOptions, existing_solution
 
 if TYPE_CHECKING:
     from stc.pipeline import Model

@@ -6,9 +6,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stc.bundled import is_solution
 from stc.cli import BAD, GOOD, console, jobs
 from stc.cli.inputs import load
-from stc.cli.options import SolveOptions, is_solution, writable_solution
+from stc.cli.options import SolveOptions, writable_solution
 from stc.errors import StcError, UsageError
 from stc.records import dataclass
 

@@ -149,7 +149,9 @@ class ScaledProblem(Formulation):
             wide |= is_small(x0)
         self.x_scale = np.where(narrow, span, np.where(wide, magnitude, 1.0))
         self.x_scale = np.exp2(np.round(np.log2(self.x_scale)))
-        columns = self._choose_function_scales(x0)
+        entries = self._choose_function_scales(x0)
+        columns = np.zeros(self.n)
+        np.maximum.at(columns, self.jac_cols, entries * self.row_scale[self.jac_rows])
         weak = (columns > 0.0) & (columns < WEAK)
         if weak.any() and bool((self.x_scale >= 1.0).all()):  # else it is small that they are
             most = np.maximum(np.abs(nlp.x_lower), np.abs(nlp.x_upper))[weak]  # infinite where either is
@@ -164,11 +166,13 @@ class ScaledProblem(Formulation):
         self.row_scale[large] *= LARGEST_BOUND / sizes[large]
 
     def _choose_function_scales(self, x0: Floats) -> Floats:
-        """Scale the objective and the rows for the variables' scales; each column's largest entry then, (n,)."""
+        """Scale the objective and the rows for the scales of the variables; the magnitudes of the Jacobian's entries
+        of rows as stated by scaled variables, the larger ones of two places, (nnz_J,).
+        """
         nlp = self.nlp
-        at_start, columns = self._magnitudes(x0)
+        at_start, entries = self._magnitudes(x0)
         way = 0.1 * scattered(self.n)
-        nearby, columns_nearby = self._magnitudes(np.clip(x0 + way * self.x_scale, nlp.x_lower, nlp.x_upper))
+        nearby, entries_nearby = self._magnitudes(np.clip(x0 + way * self.x_scale, nlp.x_lower, nlp.x_upper))
         factors = _factors(at_start, nearby)
         flat = (at_start < SMALLEST_GRADIENT) & (nearby > TOO_LARGE)
         if flat.any():
@@ -178,11 +182,7 @@ class ScaledProblem(Formulation):
             flat &= np.isfinite(nearby) & (nearby > TOO_LARGE)
             factors[flat] = np.maximum(TOO_LARGE / nearby[flat], LEAST_FACTOR)
         self.row_scale, self.objective_scale = factors[:-1], float(factors[-1])
-        largest = np.zeros(self.n)
-        np.maximum.at(
-            largest, self.jac_cols, np.maximum(columns, columns_nearby) * self.row_scale[self.jac_rows]
-        )
-        return largest
+        return np.maximum(entries, entries_nearby)
 
     def _magnitudes(self, x: Floats) -> tuple[Floats, Floats]:
         """Largest gradient entry of each row and of the objective, (m + 1,), for the scaled variables; the magnitudes
