@@ -28,6 +28,7 @@ from stc.solver.places import (
     ATTEMPT,
     BENDS,
     BENDS_ALIKE,
+    CRAMPED,
     DEFICIENCIES,
     DEFICIENT,
     DUAL_SHIFT,
@@ -77,7 +78,7 @@ class NewtonSystem:
         s = work.s
         for place in (
             SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, DEFICIENT, DEFICIENCIES, FAILURES, UNTRIED, EXCESS, EXACT,
-            SLOW_STEPS, SLOW_BEFORE,
+            SLOW_STEPS, SLOW_BEFORE, CRAMPED,
         ):  # fmt: skip
             s[place] = 0.0
         s[SOFTENED] = 1.0

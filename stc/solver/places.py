@@ -119,6 +119,9 @@ SHORTENED: Final = 102
 WATCHING: Final = 103
 SMALL_THETA: Final = 104
 PRICE: Final = 105  # the least that a larger violation is to be worth, per unit
+REACH: Final = 106  # fraction of the step that the bounds allow, be it more than all of it
+LENGTHENS: Final = 107  # 1 where more than all of a step may be taken
+CRAMPED: Final = 108  # 2 where a smaller shift has failed, 1 at the iterate after such a one
 
 # Of the records, in the user's terms (stc.solver.progress_passes).
 STATED: Final = 112  # the objective

@@ -40,7 +40,7 @@ class IterationRecord:
         violation: largest violation of a row or bound, each relative to ``max(1, |bound|)``.
         optimality: KKT error of the scaled problem.
         step: largest change of a (scaled) variable in the last step, relative to ``1 + |variable|``.
-        step_length: accepted fraction of the last step.
+        step_length: accepted fraction of the last step; above 1 where it was lengthened.
         mu: barrier parameter (0 in a Newton step on the active set).
         regularization: what was added to the Hessian's diagonal.
         phase: ``"barrier"``, ``"active-set"``, ``"restoration"``, or ``"narrowing"`` of limits wider than stated.

@@ -13,6 +13,7 @@ from stc.solver.places import (
     BEND,
     BENDS,
     BENDS_ALIKE,
+    CRAMPED,
     DAMPED,
     DEFICIENCIES,
     DEFICIENT,
@@ -145,6 +146,7 @@ def ordinary_curvature(count: i64, diagonal: i64s, hess: f64s, scratch: f64s) ->
 def begin(calls: i64s, s: f64s) -> None:
     """Prepare the factorisation at an iterate; :func:`factorize` does it."""
     invoke(calls, DIAGONALS)
+    s[CRAMPED] = max(s[CRAMPED] - 1.0, 0.0)
     s[WHOLE] = 1.0
     s[SHIFT] = s[STIFFNESS]
     s[SOFT] = min(max(s[SOFTENED], 1.0) * ITS_DUAL_SHIFT * sqrt(sqrt(max(s[MU], 1e-12))), SOFTEST)
@@ -283,6 +285,8 @@ def factorize(
                 if s[SHIFT] > 0.0:
                     s[TASK] = TRY
                     continue
+        if s[SHIFT] > 0.0:
+            s[CRAMPED] = 2.0
         if s[SHIFT] == 0.0 and s[LAST_SHIFT] == 0.0:
             s[SHIFT] = FIRST_SHIFT * ordinary_curvature(count, diagonal, hess, scratch)
         else:

@@ -257,7 +257,7 @@ class _Solve:
         """Hold a solution against the problem as stated; where it fails there, scale anew at it and go on.
 
         A point where the iteration stalled counts as a solution when the problem as stated confirms it, or when
-        neither scaling could improve on it by more than rounding error.
+        neither scaling could improve on it by more than rounding error, nor may anything be gained there.
         """
         before: float | None = None
         for _ in range(RESCALINGS):
@@ -284,7 +284,7 @@ class _Solve:
             if outcome.end is End.STUCK:
                 f = self.nlp.values(point.x)[0]
                 same = before is not None and abs(f - before) <= UNCHANGED * max(1.0, abs(f))
-                if same and not outcome.early:
+                if same and not outcome.early and not self.judgement.may_gain(point):
                     outcome.end = End.CONVERGED
                 return outcome
             before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None

@@ -140,8 +140,9 @@ class Stages:
             kkt.report, step.dw, step.dy, step.dz, extra.dw, extra.dy, extra.dz, s,
         )  # fmt: skip
         searching = (
-            cells, n, m, gaps, form.index, form.sign, it.w, it.c, it.gap, work.trial_w, work.trial_c, ev.x, ev.f,
-            correction.dw, work.correction_c, work.alpha, work.mu, work.shifted, kkt.report, work.filter.array, s,
+            cells, n, m, gaps, form.index, form.sign, it.w, it.y, it.c, it.gap, step.dy, work.trial_w, work.trial_c,
+            ev.x, ev.f, correction.dw, work.correction_c, work.alpha, work.mu, work.shifted, kkt.report,
+            work.filter.array, s,
         )  # fmt: skip
         self.search: Bound = search_passes.search.bind(*searching)
         self.backtrack: Bound = search_passes.backtrack.bind(*searching)

@@ -17,6 +17,7 @@ from stc.solver.places import (
     PRIMAL_SQUARED,
     PRIMAL_STEP,
     PRODUCTS,
+    REACH,
     RELATIVE,
     SHIFT,
     SIGMA,
@@ -36,6 +37,8 @@ CENTRED = 1.0
 BLOCK = 512
 #: What equality rows are softened by against dependent ones, relative to the square of the largest gradient entry.
 SOFT = 1e-8
+#: The least share of a gap that a step counts as closing, so that there is a largest multiple of it.
+LEAST_FALL = 1e-6
 
 
 @native(fast=True)
@@ -181,6 +184,7 @@ def lengths(
         log_slope += change
         fall_z = max(fall_z, -dz[k] / z[k])
     fraction = tau[0]
+    s[REACH] = fraction / max(fall, LEAST_FALL)
     s[PRIMAL_STEP] = 1.0 if fall <= fraction else fraction / fall
     s[DUAL_STEP] = 1.0 if fall_z <= fraction else fraction / fall_z
     s[LOG_SLOPE] = log_slope
