@@ -81,6 +81,11 @@ def require_mujoco() -> None:
     try:
         importlib.import_module("mujoco")
     except Exception as error:
+        behind: BaseException | None = error
+        while behind is not None:
+            if isinstance(behind, KeyboardInterrupt):  # compiled modules make a failure of their own of it
+                raise KeyboardInterrupt from None
+            behind = behind.__cause__ or behind.__context__
         asked = os.environ.get("MUJOCO_GL")
         why = f"MuJoCo cannot be imported ({' '.join(str(error).split())})"
         if asked is None:

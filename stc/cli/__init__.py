@@ -14,6 +14,7 @@ import os
 import sys
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import NoReturn
 
 from stc.errors import EvaluationError, SpecError, StcError
@@ -24,6 +25,9 @@ __all__ = ["main", "run"]
 #: Exit statuses.
 GOOD, BAD, MISTAKE = 0, 1, 2
 
+
+#: What the parser of options makes of Ctrl-C, which it catches; no command ends with this status.
+_CAUGHT_INTERRUPT = 130
 
 #: So many mistakes of a spec are shown.
 MOST_MISTAKES = 20
@@ -46,9 +50,20 @@ def main() -> NoReturn:
     owns_process = True
     gc.set_threshold(_COLLECT_EVERY, 20, 20)
     keep_freed_memory()
+    _stand_in_for_closed_streams()
     if not any(name in os.environ for name in _MATRIX_THREADS):  # NumPy is not imported yet
         os.environ[_MATRIX_THREADS[0]] = "1"
     _leave(run(sys.argv[1:]))
+
+
+def _stand_in_for_closed_streams() -> None:
+    """Give what was closed before the start (``stc solve hop >&-``) a stream that nobody reads.
+
+    Python has None there.  Files that are opened would take its place otherwise, the solution's among them.
+    """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
 
 
 def _leave(status: int) -> NoReturn:
@@ -88,6 +103,8 @@ def run(arguments: Sequence[str]) -> int:
             from stc.cli.app import app_for
 
             status = app_for(arguments)(args=list(arguments), prog_name="stc", standalone_mode=False)
+            if status == _CAUGHT_INTERRUPT:
+                raise KeyboardInterrupt
         sys.stdout.flush()
         return status if isinstance(status, int) else GOOD
     except BrokenPipeError:
@@ -158,5 +175,6 @@ def _report(as_json: bool, status: str, message: str, code: int, error: StcError
     if as_json:
         from stc.cli import record
 
-        record.write(record.of_failure(status, message, error))
+        with suppress(OSError):  # where standard output is what failed, it is told of above
+            record.write(record.of_failure(status, message, error))
     return code

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import stc
+from stc.cli import run
 from stc.codegen.image import supported
 
 # A solve that never ends by itself, whatever the solver does with it: every iteration is slow on purpose.
@@ -125,6 +126,37 @@ def test_a_reader_that_leaves_is_no_error() -> None:
     assert done.stderr == ""
 
 
+def test_a_closed_standard_output_loses_words_only(tmp_path: Path) -> None:
+    (tmp_path / "banana.stc").write_text(SPEC)
+    for words in ("solve banana.stc", "solve banana.stc --json", "check banana.stc"):
+        done = subprocess.run(
+            ["sh", "-c", f'exec "$0" -m stc {words} >&-', sys.executable],
+            cwd=tmp_path,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+    assert stc.read(tmp_path / "banana.npz").status == "optimal"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_full_standard_output_is_told_of(tmp_path: Path) -> None:
+    (tmp_path / "banana.stc").write_text(SPEC)
+    for words in (("list",), ("list", "--json"), ("solve", "banana.stc", "--json")):
+        with Path("/dev/full").open("w") as full:
+            done = subprocess.run(
+                [sys.executable, "-m", "stc", *words],
+                cwd=tmp_path,
+                stdout=full,
+                stderr=subprocess.PIPE,
+                text=True,
+                timeout=60,
+            )
+        assert (done.returncode, done.stderr) == (2, "stc: No space left on device\n")
+    assert stc.read(tmp_path / "banana.npz").status == "optimal"
+
+
 class TestInterruption:
     def start(self, folder: Path, *words: str, stderr: int = subprocess.PIPE) -> subprocess.Popen[str]:
         (folder / "banana.stc").write_text(SPEC)
@@ -158,6 +190,18 @@ class TestInterruption:
         assert running.returncode == 1
         assert "Traceback" not in err
         assert json.loads(out.splitlines()[-1])["status"] == "interrupted"
+
+    def test_ctrl_c_outside_a_solve_is_told_of_by_every_command(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        def interrupted(**_: object) -> int:
+            raise KeyboardInterrupt
+
+        # The parser of options catches it on its way.
+        monkeypatch.setattr("stc.cli.jobs.list_specs", interrupted)
+        assert run(["list", "--json"]) == 1
+        out, err = capsys.readouterr()
+        assert (json.loads(out)["status"], err) == ("interrupted", "stc: interrupted\n")
 
     def test_the_live_line_shows_on_a_terminal_only(self, tmp_path: Path) -> None:
         ours, theirs = pty.openpty()

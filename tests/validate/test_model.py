@@ -15,7 +15,7 @@ from stc.solution import ReplayChannel, Solution
 from stc.trajectory import Channel
 from stc.validate import ModelError, validate
 from stc.validate.fields import apply_fields
-from stc.validate.model import find_model, load_model
+from stc.validate.model import find_model, load_model, require_mujoco
 
 TIME = np.linspace(0, 2, 21)
 ZERO = Channel.smooth(np.zeros(21))
@@ -255,3 +255,17 @@ def test_the_bundled_particle_is_what_the_specs_take_it_for() -> None:
     assert not np.any(model.geom_conaffinity)
     assert model.body("particle").mass == 1.0
     np.testing.assert_array_equal(model.actuator_gear[:, 0], 1.0)
+
+
+def test_ctrl_c_while_mujoco_is_imported_is_no_failure_to_import_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(name: str) -> None:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as stop:
+            inner = ImportError("initialization failed")
+            inner.__cause__ = stop
+            raise ImportError("initialization failed") from inner
+
+    monkeypatch.setattr("importlib.import_module", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        require_mujoco()
