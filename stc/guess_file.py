@@ -192,7 +192,7 @@ class SolutionValues:
         return self._between[n]
 
 
-def guess_of(given: Mapping[str, ArrayLike] | GivenValues | str | os.PathLike[str]) -> GivenValues:
+def guess_of(given: Mapping[str, ArrayLike] | GivenValues | Solution | str | os.PathLike[str]) -> GivenValues:
     """Starting values from a file, from numbers by name (a column ``t`` or ``frame`` among them), or as they are.
 
     Raises:
@@ -200,9 +200,13 @@ def guess_of(given: Mapping[str, ArrayLike] | GivenValues | str | os.PathLike[st
     """
     if isinstance(given, str | os.PathLike):
         return read_guess(given)
-    if not isinstance(given, Mapping):
-        return given
-    return table(given)
+    if isinstance(given, Solution):
+        return SolutionValues(given)
+    if isinstance(given, Mapping):
+        return table(given)
+    if not callable(getattr(given, "values", None)):
+        raise UsageError(f"a guess is numbers by name, a solution, or the file of either, not {given!r}")
+    return given
 
 
 def read_guess(path: str | os.PathLike[str]) -> GivenValues:

@@ -105,6 +105,10 @@ class Model:
         self._recent: dict[object, tuple[Problem, Transcription]] = {}  # by the constants given last
         self._fewer: dict[tuple[Any, ...], FewerFrames | None] = {}  # of the last constants
 
+    def __reduce__(self) -> tuple[type[Model], tuple[Source, dict[str, float]]]:
+        """A copy, here or in another process, reads the text anew: compiled code stays where it is."""
+        return Model, (self.source, self.overrides)
+
     def _parsed(self) -> SpecTree:
         try:
             return parse(self.source)
@@ -216,7 +220,7 @@ class Model:
         max_iterations: int | None = None,
         time_limit: float | None = None,
         warm_start: Solution | str | os.PathLike[str] | None = None,
-        guess: Mapping[str, ArrayLike] | GivenValues | str | os.PathLike[str] | None = None,
+        guess: Mapping[str, ArrayLike] | GivenValues | Solution | str | os.PathLike[str] | None = None,
         callback: Callback | None = None,
         optimizer: str = DEFAULT,
         minimizer: Minimizer | None = None,

@@ -195,6 +195,14 @@ class Solution:
         if self.force_frames is None:
             self.force_frames = self._frames_with_forces()
 
+    def __getstate__(self) -> tuple[None, dict[str, Any]]:
+        """What a copy and another process get: all but the model, whose compiled code stays in this process.
+
+        :meth:`resolve` reads the spec anew there, as for a solution from a file.
+        """
+        kept = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return None, {**kept, "origin": None}
+
     def __repr__(self) -> str:
         return (
             f"<Solution of {self.name}: {self.status}, {self.method}, n = {self.n}, {self.duration:.6g} s, "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import re
 from collections.abc import Callable
 from dataclasses import fields
@@ -43,6 +45,10 @@ def solution() -> stc.Solution:
         (lambda model: model.solve(speed=[1, 2]), r"the constant `speed` needs a number, not \[1, 2\]"),
         (lambda model: model.solve(speed=np.ones(2)), "the constant `speed` needs a number"),
         (lambda model: model.solve(warm_start=3), "a solution is read from a path, not from 3"),
+        (
+            lambda model: model.solve(guess=[0, 1]),
+            r"a guess is numbers by name, a solution, .*, not \[0, 1\]",
+        ),
         (lambda model: model.problem(speed=None), "the constant `speed` needs a number, not None"),
         (lambda _: stc.load(STRAIGHT, speed="fast"), "the constant `speed` needs a number, not 'fast'"),  # type: ignore[arg-type]
         (lambda _: stc.load(3), "a spec is a path, a bundled name or its text, not 3"),  # type: ignore[arg-type]
@@ -61,6 +67,32 @@ def test_numbers_of_any_kind_are_numbers() -> None:
     model = stc.load(STRAIGHT)
     for two in (2, np.float32(2), np.array(2.0)):
         assert model.solve(speed=two)["x"][-1] == pytest.approx(4.0)
+
+
+def test_a_solution_is_a_guess(solution: stc.Solution, tmp_path: Path) -> None:
+    solution.save(tmp_path / "straight.npz")
+    model = stc.load(STRAIGHT)
+    given, read = (model.solve(n=8, speed=2, guess=guess) for guess in (solution, tmp_path / "straight.npz"))
+    assert given.status == "optimal"
+    np.testing.assert_array_equal(given.x, read.x)
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.copy, copy.deepcopy, lambda thing: pickle.loads(pickle.dumps(thing))]
+)
+def test_motions_and_models_go_to_other_processes(
+    solution: stc.Solution, copied: Callable[[Any], Any]
+) -> None:
+    """What a pool of workers takes and gives back: compiled code stays behind, and all that it was made from goes."""
+    again = copied(solution)
+    np.testing.assert_array_equal(again["x'"], solution["x'"])
+    assert [block.label for block in again.multipliers] == [block.label for block in solution.multipliers]
+    assert (again.sha256, again.constants, again.overrides) == (solution.sha256, solution.constants, {})
+    np.testing.assert_array_equal(again.resolve(speed=2)["x"], solution.resolve(speed=2)["x"])
+
+    model = stc.load(STRAIGHT, speed=3)
+    model.solve()
+    np.testing.assert_array_equal(copied(model).solve()["x"], model.solve()["x"])
 
 
 def test_times_and_frames_are_numbers(solution: stc.Solution) -> None:
