@@ -57,7 +57,8 @@ def next_steps(metrics: Sequence[Metric], compared: bool, more_frames: str = "")
             step = _effect(metric, more_frames)
         if step:
             found[step] = None
-    return list(found)
+    # Off the ground and on it the step is the same one, with more to say of it there.
+    return [step for step in found if not any(one != step and one.startswith(step) for one in found)]
 
 
 def _cause(metric: Metric, compared: bool, differ: bool) -> str:

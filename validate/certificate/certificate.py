@@ -48,6 +48,7 @@ class Certificate:
         further: measurements of others, such as the observed order of convergence.
         faults: what is wrong besides measurements, one line each: the spec has changed since, for one.
         ground: the contact forces, solved and as MuJoCo found them.
+        more_frames: what takes twice the frames, such as ``--set n=120``, from whoever can read the spec.
     """
 
     solution: Solution
@@ -57,6 +58,7 @@ class Certificate:
     further: Sequence[Metric] = ()
     faults: list[str] = field(default_factory=list)
     ground: Sequence[ContactForces] = ()
+    more_frames: str = ""
 
     @property
     def metrics(self) -> list[Metric]:
@@ -96,9 +98,7 @@ class Certificate:
         """What to do about a motion that failed, one line for each kind of failure; empty where it passed."""
         if self.passed or self.solution.status != "optimal" or self.faults:
             return []
-        n = self.solution.constants.get("n")
-        more_frames = f"--set n={2 * self.solution.n}" if n is not None and n == self.solution.n else ""
-        return advice.next_steps(self.metrics, self.equations is not None, more_frames)
+        return advice.next_steps(self.metrics, self.equations is not None, self.more_frames)
 
     @property
     def notes(self) -> list[str]:

@@ -31,6 +31,30 @@ def test_following_the_advice_makes_a_coarse_motion_pass() -> None:
     assert better.next_steps == []
 
 
+@pytest.mark.parametrize(
+    ("frames", "advised"),
+    [
+        ("n = 16, half = n/2, T = 0.5, h = T/n", "--set n=32,"),
+        ("k = 4, n = 4*k, half = 2*k, T = 0.5, h = T/n", "--set k=8,"),  # n=32 alone would leave half behind
+        ("n = 16, half = n/2, h = 0.03125", "--set n=32 --set h=0.015625,"),
+    ],
+)
+def test_more_frames_are_those_of_the_same_motion(frames: str, advised: str) -> None:
+    text = text_of("arm_reach").replace("n = 60, T = 0.5, h = T/n", frames)
+    text = text.replace("(0.1 - start1)*t/T", "(0.1 - start1)*i/n").replace(
+        "  [0]: a1", "  [half]: a1 <= 2; [0]: a1"
+    )
+    assert frames in text
+    (step,) = certify(stc.load(text).solve()).next_steps
+    assert f"take more frames: {advised}" in step
+
+
+def test_a_spec_that_cannot_take_more_frames_as_it_is_gets_no_number() -> None:
+    text = text_of("arm_reach").replace("n = 60", "n = 16").replace("[n]:", "[16]:")
+    (step,) = certify(stc.load(text).solve()).next_steps
+    assert step.startswith("take more frames: `stc run")
+
+
 def test_it_is_in_the_terminal_the_page_and_the_record() -> None:
     certificate = certify(stc.load("arm_reach").solve(n=16))
     (step,) = certificate.next_steps
@@ -63,6 +87,7 @@ def test_wrong_equations_are_to_be_mended_and_not_refined() -> None:
             ["state less friction"],
         ),
         (["open-loop error on the ground, RMS"], False, ["take more frames"]),
+        (["energy balance", "external drift, largest"], False, ["take more frames"]),
         (["something new"], False, []),
     ],
 )
