@@ -3,7 +3,9 @@
 MuJoCo computes from position, velocity and acceleration the generalised force that the motion needs; what
 the solved actuators and outer forces deliver is subtracted.  The rest is the residual.  Nothing is
 integrated, so an unstable system is judged as sharply as a stable one, and an error in the equations of motion
-shows wherever it acts.  Contacts are switched off, and the solved contact forces act in their place.
+shows wherever it acts.  Contacts are switched off, and the solved contact forces act in their place.  What an
+equality of the model (a closed loop, a gear) can give along what it blocks is no residual: MuJoCo's own inverse has
+springs there, which tell nothing of the force that holds a loop exactly.
 """
 
 from __future__ import annotations
@@ -57,7 +59,9 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
         return None
     import mujoco
 
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
     data = mujoco.MjData(model)
+    ties = _Equalities(setup)
     outer = setup.all_forces
     scale, momentum = 0.0, np.zeros(model.nv)
 
@@ -73,7 +77,7 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
         mujoco.mj_mulM(model, data, momentum, data.qvel)
         gathered = momentum / duration if duration > 0.0 else momentum
         scale = max(scale, *(float(np.abs(f).max()) for f in (needed, delivered, data.qfrc_bias, gathered)))
-        return np.asarray(np.abs(needed - delivered))
+        return np.abs(ties.without(data.qpos, needed - delivered))
 
     first, last = solution.force_frames or (0, solution.n)
     at_nodes, between = np.zeros(model.nv), np.zeros(model.nv)
@@ -90,6 +94,40 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
             between = np.maximum(between, found)
     order = setup.reference.velocities
     return InverseDynamics(at_nodes[order], between[order], scale)
+
+
+class _Equalities:
+    """The equalities of a model: loops that are closed, joints that are geared to each other."""
+
+    def __init__(self, setup: Setup) -> None:
+        import mujoco
+
+        self.model = setup.model(contacts=False)
+        self.data = mujoco.MjData(self.model)
+
+    def without(self, position: FloatArray, force: FloatArray) -> FloatArray:
+        """(nv,) what is left of a generalised force without all that the equalities could give in this position."""
+        if not self.model.neq:
+            return force
+        directions = self._directions(position)
+        if not directions.shape[1]:
+            return force
+        return np.asarray(force - directions @ np.linalg.lstsq(directions, force, rcond=None)[0])
+
+    def _directions(self, position: FloatArray) -> FloatArray:
+        """(nv, k) generalised force of a unit force along each equation."""
+        import mujoco
+
+        self.data.qpos[:] = position
+        mujoco.mj_fwdPosition(self.model, self.data)
+        rows = np.flatnonzero(self.data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
+        found = np.zeros((len(rows), self.model.nv))
+        unit = np.zeros(self.data.nefc)
+        for direction, row in zip(found, rows, strict=True):
+            unit[row] = 1.0
+            mujoco.mj_mulJacTVec(self.model, self.data, direction, unit)
+            unit[row] = 0.0
+        return found.T
 
 
 def _nodes(first: int, last: int, method: str) -> list[tuple[str, int]]:

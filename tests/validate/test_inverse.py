@@ -112,6 +112,89 @@ def test_contacts_act_in_the_replay_but_not_in_the_residual(tmp_path: Path) -> N
     assert values(report, "inverse-dynamics residual")[0] < 1e-14
 
 
+#: A bar that hangs by two rods, a parallelogram: its loop is closed by an equality, held firmly.
+LOOP = """
+<mujoco>
+  <option gravity="0 0 -9.8"/>
+  <default><equality solref="0.005 1" solimp="0.999 0.9999 0.001"/></default>
+  <worldbody>
+    <body name="left">
+      <inertial pos="0 0 -0.2" mass="1" diaginertia="0.02 0.02 0.02"/>
+      <joint name="left" axis="0 -1 0"/>
+      <body name="bar" pos="0 0 -0.4">
+        <inertial pos="0.3 0 0" mass="3" diaginertia="0.1 0.1 0.1"/>
+        <joint name="bar" axis="0 -1 0"/>
+      </body>
+    </body>
+    <body name="right" pos="0.6 0 0">
+      <inertial pos="0 0 -0.2" mass="1" diaginertia="0.02 0.02 0.02"/>
+      <joint name="right" axis="0 -1 0"/>
+    </body>
+  </worldbody>
+  <equality><connect body1="bar" body2="right" anchor="0.6 0 0"/></equality>
+  <actuator><motor name="torque" joint="left"/></actuator>
+</mujoco>
+"""
+
+#: A rod whose motor turns another one twice as fast the other way round: a gear, which is an equality as well.
+GEAR = """
+<mujoco>
+  <option gravity="0 0 -9.8"/>
+  <default><equality solref="0.005 1" solimp="0.999 0.9999 0.001"/></default>
+  <worldbody>
+    <body name="rod">
+      <inertial pos="0 0 -0.2" mass="1" diaginertia="0.02 0.02 0.02"/>
+      <joint name="left" axis="0 -1 0"/>
+    </body>
+    <body name="wheel" pos="1 0 0">
+      <inertial pos="0 0 0" mass="1" diaginertia="0.05 0.05 0.05"/>
+      <joint name="wheel" axis="0 -1 0"/>
+    </body>
+  </worldbody>
+  <equality><joint joint1="wheel" joint2="left" polycoef="0 -2"/></equality>
+  <actuator><motor name="torque" joint="left"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    ("model", "ratios", "inertia", "moment"),
+    [
+        # The rods turn alike and the bar never does.
+        (LOOP, {"left": 1, "bar": -1, "right": 1}, 2 * (0.02 + 0.2**2) + 3 * 0.4**2, 2 * 0.2 + 3 * 0.4),
+        (GEAR, {"left": 1, "wheel": -2}, 0.02 + 0.2**2 + 2**2 * 0.05, 0.2),
+    ],
+)
+def test_what_holds_a_loop_or_a_gear_is_no_residual(
+    tmp_path: Path, model: str, ratios: dict[str, int], inertia: float, moment: float
+) -> None:
+    (tmp_path / "closed.xml").write_text(model)
+    time = np.linspace(0, 1.2, 25)
+    method = "hermite-simpson"
+
+    def motion(mistake: float) -> Solution:
+        force = nodes(
+            method,
+            time,
+            lambda t: mistake * inertia * acceleration(t) + moment * 9.8 * np.sin(angle(t)),
+        )
+        joints = {
+            name: [
+                nodes(method, time, lambda t, c=c, ratio=ratio: ratio * c(t))
+                for c in (angle, rate, acceleration)
+            ]
+            for name, ratio in ratios.items()
+        }
+        lines = [ReplayChannel("joint", (name,), *channels) for name, channels in joints.items()]
+        lines.append(ReplayChannel("actuator", ("torque",), force))
+        trajectories = {("q", k): c for k, c in enumerate(joints["left"])}
+        return solution_of(method, time, trajectories, lines, "closed.xml", directory=str(tmp_path))
+
+    assert validate(motion(1.0)).passed
+    assert max(values(validate(motion(1.0)), "inverse-dynamics residual")) < 1e-14
+    assert max(values(validate(motion(1.01)), "inverse-dynamics residual")) > 1e-4
+
+
 def test_nothing_is_said_where_a_joint_is_not_tied(tmp_path: Path) -> None:
     other = '<body><joint name="spare" type="slide"/><geom size="0.01"/></body>'
     report = validate(swing(tmp_path, 12, more=other))
