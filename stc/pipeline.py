@@ -71,7 +71,11 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        raise UsageError(f"{path} is not UTF-8 text (byte {error.start})") from error
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise UsageError(
+            f"{path} is not UTF-8 text: line {line} has the byte {error.object[error.start]:#x}",
+            "save it in the encoding UTF-8, which editors offer where they save files",
+        ) from error
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
     return Source(str(spec) if Path(spec).is_file() else path.name, text, str(path))

@@ -155,7 +155,7 @@ def walk_option(text: str) -> Walk:
         )
     numbers = [number(part, f"--continue {text}") for part in parts]
     steps = numbers[2] if len(numbers) == 3 else DEFAULT_STEPS
-    if steps != round(steps) or steps < 1:
+    if not float(steps).is_integer() or steps < 1:
         raise UsageError(f"--continue {text}: the number of steps must be a whole number, 1 or more")
     return Walk(name, numbers[0], numbers[1], round(steps))
 

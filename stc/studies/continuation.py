@@ -9,6 +9,7 @@ new problem is the Euler predictor).
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 from typing import Any
 
 from stc.errors import EvaluationError, SpecError, UsageError
@@ -126,6 +127,8 @@ def continue_to(
     """
     if steps < 1:
         raise UsageError(f"a continuation takes at least one step, not {steps}")
+    if not (isfinite(first) and isfinite(last)):
+        raise UsageError(f"a continuation walks from one number to another, not from {first:g} to {last:g}")
     if first == last:
         raise UsageError(f"a continuation from {name} = {first:g} to the same value goes nowhere")
     solve = solve or model.solve

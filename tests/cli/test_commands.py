@@ -479,6 +479,17 @@ def test_outputs_and_models_that_are_not_there_are_told_before_a_solve(stc_: Stc
     assert "did you mean parcel.xml?" in err
 
 
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+def test_another_encoding_is_told_with_its_line(stc_: Stc, encoding: str) -> None:
+    Path("hop.stc").write_bytes("constants: n = 3;  # frames\n# für die Übung\n".encode(encoding))
+    line, byte = (2, "0xfc") if encoding == "latin-1" else (1, "0xff")
+    status, out, err = stc_("check", "hop.stc")
+    assert (status, out) == (2, "")
+    assert err.startswith(
+        f"stc: hop.stc is not UTF-8 text: line {line} has the byte {byte}\n  save it in the encoding UTF-8"
+    )
+
+
 def test_what_is_no_spec_is_told_in_few_lines(stc_: Stc) -> None:
     Path("README.md").write_text("This is *prose*, and no spec.\n\nIt's long; really: long.\n" * 100)
     status, out, err = stc_("check", "README.md", "--json")

@@ -136,6 +136,9 @@ def test_a_guess_is_read_by_name(stc_: Stc) -> None:
     [
         (("--continue", "g=0"), "NAME=FIRST:LAST:STEPS"),
         (("--continue", "g=0:1:1.5"), "must be a whole number"),
+        (("--continue", "g=0:1:inf"), "must be a whole number"),
+        (("--continue", "g=1:inf"), "from one number to another, not from 1 to inf"),
+        (("--continue", "g=-inf:0:3"), "from one number to another, not from -inf to 0"),
         (("--continue", "g=0:x"), "no number"),
         (("--continue", "G=0:1"), "no constant `G`\n  did you mean `g`?"),
         (("--continue", "g=1:1"), "goes nowhere"),
