@@ -471,9 +471,12 @@ def source_of(solution: Solution, beside: Path | None = None) -> Source:
 
     Args:
         solution: any.
-        beside: folder of the solution's file, where the spec's own is not known.
+        beside: folder of the solution's file, where the spec's own is not known or has not the model that is here.
     """
     folder = Path(solution.directory) if solution.directory else beside
+    if folder is not None and beside is not None and solution.model is not None:
+        moved = not (folder / solution.model).is_file() and (beside / solution.model).is_file()
+        folder = beside if moved else folder
     return Source(
         f"{solution.name}.stc",
         solution.source,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from stc import specs
+from stc import models, specs
 from stc.cli import run
 
 Stc = Callable[..., tuple[int, str, str]]
@@ -40,6 +40,21 @@ def test_equations_are_compared_without_solving(stc_: Stc, tmp_path: Path) -> No
     assert out.splitlines()[0] == "arm_reach against arm.xml at 1000 random states"
     assert out.rstrip().endswith("passed")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_was_moved_keeps_its_model(stc_: Stc) -> None:
+    """The model of a saved solution lies where its spec was, or beside its file."""
+    model = models.locate("particle.xml")
+    assert model is not None
+    Path("old").mkdir()
+    Path("old/mine.xml").write_bytes(model.read_bytes())
+    Path("old/mine.stc").write_text(text_of("particle_waypoints").replace("particle.xml", "mine.xml"))
+    assert stc_("solve", "old/mine.stc", "-o", "old/mine.npz")[0] == 0
+    Path("old").rename("new")
+    for option in ("--equations", "--order"):
+        status, out, err = stc_("validate", "new/mine.npz", option)
+        assert (status, err) == (0, "")
+        assert out.rstrip().endswith("passed")
 
 
 def test_the_first_line_of_a_failure_names_joint_and_term(stc_: Stc) -> None:
