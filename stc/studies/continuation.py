@@ -9,7 +9,7 @@ new problem is the Euler predictor).
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite
+from math import inf
 from typing import Any
 
 from stc.errors import EvaluationError, SpecError, UsageError
@@ -127,7 +127,7 @@ def continue_to(
     """
     if steps < 1:
         raise UsageError(f"a continuation takes at least one step, not {steps}")
-    if not (isfinite(first) and isfinite(last)):
+    if any(value in (inf, -inf) for value in (first, last)):
         raise UsageError(f"a continuation walks from one number to another, not from {first:g} to {last:g}")
     if first == last:
         raise UsageError(f"a continuation from {name} = {first:g} to the same value goes nowhere")
