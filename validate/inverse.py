@@ -5,7 +5,9 @@ the solved actuators and outer forces deliver is subtracted.  The rest is the re
 integrated, so an unstable system is judged as sharply as a stable one, and an error in the equations of motion
 shows wherever it acts.  Contacts are switched off, and the solved contact forces act in their place.  What an
 equality of the model (a closed loop, a gear) can give along what it blocks is no residual: MuJoCo's own inverse has
-springs there, which tell nothing of the force that holds a loop exactly.
+springs there, which tell nothing of the force that holds a loop exactly.  Dry friction of a joint is Coulomb's: its
+whole force against the motion, and at rest as much as is needed up to that.  MuJoCo's own rises with the speed and
+brakes softly, so that its inverse has another force wherever a joint is about to stop.
 """
 
 from __future__ import annotations
@@ -21,6 +23,10 @@ from stc.validate.progress import steps
 
 if TYPE_CHECKING:
     from stc.validate.setup import Setup
+
+
+#: A joint that is slower (m/s or rad/s) is at rest for its dry friction.
+_AT_REST = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +65,12 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
         return None
     import mujoco
 
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
+    flags = mujoco.mjtDisableBit
+    model.opt.disableflags |= int(flags.mjDSBL_EQUALITY)
+    loss = np.zeros(model.nv)
+    if not model.tendon_frictionloss.any():  # where it is, MuJoCo's own law has to do for all
+        model.opt.disableflags |= int(flags.mjDSBL_FRICTIONLOSS)
+        loss = model.dof_frictionloss
     data = mujoco.MjData(model)
     ties = _Equalities(setup)
     outer = setup.all_forces
@@ -77,7 +88,8 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
         mujoco.mj_mulM(model, data, momentum, data.qvel)
         gathered = momentum / duration if duration > 0.0 else momentum
         scale = max(scale, *(float(np.abs(f).max()) for f in (needed, delivered, data.qfrc_bias, gathered)))
-        return np.abs(ties.without(data.qpos, needed - delivered))
+        left = ties.without(data.qpos, needed - delivered)
+        return np.abs(_without_dry_friction(left, data.qvel, loss))
 
     first, last = solution.force_frames or (0, solution.n)
     at_nodes, between = np.zeros(model.nv), np.zeros(model.nv)
@@ -94,6 +106,13 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
             between = np.maximum(between, found)
     order = setup.reference.velocities
     return InverseDynamics(at_nodes[order], between[order], scale)
+
+
+def _without_dry_friction(force: FloatArray, velocity: FloatArray, loss: FloatArray) -> FloatArray:
+    """(nv,) what is left of a generalised force without the joints' dry friction, at most ``loss`` each."""
+    at_rest = np.abs(velocity) <= _AT_REST
+    friction = np.where(at_rest, np.clip(force, -loss, loss), -loss * np.sign(velocity))
+    return np.asarray(force - friction)
 
 
 class _Equalities:

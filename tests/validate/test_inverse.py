@@ -112,6 +112,26 @@ def test_contacts_act_in_the_replay_but_not_in_the_residual(tmp_path: Path) -> N
     assert values(report, "inverse-dynamics residual")[0] < 1e-14
 
 
+def test_dry_friction_is_coulombs(tmp_path: Path) -> None:
+    """The swing turns between two nodes; at one node beside it the pendulum hardly moves and stops fast."""
+
+    def motion(friction: float) -> Solution:
+        solution = swing(tmp_path, 24)
+        method, time = solution.method, solution.time
+        rub = nodes(method, time, lambda t: torque(t) + friction * np.sign(rate(t)))
+        solution.replay[1] = ReplayChannel("actuator", ("torque",), rub)
+        solution.replay.append(
+            ReplayChannel(
+                "set", ("joint", "pivot", "frictionloss"), nodes(method, time, lambda t: 0 * t + 2.5)
+            )
+        )
+        return solution
+
+    assert values(validate(motion(2.5)), "inverse-dynamics residual")[0] < 1e-14
+    assert values(validate(motion(2.4)), "inverse-dynamics residual")[0] > 1e-3
+    assert values(validate(motion(-2.5)), "inverse-dynamics residual")[0] > 0.1
+
+
 #: A bar that hangs by two rods, a parallelogram: its loop is closed by an equality, held firmly.
 LOOP = """
 <mujoco>
