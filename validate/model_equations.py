@@ -36,6 +36,8 @@ class ModelEquations:
         actuators: names of the driven actuators.
         outer: outer forces as their lines are written: ``apply body.lamp.fx``.
         has_springs: whether static forces include those of springs.
+        dry: (k,) dry friction of the joints, N or N m.
+        sliding: (k,) which way each joint slides, 1 or -1; 0, as at first, leaves its dry friction out.
         notes: what the model has that equations of motion do not speak of.
     """
 
@@ -71,6 +73,8 @@ class ModelEquations:
         self._places = Attachments(model, outer)
         self.outer = self._places.names
         self.has_springs = bool(np.any(model.jnt_stiffness != 0.0))
+        self.dry = np.array([model.dof_frictionloss[v] for v in self._velocity])
+        self.sliding = np.zeros(len(found))
         self.notes = _leftovers(model)
         self._dynamics = SmoothDynamics(model)
         self._controls = np.zeros(model.nu)
@@ -86,9 +90,9 @@ class ModelEquations:
         return self._dynamics.mass_matrix()[np.ix_(self._velocity, self._velocity)]
 
     def bias(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """(k,) c."""
+        """(k,) c, and dry friction as the joints are sliding."""
         self._put(q, v)
-        return self._dynamics.bias()[self._velocity]
+        return self._dynamics.bias()[self._velocity] + self.dry * self.sliding
 
     def force(self, q: FloatArray, v: FloatArray, u: FloatArray, f: FloatArray) -> FloatArray:
         """(k,) Q."""
@@ -104,7 +108,7 @@ class ModelEquations:
         self._put(q, v)
         acceleration = np.zeros(len(a))
         acceleration[self._velocity] = a
-        return self._dynamics.inverse(acceleration)[self._velocity]
+        return self._dynamics.inverse(acceleration)[self._velocity] + self.dry * self.sliding
 
 
 def _leftovers(model: mujoco.MjModel) -> list[str]:
@@ -112,9 +116,6 @@ def _leftovers(model: mujoco.MjModel) -> list[str]:
     import mujoco
 
     notes = []
-    dry = [name for name in names_of(model, "joint") if model.dof_frictionloss[_dof(model, name)] != 0.0]
-    if dry:
-        notes.append(f"dry friction is left out of the comparison: {', '.join(dry)}")
     limited = [
         name
         for name in names_of(model, "joint")
@@ -123,7 +124,3 @@ def _leftovers(model: mujoco.MjModel) -> list[str]:
     if limited:
         notes.append(f"the model's own joint limits are left out of the comparison: {', '.join(limited)}")
     return notes
-
-
-def _dof(model: mujoco.MjModel, name: str) -> int:
-    return find_joint(model, name)[1]

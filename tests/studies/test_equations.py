@@ -312,3 +312,38 @@ def test_a_mass_wrong_in_the_model_is_not_taken_for_a_force(tmp_path: Path) -> N
     report = check_equations(load("luxo_jump").problem(), str(tmp_path / "heavier.xml"), states=20)
     assert re.match(r"joint neck: (gravity|mass matrix)", report.findings[0])
     assert not any("actuator" in finding for finding in report.findings)
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        ("- F", "that of sliding forwards"),
+        ("+ F", "that of sliding backwards"),
+        ("", "left out"),
+        ("- 0.9*F", "left out"),
+    ],
+)
+def test_dry_friction_acts_as_the_spec_slides(tmp_path: Path, law: str, said: str) -> None:
+    """A block on the floor that is pulled one way, with the friction that the spec gives the model."""
+    (tmp_path / "block.xml").write_text(
+        """
+        <mujoco>
+          <worldbody><body>
+            <joint name="x" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
+          </body></worldbody>
+          <actuator><motor name="u" joint="x"/></actuator>
+        </mujoco>
+        """
+    )
+    (tmp_path / "block.stc").write_text(
+        f"""
+        constants: n = 20, h = 1/n, F = 3;
+        variables: x, u;
+        constraints: 2*x'' = u {law};
+        method: hermite-simpson;
+        replay: model = "block.xml"; joint x = x; actuator u = u; set joint.x.frictionloss = F;
+        """
+    )
+    report = check_equations(load(tmp_path / "block.stc").problem(), states=60)
+    assert f"dry friction of joint x: {said} (frames 0 to 20)" in report.notes
+    assert report.passed is (law != "- 0.9*F")
