@@ -98,6 +98,16 @@ class Robustness:
     time_step: float
     seconds: float = field(default=0.0, compare=False)
 
+    @property
+    def message(self) -> str:
+        """Why the motion cannot be judged so; "" where it can."""
+        if not any(envelope.lost.any() for envelope in self.envelopes if envelope.kind == "none"):
+            return ""
+        return (
+            "the motion is lost without any perturbation: motors hold their own joints, and joints without one are "
+            "held by nothing"
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """As JSON takes it."""
         return {
@@ -137,6 +147,8 @@ class Robustness:
             )
         yield table
         yield Text(f"{self.integrator}, time step {self.time_step:.3g} s", style="dim")
+        if self.message:
+            yield Text(f"failed: {self.message}", style="bold red")
 
 
 def _percentiles(values: FloatArray) -> dict[str, float | None]:

@@ -28,9 +28,9 @@ def run(
     jobs.require_optimal(outcome.solution, "replayed", force)
     setup = open_setup(motion, force=force)
     found = robustness(setup, limits.PERTURBED_SAMPLES if samples is None else samples, seed)
-    good = not any(envelope.lost.any() for envelope in found.envelopes if envelope.kind == "none")
+    good = not found.message
     if as_json:
-        facts = {**record.blank("ok" if good else "failed"), "name": found.spec}
+        facts = {**record.blank("ok" if good else "failed", found.message), "name": found.spec}
         record.write({**facts, "robustness": found.to_dict()})
     else:
         from rich.console import Console

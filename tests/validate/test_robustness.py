@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import stc
+from stc import specs
 from stc.cli import run
 from stc.errors import UsageError
 from stc.validate import limits
@@ -80,3 +82,25 @@ def test_the_command_reports_the_envelope(
     assert "perturbed replays with feedback, seed 0" in capsys.readouterr().out
     assert run(["validate", path, "--robustness", "--order"]) == 2
     assert "--robustness goes without" in capsys.readouterr().err
+
+
+def test_a_motion_that_nothing_holds_is_told_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A pole that stands upright for eight seconds: the cart's motor holds the cart, and nothing holds the pole."""
+    monkeypatch.chdir(tmp_path)
+    path = specs.locate("cart_pole_swing_up")
+    assert path is not None
+    text = (
+        path.read_text()
+        .replace("[0]: x; a; x'; a';", "[0]: x; a = pi; x'; a';")
+        .replace("a = pi*t/T", "a = pi")
+    )
+    Path("balance.stc").write_text(text)
+    words = ["validate", "balance.stc", "--set", "T=8", "--robustness", "--samples", "1"]
+    assert run(words) == 1
+    told = "the motion is lost without any perturbation: motors hold their own joints"
+    assert capsys.readouterr().out.splitlines()[-1].startswith(f"failed: {told}")
+    assert run([*words, "--json"]) == 1
+    record = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (record["status"], record["message"].startswith(told)) == ("failed", True)
