@@ -28,7 +28,7 @@ def find_spec(name: str | os.PathLike[str]) -> Path:
     path = Path(name)
     candidates = (path, path.with_name(path.name + SUFFIX)) if path.name else ()
     for candidate in candidates:
-        if candidate.is_file():
+        if candidate.is_file() or candidate.is_fifo():  # `stc solve <(make_spec)`
             return candidate
     plain = len(path.parts) == 1
     bundled = specs.locate(str(name)) if plain else None

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -138,6 +139,28 @@ def test_a_closed_standard_output_loses_words_only(tmp_path: Path) -> None:
         )
         assert (done.returncode, done.stderr) == (0, "")
     assert stc.read(tmp_path / "banana.npz").status == "optimal"
+
+
+def test_a_spec_comes_through_a_pipe(tmp_path: Path) -> None:
+    """``stc solve <(make_spec)``, as shells hand it over."""
+    os.mkfifo(tmp_path / "banana.stc")
+    with subprocess.Popen(
+        [sys.executable, "-m", "stc", "check", "banana.stc"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as running:
+        descriptor = -1
+        while descriptor < 0 and running.poll() is None:
+            with suppress(OSError):  # until somebody reads
+                descriptor = os.open(tmp_path / "banana.stc", os.O_WRONLY | os.O_NONBLOCK)
+            time.sleep(0.01)
+        if descriptor >= 0:
+            os.write(descriptor, SPEC.encode())
+            os.close(descriptor)
+        out, _ = running.communicate(timeout=60)
+    assert (running.returncode, out.splitlines()[0]) == (0, "banana, central, n = 0: no mistakes")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
