@@ -26,8 +26,9 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             os.fsync(stream.fileno())
         temporary.replace(target)
     except OSError as error:
-        if error.filename == str(temporary):  # nobody asked for that one
-            error.filename, error.filename2 = str(target), None
-        raise
+        # A full disk tells no name, and nobody asked for that of the temporary file.
+        if error.errno is None or error.filename not in (None, str(temporary)):
+            raise
+        raise OSError(error.errno, os.strerror(error.errno), str(target)) from error
     finally:
         temporary.unlink(missing_ok=True)

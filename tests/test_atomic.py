@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import pytest
@@ -42,3 +43,18 @@ def test_a_folder_that_is_missing_is_told_with_the_name_asked_for(tmp_path: Path
     with pytest.raises(FileNotFoundError) as caught, replacing(target) as temporary:
         temporary.write_text("never")
     assert caught.value.filename == str(target)
+
+
+class LibraryError(OSError):
+    """A library's own, whose name cannot be set."""
+
+    filename = property(lambda self: None)
+
+
+@pytest.mark.parametrize("kind", [OSError, LibraryError])
+def test_a_full_disk_is_told_with_the_name_asked_for(tmp_path: Path, kind: type[OSError]) -> None:
+    target = tmp_path / "motion.mp4"
+    with pytest.raises(OSError) as caught, replacing(target):
+        raise kind(errno.ENOSPC, "No space left on device")
+    assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(target))
+    assert not list(tmp_path.iterdir())
