@@ -20,6 +20,7 @@ from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.discretisation import Estimate, estimate
 from stc.studies.effort import Clock, Effort
+from stc.studies.finer import solve_finer
 from stc.studies.frames import ORDER, Spread, growth_for, observed_order
 
 __all__ = ["Level", "Refinement", "refine"]
@@ -136,10 +137,13 @@ def refine(
     overrides: dict[str, float] = {}
     idle = 0
     while True:
-        if start is not None and not found.levels:
+        given = {**options, "constants": {**constants, **overrides}}
+        if found.solution is not None:
+            solution = solve_finer(solve, found.solution, given, clock, found.effort)
+        elif start is not None:
             solution = start
         else:
-            solution = solve(constants={**constants, **overrides}, **options, **clock.option())
+            solution = solve(**given, **clock.option())
             found.effort.add(solution)
         good = solution.status == "optimal"
         phases = [int(k) for k in factors * spread.lengths]
@@ -177,7 +181,6 @@ def refine(
                 found.message = f"the error is {level.error:.2g} with n = {solution.n}, and {reason}"
             return found
         factors = np.array(spread.counts(overrides)) // np.array(spread.lengths)
-        options = {**options, "warm_start": solution, "guess": None}
 
 
 def _level(solution: Solution, phases: list[int], judged: Estimate | None, found: Refinement) -> Level:

@@ -24,6 +24,7 @@ from stc.pipeline import Model, problem_of
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.effort import Clock, Effort
+from stc.studies.finer import solve_finer
 from stc.studies.frames import Spread, growth_for, observed_order
 from stc.validate import limits
 from stc.validate.inverse import inverse_dynamics
@@ -157,10 +158,13 @@ def solve_until_verified(
     factors = np.ones(len(spread.ends), int)
     overrides: dict[str, float] = {}
     while True:
-        if start is not None and not found.rounds:
+        given = {**options, "constants": {**constants, **overrides}}
+        if found.solution is not None:
+            solution = solve_finer(solve, found.solution, given, clock, found.effort)
+        elif start is not None:
             solution = start
         else:
-            solution = solve(constants={**constants, **overrides}, **options, **clock.option())
+            solution = solve(**given, **clock.option())
             found.effort.add(solution)
         counts = factors * np.array(spread.lengths)
         good = solution.status == "optimal"
@@ -191,7 +195,6 @@ def solve_until_verified(
             found.message = f"{_state(found.rounds[-1])}, and {reason}"
             return found
         factors = np.array(spread.counts(overrides)) // np.array(spread.lengths)
-        options = {**options, "warm_start": solution, "guess": None}
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -239,7 +241,7 @@ def test_a_solve_that_fails_ends_the_loop_with_the_last_good_solution():
     model = stc.load("cart_pole_swing_up", n=20)
 
     def solve(**settings):
-        return model.solve(**settings, max_iterations=0 if settings["constants"] else 100)
+        return model.solve(**{**settings, "max_iterations": 0 if settings["constants"] else 100})
 
     result = refine(model, 1e-9, solve=solve)
     assert not result.reached and "ended iteration_limit" in result.message
@@ -268,3 +270,39 @@ def test_the_tolerance_is_kept_against_a_far_finer_solve(spec, method, tolerance
         if order == 0 and (name, 1) in solution.trajectories and (name, 1) in fine.trajectories:
             size = 1 + np.abs(there[name]).max()
             assert np.abs(solution[name] - there[name]).max() <= 2 * tolerance * size
+
+
+class _Solves:
+    """The solves of a model, of which those from fewer frames fail."""
+
+    def __init__(self, model: stc.Model, fails: str) -> None:
+        self.model, self.fails = model, fails
+        self.made: list[tuple[int, bool]] = []
+
+    def __call__(self, **options) -> stc.Solution:
+        warm = options.get("warm_start") is not None
+        solution = self.model.solve(**options)
+        self.made.append((solution.n, warm))
+        return replace(solution, status=self.fails) if warm else solution
+
+
+def test_where_the_coarse_solution_leads_nowhere_the_guess_is_tried() -> None:
+    model = stc.load(GROWTH)
+    solves = _Solves(model, "failed")
+    found = refine(model, 1e-3, solve=solves, method="trapezoidal")
+    assert found.reached
+    frames = [level.n for level in found.levels]
+    assert len(frames) > 1
+    assert solves.made == [(frames[0], False)] + [(n, warm) for n in frames[1:] for warm in (True, False)]
+    assert found.effort.solves == len(solves.made)
+
+
+def test_an_interrupted_solve_is_the_last() -> None:
+    model = stc.load(GROWTH)
+    solves = _Solves(model, "interrupted")
+    found = refine(model, 1e-3, solve=solves, method="trapezoidal")
+    assert not found.reached
+    assert "interrupted" in found.message
+    assert [warm for _, warm in solves.made] == [False, True]
+    assert found.solution is not None
+    assert found.solution.n == solves.made[0][0]
