@@ -28,6 +28,10 @@ SLACKS = (1e-8, 1e-6, 1e-4, 1e-2)
 
 DENSE_ENTRIES = 2_000_000
 
+EPSILON = 2.0**-52
+ROUNDED = 4.0
+"""Units in the last place of its terms by which a slope may be off."""
+
 
 def assess_point(nlp: NLP, x: Floats, good_enough: float = 0.0) -> tuple[Floats, Assessment]:
     """Row multipliers (m,) that suit ``x`` (n,) best, and the optimality conditions with them.
@@ -82,8 +86,8 @@ def possible_gain(nlp: NLP, x: Floats, y: Floats, z: Floats) -> float:
     """What the objective may still gain or owe at ``x`` (n,), to first order, relative to ``max(1, |f|)``.
 
     Sums the error of every condition times the way to where it would hold: multipliers times the distances to
-    their bounds, and slopes times the sizes of the variables.  Unlike a residual it does not depend on units, and it
-    sees when large multipliers make a residual look small.
+    their bounds, and slopes times the sizes of the variables, but for what rounding leaves of a slope's terms.
+    Unlike a residual it does not depend on units, and it sees when large multipliers make a residual look small.
     """
     f, r = nlp.values(x)
     away_r = np.where(y > 0.0, nlp.row_upper - r, r - nlp.row_lower)
@@ -91,9 +95,16 @@ def possible_gain(nlp: NLP, x: Floats, y: Floats, z: Floats) -> float:
     # A multiplier without a bound on its side is an error of the slope, which counts below.
     gain = float(np.abs(y * np.where(np.isfinite(away_r), away_r, 0.0)).sum())
     gain += float(np.abs(z * np.where(np.isfinite(away_x), away_x, 0.0)).sum())
-    gradient, jac, _ = nlp.derivatives(x, y, 0.0)
-    lagrangian = gradient + np.bincount(nlp.jac_cols, weights=jac * y[nlp.jac_rows], minlength=nlp.n) + z
-    gain += float(np.abs(lagrangian * x).sum())
+    gradient, jac, hess = nlp.derivatives(x, y, 1.0)
+    pulls = jac * y[nlp.jac_rows]
+    slopes = np.abs(gradient + np.bincount(nlp.jac_cols, weights=pulls, minlength=nlp.n) + z)
+    # A gradient that varies has terms of the size of H x, for all we know: differences over short steps cancel.
+    terms = np.bincount(nlp.jac_cols, weights=np.abs(pulls), minlength=nlp.n) + np.abs(z)
+    terms += np.bincount(nlp.hess_rows, weights=np.abs(hess * x[nlp.hess_cols]), minlength=nlp.n)
+    below = nlp.hess_rows != nlp.hess_cols
+    across = np.abs(hess[below] * x[nlp.hess_rows[below]])
+    terms += np.bincount(nlp.hess_cols[below], weights=across, minlength=nlp.n)
+    gain += float(np.maximum(slopes - ROUNDED * EPSILON * terms, 0.0) @ np.abs(x))
     return gain / max(1.0, abs(f))
 
 
