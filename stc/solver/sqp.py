@@ -69,7 +69,8 @@ def minimize(
     """
     options = options or Options()
     with np.errstate(all="ignore"):
-        less = presolved(nlp) if options.presolve else None
+        # Where no step is allowed the start is what is asked for, not what equations make of it.
+        less = presolved(nlp) if options.presolve and options.max_iterations > 0 else None
         if less is not None:
             own = less.start(start or Start(np.asarray(nlp.x0, dtype=float)))
             result = less.restored(
@@ -139,6 +140,8 @@ class _Solve:
 
     def _solve(self, form: ScaledProblem, x0: Floats) -> Result:
         options, attempts = self.options, self.attempts
+        if options.max_iterations <= 0:
+            return self._unmoved(x0)
         if options.warm_start and self.start.row_multipliers is not None:
             outcome = self._settle(
                 self._helped(
@@ -176,6 +179,25 @@ class _Solve:
             if best is not None:
                 outcome = self._better(outcome, self._settle(attempts.from_feasible(form, best)))
         return self._conclude(outcome)
+
+    def _unmoved(self, x0: Floats) -> Result:
+        """The start, where no step is allowed from it; whether it is a solution is still to be told."""
+        point = Point(
+            x0, np.zeros(self.nlp.m) if self.start.row_multipliers is None else self.start.row_multipliers
+        )
+        judged = self.judgement.assess(point)
+        if self.start.row_multipliers is None and self.judgement.is_met(x0, judged.violation):
+            from stc.solver.dual_estimate import assess_point
+
+            point = Point(x0, assess_point(self.nlp, x0, self.options.tolerance)[0])
+            judged = self.judgement.assess(point)
+        if self.judgement.confirms(point, point.y) and not self.judgement.may_gain(point):
+            return self._result(Status.OPTIMAL, point.x, point.y, at=point)
+        stated = point.x, point.y
+        self.monitor.record(
+            lambda: stated, judged.objective, judged.violation, judged.optimality, 0.0, 0.0, 0.0, 0.0, "barrier"
+        )  # fmt: skip
+        return self._best(Status.ITERATION_LIMIT)
 
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """From the guess."""

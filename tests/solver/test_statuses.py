@@ -7,6 +7,7 @@ import pytest
 from symbolic_program import INF, SymbolicProgram
 
 from stc.solver import IterationRecord, Options, Status, minimize
+from stc.solver.report import Start
 from stc.solver.residuals import assess
 from stc.solver.status import advice, sentence
 from stc.symbolic.expr import call
@@ -103,6 +104,31 @@ def test_iteration_limit_keeps_the_best_point() -> None:
     assert result.status is Status.ITERATION_LIMIT
     assert result.iterations == 5
     assert result.objective == min(record.objective for record in result.history)
+
+
+LINE = SymbolicProgram([3.0, 1.0], lambda x: x[0] ** 2 + x[1] ** 2, lambda x: [(x[0] + x[1], 2.0, 2.0)])
+
+
+@pytest.mark.parametrize("presolve", [True, False])
+@pytest.mark.parametrize("program", [LINE, rosenbrock()], ids=["linear equations", "curved"])
+def test_a_limit_of_no_iterations_returns_the_start(program: SymbolicProgram, presolve: bool) -> None:
+    seen: list[IterationRecord] = []
+    result = minimize(program, Options(max_iterations=0, presolve=presolve), seen.append)
+    assert (result.status, result.iterations) == (Status.ITERATION_LIMIT, 0)
+    assert result.x == pytest.approx(program.x0, rel=0, abs=0)
+    assert [record.iteration for record in seen] == [0]
+
+
+def test_a_start_that_is_optimal_is_told_without_an_iteration() -> None:
+    none = Options(max_iterations=0)
+    result = minimize(LINE, none, start=Start(np.array([1.0, 1.0])))
+    assert (result.status, result.iterations) == (Status.OPTIMAL, 0)
+    assert result.row_multipliers == pytest.approx([-2.0])
+    held = SymbolicProgram([0.0], lambda x: x[0], lower=0.0)
+    assert minimize(held, none).status is Status.OPTIMAL
+    solved = minimize(rosenbrock())
+    again = minimize(rosenbrock(), none, start=Start(solved.x, solved.row_multipliers))
+    assert (again.status, again.iterations) == (Status.OPTIMAL, 0)
 
 
 def test_time_limit() -> None:
