@@ -312,6 +312,8 @@ def table(columns: Mapping[str, Any], where: str = "the guess") -> TableValues:
     """
     arrays: dict[str, FloatArray] = {}
     for name, numbers in columns.items():
+        if not isinstance(name, str):
+            raise UsageError(f"{where} is numbers by name, and {name!r} is no name")
         try:
             arrays[name] = column = np.atleast_1d(np.asarray(numbers, dtype=float))
         except (TypeError, ValueError):

@@ -134,12 +134,12 @@ class Model:
             SpecError: mistakes in the spec, all of them.
             UsageError: an unknown constant or method.
         """
-        if method is not None and method not in METHODS:
-            raise UsageError(f"unknown method {method!r}", f"the methods are {', '.join(METHODS)}")
+        _check_method(method)
         return elaborate(self.tree, {**self.overrides, **_numbers(constants)}, method)
 
     def transcription(self, method: str | None = None, **constants: float) -> tuple[Problem, Transcription]:
         """The problem and its transcription, an earlier one where only numbers have changed."""
+        _check_method(method)
         known = self._known(method, {**self.overrides, **_numbers(constants)})
         if known is not None:
             return known
@@ -263,7 +263,9 @@ class Model:
         begin = time.perf_counter()
         options = given_options(tolerance, max_iterations, time_limit)
         parse_seconds, self._parse_seconds = self._parse_seconds, 0.0  # counts for the first solve only
-        given = {**self.overrides, **_numbers({**(constants or {}), **overrides})}
+        if callback is not None and not callable(callback):
+            raise UsageError(f"the callback must be a function, not {callback!r}")
+        given = {**self.overrides, **_numbers(constants or {}), **_numbers(overrides)}
         problem, transcription = self.transcription(method, **given)
         seconds = {"parse": parse_seconds + time.perf_counter() - begin}
         seconds["derive"] = transcription.seconds.pop("derive", 0.0)
@@ -417,12 +419,20 @@ class Model:
         return even if old.n != earlier.n else Alignment.of(named_cuts(old), named_cuts(problem))
 
 
+def _check_method(method: object) -> None:
+    """Refuse a transcription that does not exist."""
+    if method is not None and method not in tuple(METHODS):
+        raise UsageError(f"unknown method {method!r}", f"the methods are {', '.join(METHODS)}")
+
+
 def _numbers(given: Mapping[str, object]) -> dict[str, float]:
     """The values of constants from outside.
 
     Raises:
         UsageError: one that is no number.
     """
+    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+        raise UsageError(f"constants are numbers by name, not {given!r}")
     found = {}
     for name, value in given.items():
         try:
@@ -461,7 +471,7 @@ def model_of(solution: Solution) -> Model:
 
 def resolve(solution: Solution, **changes: Any) -> Solution:
     """Solves a solution's spec again with other constants, from there: :meth:`stc.solution.Solution.resolve`."""
-    constants = {**solution.overrides, **changes.pop("constants", {})}
+    constants = {**solution.overrides, **_numbers(changes.pop("constants", None) or {})}
     changes = {"method": solution.method, "warm_start": solution, **changes}
     return model_of(solution).solve(constants=constants, **changes)
 

@@ -270,7 +270,8 @@ class Solution:
             return self.trajectories[key]
         raise UnknownNameError(self._unknown(name))
 
-    def _unknown(self, name: str) -> str:
+    def _unknown(self, name: object) -> str:
+        name = str(name)
         base = name.rstrip("'")
         orders = [order for variable, order in self.trajectories if variable == base]
         if orders:

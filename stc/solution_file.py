@@ -33,6 +33,7 @@ from typing import IO, Any, NoReturn
 import numpy as np
 
 from stc import npz
+from stc.arguments import path as file_path
 from stc.atomic import replacing
 from stc.errors import UsageError
 from stc.solution import MultiplierBlock, ReplayChannel, Solution, SolutionError
@@ -69,7 +70,7 @@ _PARTS = ("value", "rate", "acceleration")
 
 def write(solution: Solution, path: str | os.PathLike[str]) -> None:
     """Write a solution; see :meth:`stc.solution.Solution.save`."""
-    target = Path(path)
+    target = Path(file_path(path, "the file of a solution"))
     writers: dict[str, Callable[[Solution, IO[bytes]], None]] = {".npz": _write_npz, ".csv": _write_csv}
     writer = writers.get(target.suffix.lower())
     if writer is None:

@@ -15,6 +15,10 @@ import pytest
 
 import stc
 from stc.certification import certify
+from stc.studies.continuation import continue_to
+from stc.studies.multistart import multistart
+from stc.studies.refinement import refine
+from stc.studies.verified import solve_until_verified
 from stc.testing import assert_physical
 from stc.validate import validate
 
@@ -42,6 +46,26 @@ def solution() -> stc.Solution:
         (lambda model: model.solve(tolerance=float("nan")), "between 1e-14 and 1, not nan"),
         (lambda model: model.solve(max_iterations=-1), "max_iterations must be at least 0, not -1"),
         (lambda model: model.solve(time_limit=0), "the time limit must be a positive number of seconds"),
+        (lambda model: model.solve(tolerance="1e-3"), "the tolerance must be a number, not '1e-3'"),
+        (lambda model: model.solve(max_iterations="9"), "max_iterations must be a number, not '9'"),
+        (lambda model: model.solve(max_iterations=2.5), "max_iterations must be a whole number, not 2.5"),
+        (lambda model: model.solve(time_limit="5"), "the time limit must be a number, not '5'"),
+        (lambda model: model.solve(method=["central"]), r"unknown method \['central'\]"),
+        (lambda model: model.solve(optimizer=3), "an optimizer is a name such as `sqp`, not 3"),
+        (lambda model: model.solve(callback=3), "the callback must be a function, not 3"),
+        (lambda model: model.solve(constants=[1]), r"constants are numbers by name, not \[1\]"),
+        (lambda model: model.solve(guess={3: 1}), "the guess is numbers by name, and 3 is no name"),
+        (lambda model: model.solve().resolve(constants=3), "constants are numbers by name, not 3"),
+        (lambda model: model.solve().save(3), "the file of a solution must be a path, not 3"),
+        (lambda model: continue_to(model, "speed", 1, "2"), "the last value of speed must be a number"),
+        (
+            lambda model: continue_to(model, "speed", 1, 2, 2.5),
+            "number of steps must be a whole number, not 2.5",
+        ),
+        (lambda model: multistart(model, "3"), "the number of starts must be a number, not '3'"),
+        (lambda model: refine(model, "1e-3"), "the error of a refinement must be a number, not '1e-3'"),
+        (lambda model: refine(model, 1e-3, time_limit="5"), "the time limit must be a number, not '5'"),
+        (lambda model: solve_until_verified(model, "1e-3"), "the drift must be a number, not '1e-3'"),
         (lambda model: model.solve(speed=[1, 2]), r"the constant `speed` needs a number, not \[1, 2\]"),
         (lambda model: model.solve(speed=np.ones(2)), "the constant `speed` needs a number"),
         (lambda model: model.solve(warm_start=3), "a solution is read from a path, not from 3"),
@@ -54,6 +78,10 @@ def solution() -> stc.Solution:
         (lambda _: stc.load(3), "a spec is a path, a bundled name or its text, not 3"),  # type: ignore[arg-type]
         (lambda _: stc.load(""), "the name of the spec is empty"),
         (lambda _: stc.read(3), "a solution is read from a path, not from 3"),  # type: ignore[arg-type]
+        (lambda _: validate(3), "a motion is a solution, the path of a saved one, or a spec, not 3"),  # type: ignore[arg-type]
+        (lambda model: validate(model), "a model is solved first"),
+        (lambda _: validate("particle_waypoints", 3), "the model must be a path, not 3"),  # type: ignore[arg-type]
+        (lambda _: validate("particle_waypoints", time_step="1"), "time step of the replay must be a number"),  # type: ignore[arg-type]
         (lambda _: validate("nowhere"), "there is no spec `nowhere`"),
         (lambda _: validate("nowhere.npz"), "there is no solution file nowhere.npz"),
     ],

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stc.arguments import path as file_path
 from stc.records import dataclass
 from stc.solution import Solution
 from stc.validate.fields import apply_fields, set_fields
@@ -155,7 +156,7 @@ def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> Non
 
 def _path(solution: Solution, model: str | os.PathLike[str] | None, beside: Iterable[str | Path]) -> Path:
     if model is not None:
-        return find_model(os.fspath(model), [Path()])
+        return find_model(file_path(model, "the model"), [Path()])
     if solution.model is None:
         raise ModelError(f"{solution.name} names no model: add a replay section to the spec to validate it")
     return find_model(solution.model, [solution.directory, *beside])

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
-from stc.errors import StcError
+from stc.arguments import number
+from stc.errors import StcError, UsageError
 from stc.records import dataclass, field
 from stc.solution import Solution, read
 from stc.validate import limits
@@ -122,6 +123,11 @@ def open_setup(
 ) -> Setup:
     """A solution or its file with its model; arguments and errors as of :func:`validate`."""
     beside: list[str | Path] = []
+    if not isinstance(solution, Solution | str | os.PathLike):
+        raise UsageError(
+            f"a motion is a solution, the path of a saved one, or a spec, not {solution!r}",
+            "a model is solved first: `validate(model.solve())`" if hasattr(solution, "solve") else "",
+        )
     if not isinstance(solution, Solution):
         # By name: nothing here is imported from the layers above.
         solution = import_module("stc.certification").motion_of(solution)
@@ -143,7 +149,7 @@ def run_replays(
     Raises:
         UsageError: a time step or integrator that cannot be used.
     """
-    time_step = time_step_for(setup, time_step)
+    time_step = time_step_for(setup, number(time_step, "the time step of the replay"))
     found = Replays(setup, replay(setup, time_step, integrator))
     if found.open_loop.broke_at is not None:
         found.notes.append(f"the simulation left all bounds by t = {found.open_loop.broke_at:g} s")

@@ -46,6 +46,8 @@ def optimizer_of(name: str) -> Minimizer:
     """
     if name == DEFAULT:
         return minimize
+    if not isinstance(name, str):
+        raise UsageError(f"an optimizer is a name such as `{DEFAULT}`, not {name!r}")
     if name.startswith("nlopt:"):
         from stc.solver.nlopt_adapter import minimize_with_nlopt
         from stc.solver.nlopt_algorithms import choose

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from stc.arguments import number, whole
 from stc.errors import UsageError
 from stc.records import dataclass
 
@@ -73,11 +76,16 @@ def given_options(
     Raises:
         UsageError: a value that cannot be meant.
     """
+    given: dict[str, Any] = {}
     if tolerance is not None:
-        check_tolerance(tolerance)
-    if max_iterations is not None and not max_iterations >= 0:
-        raise UsageError(f"max_iterations must be at least 0, not {max_iterations}")
-    if time_limit is not None and not time_limit > 0:
-        raise UsageError(f"the time limit must be a positive number of seconds, not {time_limit:g}")
-    given = {"tolerance": tolerance, "max_iterations": max_iterations, "time_limit": time_limit}
-    return Options(**{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]
+        given["tolerance"] = number(tolerance, "the tolerance")
+        check_tolerance(given["tolerance"])
+    if max_iterations is not None:
+        given["max_iterations"] = most = whole(max_iterations, "max_iterations")
+        if most < 0:
+            raise UsageError(f"max_iterations must be at least 0, not {max_iterations}")
+    if time_limit is not None:
+        given["time_limit"] = number(time_limit, "the time limit")
+        if not given["time_limit"] > 0:
+            raise UsageError(f"the time limit must be a positive number of seconds, not {time_limit:g}")
+    return Options(**given)

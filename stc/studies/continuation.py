@@ -12,6 +12,8 @@ from collections.abc import Callable
 from math import inf
 from typing import Any
 
+from stc.arguments import number
+from stc.arguments import whole as whole_number
 from stc.errors import EvaluationError, SpecError, UsageError
 from stc.pipeline import Model
 from stc.records import dataclass, field
@@ -125,6 +127,10 @@ def continue_to(
         UsageError: no such constant, or no step at all.
         SpecError: the first or the last value is one that the spec cannot take.
     """
+    if not isinstance(name, str):
+        raise UsageError(f"a continuation walks a constant, given by its name, not {name!r}")
+    first, last = number(first, f"the first value of {name}"), number(last, f"the last value of {name}")
+    steps = whole_number(steps, "the number of steps")
     if steps < 1:
         raise UsageError(f"a continuation takes at least one step, not {steps}")
     if any(value in (inf, -inf) for value in (first, last)):

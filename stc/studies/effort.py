@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from stc.arguments import number
 from stc.records import dataclass
 from stc.solution import Solution
 
@@ -40,7 +41,7 @@ class Clock:
     """
 
     def __init__(self, limit: float | None) -> None:
-        self.limit = limit
+        self.limit = None if limit is None else number(limit, "the time limit")
         self._begin = time.monotonic()
 
     @property

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arguments import whole
 from stc.errors import EvaluationError, SpecError, UsageError
 from stc.guess_file import GivenValues, NodeValues, read_guess
 from stc.pipeline import Model
@@ -128,6 +129,7 @@ def multistart(
         UsageError: fewer than one start.
         SpecError, EvaluationError: mistakes in the spec, or a guess where a function is undefined.
     """
+    starts, seed = whole(starts, "the number of starts"), whole(seed, "the seed")
     if starts < 1:
         raise UsageError(f"at least one start is needed, not {starts}")
     if seed < 0:

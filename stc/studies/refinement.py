@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from stc.arguments import number, whole
 from stc.errors import UsageError
 from stc.pipeline import Model
 from stc.records import dataclass, field
@@ -125,6 +126,7 @@ def refine(
         UsageError: a tolerance that is not positive, or a motion of one frame.
         SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
     """
+    error, most_frames = number(error, "the error of a refinement"), whole(most_frames, "most_frames")
     if not error > 0:
         raise UsageError(f"the tolerance of a refinement must be positive, not {error:g}")
     solve = solve or model.solve

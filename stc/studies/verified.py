@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stc.arguments import number, whole
 from stc.errors import StcError, UsageError
 from stc.pipeline import Model, problem_of
 from stc.records import dataclass, field
@@ -141,6 +142,7 @@ def solve_until_verified(
         ModelError: the model is missing, or a replay line does not fit it.
         SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
     """
+    drift, most_frames = number(drift, "the drift"), whole(most_frames, "most_frames")
     if not drift > 0:
         raise UsageError(f"the tolerance for the drift must be positive, not {drift:g}")
     solve = solve or model.solve
