@@ -205,6 +205,17 @@ class UsageError(StcError):
         return f"{self.message}\n  {self.hint}" if self.hint else self.message
 
 
+class UnsolvedError(UsageError):
+    """What was asked for takes a solve that ended otherwise than optimal; ``status`` is how."""
+
+    def __init__(self, message: str, hint: str, status: str) -> None:
+        super().__init__(message, hint)
+        self.status = status
+
+    def __reduce__(self) -> tuple[type[UnsolvedError], tuple[str, str, str]]:
+        return UnsolvedError, (self.message, self.hint, self.status)
+
+
 def raise_errors(diagnostics: Sequence[Diagnostic]) -> None:
     """Raise a :class:`SpecError` with the errors among the diagnostics, in text order, if there are any."""
     errors = [d for d in diagnostics if d.severity == "error"]

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import NoReturn
 
-from stc.errors import EvaluationError, SpecError, StcError
+from stc.errors import EvaluationError, SpecError, StcError, UnsolvedError
 from stc.memory import keep_freed_memory
 
 __all__ = ["main", "run"]
@@ -117,6 +117,10 @@ def run(arguments: Sequence[str]) -> int:
         return exit_.code if isinstance(exit_.code, int) else BAD
     except SpecError as error:
         return _report(as_json, "error", _mistakes(error), MISTAKE, error)
+    except UnsolvedError as error:
+        if error.status == "interrupted":
+            return _report(as_json, "interrupted", "interrupted", BAD)
+        return _report(as_json, error.status, str(error), BAD, error)
     except StcError as error:
         return _report(as_json, "error", str(error), MISTAKE, error)
     except MemoryError:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stc.errors import UsageError
+from stc.errors import UnsolvedError, UsageError
 from stc.pipeline import Model
 from stc.problem import Problem
 from stc.records import dataclass, field
@@ -133,8 +133,8 @@ def observe_order(
         solve: used in place of ``model.solve``, with the same arguments (to watch it).
 
     Raises:
-        UsageError: the spec cannot be refined as it is written (the message says where), it names no model, or
-            a solve does not end optimal.
+        UsageError: the spec cannot be refined as it is written (the message says where), or it names no model.
+        UnsolvedError: a solve does not end optimal.
     """
     problem = model.problem(method)
     if problem.model is None:
@@ -150,9 +150,10 @@ def observe_order(
             method=method, tolerance=limits.ORDER_TOLERANCE, warm_start=solution, constants=overrides
         )
         if solution.status != "optimal":
-            raise UsageError(
+            raise UnsolvedError(
                 f"no order of convergence: with n = {solution.n} the solve ended {solution.status}",
                 solution.message,
+                solution.status,
             )
         levels.append(_level(solution))
     return _judged(problem, levels)

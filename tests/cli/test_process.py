@@ -202,6 +202,18 @@ class TestInterruption:
         assert "Traceback" not in err
         assert stc.read(tmp_path / "banana.npz").status == "interrupted"
 
+    def test_ctrl_c_ends_a_study(self, tmp_path: Path) -> None:
+        words = [sys.executable, "-c", SLOW, "validate", "arm_reach", "--order", "--json"]
+        running = subprocess.Popen(
+            words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        assert running.stderr is not None
+        running.stderr.readline()
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=60)
+        assert (running.returncode, json.loads(out)["status"]) == (1, "interrupted")
+        assert err.endswith("stc: interrupted\n")
+
     def test_a_second_ctrl_c_ends_at_once(self, tmp_path: Path) -> None:
         running = self.start(tmp_path, "--json")
         assert running.stderr is not None

@@ -98,6 +98,12 @@ def test_the_order_is_observed(stc_: Stc) -> None:
     assert record["metrics"][0]["value"] > 1.8
 
 
+def test_an_order_that_takes_more_than_it_may_is_not_observed(stc_: Stc) -> None:
+    status, out, err = stc_("validate", "arm_reach", "--order", "--max-iterations", "2", "--json")
+    assert (status, json.loads(out)["status"]) == (1, "iteration_limit")
+    assert "no order of convergence: with n = 60 the solve ended iteration_limit" in err
+
+
 def test_a_spec_that_cannot_be_refined_is_refused(stc_: Stc) -> None:
     Path("sum.stc").write_text(
         text_of("particle_waypoints").replace("integral(x''^2 + y''^2)", "x''^2 + y''^2")
