@@ -18,6 +18,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate import limits
+from stc.validate.equalities import Equalities
 from stc.validate.metrics import FloatArray
 from stc.validate.progress import steps
 
@@ -72,7 +73,7 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
         model.opt.disableflags |= int(flags.mjDSBL_FRICTIONLOSS)
         loss = model.dof_frictionloss
     data = mujoco.MjData(model)
-    ties = _Equalities(setup)
+    ties = Equalities(setup.model(contacts=False))
     outer = setup.all_forces
     scale, momentum = 0.0, np.zeros(model.nv)
 
@@ -113,40 +114,6 @@ def _without_dry_friction(force: FloatArray, velocity: FloatArray, loss: FloatAr
     at_rest = np.abs(velocity) <= _AT_REST
     friction = np.where(at_rest, np.clip(force, -loss, loss), -loss * np.sign(velocity))
     return np.asarray(force - friction)
-
-
-class _Equalities:
-    """The equalities of a model: loops that are closed, joints that are geared to each other."""
-
-    def __init__(self, setup: Setup) -> None:
-        import mujoco
-
-        self.model = setup.model(contacts=False)
-        self.data = mujoco.MjData(self.model)
-
-    def without(self, position: FloatArray, force: FloatArray) -> FloatArray:
-        """(nv,) what is left of a generalised force without all that the equalities could give in this position."""
-        if not self.model.neq:
-            return force
-        directions = self._directions(position)
-        if not directions.shape[1]:
-            return force
-        return np.asarray(force - directions @ np.linalg.lstsq(directions, force, rcond=None)[0])
-
-    def _directions(self, position: FloatArray) -> FloatArray:
-        """(nv, k) generalised force of a unit force along each equation."""
-        import mujoco
-
-        self.data.qpos[:] = position
-        mujoco.mj_fwdPosition(self.model, self.data)
-        rows = np.flatnonzero(self.data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
-        found = np.zeros((len(rows), self.model.nv))
-        unit = np.zeros(self.data.nefc)
-        for direction, row in zip(found, rows, strict=True):
-            unit[row] = 1.0
-            mujoco.mj_mulJacTVec(self.model, self.data, direction, unit)
-            unit[row] = 0.0
-        return found.T
 
 
 def _nodes(first: int, last: int, method: str) -> list[tuple[str, int]]:

@@ -11,6 +11,7 @@ where c holds gravity, springs, velocity products and damping, and Q what actuat
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.validate.dynamics import SmoothDynamics
+from stc.validate.equalities import Equalities
 from stc.validate.fields import set_fields
 from stc.validate.forces import Attachments
 from stc.validate.metrics import FloatArray
@@ -38,6 +40,7 @@ class ModelEquations:
         has_springs: whether static forces include those of springs.
         dry: (k,) dry friction of the joints, N or N m.
         sliding: (k,) which way each joint slides, 1 or -1; 0, as at first, leaves its dry friction out.
+        has_equalities: whether the model closes loops or gears joints to each other.
         notes: what the model has that equations of motion do not speak of.
     """
 
@@ -76,6 +79,8 @@ class ModelEquations:
         self.dry = np.array([model.dof_frictionloss[v] for v in self._velocity])
         self.sliding = np.zeros(len(found))
         self.notes = _leftovers(model)
+        self.has_equalities = bool(model.neq)
+        self._equalities = Equalities(copy.copy(model))
         self._dynamics = SmoothDynamics(model)
         self._controls = np.zeros(model.nu)
 
@@ -102,6 +107,13 @@ class ModelEquations:
         dynamics.data.qfrc_applied[:] = 0.0
         self._places.apply(dynamics.model, dynamics.data, f)
         return (dynamics.actuation(self._controls) + dynamics.data.qfrc_applied)[self._velocity]
+
+    def held(self, q: FloatArray, force: FloatArray) -> FloatArray:
+        """(k,) the part of a generalised force that loops and gears of the model can give there, whatever it is."""
+        position, whole = np.array(self._dynamics.model.qpos0), np.zeros(len(force))
+        position[self._position] = q
+        whole[self._velocity] = force
+        return self._equalities.given(position, whole)[self._velocity]
 
     def inverse(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """(k,) ``mj_inverse``: the generalised force that the motion needs."""

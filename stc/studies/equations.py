@@ -237,6 +237,7 @@ class _Comparison:
     ) -> None:
         self.spec, self.model, self.report, self.rng = spec, model, report, rng
         self.k = len(model.joints)
+        self.reactions = self._reactions()
 
     def run(self, states: int) -> None:
         if len(self.spec.coordinates) != self.k:
@@ -263,6 +264,18 @@ class _Comparison:
         subject = f"{subject}, {phase}"
         self.report.metrics.append(Metric(name, subject, float(value), "share", limits.EQUATIONS))
 
+    def _reactions(self) -> list[int]:
+        """The auxiliaries that may be forces in the model's loops and gears: those that nothing else determines.
+
+        MuJoCo finds these forces itself, so that no replay line hands them over.
+        """
+        if not self.model.has_equalities:
+            return []
+        bodies = [*self.spec.forces, *(law.body for law in self.spec.laws)]
+        keys = [key for body in bodies for key in symbols(body) if isinstance(key, VariableRef)]
+        determined = {key.name for key in keys}
+        return [m for m, name in enumerate(self.spec.auxiliaries) if name not in determined]
+
     def _note_skipped(self) -> None:
         for equation in self.spec.skipped:
             place = equation.relation.span.location
@@ -283,6 +296,7 @@ class _Comparison:
                 self.rng.uniform(-_VELOCITY, _VELOCITY, shape),
                 self.rng.uniform(-_FORCE, _FORCE, (2 * count, m)),
             )
+            state.z[:, self.reactions] = 0.0  # the model's smooth equations are without
             with np.errstate(all="ignore"):
                 found = self._at(state)
             if found is not None and len(found.q) >= count:
@@ -407,7 +421,8 @@ class _Comparison:
 
     def _compare_terms(self, rows: Sequence[int], agree: bool) -> None:
         """Entry by entry: mass matrix, bias, forces."""
-        terms, spec, model = self._tables(self._sample(_TABLES), rows)
+        sample = self._sample(_TABLES)
+        terms, spec, model = self._tables(sample, rows)
         equations = [self.spec.dynamic[row] for row in rows]
         maps = None
         order = [e.relation.coordinate for e in equations]
@@ -416,6 +431,7 @@ class _Comparison:
             spec = spec[:, by_coordinate]
             maps = self._maps
         table = matched(spec, model, terms, maps)
+        self._hold(sample, table, model)
         shares = np.abs(table - model) / scales(model, table, terms)[:, None, :]
         for kind in (MASS, STATIC, PRODUCT, DAMPING, FORCE):
             columns = [column for column, term in enumerate(terms) if term.kind == kind]
@@ -425,6 +441,13 @@ class _Comparison:
         if agree and not found:
             return
         self._report(found, [equations[k].relation.span.location for k in range(len(equations))])
+
+    def _hold(self, sample: _Sample, table: FloatArray, model: FloatArray) -> None:
+        """Give the model what of the spec's forces in loops and gears it can give; its table is changed in place."""
+        first = table.shape[2] - len(self.spec.auxiliaries)
+        for column in (first + m for m in self.reactions):
+            for s, q in enumerate(sample.q):
+                model[s, :, column] = -self.model.held(q, -table[s, :, column])
 
     def _report(self, found: Sequence[Difference], places: Sequence[str]) -> None:
         phase = self.spec.phase
@@ -493,7 +516,11 @@ class _Comparison:
             for line, body in zip(lines, self.spec.forces)
             if any(isinstance(key, VariableRef) and key.name == name for key in symbols(body))
         ]
-        return " and ".join(driven) if driven else f"{name}, which no replay line hands over"
+        if driven:
+            return " and ".join(driven)
+        if auxiliary in self.reactions:
+            return f"{name}, as far as a loop or gear of the model can give it"
+        return f"{name}, which no replay line hands over"
 
 
 def _rank(rows: FloatArray) -> int:

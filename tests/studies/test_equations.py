@@ -144,6 +144,66 @@ def test_a_force_that_no_replay_line_hands_over_is_named() -> None:
     assert check(text.replace("actuator cart = u;", "actuator cart = u; apply body.cart.fx = wind;")).passed
 
 
+#: A bar on two rods. The loop that it closes is held by an equality, in the spec by two forces.
+LOOP = """\
+<mujoco>
+  <worldbody>
+    <body name="left">
+      <inertial pos="0 0 -0.2" mass="1" diaginertia="0.02 0.02 0.02"/>
+      <joint name="left" axis="0 -1 0"/>
+      <body name="bar" pos="0 0 -0.4">
+        <inertial pos="0.3 0 0" mass="3" diaginertia="0.1 0.1 0.1"/>
+        <joint name="bar" axis="0 -1 0"/>
+      </body>
+    </body>
+    <body name="right" pos="0.6 0 0">
+      <inertial pos="0 0 -0.2" mass="1" diaginertia="0.02 0.02 0.02"/>
+      <joint name="right" axis="0 -1 0"/>
+    </body>
+  </worldbody>
+  <equality><connect body1="bar" body2="right" anchor="0.6 0 0"/></equality>
+  <actuator><motor name="torque" joint="left"/></actuator>
+</mujoco>
+"""
+BAR = """\
+constants: n = 20, h = 1/n, l = 0.4, w = 0.6, g = 9.81, k = 1, slope = 0, gravity = g;
+variables: a, b, c, u, rx, rz, wind;
+definitions:
+  x = l*sin(a) + w*cos(a + b) - w - l*sin(c); z = -l*cos(a) + w*sin(a + b) + l*cos(c);
+  bx = l*sin(a) + w/2*cos(a + b); bz = -l*cos(a) + w/2*sin(a + b);
+lagrangian:
+  0.06*a'^2/2 + 3*(bx'^2 + bz'^2)/2 + 0.1*(a' + b')^2/2 + 0.06*c'^2/2 + g*0.2*cos(a) - 3*g*bz + gravity*0.2*cos(c);
+forces:
+  a: u + rx*(l*cos(a) - w*sin(a + b)) + rz*(l*sin(a) + w*cos(a + b));
+  b: -rx*w*sin(a + b) + rz*w*cos(a + b);
+  c: -k*rx*l*cos(c) - rz*l*sin(c) + slope*wind;
+constraints: x'' = 0; z'' = 0;
+method: hermite-simpson;
+replay:
+  model = "loop.xml";
+  joint left = a; joint bar = b; joint right = c; actuator torque = u;
+  set option.gravity.z = -g;
+"""
+
+
+def test_what_holds_a_loop_of_the_model_is_its_own_force(tmp_path: Path) -> None:
+    (tmp_path / "loop.xml").write_text(LOOP)
+    (tmp_path / "bar.stc").write_text(BAR)
+
+    def findings(**constants: float) -> list[str]:
+        report = check_equations(load(tmp_path / "bar.stc", **constants).problem(), states=60)
+        assert report.passed is not bool(report.findings)
+        return report.findings
+
+    assert not findings()
+    held = "force of rx, as far as a loop or gear of the model can give it: spec"
+    wrong = findings(k=1.1)
+    assert {one.partition(": ")[0] for one in wrong} == {"joint left", "joint bar", "joint right"}
+    assert all(held in one for one in wrong)
+    assert findings(gravity=9)[0].startswith("joint right: gravity: spec ")
+    assert findings(slope=1)[0].startswith("joint right: force of wind, ")
+
+
 def test_a_missing_equation_is_named() -> None:
     report = check(IMPLICIT.format(rows=CART))
     assert not report.passed

@@ -1,0 +1,55 @@
+"""The equalities of a model: loops that are closed, joints that are geared to each other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.validate.metrics import FloatArray
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+class Equalities:
+    """What the equalities of a model can give, position by position.
+
+    All vectors are in the model's own order of coordinates.
+
+    Args:
+        model: with its constraints; its contacts are of no account.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        import mujoco
+
+        self.model, self.data = model, mujoco.MjData(model)
+
+    def given(self, position: FloatArray, force: FloatArray) -> FloatArray:
+        """(nv,) the part of a generalised force that the equalities can give in this position."""
+        if not self.model.neq:
+            return np.zeros_like(force)
+        directions = self._directions(position)
+        if not directions.shape[1]:
+            return np.zeros_like(force)
+        return np.asarray(directions @ np.linalg.lstsq(directions, force, rcond=None)[0])
+
+    def without(self, position: FloatArray, force: FloatArray) -> FloatArray:
+        """(nv,) what is left of a generalised force without all that the equalities could give in this position."""
+        return force - self.given(position, force)
+
+    def _directions(self, position: FloatArray) -> FloatArray:
+        """(nv, k) generalised force of a unit force along each equation."""
+        import mujoco
+
+        self.data.qpos[:] = position
+        mujoco.mj_fwdPosition(self.model, self.data)
+        rows = np.flatnonzero(self.data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
+        found = np.zeros((len(rows), self.model.nv))
+        unit = np.zeros(self.data.nefc)
+        for direction, row in zip(found, rows, strict=True):
+            unit[row] = 1.0
+            mujoco.mj_mulJacTVec(self.model, self.data, direction, unit)
+            unit[row] = 0.0
+        return found.T
