@@ -8,9 +8,9 @@ What was written is read back and compared with the model that the validation us
 from __future__ import annotations
 
 import math
-import shutil
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,17 +57,34 @@ def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
     """
     root = ET.parse(setup.path).getroot()
     _include(root, setup.path.parent)
-    _collect_assets(root, setup.path, path)
-    _set_fields(root, setup)
-    option = _child(root, "option")
-    option.set("timestep", repr(steps(setup, time_step)[1]))
-    for old in root.findall("keyframe"):
-        root.remove(old)
-    root.append(_keyframes(setup))
-    ET.indent(root)
-    with replacing(path) as temporary:
-        temporary.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
-        _check(load_model(temporary), setup, path)
+    assets = path.with_name(f"{path.stem}_assets")
+    with _whole_or_not(assets):
+        _collect_assets(root, setup.path, assets)
+        _set_fields(root, setup)
+        option = _child(root, "option")
+        option.set("timestep", repr(steps(setup, time_step)[1]))
+        for old in root.findall("keyframe"):
+            root.remove(old)
+        root.append(_keyframes(setup))
+        ET.indent(root)
+        with replacing(path) as temporary:
+            temporary.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+            _check(load_model(temporary), setup, path)
+
+
+@contextmanager
+def _whole_or_not(folder: Path) -> Iterator[None]:
+    """Around what fills a folder: where that fails, what was not there before is not there afterwards."""
+    before = set(folder.iterdir()) if folder.is_dir() else None
+    try:
+        yield
+    except BaseException:
+        if folder.is_dir():
+            for new in set(folder.iterdir()) - (before or set()):
+                new.unlink()
+            if before is None:
+                folder.rmdir()
+        raise
 
 
 def _keyframes(setup: Setup) -> ET.Element:
@@ -112,7 +129,7 @@ def _include(element: ET.Element, folder: Path) -> None:
         _include(child, folder)
 
 
-def _collect_assets(root: ET.Element, model: Path, target: Path) -> None:
+def _collect_assets(root: ET.Element, model: Path, folder: Path) -> None:
     """Copy the files that the model names into one folder, and name them there."""
     folders = dict.fromkeys(("meshdir", "texturedir"), "")
     for compiler in root.findall("compiler"):
@@ -121,7 +138,6 @@ def _collect_assets(root: ET.Element, model: Path, target: Path) -> None:
             folders[name] = compiler.attrib.pop(name, shared if shared is not None else folders[name])
         compiler.attrib.pop("strippath", None)
     files = [e for e in root.iter() if "file" in e.attrib]
-    folder = target.with_name(f"{target.stem}_assets")
     for element in files:
         if element.tag not in ("mesh", "texture", "hfield", "skin"):
             raise ModelError(
@@ -133,7 +149,8 @@ def _collect_assets(root: ET.Element, model: Path, target: Path) -> None:
             element.set("name", source.stem)
         folder.mkdir(parents=True, exist_ok=True)
         copy = folder / source.name
-        shutil.copyfile(source, copy)
+        with replacing(copy) as temporary:  # a full disk is told of with the copy's name
+            temporary.write_bytes(source.read_bytes())
         element.set("file", f"{folder.name}/{copy.name}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import shutil
 import xml.etree.ElementTree as ET
@@ -73,6 +74,31 @@ def test_the_folder_can_be_moved_and_has_a_keyframe_per_frame(lamp: Solution, tm
     )
     assert np.array_equal(model.key_ctrl[1:-1].T, [lamp[f"u{k}"][1:-1] for k in (1, 2, 3)])
     assert np.array_equal(model.mesh_vert, setup.compiled.mesh_vert)
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_a_full_disk_leaves_nothing_behind(
+    lamp: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: bool
+) -> None:
+    target = tmp_path / "lamp.xml"
+    if kept:
+        export(lamp, "keyframes", target)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    write, room = Path.write_bytes, [1]
+
+    def full(path: Path, data: bytes) -> int:
+        if not room:
+            write(path, data[:100])
+            raise OSError(errno.ENOSPC, "No space left on device")
+        room.pop()
+        return write(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError) as caught:
+        export(lamp, "keyframes", target)
+    assert Path(caught.value.filename).parent == tmp_path / "lamp_assets"
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    assert (tmp_path / "lamp_assets").exists() is kept
 
 
 MODEL = """<mujoco>
