@@ -26,7 +26,16 @@ from stc.errors import UsageError
 from stc.records import dataclass, field
 from stc.solution import Solution, read
 
-__all__ = ["CoverageWarning", "GivenValues", "SolutionValues", "TableValues", "guess_of", "read_guess"]
+__all__ = [
+    "CoverageWarning",
+    "GivenValues",
+    "SolutionValues",
+    "TableValues",
+    "UnusedWarning",
+    "guess_of",
+    "read_guess",
+    "warn_of_unused",
+]
 
 FloatArray = NDArray[np.float64]
 NodeValues = tuple[FloatArray, FloatArray, FloatArray]
@@ -38,12 +47,22 @@ PLACES = ("t", "time", "frame")
 #: A table may end so far, as a share of the motion, before or after it without a warning.
 UNCOVERED = 0.01
 
+#: Unused columns that a warning names.
+TOLD = 5
+
+#: Derivatives up to this order are no surprise in a table.
+ALWAYS_KNOWN = 2
+
 #: How far, as a share of the table, the two sides of a jump are looked up beside it.
 APART = 1e-9
 
 
 class CoverageWarning(UserWarning):
     """A table of starting values is for another time than the motion's."""
+
+
+class UnusedWarning(UserWarning):
+    """Starting values that nothing in the spec uses."""
 
 
 class GivenValues(Protocol):
@@ -75,6 +94,7 @@ class TableValues:
         place: ``t``, ``frame`` or ``""`` for rows that are spread evenly.
         at: (k,) where each row stands, not falling.
         where: what the table is called in messages.
+        judged: whether it was told already which of its columns nothing uses.
     """
 
     columns: Mapping[str, FloatArray]
@@ -82,6 +102,7 @@ class TableValues:
     at: FloatArray = field(default_factory=lambda: np.zeros(0))
     where: str = "the guess"
     strict: bool = True
+    judged: bool = False
     _warned: bool = False
 
     def names(self) -> Iterable[str]:
@@ -150,11 +171,13 @@ class SolutionValues:
     Attributes:
         solution: whose curves.
         alignment: which of its frames are which here; None keeps each frame's share of the motion.
+        judged: whether it was told already which of its values nothing uses.
     """
 
     solution: Solution
     alignment: Alignment | None = None
     strict: bool = False
+    judged: bool = False
     _sampled: dict[int, tuple[dict[str, Any], dict[str, Any]]] = field(default_factory=dict, repr=False)
     _between: dict[int, dict[str, Any]] = field(default_factory=dict, repr=False)
 
@@ -190,6 +213,52 @@ class SolutionValues:
         if n not in self._between:
             self._between[n] = self.solution.at_frame(self._aligned(n).to_old(np.arange(n) + 0.5))
         return self._between[n]
+
+
+def warn_of_unused(given: GivenValues, spec: str, known: Mapping[str, int | None]) -> None:
+    """Tell once which values a spec has no use for.
+
+    Args:
+        given: the values.
+        spec: the spec's name.
+        known: variables with the highest derivative that the spec uses of each, parameters with None.
+    """
+    if not isinstance(given, TableValues | SolutionValues) or given.judged:
+        return
+    given.judged = True
+    # Tables of a motion have derivatives of forces as well, as far as of positions.
+    highest = max(ALWAYS_KNOWN, *(order or 0 for order in known.values()))
+    unused = []
+    for name in given.names():
+        base = name.rstrip("'")
+        if base not in known:
+            unused.append(base)
+        elif len(name) - len(base) > (0 if known[base] is None else highest):
+            unused.append(name)
+    unused = list(dict.fromkeys(unused))
+    if not unused:
+        return
+    where = given.where if isinstance(given, TableValues) else f"the motion of {given.solution.name}"
+    listed = ", ".join(f"`{name}`" for name in unused[:TOLD])
+    more = f" and {len(unused) - TOLD} more" if len(unused) > TOLD else ""
+    hints = "".join(f"; {hint}" for name in unused[:TOLD] if (hint := _hint(name, known)))
+    warnings.warn(
+        f"{where} has {listed}{more}, which {spec} does not use{hints}", UnusedWarning, stacklevel=3
+    )
+
+
+def _hint(name: str, known: Mapping[str, int | None]) -> str:
+    """What may have been meant by a name that nothing uses."""
+    base = name.rstrip("'")
+    if base not in known:
+        from difflib import get_close_matches
+
+        near = get_close_matches(base, known, n=1)
+        return f"did you mean `{near[0]}` by `{base}`?" if near else ""
+    highest = known[base]
+    if highest is None:
+        return f"{base} is a parameter"
+    return f"it uses {', '.join(base + chr(39) * k for k in range(highest + 1))}"
 
 
 def guess_of(given: Mapping[str, ArrayLike] | GivenValues | Solution | str | os.PathLike[str]) -> GivenValues:

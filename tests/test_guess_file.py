@@ -9,7 +9,9 @@ import pytest
 
 import stc
 from stc.errors import UsageError
-from stc.guess_file import CoverageWarning, SolutionValues, TableValues, read_guess, table
+from stc.guess_file import CoverageWarning, SolutionValues, TableValues, UnusedWarning, read_guess, table
+from stc.trajectory import METHODS
+from stc.validate.export import export
 
 TEXT = """
 constants: n = 4, T = 2, h = T/n;
@@ -112,6 +114,37 @@ def test_names_that_the_spec_does_not_have_come_with_the_nearest_one(tmp_path: P
         stc.load(TEXT).solve(guess=path)
     with pytest.raises(stc.UsageError, match="not from both"):
         stc.load(TEXT).solve(guess=path, warm_start=stc.load(TEXT).solve())
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t,x,x''',y\n0,0,0,0\n2,1,0,1\n", "a.csv` has `x'''`, which text does not use; it uses x, x', x''$"),
+        ("t,x,p'\n0,0,0\n2,1,0\n", "a.csv` has `p'`, which text does not use; p is a parameter$"),
+    ],
+)
+def test_columns_that_nothing_uses_are_told_once(tmp_path: Path, text: str, message: str) -> None:
+    model, guess = stc.load(TEXT), read_guess(written(tmp_path, text))
+    with pytest.warns(UnusedWarning, match=message):
+        model.solve(guess=guess)
+    assert model.solve(guess=guess).status == "optimal"  # and no further warning, which would be an error
+
+
+def test_what_a_motion_has_beside_the_spec_is_told() -> None:
+    other = stc.load(TEXT.replace("y", "ya")).solve()
+    with pytest.warns(UnusedWarning, match="motion of text has `ya`, which text does not .*`y` by `ya`"):
+        stc.load(TEXT).solve(guess=other)
+
+
+def test_tables_and_motions_of_the_same_spec_are_all_of_use(tmp_path: Path) -> None:
+    """Whatever the method that they come from and the one that they go to, warnings being errors."""
+    for method in METHODS:
+        solution = stc.load("particle_jet").solve(method=method)
+        export(solution, "csv", tmp_path / "table.csv")
+        solution.save(tmp_path / "motion.csv")
+        for name in ("table.csv", "motion.csv"):
+            for other in METHODS:
+                stc.load("particle_jet").solve(guess=tmp_path / name, method=other, max_iterations=1)
 
 
 def test_a_table_for_another_time_is_told():

@@ -14,7 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.errors import Diagnostic, EvaluationError, SpecError, UsageError
-from stc.problem import ConstantRef, Guess, IndexRef, ParameterRef, Problem, TimeRef
+from stc.problem import (
+    ConstantRef,
+    DefinitionRef,
+    Guess,
+    IndexRef,
+    Jump,
+    ParameterRef,
+    Problem,
+    TimeRef,
+    VariableRef,
+)
 from stc.symbolic.expr import evaluate, symbols
 from stc.transcription.grid import Grid, Nodes
 from stc.transcription.layout import Layout
@@ -99,7 +109,8 @@ def starting_point(
 
 
 def check_names(given: GivenValues, problem: Problem) -> None:
-    """Refuse values for names that the spec does not have (a solution may have some, but not only such).
+    """Refuse values for names that the spec does not have (a solution may have some, but not only such), and tell of
+    others that it has no use for.
 
     Raises:
         UsageError: with the nearest name.
@@ -107,6 +118,9 @@ def check_names(given: GivenValues, problem: Problem) -> None:
     known = [*problem.variables, *problem.parameters]
     unknown = [name for name in given.names() if name.rstrip("'") not in known]
     if not unknown or (not given.strict and len(unknown) < len(list(given.names()))):
+        from stc.guess_file import warn_of_unused
+
+        warn_of_unused(given, problem.name, {**_used(problem), **dict.fromkeys(problem.parameters)})
         return
     from difflib import get_close_matches
 
@@ -114,6 +128,19 @@ def check_names(given: GivenValues, problem: Problem) -> None:
     near = get_close_matches(name.rstrip("'"), known, n=1, cutoff=0.5)
     hint = f"did you mean `{near[0]}`?" if near else f"it has {', '.join(known) or 'none'}"
     raise UsageError(f"the guess names `{name}`, which is no variable or parameter of {problem.name}", hint)
+
+
+def _used(problem: Problem) -> dict[str, int]:
+    """The highest derivative of each variable that statements and jumps name, definitions taken apart."""
+    pieces = [piece.body for named in problem.definitions.values() for piece in named]
+    bodies = [*(r.body for r in problem.relations), *(o.body for o in problem.objective), *pieces]
+    keys = [key for body in bodies for key in symbols(body)]
+    primes = sum({key: key.order for key in keys if isinstance(key, DefinitionRef)}.values())
+    found = dict.fromkeys(problem.variables, 0)
+    for key in (*keys, *problem.jumps):
+        if isinstance(key, VariableRef | Jump):
+            found[key.name] = max(found[key.name], key.order)
+    return {name: order + primes for name, order in found.items()}
 
 
 def _written(
