@@ -148,7 +148,7 @@ class ExpressionParser:
 
     def expression(self) -> syntax.Expression:
         """A sum of products, as far as it goes."""
-        if self.depth >= MAX_NESTING:
+        if self.depth > MAX_NESTING:  # the statement itself is the first
             hint = "name inner parts under `definitions:`"
             raise self.fail(f"parentheses or powers are nested more than {MAX_NESTING} deep", hint)
         self.depth += 1
@@ -231,7 +231,7 @@ class ExpressionParser:
                 node = syntax.Index(starts[at], ends[self.at], node, index)
                 self.advance()
         if self.kind == "^":
-            if self.depth >= MAX_NESTING:
+            if self.depth > MAX_NESTING:  # the statement itself is the first
                 raise self.fail(f"parentheses or powers are nested more than {MAX_NESTING} deep")
             self.advance()
             self.depth += 1

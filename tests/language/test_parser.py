@@ -255,3 +255,10 @@ def test_reading_goes_on_after_each_mistake() -> None:
 
 def test_names_of_an_expression_in_the_order_of_the_text() -> None:
     assert names(expression("b*sin(a)[k] - x'/a^tau1")) == ["b", "a", "k", "x", "tau1"]
+
+
+@pytest.mark.parametrize("nest", [lambda k: "(" * k + "x" + ")" * k, lambda k: "x^" * k + "x"])
+def test_a_hundred_parentheses_or_powers_within_each_other_are_read(nest) -> None:
+    parse_expression(Source("nested", nest(100)))
+    with pytest.raises(SpecError, match="nested more than 100 deep"):
+        parse_expression(Source("nested", nest(101)))
