@@ -21,7 +21,7 @@ import numpy as np
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
-from stc.solver.nlp import Floats
+from stc.solver.nlp import Floats, Mask
 from stc.solver.products import between
 from stc.solver.projection import Projection, ProjectionPair
 from stc.solver.projection_passes import ACCURATE, CONTRACTION
@@ -31,6 +31,7 @@ from stc.solver.scaled_problem import ScaledProblem
 __all__ = [
     "Finish",
     "Projection",
+    "fitting_multipliers",
     "newton_on_active_set",
     "newton_point",
     "project",
@@ -53,6 +54,9 @@ FAST = 1e-2
 FARTHEST = 30.0
 """A step that makes the error this many times larger has lost its way, whatever patience is left."""
 SAME = 1e-8
+NEARLY_AT = 1e-6
+"""Distance to a bound, relative to ``max(1, |bound|)``, at which it may hold a point that came without multipliers."""
+CHANGES, REFINEMENTS, ROUNDED = 10, 40, 1e-14
 
 
 def project(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
@@ -199,3 +203,47 @@ def smaller_multipliers(form: ScaledProblem, x: Floats, y: Floats) -> Floats:
     error = point.error
     new = project(form, x, smaller)
     return smaller if new is not None and new.error <= max(error, SAME) else y
+
+
+def fitting_multipliers(form: ScaledProblem, x: Floats) -> Floats:
+    """Row multipliers (m,) that make the Lagrangian's gradient smallest at a point ``x`` (n,) that came without.
+
+    All rows and bounds that hold with equality there count at first; then those are left out, all at once, whose
+    multipliers would have to pull the wrong way, until none has to.
+    """
+    y = np.zeros(form.m)
+    point = project(form, x, y)
+    if point is None:
+        return y
+    gradient, jac = point.gradient.copy(), point.jac.copy()
+    below_x, above_x = _at_bounds(x, *form.true_x)
+    below, above = _at_bounds(point.r, *form.true_rows)
+    for _ in range(CHANGES):
+        free, active = ~(below_x | above_x), below | above
+        entries = jac * (active[form.jac_rows] & free[form.jac_cols])
+        shift = np.where(active, DUAL_SHIFT, 1.0)
+        form.kkt.factorize(np.zeros_like(point.hess), entries, np.ones(form.n), shift)
+        left, y = np.where(free, -gradient, 0.0), np.zeros(form.m)
+        for _ in range(REFINEMENTS):  # the shift against dependent rows is taken out again
+            y += np.where(active, form.kkt.solve(left, np.zeros(form.m))[1], 0.0)
+            pull = np.bincount(form.jac_cols, weights=jac * y[form.jac_rows], minlength=form.n)
+            left = np.where(free, -gradient - pull, 0.0)
+            if float(np.abs(left).max(initial=0.0)) <= ROUNDED:
+                break
+        wrong = (below & ~above & (y > 0.0)) | (above & ~below & (y < 0.0))
+        z = np.where(free, 0.0, -gradient - pull)
+        wrong_x = (below_x & ~above_x & (z > 0.0)) | (above_x & ~below_x & (z < 0.0))
+        if not (wrong.any() or wrong_x.any()):
+            break
+        below, above = below & ~wrong, above & ~wrong
+        below_x, above_x = below_x & ~wrong_x, above_x & ~wrong_x
+    return y
+
+
+def _at_bounds(value: Floats, lower: Floats, upper: Floats) -> tuple[Mask, Mask]:
+    """Which values are at their lower and at their upper bounds, those that are equal at both."""
+    with np.errstate(invalid="ignore"):
+        below = value - lower <= NEARLY_AT * np.maximum(1.0, np.abs(lower))
+        above = upper - value <= NEARLY_AT * np.maximum(1.0, np.abs(upper))
+    equal = lower == upper
+    return (below | equal) & np.isfinite(lower), (above | equal) & np.isfinite(upper)

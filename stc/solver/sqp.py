@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stc.solver.active_set import smaller_multipliers
+from stc.solver.active_set import fitting_multipliers, smaller_multipliers
 from stc.solver.attempts import Attempts
 from stc.solver.convexity import is_convex
 from stc.solver.interior import optimise
@@ -141,7 +141,7 @@ class _Solve:
     def _solve(self, form: ScaledProblem, x0: Floats) -> Result:
         options, attempts = self.options, self.attempts
         if options.max_iterations <= 0:
-            return self._unmoved(x0)
+            return self._unmoved(form, x0)
         if options.warm_start and self.start.row_multipliers is not None:
             outcome = self._settle(
                 self._helped(
@@ -180,16 +180,14 @@ class _Solve:
                 outcome = self._better(outcome, self._settle(attempts.from_feasible(form, best)))
         return self._conclude(outcome)
 
-    def _unmoved(self, x0: Floats) -> Result:
+    def _unmoved(self, form: ScaledProblem, x0: Floats) -> Result:
         """The start, where no step is allowed from it; whether it is a solution is still to be told."""
         point = Point(
             x0, np.zeros(self.nlp.m) if self.start.row_multipliers is None else self.start.row_multipliers
         )
         judged = self.judgement.assess(point)
         if self.start.row_multipliers is None and self.judgement.is_met(x0, judged.violation):
-            from stc.solver.dual_estimate import assess_point
-
-            point = Point(x0, assess_point(self.nlp, x0, self.options.tolerance)[0])
+            point = Point(x0, form.as_stated(x0, fitting_multipliers(form, x0 / form.x_scale))[1])
             judged = self.judgement.assess(point)
         if self.judgement.confirms(point, point.y) and not self.judgement.may_gain(point):
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)

@@ -126,6 +126,16 @@ def test_a_start_that_is_optimal_is_told_without_an_iteration() -> None:
     assert result.row_multipliers == pytest.approx([-2.0])
     held = SymbolicProgram([0.0], lambda x: x[0], lower=0.0)
     assert minimize(held, none).status is Status.OPTIMAL
+    # Of three rows that hold with equality one would have to pull the wrong way.
+    corner = SymbolicProgram(
+        [1.0, 1.0],
+        lambda x: (x[0] - 2) ** 2 + (x[1] - 2) ** 2,
+        lambda x: [(x[0] + x[1], -INF, 2.0), (x[0] - 2 * x[1], -INF, -1.0), (x[0], 1.0, INF)],
+    )
+    result = minimize(corner, none)
+    assert result.status is Status.OPTIMAL
+    assert result.row_multipliers == pytest.approx([2.0, 0.0, 0.0])
+    assert minimize(corner, none, start=Start(np.array([1.0, 1.001]))).status is Status.ITERATION_LIMIT
     solved = minimize(rosenbrock())
     again = minimize(rosenbrock(), none, start=Start(solved.x, solved.row_multipliers))
     assert (again.status, again.iterations) == (Status.OPTIMAL, 0)
