@@ -138,6 +138,7 @@ def _collect_assets(root: ET.Element, model: Path, folder: Path) -> None:
             folders[name] = compiler.attrib.pop(name, shared if shared is not None else folders[name])
         compiler.attrib.pop("strippath", None)
     files = [e for e in root.iter() if "file" in e.attrib]
+    copies: dict[Path, Path] = {}
     for element in files:
         if element.tag not in ("mesh", "texture", "hfield", "skin"):
             raise ModelError(
@@ -148,7 +149,12 @@ def _collect_assets(root: ET.Element, model: Path, folder: Path) -> None:
         if not element.get("name"):
             element.set("name", source.stem)
         folder.mkdir(parents=True, exist_ok=True)
-        copy = folder / source.name
+        if source not in copies:  # files of one name may come from several folders
+            others = sum(other.name == source.name for other in copies)
+            copies[source] = folder / (
+                f"{source.stem}_{others + 1}{source.suffix}" if others else source.name
+            )
+        copy = copies[source]
         with replacing(copy) as temporary:  # a full disk is told of with the copy's name
             temporary.write_bytes(source.read_bytes())
         element.set("file", f"{folder.name}/{copy.name}")

@@ -11,6 +11,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
 import stc
 from stc.solution import Solution
@@ -99,6 +100,20 @@ def test_a_full_disk_leaves_nothing_behind(
     assert Path(caught.value.filename).parent == tmp_path / "lamp_assets"
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
     assert (tmp_path / "lamp_assets").exists() is kept
+
+
+def test_meshes_of_one_name_from_two_folders_stay_two(tmp_path: Path) -> None:
+    for folder, width in (("thin", 0.1), ("wide", 0.3)):
+        (tmp_path / folder).mkdir()
+        trimesh.creation.box((width, 0.1, 0.1)).export(tmp_path / folder / "part.stl")
+    assets = '<asset><mesh name="a" file="thin/part.stl"/><mesh name="b" file="wide/part.stl"/></asset>'
+    seen = "".join(f'<geom type="mesh" mesh="{name}" mass="0" contype="0" conaffinity="0"/>' for name in "ab")
+    model = MODEL.replace('<include file="rest.xml"/>', assets + '<include file="rest.xml"/>')
+    solution = bob(tmp_path, model.replace("<geom name=", seen + "<geom name="))
+    written = export(solution, "keyframes", tmp_path / "out.xml")
+    wanted, found = prepare(solution).compiled, mujoco.MjModel.from_xml_path(str(written))
+    assert np.array_equal(found.mesh_vert, wanted.mesh_vert)
+    assert {path.name for path in (tmp_path / "out_assets").iterdir()} == {"part.stl", "part_2.stl"}
 
 
 MODEL = """<mujoco>
