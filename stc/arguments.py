@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 
 from stc.errors import UsageError
 
-__all__ = ["number", "path", "whole"]
+__all__ = ["number", "numbers", "path", "whole"]
 
 
 def number(value: object, name: str) -> float:
@@ -47,3 +48,20 @@ def path(value: object, name: str) -> str:
     if isinstance(value, str | os.PathLike):
         return os.fspath(value)
     raise UsageError(f"{name} must be a path, not {value!r}")
+
+
+def numbers(given: Mapping[str, object]) -> dict[str, float]:
+    """The values of constants from outside.
+
+    Raises:
+        UsageError: one that is no number.
+    """
+    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+        raise UsageError(f"constants are numbers by name, not {given!r}")
+    found = {}
+    for name, value in given.items():
+        try:
+            found[name] = float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            raise UsageError(f"the constant `{name}` needs a number, not {value!r}") from None
+    return found

@@ -17,7 +17,7 @@ from stc.solution import Solution, read
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from stc.studies.equations import EquationReport
+    from stc.studies.equation_report import EquationReport
     from stc.validate.certificate import Certificate
     from stc.validate.metrics import Metric
 

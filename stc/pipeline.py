@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stc.alignment import Alignment
+from stc.arguments import numbers
 from stc.bundled import find_spec, is_solution
 from stc.collecting import collect
 from stc.errors import Diagnostic, Source, SpecError, StcError, UsageError
@@ -100,7 +101,7 @@ class Model:
         begin = time.perf_counter()
         self.source = source
         self.name = Path(source.path).stem if source.path else "text"
-        self.overrides = _numbers(overrides or {})
+        self.overrides = numbers(overrides or {})
         self.tree: SpecTree = self._parsed()
         self._parse_seconds = time.perf_counter() - begin
         self.warnings: tuple[Diagnostic, ...] = ()
@@ -135,12 +136,12 @@ class Model:
             UsageError: an unknown constant or method.
         """
         _check_method(method)
-        return elaborate(self.tree, {**self.overrides, **_numbers(constants)}, method)
+        return elaborate(self.tree, {**self.overrides, **numbers(constants)}, method)
 
     def transcription(self, method: str | None = None, **constants: float) -> tuple[Problem, Transcription]:
         """The problem and its transcription, an earlier one where only numbers have changed."""
         _check_method(method)
-        known = self._known(method, {**self.overrides, **_numbers(constants)})
+        known = self._known(method, {**self.overrides, **numbers(constants)})
         if known is not None:
             return known
         problem = self.problem(method, **constants)
@@ -265,7 +266,7 @@ class Model:
         parse_seconds, self._parse_seconds = self._parse_seconds, 0.0  # counts for the first solve only
         if callback is not None and not callable(callback):
             raise UsageError(f"the callback must be a function, not {callback!r}")
-        given = {**self.overrides, **_numbers(constants or {}), **_numbers(overrides)}
+        given = {**self.overrides, **numbers(constants or {}), **numbers(overrides)}
         problem, transcription = self.transcription(method, **given)
         seconds = {"parse": parse_seconds + time.perf_counter() - begin}
         seconds["derive"] = transcription.seconds.pop("derive", 0.0)
@@ -425,23 +426,6 @@ def _check_method(method: object) -> None:
         raise UsageError(f"unknown method {method!r}", f"the methods are {', '.join(METHODS)}")
 
 
-def _numbers(given: Mapping[str, object]) -> dict[str, float]:
-    """The values of constants from outside.
-
-    Raises:
-        UsageError: one that is no number.
-    """
-    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
-        raise UsageError(f"constants are numbers by name, not {given!r}")
-    found = {}
-    for name, value in given.items():
-        try:
-            found[name] = float(value)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
-            raise UsageError(f"the constant `{name}` needs a number, not {value!r}") from None
-    return found
-
-
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:
     """Reads and parses a spec: a path, a bundled name or the text itself.
 
@@ -471,7 +455,7 @@ def model_of(solution: Solution) -> Model:
 
 def resolve(solution: Solution, **changes: Any) -> Solution:
     """Solves a solution's spec again with other constants, from there: :meth:`stc.solution.Solution.resolve`."""
-    constants = {**solution.overrides, **_numbers(changes.pop("constants", None) or {})}
+    constants = {**solution.overrides, **numbers(changes.pop("constants", None) or {})}
     changes = {"method": solution.method, "warm_start": solution, **changes}
     return model_of(solution).solve(constants=constants, **changes)
 

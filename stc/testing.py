@@ -26,7 +26,7 @@ from stc.errors import StcError, UsageError
 if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.solution import Solution
-    from stc.studies.equations import EquationReport
+    from stc.studies.equation_report import EquationReport
     from stc.validate.certificate import Certificate
     from stc.validate.metrics import Metric
 

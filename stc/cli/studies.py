@@ -14,7 +14,7 @@ from stc.cli.options import SolveOptions, existing_solution
 if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.solution import Solution
-    from stc.studies.equations import EquationReport
+    from stc.studies.equation_report import EquationReport
     from stc.studies.order import OrderReport
 
 

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,8 @@ from numpy.typing import NDArray
 from stc.errors import UsageError
 from stc.phases import Phase, phases
 from stc.problem import ParameterRef, Problem, VariableRef
-from stc.records import dataclass, field
+from stc.records import dataclass
+from stc.studies.equation_report import EquationReport
 from stc.studies.spec_equations import SpecEquations, State, constant_values
 from stc.studies.terms import (
     DAMPING,
@@ -41,9 +41,6 @@ from stc.validate.model import find_model
 from stc.validate.model_equations import ModelEquations
 from stc.validate.warnings import caught_warnings
 
-if TYPE_CHECKING:
-    from rich.console import Console, ConsoleOptions, RenderResult
-
 FloatArray = NDArray[np.float64]
 
 #: States at which rows are recognised, and at which terms are compared.
@@ -55,77 +52,8 @@ _DRY = 6
 #: An equation holds at MuJoCo's accelerations when it leaves less than this share of its terms.
 _HOLDS = 1e-8
 
-#: Findings that a person is shown.
-_SHOWN = 10
-
 #: Half-widths of the intervals that positions, velocities and forces are drawn from.
 _POSITION, _VELOCITY, _FORCE = np.pi, 4.0, 10.0
-
-
-@dataclass(slots=True, kw_only=True)
-class EquationReport:
-    """A spec's equations of motion against its model's.
-
-    Attributes:
-        spec: name of the spec.
-        model: file name of the model.
-        states: number of random states in each phase.
-        metrics: per phase and joint the largest difference; per kind of term the same.
-        findings: where they differ, the most telling line first; empty if they agree.
-        notes: what a reader should know besides.
-    """
-
-    spec: str
-    model: str
-    states: int
-    metrics: list[Metric] = field(default_factory=list)
-    findings: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-
-    @property
-    def passed(self) -> bool:
-        """Whether something was compared and nothing differs."""
-        verdicts = [metric.verdict for metric in self.metrics]
-        return not self.findings and "pass" in verdicts and "fail" not in verdicts
-
-    def to_dict(self) -> dict[str, Any]:
-        """The report as JSON takes it."""
-        return {
-            "passed": self.passed,
-            "spec": self.spec,
-            "model": self.model,
-            "states": self.states,
-            "metrics": [metric.to_dict() for metric in self.metrics],
-            "findings": list(self.findings),
-            "notes": list(self.notes),
-        }
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Rich shows what differs first, then a table of what was compared."""
-        from rich.table import Table
-        from rich.text import Text
-
-        for finding in self.findings[:_SHOWN]:
-            yield Text(finding, style="bold red")
-        if len(self.findings) > _SHOWN:
-            yield Text(f"and {len(self.findings) - _SHOWN} more terms", style="red")
-        yield Text(f"{self.spec} against {self.model} at {self.states} random states", style="bold")
-        table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="bold")
-        for heading in ("metric", "of", "value", "limit", "verdict"):
-            table.add_column(heading, justify="right" if heading in ("value", "limit") else "left")
-        colours = {"pass": "green", "fail": "bold red", "info": "dim"}
-        for metric in self.metrics:
-            table.add_row(
-                metric.name,
-                metric.subject,
-                f"{metric.value:.3g}",
-                f"{metric.limit:.3g}",
-                Text(metric.verdict, style=colours[metric.verdict]),
-            )
-        yield table
-        for note in self.notes:
-            yield Text(f"note: {note}", style="yellow")
-        yield Text("passed" if self.passed else "failed", style="bold green" if self.passed else "bold red")
 
 
 def check_equations(

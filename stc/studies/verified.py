@@ -35,7 +35,7 @@ from stc.validate.steps import step_errors
 from stc.validate.verdict import Replays, open_setup, run_replays
 
 if TYPE_CHECKING:
-    from stc.studies.equations import EquationReport
+    from stc.studies.equation_report import EquationReport
     from stc.validate.setup import Setup
 
 __all__ = ["Round", "Verification", "solve_until_verified"]

@@ -12,7 +12,8 @@ from studies.mutations import Mutant, in_rows, in_text
 from stc import models, specs
 from stc.errors import UsageError
 from stc.pipeline import elaborate, load
-from stc.studies.equations import EquationReport, check_equations
+from stc.studies.equation_report import EquationReport
+from stc.studies.equations import check_equations
 from stc.validate import ModelError
 
 MODELLED = [name for name in specs.names() if load(name).problem().model is not None]
