@@ -21,8 +21,8 @@ import numpy as np
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
-from stc.solver.nlp import Floats, Mask
-from stc.solver.products import between
+from stc.solver.nlp import Floats
+from stc.solver.products import at_bounds, between
 from stc.solver.projection import Projection, ProjectionPair
 from stc.solver.projection_passes import ACCURATE, CONTRACTION
 from stc.solver.restricted import DUAL_SHIFT
@@ -216,8 +216,8 @@ def fitting_multipliers(form: ScaledProblem, x: Floats) -> Floats:
     if point is None:
         return y
     gradient, jac = point.gradient.copy(), point.jac.copy()
-    below_x, above_x = _at_bounds(x, *form.true_x)
-    below, above = _at_bounds(point.r, *form.true_rows)
+    below_x, above_x = at_bounds(x, *form.true_x, NEARLY_AT)
+    below, above = at_bounds(point.r, *form.true_rows, NEARLY_AT)
     for _ in range(CHANGES):
         free, active = ~(below_x | above_x), below | above
         entries = jac * (active[form.jac_rows] & free[form.jac_cols])
@@ -238,12 +238,3 @@ def fitting_multipliers(form: ScaledProblem, x: Floats) -> Floats:
         below, above = below & ~wrong, above & ~wrong
         below_x, above_x = below_x & ~wrong_x, above_x & ~wrong_x
     return y
-
-
-def _at_bounds(value: Floats, lower: Floats, upper: Floats) -> tuple[Mask, Mask]:
-    """Which values are at their lower and at their upper bounds, those that are equal at both."""
-    with np.errstate(invalid="ignore"):
-        below = value - lower <= NEARLY_AT * np.maximum(1.0, np.abs(lower))
-        above = upper - value <= NEARLY_AT * np.maximum(1.0, np.abs(upper))
-    equal = lower == upper
-    return (below | equal) & np.isfinite(lower), (above | equal) & np.isfinite(upper)

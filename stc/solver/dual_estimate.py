@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.nlp import NLP, Floats, Ints, Mask
-from stc.solver.residuals import Assessment, assess, signed_violations
+from stc.solver.products import at_bounds, term_sums
+from stc.solver.residuals import EPSILON, Assessment, assess, signed_violations
 
 __all__ = [
     "assess_point",
@@ -28,7 +29,6 @@ SLACKS = (1e-8, 1e-6, 1e-4, 1e-2)
 
 DENSE_ENTRIES = 2_000_000
 
-EPSILON = 2.0**-52
 ROUNDED = 4.0
 """Units in the last place of its terms by which a slope may be off."""
 
@@ -96,14 +96,12 @@ def possible_gain(nlp: NLP, x: Floats, y: Floats, z: Floats) -> float:
     gain = float(np.abs(y * np.where(np.isfinite(away_r), away_r, 0.0)).sum())
     gain += float(np.abs(z * np.where(np.isfinite(away_x), away_x, 0.0)).sum())
     gradient, jac, hess = nlp.derivatives(x, y, 1.0)
-    pulls = jac * y[nlp.jac_rows]
-    slopes = np.abs(gradient + np.bincount(nlp.jac_cols, weights=pulls, minlength=nlp.n) + z)
+    slopes = np.abs(gradient + np.bincount(nlp.jac_cols, weights=jac * y[nlp.jac_rows], minlength=nlp.n) + z)
     # A gradient that varies has terms of the size of H x, for all we know: differences over short steps cancel.
-    terms = np.bincount(nlp.jac_cols, weights=np.abs(pulls), minlength=nlp.n) + np.abs(z)
-    terms += np.bincount(nlp.hess_rows, weights=np.abs(hess * x[nlp.hess_cols]), minlength=nlp.n)
-    below = nlp.hess_rows != nlp.hess_cols
-    across = np.abs(hess[below] * x[nlp.hess_rows[below]])
-    terms += np.bincount(nlp.hess_cols[below], weights=across, minlength=nlp.n)
+    terms = term_sums(nlp.jac_cols, nlp.jac_rows, jac, y, nlp.n) + np.abs(z)
+    terms += term_sums(nlp.hess_rows, nlp.hess_cols, hess, x, nlp.n)
+    across = np.where(nlp.hess_rows != nlp.hess_cols, hess, 0.0)
+    terms += term_sums(nlp.hess_cols, nlp.hess_rows, across, x, nlp.n)
     gain += float(np.maximum(slopes - ROUNDED * EPSILON * terms, 0.0) @ np.abs(x))
     return gain / max(1.0, abs(f))
 
@@ -111,15 +109,8 @@ def possible_gain(nlp: NLP, x: Floats, y: Floats, z: Floats) -> float:
 def _active(nlp: NLP, x: Floats, slack: float) -> tuple[Mask, Mask, Mask, Mask]:
     """Which rows are at their lower and upper bound, and which variables are."""
     _, r = nlp.values(x)
-    marks = []
-    for value, lower, upper in ((r, nlp.row_lower, nlp.row_upper), (x, nlp.x_lower, nlp.x_upper)):
-        equal = lower == upper
-        with np.errstate(invalid="ignore"):
-            low = value - lower <= slack * np.maximum(1.0, np.abs(lower))
-            high = upper - value <= slack * np.maximum(1.0, np.abs(upper))
-        marks.append(np.isfinite(lower) & (equal | low))
-        marks.append(np.isfinite(upper) & (equal | high))
-    return marks[0], marks[1], marks[2], marks[3]
+    rows = at_bounds(r, nlp.row_lower, nlp.row_upper, slack)
+    return *rows, *at_bounds(x, nlp.x_lower, nlp.x_upper, slack)
 
 
 def _fit(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen.native import f64s, i64, i64s, native
-from stc.solver.nlp import Floats, Ints
+from stc.solver.nlp import Floats, Ints, Mask
 
 Indices = NDArray[np.int64]
 
@@ -20,6 +20,19 @@ __all__ = ["between", "inner", "norm", "symmetric_times", "term_sums", "times"]
 def between(x: Floats, lower: Floats, upper: Floats) -> Floats:
     """``x`` moved onto the bounds that it oversteps; ``np.clip`` takes longer than that for short vectors."""
     return np.minimum(np.maximum(x, lower), upper)
+
+
+def at_bounds(value: Floats, lower: Floats, upper: Floats, slack: float) -> tuple[Mask, Mask]:
+    """Which values are at their lower and at their upper bounds, those of equal bounds at both.
+
+    Args:
+        slack: the distance that counts as none, relative to ``max(1, |bound|)``.
+    """
+    equal = lower == upper
+    with np.errstate(invalid="ignore"):
+        low = value - lower <= slack * np.maximum(1.0, np.abs(lower))
+        high = upper - value <= slack * np.maximum(1.0, np.abs(upper))
+    return np.isfinite(lower) & (equal | low), np.isfinite(upper) & (equal | high)
 
 
 def inner(a: Floats, b: Floats) -> float:
