@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+from closed_loop import PARALLELOGRAM
 from studies.mutations import Mutant, in_rows, in_text
 
 from stc import models, specs
@@ -146,26 +147,7 @@ def test_a_force_that_no_replay_line_hands_over_is_named() -> None:
 
 
 #: A bar on two rods. The loop that it closes is held by an equality, in the spec by two forces.
-LOOP = """\
-<mujoco>
-  <worldbody>
-    <body name="left">
-      <inertial pos="0 0 -0.2" mass="1" diaginertia="0.02 0.02 0.02"/>
-      <joint name="left" axis="0 -1 0"/>
-      <body name="bar" pos="0 0 -0.4">
-        <inertial pos="0.3 0 0" mass="3" diaginertia="0.1 0.1 0.1"/>
-        <joint name="bar" axis="0 -1 0"/>
-      </body>
-    </body>
-    <body name="right" pos="0.6 0 0">
-      <inertial pos="0 0 -0.2" mass="1" diaginertia="0.02 0.02 0.02"/>
-      <joint name="right" axis="0 -1 0"/>
-    </body>
-  </worldbody>
-  <equality><connect body1="bar" body2="right" anchor="0.6 0 0"/></equality>
-  <actuator><motor name="torque" joint="left"/></actuator>
-</mujoco>
-"""
+LOOP = f"<mujoco>\n{PARALLELOGRAM}</mujoco>\n"
 BAR = """\
 constants: n = 20, h = 1/n, l = 0.4, w = 0.6, g = 9.81, k = 1, slope = 0, gravity = g;
 variables: a, b, c, u, rx, rz, wind;

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from closed_form_motions import nodes, smooth_particle, solution_of, waypoint_spline
+from closed_loop import PARALLELOGRAM
 
 from stc.solution import ReplayChannel, Solution
 from stc.trajectory import FloatArray
@@ -133,27 +134,11 @@ def test_dry_friction_is_coulombs(tmp_path: Path) -> None:
 
 
 #: A bar that hangs by two rods, a parallelogram: its loop is closed by an equality, held firmly.
-LOOP = """
+LOOP = f"""
 <mujoco>
   <option gravity="0 0 -9.8"/>
   <default><equality solref="0.005 1" solimp="0.999 0.9999 0.001"/></default>
-  <worldbody>
-    <body name="left">
-      <inertial pos="0 0 -0.2" mass="1" diaginertia="0.02 0.02 0.02"/>
-      <joint name="left" axis="0 -1 0"/>
-      <body name="bar" pos="0 0 -0.4">
-        <inertial pos="0.3 0 0" mass="3" diaginertia="0.1 0.1 0.1"/>
-        <joint name="bar" axis="0 -1 0"/>
-      </body>
-    </body>
-    <body name="right" pos="0.6 0 0">
-      <inertial pos="0 0 -0.2" mass="1" diaginertia="0.02 0.02 0.02"/>
-      <joint name="right" axis="0 -1 0"/>
-    </body>
-  </worldbody>
-  <equality><connect body1="bar" body2="right" anchor="0.6 0 0"/></equality>
-  <actuator><motor name="torque" joint="left"/></actuator>
-</mujoco>
+{PARALLELOGRAM}</mujoco>
 """
 
 #: A rod whose motor turns another one twice as fast the other way round: a gear, which is an equality as well.
