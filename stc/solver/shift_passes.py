@@ -56,6 +56,10 @@ GROWTH_OF_DAMPED = 10.0
 GROWTH_IN_VAIN = 64.0
 """The same after a shift that has left as many eigenvalues negative as the one before."""
 DECAY = 1.0 / 3.0
+DECAY_IF_CRAMPED = 0.6
+"""The same at the iterate after one where a smaller shift has failed: the smallest that serves is near."""
+SMALLER = 0.9
+"""A shift below such a share of the last one is a smaller one; should that fail, the last one is likely to serve."""
 ITS_DUAL_SHIFT = 1e-8
 SOFTER_BY, SOFTEST = 30.0, 1e-6
 """How much more rows give way at a time where pivots are too small still, and what is the most."""
@@ -142,6 +146,20 @@ def ordinary_curvature(count: i64, diagonal: i64s, hess: f64s, scratch: f64s) ->
     return min(max(found, LOWEST_ORDINARY), HIGHEST_ORDINARY) if found > 0.0 else 1.0
 
 
+@native
+def smaller_shift(whole: f64, s: f64s) -> f64:
+    """The first shift to try after the last iterate's.
+
+    Steps grow as shifts come near the smallest that serves, as those of trust regions do (J. J. More and D. C. Sorensen,
+    Computing a trust region step, SIAM J. Sci. Stat. Comput. 4, 1983).
+
+    Args:
+        whole: 0 where the rows' part is to be damped: there a shift that serves need not be that small.
+    """
+    decay = DECAY_IF_CRAMPED if whole != 0.0 and s[CRAMPED] == 1.0 else DECAY
+    return max(SMALLEST_SHIFT, decay * s[LAST_SHIFT])
+
+
 @native(shared=True)
 def begin(calls: i64s, s: f64s) -> None:
     """Prepare the factorisation at an iterate; :func:`factorize` does it."""
@@ -157,7 +175,7 @@ def begin(calls: i64s, s: f64s) -> None:
     s[TASK] = TRY
     if s[UNTRIED] > 0.0:  # without a shift: it has failed again and again
         s[UNTRIED] -= 1.0
-        s[SHIFT] = max(s[STIFFNESS], max(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT]))
+        s[SHIFT] = max(s[STIFFNESS], smaller_shift(s[EXACT], s))
         if s[EXACT] == 0.0:
             s[TASK] = DAMP
 
@@ -165,8 +183,11 @@ def begin(calls: i64s, s: f64s) -> None:
 @native
 def larger_shift(growth: f64, s: f64s) -> f64:
     """The next shift to try, after another one or the last iterate's; more than LARGEST_SHIFT where there is none."""
-    grown = s[SHIFT] * (GROWTH_AT_FIRST if s[LAST_SHIFT] == 0.0 else growth)
-    return max(grown, max(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT]))
+    last = s[LAST_SHIFT]
+    grown = s[SHIFT] * (GROWTH_AT_FIRST if last == 0.0 else growth)
+    if s[WHOLE] != 0.0 and s[SHIFT] < SMALLER * last:
+        grown = min(grown, last)
+    return max(grown, smaller_shift(s[WHOLE], s))
 
 
 @native

@@ -11,7 +11,7 @@ from stc.solver.iterate import evaluate
 from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem
-from stc.solver.shift_passes import AFTER_SHORT, DECAY, SHORT, relax
+from stc.solver.shift_passes import AFTER_SHORT, DECAY, DECAY_IF_CRAMPED, SHORT, relax
 from stc.solver.step_passes import ROWS_SHARE, SHARE, SLIGHT
 from stc.solver.workspace import Workspace
 
@@ -77,6 +77,23 @@ def test_steps_are_measured_relative_to_what_is_large_where_rows_are_damped():
     work.s[places.WHOLE] = 1.0
     work.shifted_call()
     assert work.kkt.primal == pytest.approx(np.full(3, shift))
+
+
+@pytest.mark.parametrize("downwards", [0.02, 1.7, 60.0])
+def test_shifts_stay_near_the_smallest_that_serves(downwards: float) -> None:
+    """``-c x^2 / 2`` again and again: every shift above c serves, and the larger one is, the shorter is its step."""
+    nlp = SymbolicProgram([1.0], lambda x: -0.5 * downwards * x[0] ** 2, lambda x: [])
+    form = ScaledProblem(nlp, nlp.x0, Options(scaling=False), DenseKKT)
+    work = Workspace(form)
+    work.load(evaluate(form, nlp.x0, np.zeros(0), np.zeros(0)))
+    system = NewtonSystem(work)
+    shifts = []
+    for _ in range(30):
+        system.factorize(0.1)
+        shifts.append(system.shift)
+    assert min(shifts) > downwards
+    assert max(shifts[10:]) <= downwards / DECAY_IF_CRAMPED
+    assert work.kkt.factorizations <= 80
 
 
 def test_a_start_without_inequalities_that_leads_nowhere_ends_on_the_barrier_path():
