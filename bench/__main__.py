@@ -64,6 +64,13 @@ def main() -> None:
     if unknown := set(options.parts) - set(PARTS):
         parser.error(f"unknown part {', '.join(sorted(unknown))}; the parts are {', '.join(PARTS)}")
     parts = options.parts or PARTS
+    if (options.only or options.tools) and not (options.dry or options.again):
+        for part in {"peers", "cold"} & set(parts):
+            if not _kept(part).exists():
+                parser.error(
+                    f"no run of {part} is kept in out/bench, and the page would lose all other lines of its tables; "
+                    "measure all of it first, or add --print"
+                )
     rounds = options.rounds or (2 if options.quick else 5)
     (ROOT / "out" / "bench").mkdir(parents=True, exist_ok=True)
     if "peers" in parts:
@@ -73,6 +80,11 @@ def main() -> None:
     for part in SCRIPTS:
         if part in parts:
             script(part, options)
+
+
+def _kept(part: str) -> Path:
+    """The file that has the measurements of a part's last run."""
+    return ROOT / "out" / "bench" / f"{part}.json"
 
 
 def _say(line: str) -> None:
@@ -103,7 +115,7 @@ def _finish(part: str, text: str, options: argparse.Namespace, picture: str = ""
 
 def _measured(part: str, options: argparse.Namespace, measure: Callable[[], Run]) -> Run:
     """A run, kept in out/bench; with ``--again`` the one that is kept there."""
-    file = ROOT / "out" / "bench" / f"{part}.json"
+    file = _kept(part)
     if options.again:
         saved = json.loads(file.read_text(encoding="utf-8"))
         return saved["about"], [runner.Measured.from_dict(one) for one in saved["measured"]]
