@@ -126,6 +126,7 @@ class ScaledProblem(Formulation):
             nlp.var_stage,
             nlp.row_stage,
             self.held,
+            self.equality,
         )
 
     def release(self) -> None:

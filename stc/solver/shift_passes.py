@@ -150,8 +150,8 @@ def ordinary_curvature(count: i64, diagonal: i64s, hess: f64s, scratch: f64s) ->
 def smaller_shift(whole: f64, s: f64s) -> f64:
     """The first shift to try after the last iterate's.
 
-    Steps grow as shifts come near the smallest that serves, as those of trust regions do (J. J. More and D. C. Sorensen,
-    Computing a trust region step, SIAM J. Sci. Stat. Comput. 4, 1983).
+    Steps grow as shifts come near the smallest that serves (J. J. More and D. C. Sorensen, Computing a trust region
+    step, SIAM J. Sci. Stat. Comput. 4, 1983).
 
     Args:
         whole: 0 where the rows' part is to be damped: there a shift that serves need not be that small.

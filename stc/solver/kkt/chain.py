@@ -41,8 +41,9 @@ from stc.solver.kkt.lane_program import effort_of
 from stc.solver.kkt.lane_state import STATE
 from stc.solver.kkt.plan_choice import Plans, Prepared
 from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, WHOLE, PlannedKKT, new_state, reading_distance
+from stc.solver.kkt.postponing import postponed
 from stc.solver.kkt.segmented_passes import equilibrate_all
-from stc.solver.kkt.segments import Numbered, row_of_stages
+from stc.solver.kkt.segments import Numbered, number_unknowns, row_of_stages
 from stc.solver.nlp import Floats
 
 __all__ = ["ChainKKT", "find_chain"]
@@ -69,6 +70,7 @@ def find_chain(
     stage: NDArray[np.int64],
     numbered: Numbered,
     held: NDArray[np.bool_] | None,
+    equations: NDArray[np.bool_] | None = None,
     *,
     folded: bool = True,
 ) -> Chain | None:
@@ -76,17 +78,24 @@ def find_chain(
 
     Args:
         stage, held: what ``numbered`` was found for.
+        equations: rows that have nothing on the diagonal, (m,): they wait for the next stage where they are too many
+            for theirs (see stc.solver.kkt.postponing).
         folded: whether a long one may be gone through from both ends. Where stages are sparse, the last one may have
             more rows than variables.
     """
     if folded and (np.diff(numbered.stages.pointers).astype(np.float64) ** 3).sum() >= FOLDED:
         row = row_of_stages(couplings, stage)
-        halves = fold(couplings, row, held) if row is not None else None
+        halves = fold(couplings, row, held, equations) if row is not None else None
         if halves is not None:
             chain = lay_out_chain(halves[0], couplings.n, couplings.first, couplings.second, halves[1])
             meeting = chain.kinds[chain.kind[sum(halves[1])]]
             if len(chain.kinds) <= KINDS and meeting.arrived.size and meeting.joined.size:
                 return chain
+    stages = numbered.stages
+    if equations is not None:
+        later = postponed(couplings, stages.stage, stages.border, held, equations)
+        if later is not stages.stage:
+            numbered = number_unknowns(couplings, later, stages.border, held)
     chain = lay_out_chain(numbered, couplings.n, couplings.first, couplings.second)
     return chain if len(chain.kinds) <= KINDS else None
 

@@ -62,6 +62,7 @@ def new_system(
     var_stage: Ints,
     row_stage: Ints,
     held: NDArray[np.bool_],
+    equations: NDArray[np.bool_],
 ) -> FrontalKKT | PlannedKKT:
     """The linear algebra for a sparsity that takes the least time; arguments as for ``StructuredKKT``."""
     couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
@@ -74,7 +75,7 @@ def new_system(
         if dense or leaves_much(numbered, found):
             from stc.solver.kkt.chain import ChainKKT, find_chain
 
-            chain = find_chain(couplings, stage, numbered, held, folded=dense)
+            chain = find_chain(couplings, stage, numbered, held, equations, folded=dense)
             if chain is not None:
                 return ChainKKT(couplings, stage, chain)
             if dense:

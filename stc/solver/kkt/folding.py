@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.postponing import postponed
 from stc.solver.kkt.segments import Numbered, Row, number_unknowns
 
 __all__ = ["fold"]
@@ -22,14 +23,17 @@ SHORTEST = 8
 
 
 def fold(
-    couplings: Couplings, row: Row, held: NDArray[np.bool_] | None
+    couplings: Couplings,
+    row: Row,
+    held: NDArray[np.bool_] | None,
+    equations: NDArray[np.bool_] | None = None,
 ) -> tuple[Numbered, tuple[int, int]] | None:
     """Number the stages from both ends to the middle; how many either part has. None where they are few.
 
     The first part has the first labels, then comes the second one, from the last stage on, then the middle.
 
     Args:
-        held: see ``number_stages``.
+        held: see ``number_stages``; equations: see ``find_chain``.
     """
     forwards, backwards = row.directions()
     count = int(row.stage.max()) + 1
@@ -45,4 +49,6 @@ def fold(
     label[second] = middle + (count - 1 - backwards[second])
     if np.bincount(label, minlength=count).min() == 0:
         return None
+    if equations is not None:
+        label = postponed(couplings, label, row.border, held, equations, parts)
     return number_unknowns(couplings, label, row.border, held), parts

@@ -59,10 +59,11 @@ class StructuredKKT(ByCopies):
         var_stage: Ints,
         row_stage: Ints,
         held: NDArray[np.bool_] | None = None,
+        equations: NDArray[np.bool_] | None = None,
     ) -> None:
-        if held is None:
-            held = np.zeros(n, dtype=bool)
-        arrays = jac_rows, jac_cols, hess_rows, hess_cols, var_stage, row_stage, held
+        held = np.zeros(n, dtype=bool) if held is None else held
+        equations = np.zeros(m, dtype=bool) if equations is None else equations
+        arrays = jac_rows, jac_cols, hess_rows, hess_cols, var_stage, row_stage, held, equations
         system = None
         if n + m <= LARGEST:
             digest = blake2b(f"{n} {m}".encode(), digest_size=16)

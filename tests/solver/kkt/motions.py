@@ -62,7 +62,13 @@ def system_of(pattern: Pattern, *, shared: bool = False) -> SegmentedKKT:
     return SegmentedKKT(couplings, stage, found)
 
 
-def chain_of(pattern: Pattern, held: np.ndarray | None = None, *, folded: bool = False) -> ChainKKT:
+def chain_of(
+    pattern: Pattern,
+    held: np.ndarray | None = None,
+    equations: np.ndarray | None = None,
+    *,
+    folded: bool = False,
+) -> ChainKKT:
     """However narrow its stages are; from both ends, however few they are, where it is to be ``folded``."""
     couplings, stage = structure(pattern)
     numbered = number_stages(couplings, stage, held)
@@ -71,7 +77,7 @@ def chain_of(pattern: Pattern, held: np.ndarray | None = None, *, folded: bool =
         mock.patch.object(chain, "FOLDED", 0.0 if folded else np.inf),
         mock.patch.object(folding, "SHORTEST", 2),
     ):
-        found = chain.find_chain(couplings, stage, numbered, held)
+        found = chain.find_chain(couplings, stage, numbered, held, equations)
     assert found is not None
     assert bool(found.parts) == folded
     return ChainKKT(couplings, stage, found)

@@ -1,0 +1,162 @@
+"""Equations that wait for the next stage, where the variables of a stage and of those before it are too few for them.
+
+    variables    u0   x1 u1   x2 u2   ...        x0 is given; x has two components, u one
+    equations      x1 = f   x2 = f               one of the first two waits for x1
+
+A chain takes all unknowns of a stage out of the window before it comes to the next one (see
+stc.solver.kkt.chain_elimination).  A motion that starts from a given state has more equations between its first two
+states than it has controls there, so that some pivot would be zero in any order.  Which ones are too many is a matter
+of the pattern: those that are left over where each is given a variable of its own (a maximum matching, by augmenting
+paths: H. W. Kuhn, The Hungarian method for the assignment problem, Naval Research Logistics Quarterly 2, 1955).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.codegen.native import i32s, i64, native
+from stc.solver.kkt.arrangement import Couplings, sort_by_key
+
+__all__ = ["postponed"]
+
+Int32s = NDArray[np.int32]
+
+#: How an equation couples with other stages: not at all, with the next one alone, or with others: only the second kind
+#: can wait.
+ALONE, AHEAD, ELSEWHERE = 0, 1, 2
+
+
+def postponed(
+    couplings: Couplings,
+    stage: Int32s,
+    border: Int32s,
+    held: NDArray[np.bool_] | None,
+    equations: NDArray[np.bool_],
+    parts: tuple[int, ...] = (),
+) -> Int32s:
+    """The stage of each unknown, (N,), where equations that are too many for their own are of the next one.
+
+    It is ``stage`` itself where there are none, or where a stage would be left without unknowns.
+
+    Args:
+        stage: of each unknown, (N,): couplings are with the one that is gone through next, or in it.
+        border: unknowns that couple with many stages.
+        held: variables that never move, (n,).
+        equations: rows that have nothing on the diagonal, (m,).
+        parts: how many stages come from either end (see stc.solver.kkt.folding), or none.
+    """
+    n, m = couplings.n, couplings.m
+    stages = int(stage.max()) + 1
+    inner = np.ones(n + m, dtype=bool)
+    inner[border] = False
+    free = inner[:n] if held is None else inner[:n] & ~held
+    first, second = couplings.first, couplings.second
+    row, variable = np.maximum(first, second), np.minimum(first, second)
+    own = np.flatnonzero((row >= n) & (variable < n))
+    row, variable = row[own] - n, variable[own]
+    waits = equations & inner[n:]
+    own = np.flatnonzero(waits[row] & free[variable])
+    order, pointers = sort_by_key(row[own].astype(np.int32), m)
+    after = np.minimum(np.arange(1, stages + 1), stages - 1).astype(np.int32)
+    if parts:
+        after[parts[0] - 1] = stages - 1
+    result = stage.copy()
+    _postpone(
+        n, stages, after, *sort_by_key(stage[:n], stages), *sort_by_key(stage[n:], stages), waits.astype(np.int32),
+        pointers, variable[own][order].astype(np.int32), result, np.zeros(n, dtype=np.int32),
+        np.full(n, -1, dtype=np.int32), np.zeros(n, dtype=np.int32), *np.zeros((5, m), dtype=np.int32),
+    )  # fmt: skip
+    moved = np.any(result != stage) and np.bincount(result, minlength=stages).min() > 0
+    return result if moved else stage
+
+
+@native(small=True)
+def _give(
+    root: i64, stamp: i64, pointers: i32s, variables: i32s, available: i32s, owner: i32s, seen: i32s, path: i32s,
+    at: i32s,
+) -> i64:  # fmt: skip
+    """Give a row a variable of its own, be it that others change theirs; 0 where there is no way.
+
+    Args:
+        available: 1 for variables that may be given away; owner: the row that has each, -1 where none has.
+        seen: where this search, ``stamp``, has been; path, at: its rows, and how far each has been looked through.
+    """
+    depth = 0
+    path[0] = root
+    at[0] = pointers[root]
+    while depth >= 0:
+        row = path[depth]
+        if at[depth] == pointers[row + 1]:
+            depth -= 1
+            continue
+        variable = variables[at[depth]]
+        at[depth] += 1
+        if available[variable] == 0 or seen[variable] == stamp:
+            continue
+        seen[variable] = stamp
+        if owner[variable] < 0:
+            for k in range(depth + 1):
+                owner[variables[at[k] - 1]] = path[k]
+            return 1
+        depth += 1
+        path[depth] = owner[variable]
+        at[depth] = pointers[owner[variable]]
+    return 0
+
+
+@native(small=True)
+def _reach(row: i64, own: i64, following: i64, pointers: i32s, variables: i32s, stage: i32s) -> i64:
+    """How an equation of the stage ``own`` couples with others."""
+    found = ALONE
+    for e in range(pointers[row], pointers[row + 1]):
+        other = stage[variables[e]]
+        if other == following:
+            found = max(found, AHEAD)
+        elif other != own:
+            found = ELSEWHERE
+    return found
+
+
+@native(small=True)
+def _postpone(
+    n: i64, stages: i64, after: i32s, variable_order: i32s, variable_begins: i32s, row_order: i32s, row_begins: i32s,
+    waits: i32s, pointers: i32s, variables: i32s, stage: i32s, available: i32s, owner: i32s, seen: i32s, path: i32s,
+    at: i32s, reach: i32s, waiting: i32s, listed: i32s,
+) -> None:  # fmt: skip
+    """Move rows to the next stage, one stage after the other.
+
+    Rows that cannot wait are given their variables first, and those that have waited before these.
+    """
+    rows = stage[n:]
+    count = 0
+    stamp = 0
+    for own in range(stages):
+        following = after[own]
+        if following == own:
+            return
+        for k in range(variable_begins[own], variable_begins[own + 1]):
+            available[variable_order[k]] = 1
+        total = count
+        for k in range(count):
+            listed[k] = waiting[k]
+        for turn in range(2):
+            for k in range(row_begins[own], row_begins[own + 1]):
+                row = row_order[k]
+                if waits[row] != 0:
+                    if turn == 0:
+                        reach[row] = _reach(row, own, following, pointers, variables, stage)
+                    if (reach[row] == AHEAD) == (turn == 1):
+                        listed[total] = row
+                        total += 1
+        count = 0
+        for k in range(total):
+            row = listed[k]
+            stamp += 1
+            found = _give(row, stamp, pointers, variables, available, owner, seen, path, at)
+            if found == 0 and rows[row] == own and reach[row] == AHEAD:
+                rows[row] = following
+                waiting[count] = row
+                count += 1
+        if following != own + 1:
+            count = 0  # a second part comes from the other end
