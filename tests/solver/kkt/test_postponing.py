@@ -37,18 +37,35 @@ objective: [0, n]: integral(u^2/100);
 
 
 def from_a_given_state(
-    rng: np.random.Generator, frames: int, states: int, controls: int
+    rng: np.random.Generator,
+    frames: int,
+    states: int,
+    controls: int,
+    *,
+    rates: bool = False,
+    to_a_given_one: bool = False,
 ) -> tuple[Pattern, np.ndarray]:
-    """The next state is a function of this one and of the controls; which variables are held, those of the first."""
+    """The next state is a function of this one and of the controls; which variables are held, those of the first.
+
+    Args:
+        rates: whether it is one of rates, which are variables, too, and have equations with the controls of their own.
+        to_a_given_one: whether the last state is held as well.
+    """
     b = Builder(rng)
-    x = [b.variables(states + controls, i) for i in range(frames)]
+    count = states * (2 if rates else 1) + controls
+    x = [b.variables(count, i) for i in range(frames)]
     for i in range(frames):
         b.curvature(x[i], 1.0)
+        for k in range(states if rates else 0):
+            b.row(i, [*x[i][:states], x[i][states + k], *x[i][2 * states :]])
         for k in range(states if i + 1 < frames else 0):
-            b.row(i, [*x[i], x[i + 1][k]])
+            own = [*x[i][:states], *x[i][states : 2 * states]] if rates else x[i]
+            b.row(i, [*own, x[i + 1][k]])
     pattern = b.pattern()
     held = np.zeros(pattern.n, dtype=bool)
     held[x[0][:states]] = True
+    if to_a_given_one:
+        held[x[-1][:states]] = True
     return pattern, held
 
 
@@ -84,15 +101,35 @@ def test_as_many_wait_as_variables_are_missing(states: int, controls: int, wait:
     assert (after is before) == (not wait)
 
 
-@given(st.integers(1, 6), st.integers(1, 3), st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None)
-def test_what_is_left_has_variables_of_its_own(states: int, controls: int, seed: int) -> None:
-    """In each stage and those before it, by another matching."""
-    pattern, held = from_a_given_state(np.random.default_rng(seed), 18, states, controls)
-    _, after = stages_of(pattern, held)
+@pytest.mark.parametrize("states", [2, 4])
+def test_controls_are_not_used_up(states: int) -> None:
+    """Where rates come between, states wait in all stages but the last one: controls are for no equation to take."""
+    pattern, held = from_a_given_state(
+        np.random.default_rng(3), 20, states, 1, rates=True, to_a_given_one=True
+    )
+    before, after = stages_of(pattern, held)
+    assert np.bincount(before[after != before]).tolist() == 18 * [states]  # the last state is given
+    pattern, held = from_a_given_state(np.random.default_rng(3), 20, states, states, rates=True)
+    before, after = stages_of(pattern, held)
+    assert after is before  # there are enough
+
+
+@given(st.integers(1, 6), st.integers(1, 3), st.booleans(), st.booleans(), st.integers(0, 2**32 - 1))
+@settings(max_examples=60, deadline=None)
+def test_what_is_left_has_variables_of_its_own(
+    states: int, controls: int, rates: bool, ends: bool, seed: int
+) -> None:
+    """In each stage and those before it, by another matching; and nothing waits for longer than a stage."""
+    pattern, held = from_a_given_state(
+        np.random.default_rng(seed), 18, states, controls, rates=rates, to_a_given_one=ends
+    )
+    before, after = stages_of(pattern, held)
+    couplings, _ = structure(pattern)
+    assert np.all(np.abs(after[couplings.first] - after[couplings.second]) <= 1)
+    assert set(np.unique(after - before)) <= {0, 1}
     entries = np.ones(pattern.jac_rows.size)
     jacobian = csr_matrix((entries, (pattern.jac_rows, pattern.jac_cols)), shape=(pattern.m, pattern.n))
-    for last in range(18):
+    for last in range(17):  # what is left of the last state has none
         rows = np.flatnonzero(after[pattern.n :] <= last)
         free = np.flatnonzero((after[: pattern.n] <= last) & ~held)
         if rows.size:
@@ -101,10 +138,11 @@ def test_what_is_left_has_variables_of_its_own(states: int, controls: int, seed:
 
 
 @pytest.mark.parametrize("folded", [False, True], ids=["from one end", "from both"])
+@pytest.mark.parametrize("rates", [False, True], ids=["explicit", "rates between"])
 @pytest.mark.parametrize(("states", "controls"), [(4, 1), (6, 2), (5, 3)])
-def test_the_matrix_is_factorised_as_planned(states: int, controls: int, folded: bool) -> None:
+def test_the_matrix_is_factorised_as_planned(states: int, controls: int, rates: bool, folded: bool) -> None:
     rng = np.random.default_rng(7 * states)
-    pattern, held = from_a_given_state(rng, 20, states, controls)
+    pattern, held = from_a_given_state(rng, 20, states, controls, rates=rates)
     equations = np.ones(pattern.m, dtype=bool)
     kkt = chain_of(pattern, held, equations, folded=folded)
     for _ in range(3):
