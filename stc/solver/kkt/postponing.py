@@ -73,10 +73,11 @@ def postponed(
     known[variable[ahead[row]]] = True
     for uses in (np.full(n, ORDINARY), np.where(known, ORDINARY, CONTROL)):
         result = stage.copy()
+        available, seen = np.zeros((2, n), dtype=np.int32)
         _postpone(
             n, stages, after, *sort_by_key(stage[:n], stages), *sort_by_key(stage[n:], stages),
             waits.astype(np.int32), pointers, variable[order].astype(np.int32), uses.astype(np.int32), result,
-            *np.zeros((2, n), dtype=np.int32), np.full(n, -1, dtype=np.int32), *np.zeros((5, m), dtype=np.int32),
+            available, seen, np.full(n, -1, dtype=np.int32), *np.zeros((5, m), dtype=np.int32),
         )  # fmt: skip
         if np.all(result == stage) or np.bincount(result, minlength=stages).min() == 0:
             return stage
