@@ -14,6 +14,7 @@ method, SIAM J. Optim. 13, 2002).  It converges fast near a solution and is aban
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -21,7 +22,7 @@ import numpy as np
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
-from stc.solver.nlp import Floats
+from stc.solver.nlp import Floats, Mask
 from stc.solver.products import at_bounds, between
 from stc.solver.projection import Projection, ProjectionPair
 from stc.solver.projection_passes import ACCURATE, CONTRACTION
@@ -186,6 +187,16 @@ class Finish:
         return point if solved else None
 
 
+def _balancing(form: ScaledProblem, jac: Floats, free: Mask, active: Mask) -> Callable[[Floats], Floats]:
+    """A function: which multipliers (m,) of the active rows pull on free variables as near as can be to what is given,
+    (n,); of least norm, nearly. Good until the system is factorised again.
+    """
+    entries = jac * (active[form.jac_rows] & free[form.jac_cols])
+    shift = np.where(active, DUAL_SHIFT, 1.0)
+    form.kkt.factorize(np.zeros(form.hess_rows.size), entries, np.ones(form.n), shift)
+    return lambda pull: np.where(active, form.kkt.solve(pull, np.zeros(form.m))[1], 0.0)
+
+
 def smaller_multipliers(form: ScaledProblem, x: Floats, y: Floats) -> Floats:
     """Row multipliers (m,) of least norm, nearly, that do not leave a larger error than ``y`` (m,) or 1e-8.
 
@@ -196,10 +207,7 @@ def smaller_multipliers(form: ScaledProblem, x: Floats, y: Floats) -> Floats:
     if point is None:
         return y
     free, active = point.active_x == 0.0, point.active_rows != 0.0
-    jac = point.jac * (active[form.jac_rows] & free[form.jac_cols])
-    form.kkt.factorize(np.zeros_like(point.hess), jac, np.ones(form.n), np.where(active, DUAL_SHIFT, 1.0))
-    _, smaller = form.kkt.solve(np.where(free, -point.gradient, 0.0), np.zeros(form.m))
-    smaller = np.where(active, smaller, 0.0)
+    smaller = _balancing(form, point.jac, free, active)(np.where(free, -point.gradient, 0.0))
     error = point.error
     new = project(form, x, smaller)
     return smaller if new is not None and new.error <= max(error, SAME) else y
@@ -220,12 +228,10 @@ def fitting_multipliers(form: ScaledProblem, x: Floats) -> Floats:
     below, above = at_bounds(point.r, *form.true_rows, NEARLY_AT)
     for _ in range(CHANGES):
         free, active = ~(below_x | above_x), below | above
-        entries = jac * (active[form.jac_rows] & free[form.jac_cols])
-        shift = np.where(active, DUAL_SHIFT, 1.0)
-        form.kkt.factorize(np.zeros_like(point.hess), entries, np.ones(form.n), shift)
+        balance = _balancing(form, jac, free, active)
         left, y = np.where(free, -gradient, 0.0), np.zeros(form.m)
         for _ in range(REFINEMENTS):  # the shift against dependent rows is taken out again
-            y += np.where(active, form.kkt.solve(left, np.zeros(form.m))[1], 0.0)
+            y += balance(left)
             pull = np.bincount(form.jac_cols, weights=jac * y[form.jac_rows], minlength=form.n)
             left = np.where(free, -gradient - pull, 0.0)
             if float(np.abs(left).max(initial=0.0)) <= ROUNDED:

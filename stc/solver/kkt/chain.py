@@ -92,10 +92,9 @@ def find_chain(
             if len(chain.kinds) <= KINDS and meeting.arrived.size and meeting.joined.size:
                 return chain
     stages = numbered.stages
-    if equations is not None:
-        later = postponed(couplings, stages.stage, stages.border, held, equations)
-        if later is not stages.stage:
-            numbered = number_unknowns(couplings, later, stages.border, held)
+    later = postponed(couplings, stages.stage, stages.border, held, equations)
+    if later is not stages.stage:
+        numbered = number_unknowns(couplings, later, stages.border, held)
     chain = lay_out_chain(numbered, couplings.n, couplings.first, couplings.second)
     return chain if len(chain.kinds) <= KINDS else None
 

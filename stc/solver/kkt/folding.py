@@ -49,6 +49,5 @@ def fold(
     label[second] = middle + (count - 1 - backwards[second])
     if np.bincount(label, minlength=count).min() == 0:
         return None
-    if equations is not None:
-        label = postponed(couplings, label, row.border, held, equations, parts)
+    label = postponed(couplings, label, row.border, held, equations, parts)
     return number_unknowns(couplings, label, row.border, held), parts

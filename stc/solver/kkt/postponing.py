@@ -38,7 +38,7 @@ def postponed(
     stage: Int32s,
     border: Int32s,
     held: NDArray[np.bool_] | None,
-    equations: NDArray[np.bool_],
+    equations: NDArray[np.bool_] | None,
     parts: tuple[int, ...] = (),
 ) -> Int32s:
     """The stage of each unknown, (N,), where equations that are too many for their own are of the next one.
@@ -49,35 +49,36 @@ def postponed(
         stage: of each unknown, (N,): couplings are with the one that is gone through next, or in it.
         border: unknowns that couple with many stages.
         held: variables that never move, (n,).
-        equations: rows that have nothing on the diagonal, (m,).
+        equations: rows that have nothing on the diagonal, (m,), or None where there are none.
         parts: how many stages come from either end (see stc.solver.kkt.folding), or none.
     """
+    if equations is None:
+        return stage
     n, m = couplings.n, couplings.m
     stages = int(stage.max()) + 1
     inner = np.ones(n + m, dtype=bool)
     inner[border] = False
     free = inner[:n] if held is None else inner[:n] & ~held
-    first, second = couplings.first, couplings.second
-    row, variable = np.maximum(first, second), np.minimum(first, second)
-    own = np.flatnonzero((row >= n) & (variable < n))
-    row, variable = row[own] - n, variable[own]
-    waits = equations & inner[n:]
-    own = np.flatnonzero(waits[row] & free[variable])
-    order, pointers = sort_by_key(row[own].astype(np.int32), m)
+    waits = inner & np.concatenate([np.zeros(n, dtype=bool), equations])
+    own = np.flatnonzero(waits[couplings.first] & free[couplings.second])  # of J: the row comes first
+    row, variable = couplings.first[own] - n, couplings.second[own]
+    order, pointers = sort_by_key(row, m)
     after = np.minimum(np.arange(1, stages + 1), stages - 1).astype(np.int32)
     if parts:
         after[parts[0] - 1] = stages - 1
-    row, variable = row[own], variable[own]
     ahead, known = np.zeros(m, dtype=bool), np.zeros(n, dtype=bool)
     ahead[row[stage[variable] != stage[n + row]]] = True
     known[variable[ahead[row]]] = True
+    pattern = (
+        *sort_by_key(stage[:n], stages), *sort_by_key(stage[n:], stages), waits[n:].astype(np.int32), pointers,
+        variable[order],
+    )  # fmt: skip
     for uses in (np.full(n, ORDINARY), np.where(known, ORDINARY, CONTROL)):
         result = stage.copy()
         available, seen = np.zeros((2, n), dtype=np.int32)
         _postpone(
-            n, stages, after, *sort_by_key(stage[:n], stages), *sort_by_key(stage[n:], stages),
-            waits.astype(np.int32), pointers, variable[order].astype(np.int32), uses.astype(np.int32), result,
-            available, seen, np.full(n, -1, dtype=np.int32), *np.zeros((5, m), dtype=np.int32),
+            n, stages, after, *pattern, uses.astype(np.int32), result, available, seen, np.full(n, -1, dtype=np.int32),
+            *np.zeros((5, m), dtype=np.int32),
         )  # fmt: skip
         if np.all(result == stage) or np.bincount(result, minlength=stages).min() == 0:
             return stage
