@@ -198,6 +198,7 @@ class Nested:
     _factorizations: int = 0
     _stopped: bool = False
     _promised: float = 0.0  # the objective on all frames, if it is the same motion
+    _went_half_way: bool = False
 
     def fewer_first(self, ratio: float) -> Result:
         """The result on all frames, iterations and factorisations of all solves counted.
@@ -242,8 +243,28 @@ class Nested:
             if self._over:
                 return _uncounted(found), False
             found = self.fine(self._attempt(), Start(found.x), self._teller)
-        solved = found.status is Status.OPTIMAL
-        return found, solved and (self._as_promised(found) or self.alike(start, found))
+        if found.status is Status.OPTIMAL and not self._is_that_motion(start, found):
+            found = self._compared_half_way(before, found)
+        return found, found.status is Status.OPTIMAL and self._is_that_motion(start, found)
+
+    def _is_that_motion(self, start: Start, found: Result) -> bool:
+        """Whether a solution is the motion that it was started from, as far as one can tell, or one as good."""
+        return self._as_promised(found) or self.alike(start, found)
+
+    def _compared_half_way(self, before: Solution, worse: Result) -> Result:
+        """A solution that is worse than promised, or what the motion half way leads to if that promises better.
+
+        Often it is the few frames that have flattered the motion: more of them promise no more than has been found.
+        """
+        self._count(worse)
+        start = None if self._went_half_way else self._half_way(before, self._left().max_iterations)[0]
+        if start is None or self._as_promised(worse) or self._stopped or self._over:
+            return _uncounted(worse)
+        other = self.fine(replace(self._attempt(), warm_start=True, trusting=False), start, self._teller)
+        if other.status is Status.OPTIMAL and other.objective < worse.objective:
+            return other
+        self._count(other)
+        return _uncounted(worse)
 
     def _as_promised(self, found: Result) -> bool:
         """Whether the objective is hardly worse than the motion on fewer frames has promised."""
@@ -254,6 +275,7 @@ class Nested:
         """What a solve on all frames from fewer of them gets where it does not get on (see ``Start.another``)."""
         if self._over:
             return None, 0
+        self._went_half_way = True
         solved = self.between(before, self._attempt(min(left, 2 * ITERATIONS)), self._afar)
         if solved is None:
             return None, 0
