@@ -56,10 +56,11 @@ class Fineness:
     worthwhile: float
 
 
-FINE = Fineness(50, 25, 8.0)
+FINE = Fineness(50, 25, 6.0)
 """Frames that show the motion: with fewer of them it may be another one. What is different on all frames has to be
-found out there, in a few iterations or in as many as from the guess: with three times fewer frames that takes 1.5 times
-as long as without them, with eight times fewer no longer, with more it gains (random motions of eleven kinds)."""
+found out there, in a few iterations or in as many as from the guess: with three times fewer frames that takes 1.4 times
+as long as without them, with six times fewer no longer, with more it gains (random motions of twelve kinds; swings of
+rods and cart-poles take half as long, motions with many optima longer)."""
 COARSE = Fineness(20, 8, 1.6), Fineness(40, 16, 1.6), Fineness(80, 32, 1.6)
 """For starts where none is known, one after the other."""
 APART = 4.0

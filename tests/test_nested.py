@@ -93,7 +93,7 @@ def test_iterations_and_factorisations_of_all_solves_count() -> None:
 def test_fewer_frames_through_n_alone() -> None:
     assert fewer(PENDULUM) == {"n": 50.0}
     assert fewer(PENDULUM, n=1017) == {"n": 50.0}
-    assert fewer(PENDULUM, n=399) is None  # not few enough to be worth it
+    assert fewer(PENDULUM, n=299) is None  # not few enough to be worth it
 
 
 def test_fewer_frames_through_the_constant_that_others_follow_from() -> None:
@@ -111,7 +111,8 @@ def test_phases_that_are_shares_of_the_motion_end_at_whole_frames() -> None:
     assert fewer(text, n=1015) == {"n": 65.0}
     assert fewer(PENDULUM, n=1000) == {"n": 50.0}
     assert fewer(PENDULUM, n=505) == {"n": 50.0}
-    assert fewer(text, n=505) is None  # 65 are not few enough
+    assert fewer(text, n=505) == {"n": 65.0}
+    assert fewer(text, n=385) is None  # 65 are not few enough
 
 
 def test_fewer_frames_through_several_constants_at_once() -> None:
@@ -245,16 +246,64 @@ def test_a_better_or_equal_solution_is_taken(small: Model) -> None:
     assert start is not None and options.warm_start and not options.trusting
 
 
+class Alone(Fake):
+    """The same where nothing is half way."""
+
+    def between(self, before: stc.Solution, options: Options, told: object) -> None:
+        return None
+
+
 def test_a_worse_solution_is_compared_with_that_from_the_own_guess(small: Model) -> None:
     answers = [ended(Status.OPTIMAL, 10.0, 7), ended(Status.OPTIMAL, 30.0, 2)]
-    fake = Fake(small, *answers, ended(Status.OPTIMAL, 9.0, 20))
+    fake = Alone(small, *answers, ended(Status.OPTIMAL, 9.0, 20))
     assert fake.run().objective == 9.0
     assert fake.asked[2][1] is None
-    fake = Fake(small, *answers, ended(Status.OPTIMAL, 40.0, 20))
+    fake = Alone(small, *answers, ended(Status.OPTIMAL, 40.0, 20))
     result = fake.run()
     assert (result.objective, result.iterations) == (30.0, 29)
-    fake = Fake(small, *answers, ended(Status.FAILED, 0.0, 20))
+    fake = Alone(small, *answers, ended(Status.FAILED, 0.0, 20))
     assert fake.run().objective == 30.0
+
+
+def test_a_worse_solution_is_taken_where_the_motion_half_way_is_as_bad(small: Model) -> None:
+    fake = Fake(
+        small,
+        ended(Status.OPTIMAL, 10.0, 7),
+        ended(Status.OPTIMAL, 30.0, 2),
+        ended(Status.OPTIMAL, 15.0, 5),  # whose objective is twice as large on all frames
+    )
+    result = fake.run()
+    assert (result.objective, result.iterations, result.factorizations) == (30.0, 14, 28)
+    assert len(fake.asked) == 3
+
+
+@pytest.mark.parametrize(
+    ("from_half_way", "taken", "iterations"), [(20.0, 20.0, 18), (21.5, 9.0, 38), (35.0, 9.0, 38)]
+)
+def test_a_better_motion_half_way_leads_on(
+    small: Model, from_half_way: float, taken: float, iterations: int
+) -> None:
+    fake = Fake(
+        small,
+        ended(Status.OPTIMAL, 10.0, 7),
+        ended(Status.OPTIMAL, 30.0, 2),
+        ended(Status.OPTIMAL, 10.0, 5),
+        ended(Status.OPTIMAL, from_half_way, 4),
+        ended(Status.OPTIMAL, 9.0, 20),
+    )
+    result = fake.run()
+    assert (result.objective, result.iterations) == (taken, iterations)
+    options, start = fake.asked[3]
+    assert start is not None and options.warm_start and not options.trusting
+    if taken == 9.0:  # neither is what was promised
+        assert fake.asked[4][1] is None
+
+
+def test_where_half_way_nothing_is_found_there_is_the_own_guess(small: Model) -> None:
+    answers = [ended(Status.OPTIMAL, 10.0, 7), ended(Status.OPTIMAL, 30.0, 2), ended(Status.FAILED, 1.0, 5)]
+    fake = Fake(small, *answers, ended(Status.OPTIMAL, 40.0, 20))
+    result = fake.run()
+    assert (result.objective, result.iterations) == (30.0, 34)
 
 
 def test_the_same_motion_is_taken_though_fewer_frames_promised_more(small: Model) -> None:
