@@ -7,6 +7,7 @@ What was written is read back and compared with the model that the validation us
 
 from __future__ import annotations
 
+import itertools
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -150,9 +151,10 @@ def _collect_assets(root: ET.Element, model: Path, folder: Path) -> None:
             element.set("name", source.stem)
         folder.mkdir(parents=True, exist_ok=True)
         if source not in copies:  # files of one name may come from several folders
-            others = sum(other.name == source.name for other in copies)
-            copies[source] = folder / (
-                f"{source.stem}_{others + 1}{source.suffix}" if others else source.name
+            taken = {copy.name for copy in copies.values()}
+            numbered = (f"{source.stem}_{k}{source.suffix}" for k in itertools.count(2))
+            copies[source] = folder / next(
+                n for n in itertools.chain([source.name], numbered) if n not in taken
             )
         copy = copies[source]
         with replacing(copy) as temporary:  # a full disk is told of with the copy's name

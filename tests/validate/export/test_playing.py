@@ -103,17 +103,21 @@ def test_a_full_disk_leaves_nothing_behind(
 
 
 def test_meshes_of_one_name_from_two_folders_stay_two(tmp_path: Path) -> None:
-    for folder, width in (("thin", 0.1), ("wide", 0.3)):
-        (tmp_path / folder).mkdir()
-        trimesh.creation.box((width, 0.1, 0.1)).export(tmp_path / folder / "part.stl")
-    assets = '<asset><mesh name="a" file="thin/part.stl"/><mesh name="b" file="wide/part.stl"/></asset>'
-    seen = "".join(f'<geom type="mesh" mesh="{name}" mass="0" contype="0" conaffinity="0"/>' for name in "ab")
-    model = MODEL.replace('<include file="rest.xml"/>', assets + '<include file="rest.xml"/>')
+    files = {"a": "thin/part.stl", "b": "other/part_2.stl", "c": "wide/part.stl"}
+    for width, file in enumerate(files.values(), start=1):
+        (tmp_path / file).parent.mkdir()
+        trimesh.creation.box((0.1 * width, 0.1, 0.1)).export(tmp_path / file)
+    assets = "".join(f'<mesh name="{name}" file="{file}"/>' for name, file in files.items())
+    seen = "".join(
+        f'<geom type="mesh" mesh="{name}" mass="0" contype="0" conaffinity="0"/>' for name in files
+    )
+    model = MODEL.replace('<include file="rest.xml"/>', f'<asset>{assets}</asset><include file="rest.xml"/>')
     solution = bob(tmp_path, model.replace("<geom name=", seen + "<geom name="))
     written = export(solution, "keyframes", tmp_path / "out.xml")
     wanted, found = prepare(solution).compiled, mujoco.MjModel.from_xml_path(str(written))
     assert np.array_equal(found.mesh_vert, wanted.mesh_vert)
-    assert {path.name for path in (tmp_path / "out_assets").iterdir()} == {"part.stl", "part_2.stl"}
+    copies = {path.name for path in (tmp_path / "out_assets").iterdir()}
+    assert copies == {"part.stl", "part_2.stl", "part_3.stl"}
 
 
 MODEL = """<mujoco>
