@@ -385,7 +385,9 @@ class PlannedKKT(ByCopies):
         if not self._by_plan:
             assert self._whole is not None
             before = self._whole.factorizations
-            repeated = self._whole.check_solution() or repeated
+            if self._whole.check_solution():
+                repeated = True
+                self._provide_whole(self._whole)
             self._counted += self._whole.factorizations - before
             self.last_residual = self._whole.last_residual
         return repeated
@@ -453,12 +455,16 @@ class PlannedKKT(ByCopies):
             self._whole = FrontalKKT.of_couplings(self._couplings, self._stage, self._arrays)
             self._whole.trust_small_pivots(self._trusts_small_pivots)
         inertia = self._whole.refactor()
-        self.nnz_factor = self._whole.nnz_factor
-        calls = self._whole.solve_call, self._whole.solve_both_call
-        for place, call in zip((plan_calls.SOLVE, plan_calls.SOLVE_BOTH), calls, strict=True):
-            self._calls.put(plan_calls.CALLS * WHOLE + place, call)
+        self._provide_whole(self._whole)
         self._tally[plan_calls.NOW] = WHOLE
         return inertia
+
+    def _provide_whole(self, whole: FrontalKKT) -> None:
+        """Provide the solves of what it has factorised, which may have had to move to larger arrays for that."""
+        self.nnz_factor = whole.nnz_factor
+        calls = whole.solve_call, whole.solve_both_call
+        for place, call in zip((plan_calls.SOLVE, plan_calls.SOLVE_BOTH), calls, strict=True):
+            self._calls.put(plan_calls.CALLS * WHOLE + place, call)
 
     def _new_plan(self, number: int) -> Prepared | None:
         """See ``plan_choice.Make``."""
