@@ -86,7 +86,26 @@ def solve(
         return bound, _contradicted(transcription, bound)
     if remark := caution(optimizer, bound):
         warnings.warn(remark, SizeWarning, stacklevel=2)
-    return bound, minimizer(bound, options or Options(), start=start, callback=callback)
+    result = minimizer(bound, options or Options(), start=start, callback=callback)
+    return bound, _forward(
+        transcription, transcription.problem.constants if constants is None else constants, result
+    )
+
+
+def _forward(transcription: Transcription, constants: Mapping[str, float], result: Result) -> Result:
+    """The result, but no solution where time stands still or goes backward: steps are positive."""
+    if result.status is not Status.OPTIMAL:
+        return result
+    wrong = transcription.backward_step(result.x, constants)
+    if wrong is None:
+        return result
+    step, length = wrong
+    names = " and ".join(f"`{name}`" for name in transcription.step_parameters)
+    message = (
+        f"The step from frame {step} to {step + 1} would take {length:.4g} s: all else is optimal, but steps are "
+        f"positive. Bound {names} so that they are, or start from a guess with longer ones."
+    )
+    return replace(result, status=Status.FAILED, message=message)
 
 
 def contradictions_of(transcription: Transcription, bound: BoundProgram) -> list[str]:

@@ -92,6 +92,8 @@ class Numbers:
 def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, numbers: Numbers) -> Bounds:
     """Intersects all bounds on each decision variable and lists those that contradict each other.
 
+    That steps are positive bounds the parameters that they depend on.
+
     Raises:
         EvaluationError: a bound, or what it bounds, has no value.
     """
@@ -99,6 +101,11 @@ def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, nu
     result = Bounds(np.full(size, -np.inf), np.full(size, np.inf), np.full(size, -1), np.full(size, -1), [])
     for bound in statements.bounds:
         _apply(problem, bound, layout, numbers, result)
+    for at, low, high in step_limits(layout, numbers):
+        if low > result.lower[at]:
+            result.lower[at], result.lower_from[at] = low, -1
+        if high < result.upper[at]:
+            result.upper[at], result.upper_from[at] = high, -1
     crossed = np.flatnonzero(result.lower > result.upper)
     for position in crossed:
         low, high = result.lower[position], result.upper[position]
@@ -119,6 +126,12 @@ def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, nu
             )
         )
     return result
+
+
+def step_limits(layout: Layout, numbers: Numbers) -> list[tuple[int, float, float]]:
+    """Positions of parameters, and between which values they have to be for time to go forward."""
+    ranges = numbers.steps.implied(numbers.coefficients, numbers.constants)
+    return [(layout.parameters[name], low, high) for name, (low, high) in ranges.items()]
 
 
 def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Numbers, into: Bounds) -> None:

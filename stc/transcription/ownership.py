@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from stc.arrays import distinct
 from stc.problem import Problem
 from stc.records import dataclass
-from stc.transcription.bind import BoundProgram, Numbers
+from stc.transcription.bind import BoundProgram, Numbers, step_limits
 from stc.transcription.grid import AFTER, BEFORE, IntArray, Nodes
 from stc.transcription.statements import LINK, Bound
 from stc.transcription.transcription import Transcription
@@ -75,6 +75,7 @@ class Ownership:
             for statement in transcription.statements.bounds
             if (entry := self._entry(statement, numbers)) is not None
         ]
+        self._step_limits = step_limits(transcription.layout, numbers)
         owners = {int(k) for k in distinct(self.row_owner) if k != LINK}
         owners.update(k for others in self._others.values() for k in others if k != LINK)
         owners.update(entry.relation for entry in self.bounds)
@@ -116,6 +117,8 @@ class Ownership:
         """(size,) bounds of the unknowns when only these relations stand; they may cross."""
         wanted = set(kept)
         lower, upper = np.full(size, -np.inf), np.full(size, np.inf)
+        for at, least, most in self._step_limits:
+            lower[at], upper[at] = least, most
         for entry in self.bounds:
             if entry.relation in wanted:
                 low, high = limits_of(entry)

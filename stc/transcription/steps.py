@@ -108,6 +108,34 @@ class Steps:
         phi = np.array([float(evaluate(e, dict(values))) for e in self.basis])
         return phi @ coefficients if len(phi) else np.zeros(self.n)
 
+    def implied(
+        self, coefficients: FloatArray, constants: Mapping[object, float]
+    ) -> dict[str, tuple[float, float]]:
+        """Between which values parameters have to be for those steps to be positive that are linear in one alone.
+
+        Args:
+            coefficients: (len(basis), n), see :meth:`coefficients`.
+            constants: values by symbol.
+        """
+        involved = [[key for key in symbols(phi) if isinstance(key, ParameterRef)] for phi in self.basis]
+        ranges: dict[str, tuple[float, float]] = {}
+        for parameter in dict.fromkeys(key for keys in involved for key in keys):
+            at_zero, rise, strange = np.zeros(self.n), np.zeros(self.n), np.zeros(self.n, bool)
+            for phi, keys, coefficient in zip(self.basis, involved, coefficients, strict=True):
+                slope = derivative(phi, parameter)
+                if any(key != parameter for key in keys) or parameter in symbols(slope):
+                    strange |= coefficient != 0.0
+                    continue
+                at_zero += float(evaluate(phi, {**constants, parameter: 0.0})) * coefficient
+                rise += float(evaluate(slope, dict(constants))) * coefficient
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                limit = 0.0 - at_zero / rise
+            usual = ~strange & np.isfinite(limit)
+            low = float(limit[usual & (rise > 0.0)].max(initial=-np.inf))
+            high = float(limit[usual & (rise < 0.0)].min(initial=np.inf))
+            ranges[parameter.name] = low, high
+        return ranges
+
     def elapsed(self, coefficients: FloatArray, nodes: Nodes) -> FloatArray:
         """How much of each basis function has passed at each node (len(basis), k): time = phi @ elapsed."""
         total = np.concatenate([np.zeros((len(self.basis), 1)), np.cumsum(coefficients, axis=1)], axis=1)

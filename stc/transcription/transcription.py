@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from stc.codegen.kernel import Backend, KernelSet, compile_tapes
 from stc.codegen.tape import Tape
-from stc.errors import EvaluationError, Span
+from stc.errors import Diagnostic, EvaluationError, Span, SpecError
 from stc.memory import without_collection
-from stc.problem import ConstantRef, Problem, VariableRef
+from stc.problem import ConstantRef, ParameterRef, Problem, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, symbols
 from stc.transcription.assemble import Program, assemble
-from stc.transcription.bind import BoundProgram, Numbers, evaluate_bounds
+from stc.transcription.bind import BoundProgram, Bounds, Numbers, evaluate_bounds
 from stc.transcription.grid import Grid
 from stc.transcription.guess import starting_point
 from stc.transcription.layout import Layout
@@ -134,6 +134,7 @@ class Transcription:
             self._bound = None  # before the next one takes its place in memory
             numbers = Numbers(self.statements, self.steps, self.steps.coefficients(constants), constants)
             bounds = evaluate_bounds(self.problem, self.statements, self.layout, numbers)
+            self._check_steps(bounds)
         else:
             numbers, bounds = known.program.numbers, known.program.bounds
         low, high = bounds.lower, np.maximum(bounds.lower, bounds.upper)
@@ -183,6 +184,25 @@ class Transcription:
         lengths = self.steps.lengths(self.steps.coefficients(constants), values)
         return bool(np.all(np.isfinite(lengths) & (lengths > 0.0)))
 
+    @property
+    def step_parameters(self) -> list[str]:
+        """Names of the parameters that steps depend on."""
+        keys = [key for phi in self.steps.basis for key in symbols(phi) if isinstance(key, ParameterRef)]
+        return list(dict.fromkeys(key.name for key in keys))
+
+    def backward_step(self, x: FloatArray, constants: Mapping[str, float]) -> tuple[int, float] | None:
+        """The first step that is not positive at a point (layout.size,), and its length; None where all are.
+
+        Only steps that depend on parameters are asked for.
+        """
+        if not self.steps.free:
+            return None
+        values: dict[object, float] = {ConstantRef(name): value for name, value in constants.items()}
+        values.update({ParameterRef(name): float(x[at]) for name, at in self.layout.parameters.items()})
+        lengths = self.steps.lengths(self.steps.coefficients(constants), values)
+        wrong = np.flatnonzero(~(lengths > 0.0))
+        return (int(wrong[0]), float(lengths[wrong[0]])) if wrong.size else None
+
     def recovery(self, x: FloatArray, constants: Mapping[str, float] | None = None) -> Recovery:
         """Reads node values off a decision vector."""
         return Recovery(
@@ -194,6 +214,21 @@ class Transcription:
             self.problem.constants if constants is None else constants,
             x,
         )
+
+    def _check_steps(self, bounds: Bounds) -> None:
+        """Refuse statements that no positive steps can meet.
+
+        Raises:
+            SpecError: with the statement.
+        """
+        names = self.step_parameters
+        for found in bounds.contradictions:
+            stated = [self.problem.relations[k] for k in found.relations if k >= 0]
+            if found.name in names and len(stated) < 2:
+                message = f"{found.message}: steps are positive"
+                raise SpecError(
+                    [Diagnostic("error", message, stated[0].span if stated else self.problem.step_span)]
+                )
 
     def _check_start(self, bound: BoundProgram) -> None:
         objective, rows = bound.values(bound.x0)
