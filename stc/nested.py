@@ -28,6 +28,7 @@ from stc.records import dataclass
 from stc.same_motion import check_same_motion, takes_longer
 from stc.solution import Solution
 from stc.solver import IterationRecord, Options, Result, Start, Status
+from stc.solver.status import advice, sentence
 
 __all__ = [
     "COARSE",
@@ -200,6 +201,7 @@ class Nested:
     _stopped: bool = False
     _promised: float = 0.0  # the objective on all frames, if it is the same motion
     _went_half_way: bool = False
+    _best: Result | None = None  # on all frames
 
     def fewer_first(self, ratio: float) -> Result:
         """The result on all frames, iterations and factorisations of all solves counted.
@@ -214,7 +216,7 @@ class Nested:
         self._begin = time.monotonic()
         before = self._before()
         if self._stopped or self._over:  # the next solve ends at once, with the motion so far
-            return self._counted(self.fine(self._left(), Start(self.start(before).x), self._teller))
+            return self._counted(self._on_all(self._left(), Start(self.start(before).x)))
         found: Result | None = None
         if before.status == "optimal":
             found, good = self._from_fewer(before, ratio)
@@ -223,7 +225,7 @@ class Nested:
             self._count(found)
             if self._over:
                 return self._counted(_uncounted(found))
-        other = self.fine(self._left(), None, self._teller)
+        other = self._on_all(self._left(), None)
         if found is not None and found.status is Status.OPTIMAL:
             if other.status is not Status.OPTIMAL or found.objective < other.objective:
                 self._count(other)
@@ -235,15 +237,15 @@ class Nested:
         # Those that are made half way are taken off.
         quick = replace(self._attempt(3 * ITERATIONS), warm_start=True, trusting=False)
         self._promised = ratio * before.objective
-        start = replace(self.start(before), another=only_once(partial(self._half_way, before)))
-        found = self.fine(quick, start, self._teller)
+        start = replace(self.start(before), another=only_once(partial(self._offer_half_way, before)))
+        found = self._on_all(quick, start)
         nearly = found.status is not Status.OPTIMAL and found.violation <= NEARLY
         if nearly and self._as_promised(found) and not self._stopped:
             # The scales were chosen, and the multipliers come, from far away.
             self._count(found)
             if self._over:
                 return _uncounted(found), False
-            found = self.fine(self._attempt(), Start(found.x), self._teller)
+            found = self._on_all(self._attempt(), Start(found.x))
         if found.status is Status.OPTIMAL and not self._is_that_motion(start, found):
             found = self._compared_half_way(before, found)
         return found, found.status is Status.OPTIMAL and self._is_that_motion(start, found)
@@ -261,7 +263,7 @@ class Nested:
         start = None if self._went_half_way else self._half_way(before, self._left().max_iterations)[0]
         if start is None or self._as_promised(worse) or self._stopped or self._over:
             return _uncounted(worse)
-        other = self.fine(replace(self._attempt(), warm_start=True, trusting=False), start, self._teller)
+        other = self._on_all(replace(self._attempt(), warm_start=True, trusting=False), start)
         if other.status is Status.OPTIMAL and other.objective < worse.objective:
             return other
         self._count(other)
@@ -273,7 +275,7 @@ class Nested:
         return bool(found.objective <= self._promised + share)
 
     def _half_way(self, before: Solution, left: int) -> tuple[Start | None, int]:
-        """What a solve on all frames from fewer of them gets where it does not get on (see ``Start.another``)."""
+        """A start from the motion half way between, if there is one, and the iterations that it took."""
         if self._over:
             return None, 0
         self._went_half_way = True
@@ -286,6 +288,17 @@ class Nested:
             return None, found.iterations
         self._promised = ratio * found.objective
         return self.start(found), found.iterations
+
+    def _offer_half_way(self, before: Solution, left: int) -> tuple[Start | None, int]:
+        """What a solve on all frames from fewer of them gets where it does not get on (see ``Start.another``)."""
+        found = self._half_way(before, left)
+        self._pass_on_stop()
+        return found
+
+    def _pass_on_stop(self) -> None:
+        """Stop a solve that waits for another start where the user has stopped what was to lead to that."""
+        if self._stopped:
+            raise KeyboardInterrupt
 
     def fewer_for_help(self, own: Start, offered: Callable[[Fineness], bool]) -> Result:
         """The same from the spec's own guess, started anew from fewer frames where it does not get on.
@@ -304,15 +317,25 @@ class Nested:
                     break
                 before = self._before(min(left - spent, ITERATIONS))
                 spent += before.iterations
+                self._pass_on_stop()
                 if before.status == "optimal":
                     return self.start(before), spent
             return None, spent
 
-        return self._counted(
-            self.fine(
-                self.options, Start(own.x, own.row_multipliers, own.bound_multipliers, another), self._teller
-            )
-        )
+        start = Start(own.x, own.row_multipliers, own.bound_multipliers, another)
+        return self._counted(self._on_all(self.options, start))
+
+    def _on_all(self, options: Options, start: Start | None) -> Result:
+        """Solve on all frames, and keep what is the best of all such solves so far."""
+        found = self.fine(options, start, self._teller)
+        if self._best is None or self._rank(found) < self._rank(self._best):
+            self._best = found
+        return found
+
+    def _rank(self, found: Result) -> tuple[float, float]:
+        """Less for better points: feasible ones first."""
+        violated = found.violation > self.options.feasibility_tolerance
+        return found.violation if violated else 0.0, found.objective
 
     def _before(self, most: int = ITERATIONS) -> Solution:
         """The motion on fewer frames, counted; found in so many iterations at ``most``."""
@@ -333,10 +356,11 @@ class Nested:
         return self._iterations >= self.options.max_iterations or spent >= self.options.time_limit
 
     def _left(self) -> Options:
-        """The options with what is left of the limits."""
+        """The options with what is left of the limits: nothing where the user has stopped the solve."""
+        most = 0 if self._stopped else max(0, self.options.max_iterations - self._iterations)
         return replace(
             self.options,
-            max_iterations=max(0, self.options.max_iterations - self._iterations),
+            max_iterations=most,
             time_limit=max(0.0, self.options.time_limit - (time.monotonic() - self._begin)),
         )
 
@@ -350,12 +374,35 @@ class Nested:
         self._factorizations += done.factorizations
 
     def _counted(self, result: Result) -> Result:
+        """The result with what all solves took, and, where it is no solution, with the best point of all."""
+        if result.status is not Status.OPTIMAL:
+            result = self._with_best(result)
         if not (self._iterations or self._factorizations):
             return result
         return replace(
             result,
             iterations=result.iterations + self._iterations,
             factorizations=result.factorizations + self._factorizations,
+        )
+
+    def _with_best(self, result: Result) -> Result:
+        best = self._best if self._best is not None else result
+        status = result.status
+        if self._stopped:
+            status = Status.INTERRUPTED
+        elif status is Status.INFEASIBLE and self._rank(best)[0] == 0.0:
+            status = Status.FAILED
+        if status is not result.status:
+            result = replace(result, status=status, message=f"{sentence(status)} {advice(status)}")
+        if status is Status.UNBOUNDED or not self._rank(best) < self._rank(result):
+            return result
+        return replace(
+            best,
+            status=result.status,
+            message=result.message,
+            iterations=result.iterations,
+            factorizations=result.factorizations,
+            history=result.history,
         )
 
     @property

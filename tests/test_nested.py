@@ -603,3 +603,75 @@ def test_the_limit_counts_the_iterations_half_way(always_lost: None) -> None:
         assert solution.status in ("optimal", "iteration_limit")
         assert solution.n == 400
     assert model.solve(max_iterations=needed + 1).status == "optimal"
+
+
+LIMITS = [Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.FAILED]
+
+
+@pytest.mark.parametrize("status", LIMITS)
+@pytest.mark.parametrize(
+    ("violation", "objective", "kept"),
+    [(0.0, 9.5, 9.5), (0.0, 30.0, 20.0), (0.1, 9.5, 9.5), (50.0, 9.5, 20.0)],
+)
+def test_the_best_point_of_all_solves_is_kept(
+    small: Model, status: Status, violation: float, objective: float, kept: float
+) -> None:
+    far = 0.0 if violation == 0.0 else 40.0
+    first = replace(ended(Status.FAILED, objective, 4), violation=violation)
+    last = replace(ended(status, 20.0, 20), violation=far, message="the last one's")
+    result = Fake(small, ended(Status.OPTIMAL, 1.0, 7), first, last).run()
+    assert (result.status, result.objective) == (status, kept)
+    assert (result.iterations, result.factorizations, result.message) == (31, 62, "the last one's")
+
+
+def test_a_point_that_meets_all_rows_disproves_that_none_does(small: Model) -> None:
+    last = replace(ended(Status.INFEASIBLE, 1.0, 20), violation=3.0)
+    answers = ended(Status.OPTIMAL, 1.0, 7), ended(Status.FAILED, 30.0, 4)
+    result = Fake(small, *answers, last).run()
+    assert (result.status, result.objective, result.violation) == (Status.FAILED, 30.0, 0.0)
+    assert "No further progress" in result.message
+    answers = ended(Status.OPTIMAL, 1.0, 7), replace(ended(Status.FAILED, 30.0, 4), violation=4.0)
+    result = Fake(small, *answers, last).run()
+    assert (result.status, result.violation) == (Status.INFEASIBLE, 3.0)
+
+
+def test_a_stop_half_way_stops_the_solve_that_waits_for_it(small: Model) -> None:
+    class Waiting(Fake):
+        """The first solve on all frames asks for another start, and ends where it is told to stop."""
+
+        def fine(self, options: Options, start: Start | None, told: object) -> Result:
+            result = super().fine(options, start, told)
+            if start is None or start.another is None:
+                return result
+            with pytest.raises(KeyboardInterrupt):
+                start.another(options.max_iterations)
+            return replace(result, status=Status.INTERRUPTED)
+
+    half = ended(Status.INTERRUPTED, 1.0, 5)
+    fake = Waiting(small, ended(Status.OPTIMAL, 10.0, 7), ended(Status.FAILED, 30.0, 4), half)
+    result = fake.run()
+    assert (result.status, result.iterations) == (Status.INTERRUPTED, 16)
+
+
+def test_a_stop_at_any_time_is_an_interruption() -> None:
+    model = stc.load(PENDULUM)
+    needed = model.solve().iterations
+    for last in range(needed):
+        solution = model.solve(callback=lambda record, last=last: record.iteration >= last)
+        assert solution.status == "interrupted"
+        assert solution.iterations <= last + 1
+
+
+def test_a_stop_of_what_was_to_help_is_an_interruption(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = stc.load(PENDULUM.replace("n = 400", "n = 48"))
+    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
+    far = 0
+
+    def told(record: IterationRecord) -> bool:
+        nonlocal far
+        far += record.x is None
+        return far >= 2
+
+    solution = model.solve(callback=told)
+    assert (solution.status, far) == ("interrupted", 2)
+    assert "interrupted" in solution.message

@@ -21,7 +21,7 @@ class Start:
         bound_multipliers: (n,) or None.
         another: asked, with the number of iterations that are left, for another start where this one does not lead to a
             solution soon, and again where that one does not: one, or None where there are no more, and how many
-            iterations it took to find out.
+            iterations it took to find out. It raises KeyboardInterrupt to stop the solve.
     """
 
     x: Floats
