@@ -213,8 +213,10 @@ class Solution:
         frames = (self.n + 1,)
         if channel.before.shape != frames or channel.after.shape != frames:
             raise SolutionError(f"{label} has {channel.before.shape} values on {self.n + 1} frames")
-        if (self.method == "hermite-simpson") != (channel.mid is not None):
-            raise SolutionError(f"{label}: midpoint values belong to hermite-simpson, here {self.method}")
+        if channel.mid is None and self.method == "hermite-simpson" and self.n:
+            raise SolutionError(f"{label} has no values at the midpoints, which {self.method} needs")
+        if channel.mid is not None and self.method != "hermite-simpson":
+            raise SolutionError(f"{label} has values at midpoints, which {self.method} does not know")
         if channel.mid is not None and channel.mid.shape != (self.n,):
             raise SolutionError(f"{label} has {channel.mid.shape} values at {self.n} midpoints")
 

@@ -183,8 +183,10 @@ def test_contradictions_are_found_when_a_solution_is_made() -> None:
         make("central", np.zeros((2, 2)), {})
     with pytest.raises(SolutionError, match="unknown method 'euler'"):
         make("euler", time, good)
-    with pytest.raises(SolutionError, match="midpoint values belong to hermite-simpson"):
+    with pytest.raises(SolutionError, match="x has no values at the midpoints"):
         make("hermite-simpson", time, good)
+    with pytest.raises(SolutionError, match="x has values at midpoints, which central does not know"):
+        make("central", time, {("x", 0): Channel.smooth(time, np.zeros(4))})
     with pytest.raises(SolutionError, match=r"x has \(4,\) values on 5 frames"):
         make("central", time, {("x", 0): Channel.smooth(np.zeros(4))})
     with pytest.raises(SolutionError, match="without the derivative below"):

@@ -5,7 +5,7 @@ Mistakes in the input are raised and turned into a message in :mod:`stc.cli`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,7 +30,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """A solution with where it is saved (None: nowhere), the warnings about its spec, and the reasons known."""
+    """A solution with where it is saved (None: nowhere), the warnings about its spec, and the reasons known.
+
+    ``unsaved`` tells why it is not, where it was to be.
+    """
 
     solution: Solution
     file: Path | None
@@ -39,6 +42,7 @@ class Outcome:
     explanation: Explanation | None = None
     found: searches.Found | None = None
     profile: Sequence[Part] = ()
+    unsaved: str = ""
 
     @property
     def status(self) -> str:
@@ -48,7 +52,8 @@ class Outcome:
     @property
     def good(self) -> bool:
         """Whether all that was asked of the solve was reached."""
-        return self.status == "optimal" if self.found is None else self.found.good
+        found = self.status == "optimal" if self.found is None else self.found.good
+        return found and not self.unsaved
 
     def record(self) -> record.Record:
         """What ``--json`` prints of it."""
@@ -59,6 +64,8 @@ class Outcome:
         known.update({} if self.explanation is None else self.explanation.to_dict())
         if self.profile:
             known["profile"] = [part.to_dict() for part in self.profile]
+        if self.unsaved:
+            known["message"] = f"{known['message']} {self.unsaved}"
         return known if self.found is None else self.found.added_to(known)
 
     def show(self) -> None:
@@ -74,6 +81,8 @@ class Outcome:
             reasons.show_explanation(self.explanation)
         if self.profile:
             console.show_profile(self.profile)
+        if self.unsaved:
+            console.note(self.unsaved)
 
 
 def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
@@ -334,19 +343,18 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
             fewer_first=not options.direct,
         )
         solution = found.solution
+        unsaved = ""
         if file is not None:
-            if solution.status != "optimal":
-                from stc.cli.keeping import keep_optimal
-
-                keep_optimal(file, solution.status)
-            keep = solution.save if profile is None else profile.saving.over(solution.save)
-            keep(file)
+            unsaved = _save(
+                solution, file, solution.save if profile is None else profile.saving.over(solution.save)
+            )
+            file = None if unsaved else file
     warnings = _stated_warnings(model, options)
     console.warn(warnings)
     parts = () if profile is None else profile.parts(solution)
     if solution.status != "optimal":
         blame = reasons.find_blame(model, solution, options.explain, options.time_limit)
-        return Outcome(solution, file, warnings, blame, found=found, profile=parts)
+        return Outcome(solution, file, warnings, blame, found=found, profile=parts, unsaved=unsaved)
     return Outcome(
         solution,
         file,
@@ -354,7 +362,23 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         explanation=reasons.find_explanation(model, solution) if options.explain else None,
         found=found,
         profile=parts,
+        unsaved=unsaved,
     )
+
+
+def _save(solution: Solution, file: Path, keep: Callable[[Path], object]) -> str:
+    """Save a solution; why that cannot be, or nothing: what a solve has found is told of all the same."""
+    try:
+        if solution.status != "optimal":
+            from stc.cli.keeping import keep_optimal
+
+            keep_optimal(file, solution.status)
+        keep(file)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        return f"{file}: {error.strerror or error}: the solution is not saved"
+    return ""
 
 
 def _stated_warnings(model: Model, options: SolveOptions) -> Sequence[Diagnostic]:

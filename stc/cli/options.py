@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -195,4 +196,6 @@ def ready_to_write(path: Path, option: str = "-o") -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(f"{option} {path}: {error.strerror or error}") from None
+    if not os.access(path.parent, os.W_OK):
+        raise UsageError(f"{option} {path}: nothing can be written to the folder `{path.parent}`")
     return path

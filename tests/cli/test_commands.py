@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import shlex
@@ -71,6 +72,47 @@ def test_solve_prints_a_table_and_saves_a_solution(stc_: Stc) -> None:
     solution = stc.read("point.npz")
     assert solution["x"] == pytest.approx([1.0])
     assert solution["y"] == pytest.approx([2.0])
+
+
+def test_a_motion_without_steps_is_solved_by_every_method(stc_: Stc) -> None:
+    for method in ("central", "trapezoidal", "hermite-simpson"):
+        assert stc_("solve", "point.stc", "--method", method)[::2] == (0, "")
+        solution = stc.read("point.npz")
+        assert (solution.method, solution["y"]) == (method, pytest.approx([2.0]))
+        assert stc_("solve", "point.stc", "--method", method, "--warm-start", "point.npz")[0] == 0
+
+
+@pytest.mark.parametrize("spec", ["point.stc", "infeasible.stc"])
+def test_what_cannot_be_saved_is_told_of_all_the_same(
+    stc_: Stc, monkeypatch: pytest.MonkeyPatch, spec: str
+) -> None:
+    def full(self: stc.Solution, path: Path) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    expected = stc_("solve", spec)
+    monkeypatch.setattr("stc.solution.Solution.save", full)
+    status, out, err = stc_("solve", spec, "-o", "here.npz")
+    assert status == 1
+    assert [line for line in out.splitlines() if "time" not in line] == [
+        line for line in expected[1].splitlines() if "time" not in line and "saved" not in line
+    ]
+    unsaved = "here.npz: No space left on device: the solution is not saved"
+    assert f"note: {unsaved}" in err
+    status, out, _ = stc_("solve", spec, "-o", "here.npz", "--json")
+    told = last_line(out)
+    assert (status, told["file"]) == (1, None)
+    assert told["message"].endswith(unsaved)
+    assert told["objective"] == pytest.approx(5.0) or told["status"] == "infeasible"
+
+
+def test_a_folder_that_cannot_be_written_to_is_told_of_before_solving(
+    stc_: Stc, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.access", lambda path, mode: str(path) != "kept")
+    Path("kept").mkdir()
+    status, out, err = stc_("solve", "point.stc", "-o", "kept/point.npz")
+    assert (status, out) == (2, "")
+    assert err == "stc: -o kept/point.npz: nothing can be written to the folder `kept`\n"
 
 
 def test_the_ending_of_a_spec_may_be_left_out(stc_: Stc) -> None:
