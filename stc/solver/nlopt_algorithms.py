@@ -229,6 +229,6 @@ def caution(choice: Choice, nlp: NLP) -> str:
     power = "the cube" if dense else "the square"
     return (
         f"{choice.name} keeps dense matrices: {unknowns:,} unknowns and {nlp.m:,} rows take {size:.2g} GB or "
-        f"more, and a time that grows with {power} of their number, for each step, which no limit or Ctrl-C ends; sqp uses the "
-        "sparsity"
+        f"more, and a time that grows with {power} of their number, for each step, which no limit or Ctrl-C ends; "
+        "sqp uses the sparsity"
     )
