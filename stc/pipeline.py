@@ -62,8 +62,8 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
     """
     if not isinstance(spec, str | os.PathLike):
         raise UsageError(f"a spec is a path, a bundled name or its text, not {spec!r}")
-    if isinstance(spec, str) and ("\n" in spec or (":" in spec and ";" in spec)):
-        return Source("<text>", spec)
+    if isinstance(spec, str) and ("\n" in spec or "\r" in spec or (":" in spec and ";" in spec)):
+        return Source("<text>", spec.replace("\r\n", "\n").replace("\r", "\n"))  # as files are read
     path = find_spec(spec)
     if is_solution(path):
         from stc.solution_file import refuse_as_spec

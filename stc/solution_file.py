@@ -244,6 +244,10 @@ def _assemble(
     )
     if solution.sha256 != facts["sha256"]:
         raise SolutionError("the spec's text does not match its hash: the file was altered")
+    if solution.n != facts["n"]:
+        raise SolutionError(f"the file was altered: it tells of {facts['n']} steps and has {solution.n}")
+    if solution.status == "optimal" and not np.isfinite(solution.x).all():
+        raise SolutionError("the file was altered: an optimal solution has no numbers that are not finite")
     return solution
 
 

@@ -176,3 +176,16 @@ def test_the_page_names_all_that_a_solution_has(solution: stc.Solution) -> None:
     assert set(missing) <= beside
     for name in set(re.findall(r"^\| `(\w+)", section, re.MULTILINE)) - {"solution"}:
         assert hasattr(solution, name), name
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
+def test_lines_of_a_text_end_as_those_of_files_may(ending: str) -> None:
+    lines = [
+        "constants: n = 0; # nothing but this",
+        "variables: x;",
+        "constraints: x = 4;",
+        "objective: x^2;",
+    ]
+    solution = stc.load(ending.join(lines)).solve()
+    assert solution.objective == pytest.approx(16.0)
+    assert solution.source == "\n".join(lines)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -336,6 +337,21 @@ def test_altered_and_newer_files_are_refused(tmp_path: Path, monkeypatch: pytest
     path.write_text(path.read_text().replace("constants: n = 6", "constants: n = 5", 1))
     with pytest.raises(SolutionError, match="does not match its hash"):
         read(path)
+    archive = tmp_path / "a.npz"
+    solution.save(archive)
+    with np.load(archive) as found:
+        arrays = dict(found)
+    short = json.dumps({**json.loads(arrays["facts"].tobytes()), "n": solution.n - 1}).encode()
+    np.savez(archive, **{**arrays, "facts": np.frombuffer(short, dtype=np.uint8)})
+    with pytest.raises(SolutionError, match=f"tells of {solution.n - 1} steps and has {solution.n}"):
+        read(archive)
+    good = json.dumps({**json.loads(arrays["facts"].tobytes()), "status": "optimal"}).encode()
+    arrays["facts"] = np.frombuffer(good, dtype=np.uint8)
+    np.savez(archive, **arrays)
+    assert read(archive).status == "optimal"
+    np.savez(archive, **{**arrays, "solver/x": np.full_like(arrays["solver/x"], np.nan)})
+    with pytest.raises(SolutionError, match="no numbers that are not finite"):
+        read(archive)
     monkeypatch.setattr("stc.solution_file.FORMAT", 99)
     solution.save(path)
     monkeypatch.undo()

@@ -91,7 +91,9 @@ class Found:
             return known
         more = {name: value for name, value in self.record.items() if name != "solves"}
         seconds = {**known["seconds"], "total": more.pop("total_seconds")}
-        message = f"{known['message']} {self.message}".strip()
+        message = self.message
+        if not message or self.status == known["status"]:  # else that of the solution says something else
+            message = f"{known['message']} {message}".strip()
         return {**known, "status": self.status, "message": message, "seconds": seconds, **more}
 
 
