@@ -23,6 +23,9 @@ FloatArray = NDArray[np.float64]
 
 #: Steps that are looked at in one go: bounds the memory of long motions.
 _CHUNK = 4096
+#: Positions and other states do not leap: where they break a limit they are held against the sizes there, or this share
+#: of those elsewhere on the motion. Forces may turn at a frame, and are held against all of the motion.
+ELSEWHERE = 0.1
 
 
 def check_statements(problem: Problem, solution: Solution) -> list[StatementCheck]:
@@ -54,12 +57,24 @@ def check_statements(problem: Problem, solution: Solution) -> list[StatementChec
 
 
 class _Parts:
-    """A statement as it reads on a stretch: its body, its bounds and the summands that give its size."""
+    """A statement as it reads on a stretch: its body, its bounds and the summands that give its size.
 
-    def __init__(self, body: Expr, lower: Expr | None, upper: Expr | None) -> None:
-        self.body, self.lower, self.upper = body, lower, upper
+    Attributes:
+        of_state: whether it limits what cannot leap, positions for example.
+        of_squares: whether it limits a sum of squares, such as of a distance.
+    """
+
+    def __init__(self, body: Expr, lower: Expr | None, upper: Expr | None, of_state: bool) -> None:
+        self.body, self.lower, self.upper, self.of_state = body, lower, upper, of_state
         self.summands = _summands(body)
+        self.of_squares = of_state and all(map(_is_square, self.summands))
         self.all = [body, lower or ZERO, upper or ZERO, *self.summands]
+
+
+def _is_square(term: Expr) -> bool:
+    if term.op == "mul":
+        return term.args[0] is term.args[1]
+    return term.op == "pow" and term.args[1].op == "num" and term.args[1].payload == 2.0
 
 
 def _parts(problem: Problem, relation: Relation, solution: Solution, first: int) -> _Parts | None:
@@ -77,7 +92,13 @@ def _parts(problem: Problem, relation: Relation, solution: Solution, first: int)
                     return None
             elif not isinstance(key, ConstantRef | ParameterRef | TimeRef | IndexRef):
                 return None
-    return _Parts(body, lower, upper)
+    known = {
+        name: max(order for other, order in solution.trajectories if other == name)
+        for name in problem.variables
+    }
+    states = {k for k in symbols(body) if isinstance(k, VariableRef)}
+    of_state = not relation.is_equality and all(k.order < known[k.name] for k in states)
+    return _Parts(body, lower, upper, of_state)
 
 
 def _summands(body: Expr) -> list[Expr]:
@@ -123,22 +144,32 @@ def _evaluated(
         violation = np.zeros_like(time)
         size = np.abs(np.array(summands)).max(axis=0)
         with np.errstate(invalid="ignore"):
-            for bound, expression, over in (
-                (lower, part.lower, lower - body),
-                (upper, part.upper, body - upper),
-            ):
-                if expression is not None:
-                    violation = np.maximum(violation, over)
-                    size = np.maximum(size, np.where(np.isfinite(bound), np.abs(bound), 0.0))
+            limits = [
+                (bound, sign)
+                for bound, expression, sign in ((lower, part.lower, -1.0), (upper, part.upper, 1.0))
+                if expression is not None
+            ]
+            if part.of_squares and all(np.all(bound >= 0.0) for bound, _ in limits):
+                body, size = np.sqrt(body), np.sqrt(size)
+                limits = [(np.sqrt(bound), sign) for bound, sign in limits]
+            for bound, sign in limits:
+                violation = np.maximum(violation, sign * (body - bound))
+                size = np.maximum(size, np.where(np.isfinite(bound), np.abs(bound), 0.0))
         if not np.isfinite(violation).any():
             continue
-        worst = int(np.nanargmax(violation))
-        scale = float(np.nanmax(size))
-        share = float(violation[worst]) / scale if scale > 0.0 else float(violation[worst])
+        scale = np.full_like(size, np.nanmax(size))
+        if part.of_state:
+            scale = np.maximum(size, ELSEWHERE * scale)
+        share = np.where(scale > 0.0, violation / np.where(scale > 0.0, scale, 1.0), violation)
+        worst = int(np.nanargmax(share))
         relation = problem.relations[number]
         yield (
             number,
             StatementCheck(
-                relation.text, relation.span.location, relation.is_equality, share, float(time[worst])
+                relation.text,
+                relation.span.location,
+                relation.is_equality,
+                float(share[worst]),
+                float(time[worst]),
             ),
         )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from closed_form_motions import solution_of
 
-from stc.between import check_statements
+from stc.between import ELSEWHERE, check_statements
 from stc.pipeline import load, problem_of
 from stc.solution import Solution
 from stc.trajectory import Channel
@@ -44,9 +44,10 @@ def test_an_inequality_is_looked_at_between_the_frames() -> None:
     found = checked("[1, 2]: x <= 3*t - 1.9; [1, 2]: x >= 3*t - 2.1;")
     below, above = found["x <= 3*t - 1.9"], found["x >= 3*t - 2.1"]
     assert below.share == 0.0
-    gap = max(3 * t - 2.1 - t**2 for t in 1 + SHARES)
-    largest = max(max(t**2, 3 * t - 2.1) for t in 1 + SHARES)
-    assert above.share == pytest.approx(gap / largest)
+    # By how much of what is compared there.
+    assert above.share == pytest.approx(
+        max((3 * t - 2.1 - t**2) / max(t**2, 3 * t - 2.1) for t in 1 + SHARES)
+    )
     assert above.time in 1 + SHARES
     assert not above.equality
     assert above.place.startswith("by_hand.stc:1:")
@@ -78,6 +79,21 @@ def test_what_cannot_be_evaluated_is_left_out() -> None:
     """Single frames, other frames, derivatives that the solution does not have."""
     found = checked("[1]: x = 1; [0, 2]: x[i+1] >= x; x >= x[0]; y <= 3;")
     assert list(found) == ["y <= 3"]
+
+
+def test_states_are_held_against_sizes_nearby_and_distances_against_distances() -> None:
+    """x = t^2 goes up to 9, but what it breaks while it is small is not small beside that."""
+    found = checked("x >= 0.2; (x - 2)^2 >= 0.25; x - 0.5*x' >= 0; y >= 1.2;")
+    places = np.concatenate([step + SHARES for step in range(3)])
+    largest = ELSEWHERE * max(places**2)
+    assert found["x >= 0.2"].share == pytest.approx((0.2 - min(SHARES) ** 2) / largest)
+    away = np.abs(places**2 - 2.0)
+    scale = np.maximum(np.maximum(away, 0.5), ELSEWHERE * max(away))
+    assert found["(x - 2)^2 >= 0.25"].share == pytest.approx(max((0.5 - away) / scale))
+    # x' has no derivative that is known here: it may leap.
+    below = max(places - places**2)
+    assert found["x - 0.5*x' >= 0"].share == pytest.approx(below / max(places**2))
+    assert found["y >= 1.2"].share == pytest.approx(0.2 / 1.2)
 
 
 @pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])

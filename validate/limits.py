@@ -111,7 +111,7 @@ FLIGHT: Final[ByMethod] = {"hermite-simpson": 5e-3, "trapezoidal": 1e-1, "centra
 FRICTION_CONE: Final = 1.0 + 1e-6
 CONTACT_FORCE: Final = 2e-2
 
-#: Largest violation of an inequality of the spec between the nodes, as a share of what it compares.
+#: Largest violation of an inequality of the spec between the nodes, as a share of what it compares (see stc.between).
 INEQUALITY_BETWEEN: Final[ByMethod] = {"hermite-simpson": 2e-2, "trapezoidal": 5e-2, "central": 5e-2}
 
 # --- perturbed replays -------------------------------------------------------------------------------------

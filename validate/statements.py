@@ -21,7 +21,7 @@ class StatementCheck:
         text: the statement as the spec writes it.
         place: file and line.
         equality: whether it is an equation.
-        share: violation as a share of the largest quantity that the statement compares.
+        share: violation as a share of what the statement compares, see :mod:`stc.between`.
         time: when, in seconds.
     """
 
