@@ -185,6 +185,9 @@ def _told(report: EquationReport) -> str:
 def _relimit(certificate: Certificate, limits: Limits) -> None:
     """Put other limits in place of the usual ones."""
     unused = set(limits)
+    for name, limit in limits.items():
+        if limit is not None and limit != limit:
+            raise UsageError(f"the limit of `{name}` is no number", "None is for none")
 
     def changed(metric: Metric) -> Metric:
         for beginning, limit in limits.items():

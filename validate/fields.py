@@ -17,7 +17,7 @@ path                                           field, in MuJoCo's units
 ``joint.NAME.frictionloss``                    dry friction, N or N m
 ``joint.NAME.stiffness``                       spring, N/m or N m/rad
 ``joint.NAME.springref``                       position where the spring is at rest, m or rad
-``joint.NAME.lower``, ``joint.NAME.upper``     range, m or rad
+``joint.NAME.lower``, ``joint.NAME.upper``     range, m or rad; it limits the joint from then on
 ``geom.NAME.friction.slide``                   friction coefficients of a geom
 (``.spin``, ``.roll``)
 ``actuator.NAME.gear``                         force of the actuator per unit of its control
@@ -38,6 +38,9 @@ from stc.validate.model import ModelError, find_object, lines_of, nearest, singl
 
 if TYPE_CHECKING:
     import mujoco
+
+#: Where a range ends on a side that is not limited, m or rad.
+NO_END = 1e6
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 _FRICTION = {"slide": 0, "spin": 1, "roll": 2}
@@ -146,13 +149,28 @@ def _set_field(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> No
     if isinstance(components, int):
         if len(path) > 3:
             raise ModelError(f"{written}: {path[2]} has no parts")
-        array[address(model, index), components] = value
+        at = address(model, index)
+        if array_name == "jnt_range":
+            _begin_to_limit(model, at)
+        elif array[at, components + 1 :].any():
+            raise ModelError(
+                f"{written}: the model gives the {path[0]} a {path[2]} of several parts; this would set the first"
+            )
+        array[at, components] = value
         return
     component = _component(written, path[3:], components)
     if component is None:
         array[address(model, index)] = value
     else:
         array[address(model, index), component] = value
+
+
+def _begin_to_limit(model: mujoco.MjModel, index: int) -> None:
+    """Let a joint's range count; where the model has none, an end that nobody sets is far away."""
+    if not model.jnt_limited[index]:
+        model.jnt_limited[index] = 1
+        if not model.jnt_range[index].any():
+            model.jnt_range[index] = -NO_END, NO_END
 
 
 def _component(written: str, rest: tuple[str, ...], components: Mapping[str, int] | None) -> int | None:

@@ -45,6 +45,19 @@ class Linearisation:
         return np.asarray(self.first[frame] + inside)
 
 
+def linearised(setup: Setup, external: bool = False) -> Linearisation | None:
+    """The same where it can be had: None where joints are not tied, an actuator has a state, or MuJoCo refuses.
+
+    It does not differentiate models with bodies that sleep or actuators with a delay.
+    """
+    if not setup.all_tied or setup.compiled.na:
+        return None
+    try:
+        return linearise(setup, external)
+    except ModelError:
+        return None
+
+
 def linearise(setup: Setup, external: bool = False) -> Linearisation:
     """Linearise along the solved motion.
 
@@ -53,7 +66,7 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
         external: apply the solved contact forces and switch the model's own contacts off.
 
     Raises:
-        ModelError: the solution does not tell how every coordinate moves.
+        ModelError: the solution does not tell how every coordinate moves, or MuJoCo does not differentiate the model.
     """
     import mujoco
 
@@ -80,7 +93,10 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
             data.ctrl[setup.controls.addresses] = controls[k]
             forces.apply(model, data, outer[k])
             at = first[frame] + k
-            mujoco.mjd_transitionFD(model, data, 1e-6, True, state[at], control[at], None, None)
+            try:
+                mujoco.mjd_transitionFD(model, data, 1e-6, True, state[at], control[at], None, None)
+            except mujoco.FatalError as error:
+                raise ModelError(f"the motion is not linearised: {error}") from None
     # The tied joints may come in another order than the model's: deviations follow the model's.
     step = np.repeat(durations / parts, parts)
     return Linearisation(

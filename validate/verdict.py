@@ -17,7 +17,7 @@ from stc.validate.contact import contact_metrics, friction_note, time_step_for
 from stc.validate.energy import energy_balance
 from stc.validate.impacts import velocity_jumps
 from stc.validate.inverse import InverseDynamics, inverse_dynamics
-from stc.validate.linearisation import growth, linearise
+from stc.validate.linearisation import growth, linearised
 from stc.validate.metrics import Metric, drift
 from stc.validate.model import file_hash
 from stc.validate.replay import Replay, replay
@@ -168,9 +168,9 @@ def steering(setup: Setup) -> tuple[float | None, list[Feedback]]:
     """
     error_growth = None
     laws: list[Feedback | None] = []
-    if setup.all_tied and not setup.compiled.na and setup.solution.n:
-        # With contact forces from outside the linear map is that of the motion between impacts.
-        maps = linearise(setup, external=bool(len(setup.contact)))
+    # With contact forces from outside the linear map is that of the motion between impacts.
+    maps = linearised(setup, external=bool(len(setup.contact))) if setup.solution.n else None
+    if maps is not None:
         error_growth = growth(maps)
         if not len(setup.contact):
             laws.append(regulator(setup, maps))

@@ -14,7 +14,7 @@ from stc import models
 from stc.solution import ReplayChannel, Solution
 from stc.trajectory import Channel
 from stc.validate import ModelError, validate
-from stc.validate.fields import apply_fields
+from stc.validate.fields import NO_END, apply_fields
 from stc.validate.model import find_model, load_model, require_mujoco
 
 TIME = np.linspace(0, 2, 21)
@@ -90,6 +90,31 @@ def test_a_set_line_changes_its_own_field_and_nothing_else(path: str, value: flo
     for other, _, look in FIELDS:
         if other != path:
             assert look(after) == look(before), f"{path} changed {other}"
+
+
+def test_a_range_that_is_set_limits_the_joint() -> None:
+    before = mujoco.MjModel.from_xml_string(RICH_MODEL)
+    assert not before.jnt_limited[0]
+    for lines, low, high in (
+        ({"upper": 0.3}, -NO_END, 0.3),
+        ({"lower": -0.1}, -0.1, NO_END),
+        ({"lower": -0.1, "upper": 0.3}, -0.1, 0.3),
+    ):
+        model = mujoco.MjModel.from_xml_string(RICH_MODEL)
+        stated = [line(f"set joint.slide.{end}", value) for end, value in lines.items()]
+        apply_fields(model, solution_of("trapezoidal", TIME, {("x", 0): ZERO}, stated))
+        assert model.jnt_limited[0]
+        assert model.jnt_range[0].tolist() == [low, high]
+        assert model.jnt_range[1].tolist() == before.jnt_range[1].tolist()
+
+
+def test_a_gear_of_several_parts_is_not_set_by_one() -> None:
+    text = RICH_MODEL.replace("</body>\n    </body>", '<site name="jet"/></body>\n    </body>')
+    text = text.replace("</actuator>", '<motor name="up" site="jet" gear="0 0 1 0 0 0"/></actuator>')
+    model = mujoco.MjModel.from_xml_string(text)
+    solution = solution_of("trapezoidal", TIME, {("x", 0): ZERO}, [line("set actuator.up.gear", 1.0)])
+    with pytest.raises(ModelError, match="gear of several parts"):
+        apply_fields(model, solution)
 
 
 def test_what_mujoco_derives_from_a_field_follows() -> None:

@@ -11,7 +11,8 @@ from pendulums import GRAVITY, INERTIA, LENGTH, held, pendulum, weight
 
 from stc.solution import Solution
 from stc.validate import Report, limits, validate
-from stc.validate.linearisation import growth, linearise
+from stc.validate.linearisation import growth, linearise, linearised
+from stc.validate.model import ModelError
 from stc.validate.setup import prepare
 from stc.validate.tracking import proportional, regulator
 
@@ -137,6 +138,23 @@ def test_a_motion_without_actuators_is_not_tracked(tmp_path: Path) -> None:
     assert report.tracked_by == ""
     assert not values(report, "feedback share")
     assert report.passed
+
+
+def test_a_model_that_mujoco_does_not_differentiate_is_judged_without_that(tmp_path: Path) -> None:
+    solution = standing(tmp_path, 0.4)
+    assert linearised(prepare(solution)) is not None
+    model = tmp_path / "pendulum.xml"
+    flag = '<flag sleep="enable"/></option>'
+    model.write_text(
+        model.read_text().replace(f'gravity="0 0 -{GRAVITY}"/>', f'gravity="0 0 -{GRAVITY}">{flag}')
+    )
+    setup = prepare(solution)
+    assert linearised(setup) is None
+    with pytest.raises(ModelError, match=r"not linearised: .*sleep"):
+        linearise(setup)
+    report = validate(solution)
+    assert report.passed
+    assert not values(report, "growth of small errors")
 
 
 def test_an_actuator_that_is_hardly_used_is_measured_against_the_others() -> None:

@@ -24,7 +24,7 @@ import numpy as np
 
 from stc.atomic import replacing
 from stc.validate.export.proportion import require_proportion
-from stc.validate.linearisation import linearise
+from stc.validate.linearisation import linearised
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures.motion import solved_at
 from stc.validate.setup import Setup
@@ -98,10 +98,10 @@ def _law(setup: Setup) -> Feedback | None:
     """The feedback that tracks the motion: the regulator where there can be one, else proportional-derivative."""
     if not setup.solution.n or not len(setup.controls):
         return None
-    if setup.all_tied and not setup.compiled.na and not len(setup.contact):
-        law = regulator(setup, linearise(setup))
-        if law is not None:
-            return law
+    maps = None if len(setup.contact) else linearised(setup)
+    law = None if maps is None else regulator(setup, maps)
+    if law is not None:
+        return law
     return proportional(setup)
 
 

@@ -207,10 +207,8 @@ def _set_joint(root: ET.Element, model: mujoco.MjModel, name: str, field: str, d
     hinge = int(model.jnt_type[index]) == int(mujoco.mjtJoint.mjJNT_HINGE)
     scale = math.degrees(1.0) if degrees and hinge else 1.0
     if field in ("lower", "upper"):
-        # A range would limit the joint unless told otherwise; MuJoCo takes one that limits nothing as it is.
-        limited = bool(model.jnt_limited[index])
-        element.set("limited", "true" if limited else "false")
-        element.set("range", _text((scale if limited else 1.0) * model.jnt_range[index]))
+        element.set("limited", "true")
+        element.set("range", _text(scale * model.jnt_range[index]))
     elif field == "springref":
         element.set("springref", _text(scale * model.qpos_spring[model.jnt_qposadr[index]]))
     elif field == "stiffness":
