@@ -15,8 +15,8 @@ import stc
 from stc.solution import Solution
 from stc.transcription.operations import count_operations
 from stc.validate import limits
-from stc.validate.contact import contact_metrics, time_step_for
-from stc.validate.replay import Replay, replay
+from stc.validate.contact import contact_metrics
+from stc.validate.replay import Replay, replay, time_step_for
 from stc.validate.report import Report
 from stc.validate.setup import Setup
 from stc.validate.tracking import proportional

@@ -23,11 +23,6 @@ if TYPE_CHECKING:
     from stc.validate.setup import Setup
 
 
-def time_step_for(setup: Setup, longest: float) -> float:
-    """The time step of a replay: contacts are as stiff as the step is short, so a model's own is not exceeded."""
-    return min(longest, float(setup.compiled.opt.timestep)) if len(setup.contact) else longest
-
-
 def travelled(setup: Setup) -> float:
     """How far the base goes, in m: the largest distance between two places of its path; 1 where it stays."""
     slides = [tie.line.value.before for tie in _base(setup)]

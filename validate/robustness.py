@@ -18,8 +18,9 @@ import numpy as np
 from stc.errors import UsageError
 from stc.records import dataclass, field
 from stc.validate import limits
-from stc.validate.contact import ground_distances, time_step_for, travelled
+from stc.validate.contact import ground_distances, travelled
 from stc.validate.metrics import FloatArray
+from stc.validate.replay import time_step_for
 from stc.validate.tracking import Feedback, proportional
 
 if TYPE_CHECKING:

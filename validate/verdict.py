@@ -13,14 +13,14 @@ from stc.errors import StcError, UsageError
 from stc.records import dataclass, field
 from stc.solution import Solution, read
 from stc.validate import limits
-from stc.validate.contact import contact_metrics, friction_note, time_step_for
+from stc.validate.contact import contact_metrics, friction_note
 from stc.validate.energy import energy_balance
 from stc.validate.impacts import velocity_jumps
 from stc.validate.inverse import InverseDynamics, inverse_dynamics
 from stc.validate.linearisation import growth, linearised
 from stc.validate.metrics import Metric, drift
 from stc.validate.model import file_hash
-from stc.validate.replay import Replay, replay
+from stc.validate.replay import Replay, replay, time_step_for
 from stc.validate.report import Report
 from stc.validate.setup import Setup, prepare
 from stc.validate.statements import StatementCheck, statement_metrics

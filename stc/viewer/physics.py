@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from stc.records import dataclass
 from stc.validate import limits
-from stc.validate.contact import time_step_for
-from stc.validate.replay import replay
+from stc.validate.replay import replay, time_step_for
 from stc.validate.verdict import steering
 
 if TYPE_CHECKING:

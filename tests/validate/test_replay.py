@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from closed_form_motions import constant, particle, smooth_particle, waypoint_spline
 
+import stc
 from stc.errors import UsageError
 from stc.solution import Solution
 from stc.trajectory import Channel, FloatArray
 from stc.validate import validate
+from stc.validate.replay import time_step_for
+from stc.validate.setup import prepare
 
 
 def largest_drift(solution: Solution, **options: object) -> float:
@@ -171,3 +175,42 @@ def test_a_simulation_that_breaks_down_fails_and_says_when() -> None:
     assert report.metrics[0].value == math.inf
     assert report.to_dict()["metrics"][0]["value"] is None
     assert any("left all bounds by t = 1 s" in note for note in report.notes)
+
+
+FINGER = """
+<mujoco>
+  <option integrator="implicitfast" timestep="0.001"/>
+  <worldbody>
+    <body name="finger">
+      <joint name="bend" axis="0 1 0" damping="0.02"/>
+      <inertial pos="0 0 0" mass="0.01" diaginertia="3.5e-6 3.5e-6 3.5e-6"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="pull" joint="bend"/></actuator>
+</mujoco>
+"""
+BEND = """
+constants: n = 40, T = 0.5, h = T/n, I = 3.5e-6, c = 0.02;
+variables: q, u;
+constraints: [0, n]: I*q'' = u - c*q'; [0]: q; q'; [n]: q = 1; q';
+objective: [0, n]: integral(q''^2);
+method: hermite-simpson;
+replay: model = "finger.xml"; joint bend = q; actuator pull = u;
+"""
+
+
+def test_a_joint_that_a_damper_stops_at_once_is_simulated_in_short_steps(tmp_path: Path) -> None:
+    """It loses its speed within I/c = 0.18 ms: steps of 1 ms would blow up, whatever the solution."""
+    (tmp_path / "finger.xml").write_text(FINGER)
+    (tmp_path / "bend.stc").write_text(BEND)
+    solution = stc.load(tmp_path / "bend.stc").solve()
+    report = validate(solution)
+    assert report.passed
+    assert report.time_step <= 3.5e-6 / 0.02
+    setup = prepare(solution)
+    assert time_step_for(setup, 1e-3) == pytest.approx(3.5e-6 / 0.02, rel=1e-6)
+    assert time_step_for(setup, 1e-5) == 1e-5
+    setup.compiled.dof_damping[:] = 20.0
+    assert time_step_for(setup, 1e-3) == 1e-3 / 64
+    setup.compiled.dof_damping[:] = 0.0
+    assert time_step_for(setup, 1e-3) == 1e-3
