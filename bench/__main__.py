@@ -63,6 +63,9 @@ def main() -> None:
     options = parser.parse_args()
     if unknown := set(options.parts) - set(PARTS):
         parser.error(f"unknown part {', '.join(sorted(unknown))}; the parts are {', '.join(PARTS)}")
+    known = {case.problem.upper() for case in (*runner.CASES, *runner.COLD_CASES)}
+    if strangers := _wanted(options) - known:
+        parser.error(f"no problem {', '.join(sorted(strangers))}; the problems are {', '.join(sorted(known))}")
     parts = options.parts or PARTS
     if (options.only or options.tools) and not (options.dry or options.again):
         for part in {"peers", "cold"} & set(parts):
@@ -99,8 +102,13 @@ def _chosen(options: argparse.Namespace) -> tuple[list[Contender], list[str]]:
     return present, absent
 
 
+def _wanted(options: argparse.Namespace) -> set[str]:
+    """The problems that are asked for; none where all are."""
+    return {word.strip().upper() for word in options.only.split(",") if word.strip()}
+
+
 def _cases(known: tuple[Case, ...], options: argparse.Namespace) -> list[Case]:
-    wanted = {word.strip().upper() for word in options.only.split(",") if word.strip()}
+    wanted = _wanted(options)
     cases = [case for case in known if not wanted or case.problem.upper() in wanted]
     if options.quick:
         cases = [replace(case, time_limit=20.0) for case in cases if case.n <= 1000]
