@@ -65,7 +65,9 @@ def main() -> None:
         parser.error(f"unknown part {', '.join(sorted(unknown))}; the parts are {', '.join(PARTS)}")
     known = {case.problem.upper() for case in (*runner.CASES, *runner.COLD_CASES)}
     if strangers := _wanted(options) - known:
-        parser.error(f"no problem {', '.join(sorted(strangers))}; the problems are {', '.join(sorted(known))}")
+        parser.error(
+            f"no problem {', '.join(sorted(strangers))}; the problems are {', '.join(sorted(known))}"
+        )
     parts = options.parts or PARTS
     if (options.only or options.tools) and not (options.dry or options.again):
         for part in {"peers", "cold"} & set(parts):

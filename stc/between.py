@@ -92,12 +92,9 @@ def _parts(problem: Problem, relation: Relation, solution: Solution, first: int)
                     return None
             elif not isinstance(key, ConstantRef | ParameterRef | TimeRef | IndexRef):
                 return None
-    known = {
-        name: max(order for other, order in solution.trajectories if other == name)
-        for name in problem.variables
-    }
-    states = {k for k in symbols(body) if isinstance(k, VariableRef)}
-    of_state = not relation.is_equality and all(k.order < known[k.name] for k in states)
+    limited = [key for key in symbols(body) if isinstance(key, VariableRef)]
+    has_rates = all((key.name, key.order + 1) in solution.trajectories for key in limited)
+    of_state = not relation.is_equality and has_rates
     return _Parts(body, lower, upper, of_state)
 
 
@@ -160,7 +157,7 @@ def _evaluated(
         scale = np.full_like(size, np.nanmax(size))
         if part.of_state:
             scale = np.maximum(size, ELSEWHERE * scale)
-        share = np.where(scale > 0.0, violation / np.where(scale > 0.0, scale, 1.0), violation)
+        share = np.divide(violation, scale, out=violation.copy(), where=scale > 0.0)
         worst = int(np.nanargmax(share))
         relation = problem.relations[number]
         yield (

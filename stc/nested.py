@@ -386,7 +386,9 @@ class Nested:
         )
 
     def _with_best(self, result: Result) -> Result:
-        best = self._best if self._best is not None else result
+        """The best point of all solves on all frames, with the status that what has happened allows."""
+        best = self._best
+        assert best is not None
         status = result.status
         if self._stopped:
             status = Status.INTERRUPTED

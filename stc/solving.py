@@ -87,12 +87,10 @@ def solve(
     if remark := caution(optimizer, bound):
         warnings.warn(remark, SizeWarning, stacklevel=2)
     result = minimizer(bound, options or Options(), start=start, callback=callback)
-    return bound, _forward(
-        transcription, transcription.problem.constants if constants is None else constants, result
-    )
+    return bound, _forward(transcription, constants, result)
 
 
-def _forward(transcription: Transcription, constants: Mapping[str, float], result: Result) -> Result:
+def _forward(transcription: Transcription, constants: Mapping[str, float] | None, result: Result) -> Result:
     """The result, but no solution where time stands still or goes backward: steps are positive."""
     if result.status is not Status.OPTIMAL:
         return result
@@ -100,7 +98,7 @@ def _forward(transcription: Transcription, constants: Mapping[str, float], resul
     if wrong is None:
         return result
     step, length = wrong
-    names = " and ".join(f"`{name}`" for name in transcription.step_parameters)
+    names = " and ".join(f"`{parameter}`" for parameter in transcription.steps.parameters)
     message = (
         f"The step from frame {step} to {step + 1} would take {length:.4g} s: all else is optimal, but steps are "
         f"positive. Bound {names} so that they are, or start from a guess with longer ones."

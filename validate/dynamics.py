@@ -5,6 +5,7 @@ Smooth means without what MuJoCo's constraint solver adds: contacts, joint limit
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,8 @@ from stc.validate.metrics import FloatArray
 
 if TYPE_CHECKING:
     import mujoco
+
+    from stc.validate.setup import Setup
 
 
 class SmoothDynamics:
@@ -70,3 +73,11 @@ class SmoothDynamics:
         self.data.qacc[:] = acceleration
         mujoco.mj_inverse(self.model, self.data)
         return np.array(self.data.qfrc_inverse)
+
+
+def mass_matrices(setup: Setup, count: int) -> Iterator[FloatArray]:
+    """(nv, nv) each: M at so many frames of the solved motion, spread evenly."""
+    dynamics = SmoothDynamics(setup.model())
+    for frame in np.unique(np.linspace(0, setup.solution.n, count).astype(int)):
+        setup.reference.put(dynamics.data, setup.reference.at("after", int(frame))[:2])
+        yield dynamics.mass_matrix()

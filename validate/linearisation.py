@@ -45,19 +45,6 @@ class Linearisation:
         return np.asarray(self.first[frame] + inside)
 
 
-def linearised(setup: Setup, external: bool = False) -> Linearisation | None:
-    """The same where it can be had: None where joints are not tied, an actuator has a state, or MuJoCo refuses.
-
-    It does not differentiate models with bodies that sleep or actuators with a delay.
-    """
-    if not setup.all_tied or setup.compiled.na:
-        return None
-    try:
-        return linearise(setup, external)
-    except ModelError:
-        return None
-
-
 def linearise(setup: Setup, external: bool = False) -> Linearisation:
     """Linearise along the solved motion.
 
@@ -102,6 +89,19 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
     return Linearisation(
         first, step, state[:, : 2 * nv, : 2 * nv], control[:, : 2 * nv, setup.controls.addresses]
     )
+
+
+def linearised(setup: Setup, external: bool = False) -> Linearisation | None:
+    """As :func:`linearise`; None where that is refused, or where an actuator has a state of its own.
+
+    MuJoCo does not differentiate models with bodies that sleep or actuators with a delay.
+    """
+    if setup.compiled.na:
+        return None
+    try:
+        return linearise(setup, external)
+    except ModelError:
+        return None
 
 
 def growth(maps: Linearisation) -> float:

@@ -20,6 +20,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate import limits
+from stc.validate.dynamics import mass_matrices
 from stc.validate.linearisation import Linearisation
 from stc.validate.metrics import FloatArray
 
@@ -126,16 +127,9 @@ def proportional(setup: Setup) -> Feedback | None:
     """A proportional-derivative law for every actuator that moves one tied joint; None where there is none."""
     import mujoco
 
-    model = setup.model()
-    data = mujoco.MjData(model)
-    k = len(setup.ties)
+    model, k = setup.compiled, len(setup.ties)
     gain = np.zeros((len(setup.controls), 2 * k))
-    inertia = np.zeros(model.nv)
-    frames = np.unique(np.linspace(0, setup.solution.n, 20).astype(int))
-    for frame in frames:
-        setup.reference.put(data, setup.reference.at("after", int(frame))[:2])
-        mujoco.mj_forward(model, data)
-        inertia += _full_mass_matrix(model, data).diagonal() / len(frames)
+    inertia = np.mean([mass.diagonal() for mass in mass_matrices(setup, 20)], axis=0)
     joints = {int(dof): j for j, dof in enumerate(setup.reference.velocities)}
     transmissions = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
     for row, actuator in enumerate(setup.controls.actuators):
@@ -168,11 +162,3 @@ def strengths(setup: Setup) -> FloatArray:
         mujoco.mj_forward(model, data)
         found[k] = np.abs(data.qfrc_actuator - idle).max(initial=0.0)
     return found
-
-
-def _full_mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
-    import mujoco
-
-    full = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, full)
-    return full

@@ -72,10 +72,7 @@ def starting_point(
     h = steps.lengths(coefficients, values)
     if grid.n and not (h > 0).all():
         bad = int(np.flatnonzero(~(h > 0))[0])
-        involved = [
-            k.name for e in (problem.step, *steps.basis) for k in symbols(e) if isinstance(k, ParameterRef)
-        ]
-        names = " and ".join(f"`{name}`" for name in dict.fromkeys(involved))
+        names = " and ".join(f"`{parameter}`" for parameter in steps.parameters)
         hint = (
             f"give {names} a guess that makes every step positive"
             if names

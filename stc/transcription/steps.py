@@ -33,6 +33,7 @@ class Steps:
 
     Attributes:
         basis: the expressions ``phi`` of constants and parameters.
+        parameters: those in the basis, each once.
         support: (len(basis), n) bool, which steps have which basis function; known before any number is.
     """
 
@@ -80,7 +81,9 @@ class Steps:
                 if rest is not ZERO:
                     add(ONE, rest, steps)
         self.support = np.array(rows, bool).reshape(len(self.basis), self.n)
-        self.free = any(isinstance(k, ParameterRef) for phi in self.basis for k in symbols(phi))
+        basic = dict.fromkeys(key for phi in self.basis for key in symbols(phi))
+        self.parameters = [key for key in basic if isinstance(key, ParameterRef)]
+        self.free = bool(self.parameters)
         self.plain = np.array(
             [
                 all(c is ONE for c, where in self._coefficients if where[0] == k)
@@ -117,13 +120,13 @@ class Steps:
             coefficients: (len(basis), n), see :meth:`coefficients`.
             constants: values by symbol.
         """
-        involved = [[key for key in symbols(phi) if isinstance(key, ParameterRef)] for phi in self.basis]
         ranges: dict[str, tuple[float, float]] = {}
-        for parameter in dict.fromkeys(key for keys in involved for key in keys):
+        for parameter in self.parameters:
+            others = set(self.parameters) - {parameter}
             at_zero, rise, strange = np.zeros(self.n), np.zeros(self.n), np.zeros(self.n, bool)
-            for phi, keys, coefficient in zip(self.basis, involved, coefficients, strict=True):
+            for phi, coefficient in zip(self.basis, coefficients, strict=True):
                 slope = derivative(phi, parameter)
-                if any(key != parameter for key in keys) or parameter in symbols(slope):
+                if not others.isdisjoint(symbols(phi)) or parameter in symbols(slope):
                     strange |= coefficient != 0.0
                     continue
                 at_zero += float(evaluate(phi, {**constants, parameter: 0.0})) * coefficient

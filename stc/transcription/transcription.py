@@ -14,7 +14,7 @@ from stc.codegen.kernel import Backend, KernelSet, compile_tapes
 from stc.codegen.tape import Tape
 from stc.errors import Diagnostic, EvaluationError, Span, SpecError
 from stc.memory import without_collection
-from stc.problem import ConstantRef, ParameterRef, Problem, VariableRef
+from stc.problem import ConstantRef, Problem, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, symbols
 from stc.transcription.assemble import Program, assemble
@@ -184,22 +184,16 @@ class Transcription:
         lengths = self.steps.lengths(self.steps.coefficients(constants), values)
         return bool(np.all(np.isfinite(lengths) & (lengths > 0.0)))
 
-    @property
-    def step_parameters(self) -> list[str]:
-        """Names of the parameters that steps depend on."""
-        keys = [key for phi in self.steps.basis for key in symbols(phi) if isinstance(key, ParameterRef)]
-        return list(dict.fromkeys(key.name for key in keys))
-
-    def backward_step(self, x: FloatArray, constants: Mapping[str, float]) -> tuple[int, float] | None:
+    def backward_step(
+        self, x: FloatArray, constants: Mapping[str, float] | None = None
+    ) -> tuple[int, float] | None:
         """The first step that is not positive at a point (layout.size,), and its length; None where all are.
 
         Only steps that depend on parameters are asked for.
         """
         if not self.steps.free:
             return None
-        values: dict[object, float] = {ConstantRef(name): value for name, value in constants.items()}
-        values.update({ParameterRef(name): float(x[at]) for name, at in self.layout.parameters.items()})
-        lengths = self.steps.lengths(self.steps.coefficients(constants), values)
+        lengths = self.recovery(x, constants).lengths
         wrong = np.flatnonzero(~(lengths > 0.0))
         return (int(wrong[0]), float(lengths[wrong[0]])) if wrong.size else None
 
@@ -221,7 +215,7 @@ class Transcription:
         Raises:
             SpecError: with the statement.
         """
-        names = self.step_parameters
+        names = [parameter.name for parameter in self.steps.parameters]
         for found in bounds.contradictions:
             stated = [self.problem.relations[k] for k in found.relations if k >= 0]
             if found.name in names and len(stated) < 2:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stc.atomic import replacing
-from stc.validate.export.proportion import require_proportion
+from stc.validate.export.proportion import intervals, require_proportion
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures.motion import solved_at
 from stc.validate.setup import Setup
@@ -35,9 +35,6 @@ _SHARP = 0.6
 #: Turns z up into y up.
 _UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
-#: A duration that exceeds a whole number of keyframes by so little of one is that number of them.
-ROUNDED = 1e-6
-
 #: glTF's constants for 32-bit floating point.
 _FLOAT = 5126
 
@@ -56,7 +53,7 @@ def write(setup: Setup, path: Path, rate: float = 60.0) -> None:
     """
     solution = setup.solution
     require_proportion(solution.duration * rate, 7 * setup.compiled.nbody, f"a rate of {rate:g} Hz")
-    count = max(int(np.ceil(solution.duration * rate - ROUNDED)), solution.n, 1)
+    count = max(intervals(solution.duration, rate), solution.n, 1)
     times = np.linspace(solution.time[0], solution.time[-1], count + 1)
     poses = local_poses(setup.compiled, solved_at(setup, times))
     scene, nodes = _scene(setup.compiled, poses)

@@ -1,9 +1,19 @@
-"""What is too much for one file: better refused at once than after minutes, or by a lack of memory."""
+"""How many instants a file holds, and what is too much for one.
+
+That is better refused at once than after minutes, or by a lack of memory.
+"""
 
 from __future__ import annotations
 
+import math
+
 from stc.errors import UsageError
 from stc.validate import limits
+
+
+def intervals(duration: float, rate: float) -> int:
+    """How many there are between instants at a rate, the last one perhaps shorter; rounding adds none."""
+    return math.ceil(duration * rate - 1e-9)
 
 
 def require_proportion(instants: float, numbers: int, asked: str) -> None:

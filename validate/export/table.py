@@ -9,7 +9,7 @@ import numpy as np
 
 from stc.atomic import replacing
 from stc.solution import Solution
-from stc.validate.export.proportion import require_proportion
+from stc.validate.export.proportion import intervals, require_proportion
 from stc.validate.metrics import FloatArray
 
 
@@ -32,7 +32,7 @@ def columns(solution: Solution, rate: float | None = None) -> dict[str, FloatArr
         values = {name: np.asarray(solution[name]) for name in solution.names}
     else:
         require_proportion(solution.duration * rate, 1 + len(solution.names), f"a rate of {rate:g} Hz")
-        count = max(1, int(np.ceil(solution.duration * rate - 1e-9)))
+        count = max(1, intervals(solution.duration, rate))
         times = np.minimum(solution.time[0] + np.arange(count + 1) / rate, solution.time[-1])
         found = solution.at(times)
         values = {name: np.asarray(found[name]) for name in solution.names}
