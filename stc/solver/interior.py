@@ -66,7 +66,7 @@ from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
 if TYPE_CHECKING:
     from stc.solver.elastic import ElasticProblem
 
-__all__ = ["feasible_first", "optimise"]
+__all__ = ["optimise"]
 
 ESCAPES = 5
 TOO_FAR = 1e20
@@ -120,21 +120,6 @@ def optimise(
         Stopped: at a limit or on the user's request.
     """
     return _Loop(form, it, mu, options, monitor, tactics, stop).run()
-
-
-def feasible_first(
-    form: ScaledProblem, it: Iterate, options: Options, monitor: Monitor, tactics: Tactics
-) -> Outcome:
-    """As :func:`optimise`, from the feasible point that the elastic problem without an objective leads to."""
-    from stc.solver.restoration import meet_rows
-
-    def solve(elastic: ElasticProblem, start: Iterate, mu: float) -> Outcome:
-        return optimise(elastic, start, mu, options, monitor, tactics=tactics)
-
-    end, outcome = meet_rows(form, it, options.initial_barrier, options.feasibility_tolerance, solve)
-    if end is not None:
-        return Outcome(end, form, it.w[: form.n].copy(), it.y.copy(), outcome.error, it)
-    return optimise(form, it, options.initial_barrier, options, monitor, tactics=tactics)
 
 
 class _Loop:

@@ -31,8 +31,9 @@ class Options:
         trusting: no effort is spared to keep to the active set of a warm start; otherwise, as from another number of
             frames, only its variables are started from where the active set does not lead to a solution at once.
         initial_barrier: barrier parameter of a cold start.
-        retries: how many other ways (feasibility first, limits that are wide at first, a cautious barrier, starts
-            nearby and elsewhere) are tried before a failure or local infeasibility is reported.
+        retries: how many other ways (feasibility first, the least violation from here and there, starts nearby and
+            elsewhere, limits that are wide at first, a cautious barrier) are tried before a failure or local
+            infeasibility is reported.
         seed: seed of the random directions used to leave saddle points and stationary infeasible points.
     """
 
@@ -46,7 +47,7 @@ class Options:
     warm_start: bool = False
     trusting: bool = True
     initial_barrier: float = 0.1
-    retries: int = 5
+    retries: int = 8
     seed: int = 0
 
 

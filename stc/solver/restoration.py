@@ -24,7 +24,7 @@ from stc.solver.outcome import ACCEPTABLE, End, Outcome
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import workspace_of
 
-__all__ = ["PRICE", "Acceptance", "back_from", "elastic_start", "meet_rows"]
+__all__ = ["PRICE", "Acceptance", "back_from", "elastic_of", "elastic_start", "meet_rows", "returned"]
 
 PRICE = 1.0
 MOST_CENTRES, LESS = 30, 0.9
@@ -82,7 +82,7 @@ def meet_rows(
     for _ in range(MOST_CENTRES if once(is_convex, form.nlp) else 1):
         elastic, start, barrier = elastic_start(form, it, mu)
         outcome = solve(elastic, start, barrier)
-        end = _return(form, it, elastic, outcome, tolerance)
+        end = returned(form, it, elastic, outcome, tolerance)
         if claim is not None and it.theta > LESS * claim.theta:
             it.become(claim)
             # Where the search from there got lost, nothing has confirmed the claim.
@@ -94,7 +94,7 @@ def meet_rows(
     return end, outcome
 
 
-def _return(
+def returned(
     form: ScaledProblem, it: Iterate, elastic: ElasticProblem, outcome: Outcome, tolerance: float
 ) -> End | None:
     """Move ``it`` to where an elastic problem without an objective ended; why to stop there, or None."""
@@ -116,11 +116,16 @@ def _return(
     return end
 
 
-def elastic_start(base: ScaledProblem, it: Iterate, mu: float) -> tuple[ElasticProblem, Iterate, float]:
-    """The restoration problem at an iterate, its own first iterate and its barrier parameter."""
+def elastic_of(base: ScaledProblem) -> ElasticProblem:
+    """The elastic form of a problem."""
     if base.elastic is None:
         base.elastic = ElasticProblem(base, price=PRICE)
-    elastic = base.elastic
+    return base.elastic
+
+
+def elastic_start(base: ScaledProblem, it: Iterate, mu: float) -> tuple[ElasticProblem, Iterate, float]:
+    """The restoration problem at an iterate, its own first iterate and its barrier parameter."""
+    elastic = elastic_of(base)
     elastic.stay_near(it.w[: base.n], PROXIMITY * float(np.sqrt(max(mu, 1e-8))))
     barrier = BARRIER_FRACTION * max(mu, float(np.abs(it.c).max(initial=0.0)))
     return elastic, elastic.start(it.w, np.zeros(base.m), it.z, barrier), barrier

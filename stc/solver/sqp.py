@@ -46,6 +46,9 @@ GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
 HELPED, MOST = 100, 300
 """The same where that was one from fewer frames: from more of them it may take less; where it was a guess."""
 
+Way = Callable[[ScaledProblem, Floats], Outcome | None]
+"""What a problem and the guess lead to in some way; None where it cannot be gone."""
+
 
 def minimize(
     nlp: NLP,
@@ -152,18 +155,7 @@ class _Solve:
             )
         else:
             outcome = self._settle(self._cold(form, x0))
-        ways: list[Callable[[ScaledProblem, Floats], Outcome | None]]
-        ways = [attempts.feasible_first, attempts.held_barrier, attempts.nearby, attempts.elsewhere]
-        if form.gaps and not once(is_convex, self.nlp):
-            ways[1:] = [attempts.nearby, attempts.narrowed, attempts.less_narrowed, attempts.held_barrier]
-        ways = ways[: options.retries]
-        if not form.m and not form.gaps:  # they would do the same again
-            ways = [way for way in ways if way not in (attempts.feasible_first, attempts.held_barrier)]
-        if form.many_gaps and ways:
-            # Where rows are convex, the elastic form tells whether they can be met.
-            ways.insert(1 if once(is_convex, self.nlp) else 0, attempts.otherwise)
-        if ways and options.scaling and is_small(x0).mean() > SEVERAL:
-            ways.insert(0, self._enlarged)
+        ways = self._ways(form, x0, lambda: self.judgement.stated(outcome).x)
         if ways and not outcome.is_answer and _mean_row_scale(form) < DIVIDED:
             outcome = self._better(outcome, self._lighter(form, x0))
         if ways and not outcome.is_answer and options.scaling:
@@ -177,8 +169,33 @@ class _Solve:
         if ways and not outcome.is_answer:
             best = self._feasible()
             if best is not None:
-                outcome = self._better(outcome, self._settle(attempts.from_feasible(form, best)))
+                outcome = self._better(outcome, self._settle(self._from_feasible(form, best)))
         return self._conclude(outcome)
+
+    def _ways(self, form: ScaledProblem, x0: Floats, reached: Callable[[], Floats]) -> list[Way]:
+        """Other ways than from the guess ``x0`` (n,); ``reached`` tells how far (n,) those before have come."""
+        options, attempts = self.options, self.attempts
+        convex = once(is_convex, self.nlp)
+        ways: list[Way] = [attempts.held_barrier, attempts.nearby, attempts.elsewhere]
+        if form.gaps and not convex:
+            ways = [attempts.nearby, attempts.narrowed, attempts.less_narrowed, attempts.held_barrier]
+        if form.m and not convex:  # much is met at rest in the origin that is not near the guess
+            ways[:0] = [
+                lambda form, _: self._from_least_violation(form, reached()),
+                self._from_least_violation,
+                lambda form, x0: self._from_least_violation(form, np.zeros_like(x0)),
+            ]
+        if form.m or form.gaps:
+            ways.insert(0, attempts.feasible_first)
+        else:
+            ways.remove(attempts.held_barrier)  # it would do the same again
+        ways = ways[: options.retries]
+        if form.many_gaps and ways:
+            # Where rows are convex, the elastic form tells whether they can be met.
+            ways.insert(1 if convex else 0, attempts.otherwise)
+        if ways and options.scaling and is_small(x0).mean() > SEVERAL:
+            ways.insert(0, self._enlarged)
+        return ways
 
     def _unmoved(self, form: ScaledProblem, x0: Floats) -> Result:
         """The start, where no step is allowed from it; whether it is a solution is still to be told."""
@@ -272,6 +289,25 @@ class _Solve:
         """Start there with small variables scaled, too: units may be such that all are."""
         larger = self._scaled_anew(form, x0, form.objective_factor, small_too=True)
         return self.attempts.cold(larger, x0, self.options)
+
+    def _from_least_violation(self, form: ScaledProblem, x: Floats) -> Outcome | None:
+        """From the feasible point that the least violation leads to from ``x`` (n,), all scaled anew at either.
+
+        None where functions are undefined at ``x``.
+        """
+        from stc.solver.feasible_start import least_violation
+
+        x = between(x, self.nlp.x_lower, self.nlp.x_upper)
+        f, r = self.nlp.values(x)
+        if not np.isfinite(f + r.sum()):
+            return None
+        there = self._scaled_anew(form, x, form.objective_factor)
+        end, outcome = least_violation(there, x, self.options, self.monitor)
+        return outcome if end is not None else self._from_feasible(there, self.judgement.stated(outcome).x)
+
+    def _from_feasible(self, form: ScaledProblem, x: Floats) -> Outcome:
+        """From a feasible point ``x`` (n,), scaled anew there: a guess far from it tells little of sizes."""
+        return self.attempts.cold(self._scaled_anew(form, x, form.objective_factor), x, self.options)
 
     def _settle(self, outcome: Outcome) -> Outcome:
         """Hold a solution against the problem as stated; where it fails there, scale anew at it and go on.

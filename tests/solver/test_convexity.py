@@ -78,13 +78,13 @@ def test_one_that_can_be_met_is_solved(method: str) -> None:
 def test_others_are_tried_again(monkeypatch) -> None:
     """A distance that is to be kept makes a set that is not convex."""
     tried = []
-    feasible_first = Attempts.feasible_first
+    nearby = Attempts.nearby
 
     def noted(*arguments):
         tried.append(1)
-        return feasible_first(*arguments)
+        return nearby(*arguments)
 
-    monkeypatch.setattr(Attempts, "feasible_first", noted)
+    monkeypatch.setattr(Attempts, "nearby", noted)
     text = PUSHED.replace("MOST", "11").replace("<= most^2;", "<= most^2; x^2 + y^2 >= -1;")
     assert stc.load(text).solve().status == "infeasible"
     assert tried

@@ -1,0 +1,64 @@
+"""Feasible points to begin with: the objective is left aside until the rows are met."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stc.solver.elastic import ElasticProblem
+from stc.solver.interior import optimise
+from stc.solver.iterate import Iterate
+from stc.solver.monitor import Monitor
+from stc.solver.nlp import Floats
+from stc.solver.options import Options
+from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
+from stc.solver.restoration import elastic_of, meet_rows, returned
+from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.starting import cold_iterate
+
+__all__ = ["feasible_first", "least_violation"]
+
+LEAST = 0.1
+"""First barrier parameter of an elastic problem where the start violates rows by less."""
+STEPS = 300
+FEASIBLE = 100.0 * ACCEPTABLE
+"""The violation, scaled, from which a search with the objective meets the rows."""
+
+
+def feasible_first(
+    form: ScaledProblem, it: Iterate, options: Options, monitor: Monitor, tactics: Tactics
+) -> Outcome:
+    """As :func:`stc.solver.interior.optimise`, from the feasible point that the elastic problem near ``it`` has."""
+
+    def solve(elastic: ElasticProblem, start: Iterate, mu: float) -> Outcome:
+        return optimise(elastic, start, mu, options, monitor, tactics=tactics)
+
+    end, outcome = meet_rows(form, it, options.initial_barrier, options.feasibility_tolerance, solve)
+    if end is not None:
+        return Outcome(end, form, it.w[: form.n].copy(), it.y.copy(), outcome.error, it)
+    return optimise(form, it, options.initial_barrier, options, monitor, tactics=tactics)
+
+
+def least_violation(
+    form: ScaledProblem, x: Floats, options: Options, monitor: Monitor
+) -> tuple[End | None, Outcome]:
+    """Where the sum of the violations leads from ``x`` (n,), however far that is.
+
+    A restoration keeps near where it begins and close to the bounds that hold there; this begins far inside of them.
+
+    Returns:
+        None where the rows are met, at least nearly, else why to stop there; and the outcome, in terms of ``form``.
+
+    Raises:
+        Stopped: at a limit or on the user's request.
+    """
+    it = cold_iterate(form, x / form.x_scale, by_gaps=False)
+    elastic = elastic_of(form)
+    elastic.stay_near(it.w[: form.n], 0.0)
+    mu = max(LEAST, float(np.abs(it.c).max(initial=0.0)))
+    start = elastic.start(it.w, np.zeros(form.m), it.z, mu)
+    outcome = optimise(elastic, start, mu, options, monitor, tactics=Tactics(budget=STEPS))
+    end = returned(form, it, elastic, outcome, options.feasibility_tolerance)
+    own = it.w[: form.n].copy()
+    if end is None and form.violation(own, it.r) > FEASIBLE:
+        end = End.STUCK
+    return end, Outcome(end or End.CONVERGED, form, own, it.y.copy(), outcome.error, it)
