@@ -29,6 +29,8 @@ FEWER = 2
 """Brief restorations of the later attempts."""
 WIDEST, LESS_WIDE, NARROWED = 3.0, 1.0, 350
 """How much wider limits are at first, in distances between them, and the iterations that it may take to narrow them."""
+CLOSE = 0.1
+"""The violation allowed on the way from a feasible point."""
 
 
 class Attempts:
@@ -162,6 +164,10 @@ class Attempts:
     def less_narrowed(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
         """The same, from limits that are not as wide."""
         return self.narrowed(form, x0, LESS_WIDE)
+
+    def from_feasible(self, form: ScaledProblem, x: Floats) -> Outcome:
+        """Start at a feasible point ``x`` (n,), and do not leave the rows far behind."""
+        return self.barrier(form, x, Tactics(largest_theta=CLOSE), by_gaps=False)
 
     def _perturbed(self, form: ScaledProblem, x0: Floats, by: float) -> Floats:
         """A start near ``x0``, moved at random by a fraction of each variable's size."""

@@ -60,7 +60,7 @@ from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.search_passes import NOT_FINITE
 from stc.solver.stages import BLOCKED, FACTORIZATION, LAGS, LOOK, SEARCH, stages_of
 from stc.solver.starting import cold_iterate
-from stc.solver.unboundedness import is_unbounded
+from stc.solver.unboundedness import LOW, is_unbounded
 from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
 
 if TYPE_CHECKING:
@@ -276,8 +276,9 @@ class _Loop:
             return self._outcome(End.UNBOUNDED)
         if not self.error < LARGEST_ERROR or self.s[FARTHEST] > TOO_FAR:
             falling = self.drift.falling and it.f < 0.0
+            far = self.s[FARTHEST] > TOO_FAR or it.f < LOW
             feasible = self.s[PRIMAL] <= ACCEPTABLE
-            return self._outcome(End.UNBOUNDED) if feasible and falling else self._give_up()
+            return self._outcome(End.UNBOUNDED) if far and feasible and falling else self._give_up()
         if self.finish.is_due(it, self.error) and not self.drift.falling:
             done = self.finish.attempt(it, self.error)
             if done is not None:

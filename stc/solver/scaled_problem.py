@@ -38,6 +38,8 @@ LARGEST_BOUND = 1e4
 """Of an inequality row: a gradient that is small where all begins says nothing of a row that may become so large."""
 WEAK, WEAKEST = 1e-4, 1e-10
 """A variable whose entries of the scaled Jacobian are all smaller is measured in larger units."""
+UNEVEN = 0.1
+"""The same where rows of the usual scale have not led to a solution."""
 RELAXATION, SMALLEST_BOUND = 1e-9, 1e-3
 TINY = 1e-4
 """Where no variable is larger, nor may be, it is for the units."""
@@ -81,10 +83,12 @@ class ScaledProblem(Formulation):
         new_kkt: Callable[..., KKTSystem],
         objective_factor: float = 1.0,
         small_too: bool = False,
+        even: bool = False,
     ) -> None:
         """Scale ``nlp`` at ``x0`` (n,), a point where it is defined; the objective by ``objective_factor`` as well.
 
         Variables that are small there may become large: they are left alone unless ``small_too``, or all are tiny.
+        Where ``even``, each variable is measured such that it makes a difference to some row.
         """
         self.nlp = nlp
         self.n, self.m = nlp.n, nlp.m
@@ -94,7 +98,7 @@ class ScaledProblem(Formulation):
         self._set_pattern(nlp.jac_rows, nlp.jac_cols, nlp.hess_rows, nlp.hess_cols)
         self._held_user = nlp.x_lower == nlp.x_upper
         if options.scaling:
-            self._choose_scales(x0, small_too)
+            self._choose_scales(x0, small_too, UNEVEN if even else WEAK)
         self.objective_factor = objective_factor
         self.objective_scale *= objective_factor
         self._combine_scales()
@@ -140,7 +144,7 @@ class ScaledProblem(Formulation):
             return False
         return all(bool(np.isfinite(part.sum())) for part in self.derivatives(x, np.ones(self.m)))
 
-    def _choose_scales(self, x0: Floats, small_too: bool) -> None:
+    def _choose_scales(self, x0: Floats, small_too: bool, weak_below: float) -> None:
         nlp = self.nlp
         span = nlp.x_upper - nlp.x_lower
         magnitude = np.abs(x0)
@@ -153,7 +157,7 @@ class ScaledProblem(Formulation):
         entries = self._choose_function_scales(x0)
         columns = np.zeros(self.n)
         np.maximum.at(columns, self.jac_cols, entries * self.row_scale[self.jac_rows])
-        weak = (columns > 0.0) & (columns < WEAK)
+        weak = (columns > 0.0) & (columns < weak_below)
         if weak.any() and bool((self.x_scale >= 1.0).all()):  # else it is small that they are
             most = np.maximum(np.abs(nlp.x_lower), np.abs(nlp.x_upper))[weak]  # infinite where either is
             larger = np.minimum(self.x_scale[weak] / np.maximum(columns[weak], WEAKEST), most)

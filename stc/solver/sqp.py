@@ -39,6 +39,10 @@ DIVIDED, SHARED = 1e-3, 0.25
 which it is multiplied, too."""
 FAR_LARGER = 1e3
 """A variable that has become so many times larger than it was, or than it is measured in, tells of its units."""
+LIGHT = 1e-3, 1e-6
+"""Curvatures of the objective beside which scaled linear equations are told from such that depend on one another."""
+EVEN = 10.0
+"""Units of variables that differ by less would lead to the same again."""
 SEVERAL = 0.25
 """The share of the variables that are small, where that may be for the units."""
 GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
@@ -110,6 +114,7 @@ class _Solve:
         self.monitor = Monitor(options, callback)
         self.new_kkt: Callable[..., KKTSystem] = new_kkt or structured_kkt
         self.form: ScaledProblem | None = None
+        self._least: Outcome | None = None  # of a search for a feasible point from the guess
         self.judgement = Judgement(nlp, options)
         self.attempts = Attempts(nlp, options, self.monitor, self.judgement)
 
@@ -160,16 +165,18 @@ class _Solve:
             outcome = self._better(outcome, self._lighter(form, x0))
         if ways and not outcome.is_answer and options.scaling:
             outcome = self._better(outcome, self._resized(form, x0, outcome))
+        if ways and not outcome.is_answer and options.scaling:
+            outcome = self._better(outcome, self._evened(form, x0, outcome))
         for again in ways:
             if outcome.is_answer or self._is_proof(outcome):
                 break
             other = again(form, x0)
             if other is not None:
                 outcome = self._better(outcome, self._settle(other))
-        if ways and not outcome.is_answer:
-            best = self._feasible()
+        for again in (attempts.from_feasible, self._from_feasible) if ways else ():
+            best = None if outcome.is_answer else self._feasible()
             if best is not None:
-                outcome = self._better(outcome, self._settle(self._from_feasible(form, best)))
+                outcome = self._better(outcome, self._settle(again(form, best)))
         return self._conclude(outcome)
 
     def _ways(self, form: ScaledProblem, x0: Floats, reached: Callable[[], Floats]) -> list[Way]:
@@ -217,6 +224,8 @@ class _Solve:
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """From the guess."""
         outcome = self.attempts.linear_equations(form, x0)
+        if outcome is None and form.quadratic_program and not form.gaps:
+            outcome = self._even_equations(form, x0)
         if outcome is not None:
             return outcome
         return self._helped(form, GUESSED, lambda tactics: self.attempts.barrier(form, x0, tactics))
@@ -273,6 +282,45 @@ class _Solve:
         finally:
             kkt.trust_small_pivots(False)
 
+    def _even_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
+        """The solution of a quadratic program's linear equations where the scale stands in the way, or None.
+
+        A variable that makes little difference to its rows, as a force of tonnes does to accelerations, takes large
+        multipliers, and a curvature beside which its rows seem to depend on one another.
+        """
+        if not self.options.scaling:
+            return None
+        for light in LIGHT:
+            even = self._scaled_anew(form, x0, form.objective_factor, even=True)
+            _, _, hess = even.weighted_derivatives(x0 / even.x_scale, np.zeros(even.m), 1.0)
+            factor = light / max(float(np.abs(hess).max(initial=0.0)), light)
+            even = self._scaled_anew(form, x0, factor * form.objective_factor, even=True)
+            outcome = self.attempts.linear_equations(even, x0)
+            if outcome is not None:
+                return outcome
+        return None
+
+    def _evened(self, form: ScaledProblem, x0: Floats, outcome: Outcome) -> Outcome:
+        """From the guess, scaled such that each variable makes a difference to some row, or by a point that meets the
+        linear equations, if that is another scale; else ``outcome``.
+
+        A violation that seems to be stationary may be of rows whose variables have far to go.
+        """
+        even = self._scaled_anew(form, x0, form.objective_factor, even=True)
+        if form.linear:
+            from stc.solver.nearest import nearest_point
+
+            monitor = self.monitor
+            most = monitor.limit - monitor.iterations
+            left = replace(self.options, max_iterations=most, time_limit=monitor.time_left)
+            there, spent = nearest_point(self.nlp, even.x_scale, left)
+            monitor.limit -= spent
+            even = self._scaled_anew(form, there, form.objective_factor)
+        ratio = even.x_scale / form.x_scale
+        if ((ratio <= EVEN) & (ratio >= 1.0 / EVEN)).all():
+            return outcome
+        return self._settle(self.attempts.cold(even, x0, self.options))
+
     def _resized(self, form: ScaledProblem, x0: Floats, outcome: Outcome) -> Outcome:
         """From the guess, variables that an attempt has made much larger scaled by that; its outcome where none is.
 
@@ -289,6 +337,21 @@ class _Solve:
         """Start there with small variables scaled, too: units may be such that all are."""
         larger = self._scaled_anew(form, x0, form.objective_factor, small_too=True)
         return self.attempts.cold(larger, x0, self.options)
+
+    def _with_feasible_points(self, outcome: Outcome) -> Outcome:
+        """An objective that falls without limit, unless rows that were met nowhere on the way cannot be: far out, what
+        is missing is lost in rounding errors."""
+        best = self.monitor.best
+        if best is not None and best[0] <= self.options.feasibility_tolerance:
+            return outcome
+        if self._least is None:
+            from stc.solver.feasible_start import least_violation
+
+            assert isinstance(outcome.form, ScaledProblem)
+            x0 = between(np.asarray(self.start.x, dtype=float), self.nlp.x_lower, self.nlp.x_upper)
+            form = self._scaled_anew(outcome.form, x0, outcome.form.objective_factor)
+            self._least = least_violation(form, x0, self.options, self.monitor)[1]
+        return self._least if self._least.end is End.STATIONARY_VIOLATION else outcome
 
     def _from_least_violation(self, form: ScaledProblem, x: Floats) -> Outcome | None:
         """From the feasible point that the least violation leads to from ``x`` (n,), all scaled anew at either.
@@ -315,6 +378,8 @@ class _Solve:
         A point where the iteration stalled counts as a solution when the problem as stated confirms it, or when
         neither scaling could improve on it by more than rounding error, nor may anything be gained there.
         """
+        if outcome.end is End.UNBOUNDED:
+            return self._with_feasible_points(outcome)
         before: float | None = None
         for _ in range(RESCALINGS):
             if outcome.end not in (End.CONVERGED, End.STUCK):
@@ -352,10 +417,18 @@ class _Solve:
         return outcome
 
     def _scaled_anew(
-        self, form: ScaledProblem, x: Floats, objective_factor: float, small_too: bool = False
+        self,
+        form: ScaledProblem,
+        x: Floats,
+        objective_factor: float,
+        *,
+        small_too: bool = False,
+        even: bool = False,
     ) -> ScaledProblem:
         """The problem scaled at another point ``x`` (n,), or otherwise, with the linear algebra of ``form``."""
-        self.form = ScaledProblem(self.nlp, x, self.options, lambda *_: form.kkt, objective_factor, small_too)
+        self.form = ScaledProblem(
+            self.nlp, x, self.options, lambda *_: form.kkt, objective_factor, small_too, even
+        )
         return self.form
 
     def _better(self, one: Outcome, other: Outcome) -> Outcome:

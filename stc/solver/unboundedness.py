@@ -14,14 +14,15 @@ from stc.solver.products import term_sums
 from stc.solver.report import IterationRecord
 from stc.solver.scaled_problem import ScaledProblem
 
-__all__ = ["falling_to", "is_unbounded"]
+__all__ = ["LOW", "falling_to", "is_unbounded"]
 
 FAR = 1e7
 LOW = -1e20
-LOW_WHEN_FAR = -1e15
+"""An objective below any sensible value."""
 RAY = (10.0, 100.0, 1000.0)
 FEASIBLE = 1e-6
-RELATIVE = 1e-8
+RELATIVE = 1e-12
+"""Of the size of the terms of a row: what may be missing there for rounding, with a margin."""
 SMALL = 1e-4
 LONG, QUARTERS = 60, 5
 """Iterations of an attempt that is looked at, and at how many points of it."""
@@ -30,24 +31,25 @@ FAR_DOWN, EVENLY = 10.0, 0.05
 quarter."""
 
 
-def is_unbounded(form: Formulation, it: Iterate, size: float) -> bool:
+def is_unbounded(form: Formulation, it: Iterate, farthest: float) -> bool:
     """True when the objective is below any sensible value, or keeps falling along the ray through a far iterate.
 
     Both the iterate and the points tried on the ray have to be feasible, relative to the size of the terms in
     each row.
 
     Args:
-        size: of the largest variable.
+        farthest: the size of the largest variable or row.
     """
     if not isinstance(form, ScaledProblem):
         return False
-    if it.f > -1.0 or not (size > FAR or it.f < LOW):
+    if it.f > -1.0 or not (farthest > FAR or it.f < LOW):
         return False
     x = it.w[: form.n]
+    size = float(np.abs(x).max(initial=0.0))
+    if not (size > FAR or it.f < LOW):  # a row alone is large that has no limit on that side
+        return False
     if not _feasible(form, x, it.r):
         return False
-    if it.f < (LOW_WHEN_FAR if size > FAR else LOW):
-        return True
     # Small variables may have to stay; or they may belong to what grows, as the first frames of a motion do.
     large = np.where(np.abs(x) > SMALL * size, x, 0.0)
     return _falls(form, it, large) or _falls(form, it, x.copy())
