@@ -17,6 +17,8 @@ __all__ = ["Judgement", "Point"]
 LARGEST_MULTIPLIER = 1e12
 LARGEST_GAIN = 1e-6
 ROUNDING = 1e-12
+LARGE = 1e3
+"""A scaled variable that is larger has become so since."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +75,15 @@ class Judgement:
         """Whether the iteration stalled where the objective may still gain, or ended where a lighter one does not tell.
 
         A barrier that holds a point off many bounds leaves each of them a product too small to count: together they do.
-        So do slopes that are too small to count where variables are large, which those of quadratic programs may be.
+        So do slopes that are too small to count where variables are large, which those of quadratic programs may be, or
+        have become so.
         """
         form = outcome.form
         assert isinstance(form, ScaledProblem)
         doubtful = outcome.end is End.STUCK or form.objective_factor < 1.0
-        if not doubtful and form.quadratic_program:
-            slopes = outcome.error * float(np.abs(outcome.x).sum())
+        if not doubtful:
+            size = np.abs(outcome.x)
+            slopes = outcome.error * float(size.sum(where=form.quadratic_program or size > LARGE))
             doubtful = slopes > LARGEST_GAIN * form.objective_scale * max(
                 1.0, abs(self.assess(point).objective)
             )
