@@ -22,6 +22,7 @@ from stc.solver.polish import MET, meet_equations
 from stc.solver.presolve import presolved
 from stc.solver.products import between, inner
 from stc.solver.report import Callback, Result, Start
+from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem, is_small
 from stc.solver.starting import WARM_BARRIER, warm_iterate
@@ -34,15 +35,6 @@ RESCALINGS = 3
 UNCHANGED = 1e-9
 LARGE_MULTIPLIER = 1e6
 DISPROOF = 0.1
-DIVIDED, SHARED = 1e-3, 0.25
-"""Rows that are multiplied by so little in the mean leave the objective too heavy beside them; the power of that by
-which it is multiplied, too."""
-FAR_LARGER = 1e3
-"""A variable that has become so many times larger than it was, or than it is measured in, tells of its units."""
-LIGHT = 1e-3, 1e-6
-"""Curvatures of the objective beside which scaled linear equations are told from such that depend on one another."""
-EVEN = 10.0
-"""Units of variables that differ by less would lead to the same again."""
 SEVERAL = 0.25
 """The share of the variables that are small, where that may be for the units."""
 GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
@@ -93,11 +85,6 @@ def _contradicts(nlp: NLP) -> bool:
     return bool(np.any(nlp.x_lower > nlp.x_upper) or np.any(nlp.row_lower > nlp.row_upper))
 
 
-def _mean_row_scale(form: ScaledProblem) -> float:
-    """The geometric mean of what the rows are multiplied by."""
-    return float(np.exp(np.log(form.row_scale).mean())) if form.m else 1.0
-
-
 class _Solve:
     """One solve: the phases in their order, and the result."""
 
@@ -117,6 +104,7 @@ class _Solve:
         self._least: Outcome | None = None  # of a search for a feasible point from the guess
         self.judgement = Judgement(nlp, options)
         self.attempts = Attempts(nlp, options, self.monitor, self.judgement)
+        self.rescalings = Rescalings(self.attempts)
 
     def run(self) -> Result:
         nlp = self.nlp
@@ -160,37 +148,44 @@ class _Solve:
             )
         else:
             outcome = self._settle(self._cold(form, x0))
-        ways = self._ways(form, x0, lambda: self.judgement.stated(outcome).x)
-        if ways and not outcome.is_answer and _mean_row_scale(form) < DIVIDED:
-            outcome = self._better(outcome, self._lighter(form, x0))
-        if ways and not outcome.is_answer and options.scaling:
-            outcome = self._better(outcome, self._resized(form, x0, outcome))
-        if ways and not outcome.is_answer and options.scaling:
-            outcome = self._better(outcome, self._evened(form, x0, outcome))
-        for again in ways:
-            if outcome.is_answer or self._is_proof(outcome):
+
+        def reached() -> Floats:
+            return self.judgement.stated(outcome).x
+
+        ways = self._ways(form, x0, reached)
+        for again in self._scales(reached) + ways if ways else []:
+            if outcome.is_answer or (again in ways and self._is_proof(outcome)):
                 break
             other = again(form, x0)
             if other is not None:
                 outcome = self._better(outcome, self._settle(other))
-        for again in (attempts.from_feasible, self._from_feasible) if ways else ():
+        for again in (attempts.from_feasible, self.rescalings.from_feasible) if ways else ():
             best = None if outcome.is_answer else self._feasible()
             if best is not None:
                 outcome = self._better(outcome, self._settle(again(form, best)))
         return self._conclude(outcome)
 
+    def _scales(self, reached: Callable[[], Floats]) -> list[Way]:
+        """The same way in other scales; ``reached`` as for others."""
+        scales = self.rescalings
+        return [
+            lambda form, x0: scales.lighter(form, x0, self._settle),
+            lambda form, x0: scales.resized(form, x0, reached()),
+            scales.evened,
+        ]
+
     def _ways(self, form: ScaledProblem, x0: Floats, reached: Callable[[], Floats]) -> list[Way]:
         """Other ways than from the guess ``x0`` (n,); ``reached`` tells how far (n,) those before have come."""
-        options, attempts = self.options, self.attempts
+        options, attempts, scales = self.options, self.attempts, self.rescalings
         convex = once(is_convex, self.nlp)
         ways: list[Way] = [attempts.held_barrier, attempts.nearby, attempts.elsewhere]
         if form.gaps and not convex:
             ways = [attempts.nearby, attempts.narrowed, attempts.less_narrowed, attempts.held_barrier]
         if form.m and not convex:  # much is met at rest in the origin that is not near the guess
             ways[:0] = [
-                lambda form, _: self._from_least_violation(form, reached()),
-                self._from_least_violation,
-                lambda form, x0: self._from_least_violation(form, np.zeros_like(x0)),
+                lambda form, _: scales.from_least_violation(form, reached()),
+                scales.from_least_violation,
+                lambda form, x0: scales.from_least_violation(form, np.zeros_like(x0)),
             ]
         if form.m or form.gaps:
             ways.insert(0, attempts.feasible_first)
@@ -201,7 +196,7 @@ class _Solve:
             # Where rows are convex, the elastic form tells whether they can be met.
             ways.insert(1 if convex else 0, attempts.otherwise)
         if ways and options.scaling and is_small(x0).mean() > SEVERAL:
-            ways.insert(0, self._enlarged)
+            ways.insert(0, scales.enlarged)
         return ways
 
     def _unmoved(self, form: ScaledProblem, x0: Floats) -> Result:
@@ -225,7 +220,7 @@ class _Solve:
         """From the guess."""
         outcome = self.attempts.linear_equations(form, x0)
         if outcome is None and form.quadratic_program and not form.gaps:
-            outcome = self._even_equations(form, x0)
+            outcome = self.rescalings.even_equations(form, x0)
         if outcome is not None:
             return outcome
         return self._helped(form, GUESSED, lambda tactics: self.attempts.barrier(form, x0, tactics))
@@ -266,78 +261,6 @@ class _Solve:
         """Whether the outcome is a violation that is the smallest of all."""
         return outcome.end is End.STATIONARY_VIOLATION and once(is_convex, self.nlp)
 
-    def _lighter(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """From the guess, the objective divided like the rows, in part, and small pivots trusted.
-
-        Where differences over short intervals make rows large, multipliers are as many times larger beside an objective
-        that is not divided, and matrices singular to working precision: fourth differences on 240 frames are.
-        """
-        factor = _mean_row_scale(form) ** SHARED
-        lighter = self._scaled_anew(form, x0, factor)
-        kkt = lighter.attached_kkt
-        kkt.trust_small_pivots(True)
-        try:
-            options = replace(self.options, tolerance=factor * self.options.tolerance)
-            return self._settle(self.attempts.cold(lighter, x0, options))
-        finally:
-            kkt.trust_small_pivots(False)
-
-    def _even_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
-        """The solution of a quadratic program's linear equations where the scale stands in the way, or None.
-
-        A variable that makes little difference to its rows, as a force of tonnes does to accelerations, takes large
-        multipliers, and a curvature beside which its rows seem to depend on one another.
-        """
-        if not self.options.scaling:
-            return None
-        for light in LIGHT:
-            even = self._scaled_anew(form, x0, form.objective_factor, even=True)
-            _, _, hess = even.weighted_derivatives(x0 / even.x_scale, np.zeros(even.m), 1.0)
-            factor = light / max(float(np.abs(hess).max(initial=0.0)), light)
-            even = self._scaled_anew(form, x0, factor * form.objective_factor, even=True)
-            outcome = self.attempts.linear_equations(even, x0)
-            if outcome is not None:
-                return outcome
-        return None
-
-    def _evened(self, form: ScaledProblem, x0: Floats, outcome: Outcome) -> Outcome:
-        """From the guess, scaled such that each variable makes a difference to some row, or by a point that meets the
-        linear equations, if that is another scale; else ``outcome``.
-
-        A violation that seems to be stationary may be of rows whose variables have far to go.
-        """
-        even = self._scaled_anew(form, x0, form.objective_factor, even=True)
-        if form.linear:
-            from stc.solver.nearest import nearest_point
-
-            monitor = self.monitor
-            most = monitor.limit - monitor.iterations
-            left = replace(self.options, max_iterations=most, time_limit=monitor.time_left)
-            there, spent = nearest_point(self.nlp, even.x_scale, left)
-            monitor.limit -= spent
-            even = self._scaled_anew(form, there, form.objective_factor)
-        ratio = even.x_scale / form.x_scale
-        if ((ratio <= EVEN) & (ratio >= 1.0 / EVEN)).all():
-            return outcome
-        return self._settle(self.attempts.cold(even, x0, self.options))
-
-    def _resized(self, form: ScaledProblem, x0: Floats, outcome: Outcome) -> Outcome:
-        """From the guess, variables that an attempt has made much larger scaled by that; its outcome where none is.
-
-        A claim of infeasibility is as good as the scales that it was made with.
-        """
-        far = self.judgement.stated(outcome).x
-        larger = np.abs(far) > FAR_LARGER * np.maximum(form.x_scale, np.abs(x0))
-        if not larger.any():
-            return outcome
-        resized = self._scaled_anew(form, np.where(larger, far, x0), form.objective_factor)
-        return self._settle(self.attempts.cold(resized, x0, self.options))
-
-    def _enlarged(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """Start there with small variables scaled, too: units may be such that all are."""
-        larger = self._scaled_anew(form, x0, form.objective_factor, small_too=True)
-        return self.attempts.cold(larger, x0, self.options)
-
     def _with_feasible_points(self, outcome: Outcome) -> Outcome:
         """An objective that falls without limit, unless rows that were met nowhere on the way cannot be: far out, what
         is missing is lost in rounding errors."""
@@ -349,28 +272,9 @@ class _Solve:
 
             assert isinstance(outcome.form, ScaledProblem)
             x0 = between(np.asarray(self.start.x, dtype=float), self.nlp.x_lower, self.nlp.x_upper)
-            form = self._scaled_anew(outcome.form, x0, outcome.form.objective_factor)
+            form = self.rescalings.scaled_anew(outcome.form, x0, outcome.form.objective_factor)
             self._least = least_violation(form, x0, self.options, self.monitor)[1]
         return self._least if self._least.end is End.STATIONARY_VIOLATION else outcome
-
-    def _from_least_violation(self, form: ScaledProblem, x: Floats) -> Outcome | None:
-        """From the feasible point that the least violation leads to from ``x`` (n,), all scaled anew at either.
-
-        None where functions are undefined at ``x``.
-        """
-        from stc.solver.feasible_start import least_violation
-
-        x = between(x, self.nlp.x_lower, self.nlp.x_upper)
-        f, r = self.nlp.values(x)
-        if not np.isfinite(f + r.sum()):
-            return None
-        there = self._scaled_anew(form, x, form.objective_factor)
-        end, outcome = least_violation(there, x, self.options, self.monitor)
-        return outcome if end is not None else self._from_feasible(there, self.judgement.stated(outcome).x)
-
-    def _from_feasible(self, form: ScaledProblem, x: Floats) -> Outcome:
-        """From a feasible point ``x`` (n,), scaled anew there: a guess far from it tells little of sizes."""
-        return self.attempts.cold(self._scaled_anew(form, x, form.objective_factor), x, self.options)
 
     def _settle(self, outcome: Outcome) -> Outcome:
         """Hold a solution against the problem as stated; where it fails there, scale anew at it and go on.
@@ -409,27 +313,12 @@ class _Solve:
                     outcome.end = End.CONVERGED
                 return outcome
             before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None
-            form = self._scaled_anew(form, point.x, form.objective_factor)
+            form = self.rescalings.scaled_anew(form, point.x, form.objective_factor)
             it = warm_iterate(form, point.x / form.x_scale, form.scaled_multipliers(point.y))
             outcome = optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=Tactics())
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome
-
-    def _scaled_anew(
-        self,
-        form: ScaledProblem,
-        x: Floats,
-        objective_factor: float,
-        *,
-        small_too: bool = False,
-        even: bool = False,
-    ) -> ScaledProblem:
-        """The problem scaled at another point ``x`` (n,), or otherwise, with the linear algebra of ``form``."""
-        self.form = ScaledProblem(
-            self.nlp, x, self.options, lambda *_: form.kkt, objective_factor, small_too, even
-        )
-        return self.form
 
     def _better(self, one: Outcome, other: Outcome) -> Outcome:
         """The outcome that says more; of two that say the same, that with the smaller violation."""

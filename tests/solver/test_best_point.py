@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import stc
-from stc.solver import Options, minimize, sqp
+from stc.solver import Options, minimize
 from stc.solver.attempts import Attempts
 from stc.solver.outcome import End, Outcome, Tactics
+from stc.solver.rescaling import Rescalings
 from stc.solver.scaled_problem import ScaledProblem
 
 #: Least at (1, 1), or at the bounds of x or y.
@@ -38,7 +39,7 @@ def test_the_last_attempt_starts_from_the_best_feasible_point(monkeypatch: pytes
 
     monkeypatch.setattr(Attempts, "barrier", lost)
     monkeypatch.setattr(Attempts, "feasible_first", lambda self, form, x0: lost(self, form, x0, Tactics()))
-    monkeypatch.setattr(sqp._Solve, "_from_least_violation", lambda *_: None)
+    monkeypatch.setattr(Rescalings, "from_least_violation", lambda *_: None)
     result = minimize(nlp, Options(presolve=False))
     assert len(starts) == 1
     np.testing.assert_array_equal(starts[0], FEASIBLE)

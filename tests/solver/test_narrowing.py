@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import stc
-from stc.solver import Options, minimize, sqp
+from stc.solver import Options, minimize
 from stc.solver.kkt import structured_kkt
 from stc.solver.narrowing import Widened, narrowed_start
+from stc.solver.rescaling import Rescalings
 
 #: An acrobot swings up within limits a little wider than a motion needs that does.
 ACROBOT = """
@@ -94,7 +95,7 @@ def test_limits_are_widened_and_equations_are_not() -> None:
 
 
 def test_the_way_is_told_of_and_can_be_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sqp._Solve, "_from_least_violation", lambda *_: None)  # which finds it before
+    monkeypatch.setattr(Rescalings, "from_least_violation", lambda *_: None)  # which finds it before
     seen: list[tuple[int, str]] = []
     shape = bound(ACROBOT).x0.shape
 

@@ -45,9 +45,9 @@ def test_small_variables_are_scaled_where_the_first_attempt_fails(monkeypatch: p
     scaled: list[bool] = []
     original = ScaledProblem._choose_scales
 
-    def choose(self: ScaledProblem, x0: np.ndarray, small_too: bool) -> None:
+    def choose(self: ScaledProblem, x0: np.ndarray, small_too: bool, weak_below: float) -> None:
         scaled.append(small_too)
-        original(self, x0, small_too)
+        original(self, x0, small_too, weak_below)
 
     monkeypatch.setattr(ScaledProblem, "_choose_scales", choose)
     result = minimize(nlp, Options())

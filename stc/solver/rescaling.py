@@ -1,0 +1,146 @@
+"""Attempts at a problem in other scales: where units stand in the way of the usual one, or sizes come to light."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from stc.solver.attempts import Attempts
+from stc.solver.nlp import Floats
+from stc.solver.outcome import Outcome
+from stc.solver.products import between
+from stc.solver.scaled_problem import ScaledProblem
+
+__all__ = ["Rescalings"]
+
+DIVIDED, SHARED = 1e-3, 0.25
+"""Rows that are multiplied by so little in the mean leave the objective too heavy beside them; the power of that by
+which it is multiplied, too."""
+FAR_LARGER = 1e3
+"""A variable that has become so many times larger than it was, or than it is measured in, tells of its units."""
+LIGHT = 1e-3, 1e-6
+"""Curvatures of the objective beside which scaled linear equations are told from such that depend on one another."""
+EVEN = 10.0
+"""Units of variables that differ by less would lead to the same again."""
+
+
+class Rescalings:
+    """Other scales for the problem of some attempts. Each attempt is None where nothing would be different."""
+
+    def __init__(self, attempts: Attempts) -> None:
+        self.attempts = attempts
+        self.nlp, self.options = attempts.nlp, attempts.options
+        self.monitor, self.judgement = attempts.monitor, attempts.judgement
+
+    def scaled_anew(
+        self,
+        form: ScaledProblem,
+        x: Floats,
+        objective_factor: float,
+        *,
+        small_too: bool = False,
+        even: bool = False,
+    ) -> ScaledProblem:
+        """The problem scaled at another point ``x`` (n,), or otherwise, with the linear algebra of ``form``."""
+        return ScaledProblem(
+            self.nlp, x, self.options, lambda *_: form.kkt, objective_factor, small_too, even
+        )
+
+    def lighter(
+        self, form: ScaledProblem, x0: Floats, settle: Callable[[Outcome], Outcome]
+    ) -> Outcome | None:
+        """From the guess, the objective divided like the rows, in part, and small pivots trusted; then ``settle``.
+
+        Where differences over short intervals make rows large, multipliers are as many times larger beside an objective
+        that is not divided, and matrices singular to working precision: fourth differences on 240 frames are.
+        """
+        mean = float(np.exp(np.log(form.row_scale).mean())) if form.m else 1.0
+        if mean >= DIVIDED:
+            return None
+        factor = mean**SHARED
+        lighter = self.scaled_anew(form, x0, factor)
+        kkt = lighter.attached_kkt
+        kkt.trust_small_pivots(True)
+        try:
+            options = replace(self.options, tolerance=factor * self.options.tolerance)
+            return settle(self.attempts.cold(lighter, x0, options))
+        finally:
+            kkt.trust_small_pivots(False)
+
+    def even_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
+        """The solution of a quadratic program's linear equations where the scale stands in the way, or None.
+
+        A variable that makes little difference to its rows, as a force of tonnes does to accelerations, takes large
+        multipliers, and a curvature beside which its rows seem to depend on one another.
+        """
+        if not self.options.scaling:
+            return None
+        for light in LIGHT:
+            even = self.scaled_anew(form, x0, form.objective_factor, even=True)
+            _, _, hess = even.weighted_derivatives(x0 / even.x_scale, np.zeros(even.m), 1.0)
+            factor = light / max(float(np.abs(hess).max(initial=0.0)), light)
+            even = self.scaled_anew(form, x0, factor * form.objective_factor, even=True)
+            outcome = self.attempts.linear_equations(even, x0)
+            if outcome is not None:
+                return outcome
+        return None
+
+    def evened(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
+        """From the guess, scaled such that each variable makes a difference to some row, or by a point that meets the
+        linear equations.
+
+        A violation that seems to be stationary may be of rows whose variables have far to go.
+        """
+        if not self.options.scaling:
+            return None
+        even = self.scaled_anew(form, x0, form.objective_factor, even=True)
+        if form.linear:
+            from stc.solver.nearest import nearest_point
+
+            monitor = self.monitor
+            most = monitor.limit - monitor.iterations
+            left = replace(self.options, max_iterations=most, time_limit=monitor.time_left)
+            there, spent = nearest_point(self.nlp, even.x_scale, left)
+            monitor.limit -= spent
+            even = self.scaled_anew(form, there, form.objective_factor)
+        ratio = even.x_scale / form.x_scale
+        if ((ratio <= EVEN) & (ratio >= 1.0 / EVEN)).all():
+            return None
+        return self.attempts.cold(even, x0, self.options)
+
+    def resized(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
+        """From the guess, variables that are much larger where an attempt ended, (n,), scaled by that.
+
+        A claim of infeasibility is as good as the scales that it was made with.
+        """
+        larger = np.abs(reached) > FAR_LARGER * np.maximum(form.x_scale, np.abs(x0))
+        if not self.options.scaling or not larger.any():
+            return None
+        resized = self.scaled_anew(form, np.where(larger, reached, x0), form.objective_factor)
+        return self.attempts.cold(resized, x0, self.options)
+
+    def enlarged(self, form: ScaledProblem, x0: Floats) -> Outcome:
+        """Start there with small variables scaled, too: units may be such that all are."""
+        larger = self.scaled_anew(form, x0, form.objective_factor, small_too=True)
+        return self.attempts.cold(larger, x0, self.options)
+
+    def from_least_violation(self, form: ScaledProblem, x: Floats) -> Outcome | None:
+        """From the feasible point that the least violation leads to from ``x`` (n,), all scaled anew at either.
+
+        None where functions are undefined at ``x``.
+        """
+        from stc.solver.feasible_start import least_violation
+
+        x = between(x, self.nlp.x_lower, self.nlp.x_upper)
+        f, r = self.nlp.values(x)
+        if not np.isfinite(f + r.sum()):
+            return None
+        there = self.scaled_anew(form, x, form.objective_factor)
+        end, outcome = least_violation(there, x, self.options, self.monitor)
+        return outcome if end is not None else self.from_feasible(there, self.judgement.stated(outcome).x)
+
+    def from_feasible(self, form: ScaledProblem, x: Floats) -> Outcome:
+        """From a feasible point ``x`` (n,), scaled anew there: a guess far from it tells little of sizes."""
+        return self.attempts.cold(self.scaled_anew(form, x, form.objective_factor), x, self.options)
