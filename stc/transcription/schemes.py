@@ -126,7 +126,7 @@ def sum_weights(nodes: Nodes, first: int, last: int) -> NDArray[np.float64]:
         return np.where(nodes.side != 0, 0.5, 1.0)
     number, _, share = quadrature(nodes, first, last)
     at_end = ~nodes.is_midpoint & ((nodes.frame == first) | (nodes.frame == last))
-    return np.bincount(number, share, minlength=len(nodes)) + np.where(at_end, 0.5, 0.0)
+    return np.asarray(np.bincount(number, share, minlength=len(nodes)) + np.where(at_end, 0.5, 0.0))
 
 
 def quadrature(nodes: Nodes, first: int, last: int) -> tuple[IntArray, IntArray, NDArray[np.float64]]:

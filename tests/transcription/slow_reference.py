@@ -56,7 +56,7 @@ class SlowMotion:
         frame = int(at)
         holding = [p for p in self.problem.definitions[name] if p.range.first <= frame <= p.range.last]
         if at != frame and frame in self.jumps:
-            side = "after"  # a midpoint has the definition of the frame before it, where that one jumps of its later side
+            side = "after"  # a midpoint reads the frame before it on the side nearer to it
         if side and name != "h":
             wrong = "first" if side == "before" else "last"
             proper = [p for p in holding if p.range.first == p.range.last or getattr(p.range, wrong) != frame]

@@ -1,4 +1,4 @@
-"""Ranged definitions, forces and Lagrangians in the step after a jump, and the weights of terms that are partly relative.
+"""Ranged definitions, forces and Lagrangians in the step after a jump; weights of terms that are partly relative.
 
 The truth is motions that can be told by hand.
 """
