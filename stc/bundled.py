@@ -24,7 +24,7 @@ def find_spec(name: str | os.PathLike[str]) -> Path:
         UsageError: neither exists; the hint offers the nearest file or bundled name.
     """
     if not str(name).strip():
-        raise UsageError("the name of the spec is empty", "`stc list` names the bundled specs")
+        raise UsageError("the spec is empty: no path, no name, no text", "`stc list` names the bundled specs")
     path = Path(name)
     candidates = (path, path.with_name(path.name + SUFFIX)) if path.name else ()
     for candidate in candidates:

@@ -58,12 +58,15 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
     """The text of a spec: a path, a bundled name, or the text itself (anything with a line break or a colon).
 
     Raises:
-        UsageError: no such spec, a file that is not UTF-8 text, or one that holds a solution or table instead.
+        UsageError: no such spec, a file that is not UTF-8 text, or one that holds a solution or table instead; a
+            text or file without anything in it.
     """
     if not isinstance(spec, str | os.PathLike):
         raise UsageError(f"a spec is a path, a bundled name or its text, not {spec!r}")
     if isinstance(spec, str) and ("\n" in spec or "\r" in spec or (":" in spec and ";" in spec)):
-        return Source("<text>", spec.replace("\r\n", "\n").replace("\r", "\n"))  # as files are read
+        return _with_text(
+            Source("<text>", spec.replace("\r\n", "\n").replace("\r", "\n"))
+        )  # as files are read
     path = find_spec(spec)
     if is_solution(path):
         from stc.solution_file import refuse_as_spec
@@ -79,7 +82,19 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
         ) from error
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
-    return Source(str(spec) if Path(spec).is_file() else path.name, text, str(path))
+    return _with_text(Source(str(spec) if Path(spec).is_file() else path.name, text, str(path)))
+
+
+def _with_text(source: Source) -> Source:
+    """A source that holds anything but blanks.
+
+    Raises:
+        UsageError: it does not.
+    """
+    if not source.text.strip():
+        what = source.name if source.path else "the text of the spec"
+        raise UsageError(f"{what} is empty", "a spec has sections: `constants: n = 60; variables: x; ...`")
+    return source
 
 
 def transcribe(problem: Problem) -> Transcription:
