@@ -273,8 +273,8 @@ class Model:
 
         Raises:
             SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
-            UsageError: an unknown constant, method, optimizer or file, a tolerance or limit that cannot be meant, or an
-                optimizer that cannot do it.
+            UsageError: an unknown constant, method, optimizer or file, a tolerance or limit that cannot be meant, an
+                optimizer that cannot do it, or an earlier solution that shares no variable.
         """
         begin = time.perf_counter()
         options = given_options(tolerance, max_iterations, time_limit)
@@ -372,8 +372,21 @@ class Model:
         transcription: Transcription,
         problem: Problem,
     ) -> Start:
-        """Where to start from an earlier solution; with multipliers where it was optimal."""
+        """Where to start from an earlier solution; with multipliers where it was optimal.
+
+        Raises:
+            UsageError: it is another spec's and has none of the problem's variables.
+        """
         earlier = warm_start if isinstance(warm_start, Solution) else read(warm_start)
+        if earlier.source != self.text:
+            from stc.guess_file import SolutionValues
+
+            if problem.variables and not set(problem.variables).intersection(earlier.variables):
+                raise UsageError(
+                    f"the motion of {earlier.name} has no variable of {problem.name}",
+                    f"it has {', '.join(earlier.variables)}, and {problem.name} {', '.join(problem.variables)}",
+                )
+            check_names(SolutionValues(earlier), problem)
         return self.follow(earlier, transcription, problem)[0]
 
     def follow(
