@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from stc import specs
-from stc.errors import UsageError
+from stc.errors import Source, UsageError
 
 SUFFIX = ".stc"
 SOLUTION_SUFFIXES = (".npz", ".csv")
@@ -43,6 +43,18 @@ def find_spec(name: str | os.PathLike[str]) -> Path:
     )
     where = "neither a file nor among the bundled ones" if plain else "no such file"
     raise UsageError(f"there is no spec `{name}`: {where}", hint)
+
+
+def with_text(source: Source) -> Source:
+    """A source, if it holds anything but blanks.
+
+    Raises:
+        UsageError: it does not.
+    """
+    if not source.text.strip():
+        what = source.name if source.path else "the text of the spec"
+        raise UsageError(f"{what} is empty", "a spec has sections: `constants: n = 60; variables: x; ...`")
+    return source
 
 
 def _nearest(path: Path, plain: bool) -> str | None:

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stc.alignment import Alignment
 from stc.arguments import numbers
-from stc.bundled import find_spec, is_solution
+from stc.bundled import find_spec, is_solution, with_text
 from stc.collecting import collect
 from stc.errors import Diagnostic, Source, SpecError, StcError, UsageError
 from stc.language import read_problem
@@ -40,7 +40,7 @@ from stc.solving import ColdSolve, solve
 from stc.transcription import Transcription
 from stc.transcription import transcribe as _transcribe
 from stc.transcription.bind import BoundProgram
-from stc.transcription.guess import check_names
+from stc.transcription.guess import check_motion, check_names
 from stc.transcription.schemes import METHODS
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
     if not isinstance(spec, str | os.PathLike):
         raise UsageError(f"a spec is a path, a bundled name or its text, not {spec!r}")
     if isinstance(spec, str) and ("\n" in spec or "\r" in spec or (":" in spec and ";" in spec)):
-        return _with_text(
+        return with_text(
             Source("<text>", spec.replace("\r\n", "\n").replace("\r", "\n"))
         )  # as files are read
     path = find_spec(spec)
@@ -82,19 +82,7 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
         ) from error
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
-    return _with_text(Source(str(spec) if Path(spec).is_file() else path.name, text, str(path)))
-
-
-def _with_text(source: Source) -> Source:
-    """A source that holds anything but blanks.
-
-    Raises:
-        UsageError: it does not.
-    """
-    if not source.text.strip():
-        what = source.name if source.path else "the text of the spec"
-        raise UsageError(f"{what} is empty", "a spec has sections: `constants: n = 60; variables: x; ...`")
-    return source
+    return with_text(Source(str(spec) if Path(spec).is_file() else path.name, text, str(path)))
 
 
 def transcribe(problem: Problem) -> Transcription:
@@ -379,14 +367,7 @@ class Model:
         """
         earlier = warm_start if isinstance(warm_start, Solution) else read(warm_start)
         if earlier.source != self.text:
-            from stc.guess_file import SolutionValues
-
-            if problem.variables and not set(problem.variables).intersection(earlier.variables):
-                raise UsageError(
-                    f"the motion of {earlier.name} has no variable of {problem.name}",
-                    f"it has {', '.join(earlier.variables)}, and {problem.name} {', '.join(problem.variables)}",
-                )
-            check_names(SolutionValues(earlier), problem)
+            check_motion(earlier, problem)
         return self.follow(earlier, transcription, problem)[0]
 
     def follow(
