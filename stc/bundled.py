@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from stc import specs
-from stc.errors import UsageError
+from stc.errors import Source, UsageError
 
 SUFFIX = ".stc"
 SOLUTION_SUFFIXES = (".npz", ".csv")
@@ -24,7 +24,7 @@ def find_spec(name: str | os.PathLike[str]) -> Path:
         UsageError: neither exists; the hint offers the nearest file or bundled name.
     """
     if not str(name).strip():
-        raise UsageError("the name of the spec is empty", "`stc list` names the bundled specs")
+        raise UsageError("the spec is empty: no path, no name, no text", "`stc list` names the bundled specs")
     path = Path(name)
     candidates = (path, path.with_name(path.name + SUFFIX)) if path.name else ()
     for candidate in candidates:
@@ -43,6 +43,18 @@ def find_spec(name: str | os.PathLike[str]) -> Path:
     )
     where = "neither a file nor among the bundled ones" if plain else "no such file"
     raise UsageError(f"there is no spec `{name}`: {where}", hint)
+
+
+def with_text(source: Source) -> Source:
+    """A source, if it holds anything but blanks.
+
+    Raises:
+        UsageError: it does not.
+    """
+    if not source.text.strip():
+        what = source.name if source.path else "the text of the spec"
+        raise UsageError(f"{what} is empty", "a spec has sections: `constants: n = 60; variables: x; ...`")
+    return source
 
 
 def _nearest(path: Path, plain: bool) -> str | None:

@@ -8,16 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from stc.problem import Problem
+from stc.problem import FrameRange, Problem, VariableRef
+from stc.records import dataclass
 from stc.solution import ReplayChannel, Solution
 from stc.solver import Result
 from stc.solver.optimizers import DEFAULT
+from stc.symbolic.expr import Expr, symbols
 from stc.trajectory import Channel
 from stc.transcription import Transcription
+from stc.transcription.grid import Nodes
 from stc.transcription.multipliers import multiplier_blocks
 from stc.transcription.recover import Recovery
 from stc.transcription.schemes import stencil_reach
-from stc.transcription.statements import highest_orders
 
 __all__ = ["collect"]
 
@@ -59,7 +61,7 @@ def collect(
         multipliers=multiplier_blocks(transcription, result.row_multipliers, result.bound_multipliers),
         model=problem.model,
         replay=_replay_channels(problem, recovery),
-        force_frames=_force_frames(problem),
+        force_frames=_force_frames(transcription),
     )
 
 
@@ -84,10 +86,100 @@ def _replay_channels(problem: Problem, recovery: Recovery) -> list[ReplayChannel
     return channels
 
 
-def _force_frames(problem: Problem) -> tuple[int, int]:
-    """The frames at which central differences leave no statement out."""
-    highest = 0
-    if problem.method == "central":
-        highest = max(highest_orders(problem, [r.body for r in problem.relations]).values(), default=0)
-    reach = min(stencil_reach(highest), problem.n // 2) if highest > 1 else 0
-    return reach, problem.n - reach
+def _force_frames(transcription: Transcription) -> tuple[int, int]:
+    """The frames at which the equations of motion hold: all but those that central differences cut off."""
+    if transcription.problem.method != "central":
+        return 0, transcription.problem.n
+    found: tuple[int, int] = transcription.remembered("frames of motion", _frames_of_motion)
+    return found
+
+
+def _frames_of_motion(transcription: Transcription) -> tuple[int, int]:
+    """The first and the last frame at which the equations of motion hold.
+
+    Central differences do not reach the ends.  Equations of motion are the equalities on several frames that
+
+    - hold a coordinate's second derivative, and no higher one of a coordinate, or come from a Lagrangian; or
+    - name a force at their own frame alone, so that nothing else tells its value where they are left out; or
+    - where no force is named, hold a coordinate at neighbouring frames.
+
+    Coordinates are what the joint lines of the replay are made of; forces are what its actuators and outer forces
+    are made of, and what laws that hold on all frames tie to these.  A force line that is made of accelerations
+    itself counts like an equation.  Only ranges that begin or end where derivatives or indices end their reach are
+    cut off by it.
+    """
+    problem, n = transcription.problem, transcription.problem.n
+    lines = [line for line in problem.replay if line.kind in ("actuator", "apply", "contact")]
+    joints = [line.body for line in problem.replay if line.kind == "joint"]
+    whole = FrameRange(0, n)
+    coordinates = _names(transcription, joints) if joints else set(problem.variables)
+    forces = _names(transcription, [line.body for line in lines]) - coordinates
+    equations = [r for r in problem.relations if r.is_equality and r.range.first < r.range.last]
+    stretches = [_Stretch.of(transcription, r.body, r.range) for r in equations]
+    laws = [each.names - coordinates for each in stretches if (each.first, each.last) == (0, n)]
+    grown = True
+    while grown:
+        tied = set(forces).union(*(law for law in laws if law & forces))
+        forces, grown = tied, tied != forces
+    cut = [_Stretch.of(transcription, line.body, whole) for line in lines]
+    cut += [
+        each
+        for each, equation in zip(stretches, equations, strict=True)
+        if equation.coordinate or each.tells_motion(coordinates, forces)
+    ]
+    first = max((each.first for each in cut if each.range.first <= each.first), default=0)
+    last = min((each.last for each in cut if each.range.last >= each.last), default=n)
+    return min(first, n // 2), max(last, n - n // 2)
+
+
+def _names(transcription: Transcription, bodies: list[Expr]) -> set[str]:
+    """The variables that expressions are made of, definitions taken apart."""
+    whole = FrameRange(0, transcription.problem.n)
+    return set[str]().union(*(_Stretch.of(transcription, body, whole).names for body in bodies))
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """What an expression reads, and the frames ``first..last`` at which that lies within the motion.
+
+    With another definition at each end of ``range`` each end is its own.
+    """
+
+    range: FrameRange
+    keys: frozenset[VariableRef]
+    first: int
+    last: int
+
+    @classmethod
+    def of(cls, transcription: Transcription, body: Expr, where: FrameRange) -> _Stretch:
+        grid, layout = transcription.grid, transcription.layout
+        every = np.arange(grid.n + 1)
+        nodes = Nodes(2 * every, np.zeros_like(every))
+        found: set[VariableRef] = set()
+        ends = []
+        for expanded, at in transcription.lowering.expand(body, grid.nodes(where)):
+            keys = [key for key in symbols(expanded) if isinstance(key, VariableRef)]
+            found.update(keys)
+            fits = np.ones(len(every), bool)
+            for key in keys:
+                fits &= layout.reachable(key, nodes, stencil_reach(key.order) if key.order > 1 else 0)
+            held = np.flatnonzero(fits)
+            if len(held):
+                ends.append((at.frame[0], at.frame[-1], int(held[0]), int(held[-1])))
+        first = max((low for begin, _, low, _ in ends if begin == where.first), default=0)
+        last = min((high for _, end, _, high in ends if end == where.last), default=grid.n)
+        return cls(where, frozenset(found), first, last)
+
+    @property
+    def names(self) -> set[str]:
+        return {key.name for key in self.keys}
+
+    def tells_motion(self, coordinates: set[str], forces: set[str]) -> bool:
+        """Whether an equality is an equation of motion, see :func:`_frames_of_motion`."""
+        of_coordinates = [key for key in self.keys if key.name in coordinates]
+        if max((key.order for key in of_coordinates), default=0) == 2:
+            return True
+        if not forces:
+            return any(key.scale != 0 and (key.scale, key.shift) != (1, 0) for key in of_coordinates)
+        elsewhere = {key.name for key in self.keys if key != VariableRef(key.name)}
+        return bool((self.names & forces) - elsewhere)

@@ -59,11 +59,13 @@ def phases(problem: Problem) -> list[Phase]:
 def stretches(problem: Problem, relations: Iterable[Relation]) -> list[tuple[int, int]]:
     """Stretches of frames on which each of some statements holds or does not, and each definition is one piece.
 
-    A definition under range headers means between two frames what it means at the first of them.
+    A definition under range headers means between two frames what it means at the first of them, after its
+    jump where it has one.
     """
     pieces = [piece.range for several in problem.definitions.values() for piece in several]
     cuts = {0, problem.n} | {k for r in relations for k in (r.range.first, r.range.last)}
     cuts |= {k for r in pieces for k in (r.first, r.last + 1) if k <= problem.n}
+    cuts |= {r.last for r in pieces}.intersection(jump.frame for jump in problem.jumps)
     return list(pairwise(sorted(cuts)))
 
 
@@ -88,20 +90,20 @@ def _difference(problem: Problem, relation: Relation, first: int) -> Expr:
 def resolved(problem: Problem, body: Expr, first: int) -> Expr:
     """An expression as it reads between frame ``first`` and the next one.
 
-    Ranged definitions become the piece that holds at that frame (the later of two), variables lose the side of
-    a jump.
+    Ranged definitions become the piece that holds at that frame (the later of two; where it jumps, rather one
+    that does not end there), variables lose the side of a jump.
     """
+    jumps = any(jump.frame == first for jump in problem.jumps)
     while True:
         changes: dict[object, Expr] = {}
         for key in symbols(body):
             if isinstance(key, DefinitionRef):
-                holding = [
-                    piece.body
-                    for piece in problem.definitions.get(key.name, ())
-                    if piece.range.first <= first <= piece.range.last
-                ]
+                pieces = problem.definitions.get(key.name, ())
+                holding = [p for p in pieces if p.range.first <= first <= p.range.last]
+                if jumps and key.name != "h":
+                    holding = [p for p in holding if not p.range.first < p.range.last == first] or holding
                 if holding:
-                    changes[key] = time_derivative(holding[-1], key.order)
+                    changes[key] = time_derivative(holding[-1].body, key.order)
             elif isinstance(key, VariableRef) and key.side:
                 changes[key] = sym(replace(key, side=""))
         if not changes:

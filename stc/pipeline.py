@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stc.alignment import Alignment
 from stc.arguments import numbers
-from stc.bundled import find_spec, is_solution
+from stc.bundled import find_spec, is_solution, with_text
 from stc.collecting import collect
 from stc.errors import Diagnostic, Source, SpecError, StcError, UsageError
 from stc.language import read_problem
@@ -40,7 +40,7 @@ from stc.solving import ColdSolve, solve
 from stc.transcription import Transcription
 from stc.transcription import transcribe as _transcribe
 from stc.transcription.bind import BoundProgram
-from stc.transcription.guess import check_names
+from stc.transcription.guess import check_motion, check_names
 from stc.transcription.schemes import METHODS
 
 if TYPE_CHECKING:
@@ -58,12 +58,15 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
     """The text of a spec: a path, a bundled name, or the text itself (anything with a line break or a colon).
 
     Raises:
-        UsageError: no such spec, a file that is not UTF-8 text, or one that holds a solution or table instead.
+        UsageError: no such spec, a file that is not UTF-8 text, or one that holds a solution or table instead; a
+            text or file without anything in it.
     """
     if not isinstance(spec, str | os.PathLike):
         raise UsageError(f"a spec is a path, a bundled name or its text, not {spec!r}")
     if isinstance(spec, str) and ("\n" in spec or "\r" in spec or (":" in spec and ";" in spec)):
-        return Source("<text>", spec.replace("\r\n", "\n").replace("\r", "\n"))  # as files are read
+        return with_text(
+            Source("<text>", spec.replace("\r\n", "\n").replace("\r", "\n"))
+        )  # as files are read
     path = find_spec(spec)
     if is_solution(path):
         from stc.solution_file import refuse_as_spec
@@ -79,7 +82,7 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
         ) from error
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
-    return Source(str(spec) if Path(spec).is_file() else path.name, text, str(path))
+    return with_text(Source(str(spec) if Path(spec).is_file() else path.name, text, str(path)))
 
 
 def transcribe(problem: Problem) -> Transcription:
@@ -258,8 +261,8 @@ class Model:
 
         Raises:
             SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
-            UsageError: an unknown constant, method, optimizer or file, a tolerance or limit that cannot be meant, or an
-                optimizer that cannot do it.
+            UsageError: an unknown constant, method, optimizer or file, a tolerance or limit that cannot be meant, an
+                optimizer that cannot do it, or an earlier solution that shares no variable.
         """
         begin = time.perf_counter()
         options = given_options(tolerance, max_iterations, time_limit)
@@ -357,8 +360,14 @@ class Model:
         transcription: Transcription,
         problem: Problem,
     ) -> Start:
-        """Where to start from an earlier solution; with multipliers where it was optimal."""
+        """Where to start from an earlier solution; with multipliers where it was optimal.
+
+        Raises:
+            UsageError: it is another spec's and has none of the problem's variables.
+        """
         earlier = warm_start if isinstance(warm_start, Solution) else read(warm_start)
+        if earlier.source != self.text:
+            check_motion(earlier, problem)
         return self.follow(earlier, transcription, problem)[0]
 
     def follow(

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from stc.errors import Span, UsageError
 from stc.phases import resolved, stretches
-from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef, VariableRef
-from stc.symbolic.expr import Expr, evaluate, symbols
+from stc.problem import ConstantRef, IndexRef, ObjectiveTerm, ParameterRef, Problem, TimeRef, VariableRef
+from stc.symbolic.expr import Expr, evaluate, render, symbols
 
 __all__ = ["BESIDE", "check_same_motion", "named_frames", "takes_longer"]
 
@@ -138,11 +138,30 @@ def _check_objective(coarse: Problem, fine: Problem, old: Knots, new: Knots) -> 
     # The ends of a range count as whole frames in a sum: a relative difference of that size is the sum's own.
     tolerance = 4.0 / max(1, min(int(np.diff(old).min()), int(np.diff(new).min())))
     if blamed is not None and max(ratios) > min(ratios) * (1.0 + tolerance):
-        raise UsageError(
-            f"{blamed.span.location}: a plain sum over frames grows with n, so that the objective would be another one",
-            f"write `integral({blamed.text})`",
-        )
+        raise growing_sum(blamed)
     return float(np.mean(ratios)) if ratios else 1.0
+
+
+def is_of_parameters(term: ObjectiveTerm) -> bool:
+    """Whether a plain term adds up one number, made of parameters alone, once per frame of several."""
+    several = not term.integral and term.range.first < term.range.last
+    return several and all(isinstance(key, ConstantRef | ParameterRef) for key in symbols(term.body))
+
+
+def growing_sum(term: ObjectiveTerm) -> UsageError:
+    """What to raise for a plain sum over frames that makes another objective of it on more frames."""
+    return UsageError(
+        f"{term.span.location}: a plain sum over frames grows with n, so that the objective would be another one",
+        instead_of_sum(term),
+    )
+
+
+def instead_of_sum(term: ObjectiveTerm) -> str:
+    """What to write for a plain sum over frames that is not to grow with n."""
+    text = render(term.body) if "integral" in term.text else term.text  # of a statement with both, the sum
+    if is_of_parameters(term):  # the integral of a duration is its square
+        return f"write `[0]: {text};`, which counts it once"
+    return f"write `integral({text})`"
 
 
 def _sum(problem: Problem, body: Expr, first: int, last: int) -> float:

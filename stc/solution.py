@@ -127,8 +127,8 @@ class Solution:
         model: file name of the MuJoCo model as the spec writes it, or None.
         replay: the evaluated ``replay:`` section.
         force_frames: first and last frame at which the equations of motion hold, outside of which a replay
-            takes the nearest one's forces.  By default all of them, but for ``central`` with second or higher
-            derivatives the frames where the widest stencil fits.
+            takes the nearest one's forces.  Where a spec was solved its equations tell; by default all of them, but
+            for ``central`` with second or higher derivatives the frames where the widest stencil fits.
         sha256: hash of ``source`` (hexadecimal); computed.
         stc_version: version of the program that made the solution.
         origin: the :class:`stc.pipeline.Model` that made it; None for one that was read from a file.

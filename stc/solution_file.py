@@ -16,7 +16,8 @@
 
 ``.csv``
     The same content as text.  Lines starting with ``#`` hold the facts and the solver's vectors as JSON;
-    below them is one table with a row per node in order of time.  Its columns are ``node`` (``frame``,
+    below them is one table with a row per node in order of time, whose number is ``rows`` in the facts (left out
+    by files from before it was counted); each ends with its line.  Its columns are ``node`` (``frame``,
     ``before``, ``after`` or ``mid``; a frame where anything jumps has a row for either side), ``time``, and
     every channel under its name (``x'``, ``joint x``, ``joint x rate``).  Numbers keep all their digits.
 """
@@ -113,7 +114,9 @@ def load(path: str | os.PathLike[str]) -> Solution:
         TypeError,
         AttributeError,
     ) as error:
-        raise SolutionError(f"{source} is damaged or not a solution file ({_first_line(error)})") from error
+        raise SolutionError(
+            f"{source} is damaged: it was cut off or altered, or is no solution file"
+        ) from error
 
 
 def contents(path: str | os.PathLike[str]) -> str:
@@ -155,11 +158,6 @@ def refuse_as_spec(path: Path) -> NoReturn:
         f"{path} is {'a table of numbers' if found else 'a data file'}, not a spec",
         f"`stc solve SPEC --guess-from {path}` starts a solve from the numbers of a table",
     )
-
-
-def _first_line(error: BaseException) -> str:
-    lines = str(error).splitlines()
-    return lines[0] if lines else type(error).__name__
 
 
 # --- what both formats share -------------------------------------------------------------------------------
@@ -312,11 +310,8 @@ def _write_csv(solution: Solution, stream: IO[bytes]) -> None:
     split = np.zeros(solution.n + 1, dtype=bool)
     for _, channel in channels:
         split |= ~((channel.before == channel.after) | (np.isnan(channel.before) & np.isnan(channel.after)))
-    text = io.StringIO()
-    text.write(f"# facts {json.dumps(_facts(solution))}\n")
-    for place, vector in _vectors(solution):
-        text.write(f"# {place} {json.dumps(vector.tolist())}\n")
-    table = csv.writer(text, lineterminator="\n")
+    rows = io.StringIO()
+    table = csv.writer(rows, lineterminator="\n")
     table.writerow(["node", "time", *(_column(solution, place) for place, _ in channels)])
     mids = [c.mid for _, c in channels if c.mid is not None]
     for k, time in enumerate(solution.time):
@@ -327,7 +322,11 @@ def _write_csv(solution: Solution, stream: IO[bytes]) -> None:
         if mids and k < solution.n:
             middle = 0.5 * (time + solution.time[k + 1])
             table.writerow(["mid", repr(float(middle)), *(repr(float(m[k])) for m in mids)])
-    stream.write(text.getvalue().encode())
+    content = rows.getvalue()
+    facts = {**_facts(solution), "rows": content.count("\n") - 1}
+    head = [f"# facts {json.dumps(facts)}\n"]
+    head += [f"# {place} {json.dumps(vector.tolist())}\n" for place, vector in _vectors(solution)]
+    stream.write(("".join(head) + content).encode())
 
 
 def _column(solution: Solution, place: str) -> str:
@@ -345,7 +344,8 @@ def _read_csv(path: Path) -> Solution:
 
     facts: Any = None
     vectors: dict[str, FloatArray] = {}
-    lines = path.read_text().splitlines()
+    text = path.read_text()
+    lines = text.splitlines()
     start = 0
     while start < len(lines) and lines[start].startswith("#"):
         place, _, content = lines[start][1:].strip().partition(" ")
@@ -358,6 +358,11 @@ def _read_csv(path: Path) -> Solution:
     rows = list(csv.reader(lines[start:]))
     if not rows or rows[0][:2] != ["node", "time"]:
         raise SolutionError("the file is damaged: its table has no heading")
+    # A number that lost its last digits is a number still: only the end of its line tells that it is whole.
+    if "rows" in facts and (len(rows) - 1 != facts["rows"] or not text.endswith("\n")):
+        raise SolutionError(
+            "the file is damaged: rows are missing from its table, or the last one was cut off"
+        )
     kinds = np.array([row[0] for row in rows[1:]])
     numbers = np.array([[float(v) for v in row[1:]] for row in rows[1:]])
     before, after = np.isin(kinds, ("frame", "before")), np.isin(kinds, ("frame", "after"))

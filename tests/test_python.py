@@ -76,7 +76,8 @@ def solution() -> stc.Solution:
         (lambda model: model.problem(speed=None), "the constant `speed` needs a number, not None"),
         (lambda _: stc.load(STRAIGHT, speed="fast"), "the constant `speed` needs a number, not 'fast'"),  # type: ignore[arg-type]
         (lambda _: stc.load(3), "a spec is a path, a bundled name or its text, not 3"),  # type: ignore[arg-type]
-        (lambda _: stc.load(""), "the name of the spec is empty"),
+        (lambda _: stc.load(""), "the spec is empty: no path, no name, no text"),
+        (lambda _: stc.load(" \n\n"), "the text of the spec is empty"),
         (lambda _: stc.read(3), "a solution is read from a path, not from 3"),  # type: ignore[arg-type]
         (lambda _: validate(3), "a motion is a solution, the path of a saved one, or a spec, not 3"),  # type: ignore[arg-type]
         (lambda model: validate(model), "a model is solved first"),
@@ -89,6 +90,12 @@ def solution() -> stc.Solution:
 def test_what_cannot_be_meant_is_a_usage_error(call: Callable[[stc.Model], Any], message: str) -> None:
     with pytest.raises(stc.UsageError, match=message):
         call(stc.load(STRAIGHT))
+
+
+def test_an_empty_file_is_told_to_be_empty(tmp_path: Path) -> None:
+    (tmp_path / "nothing.stc").write_text(" \n")
+    with pytest.raises(stc.UsageError, match=r"nothing\.stc is empty"):
+        stc.load(tmp_path / "nothing.stc")
 
 
 def test_numbers_of_any_kind_are_numbers() -> None:

@@ -44,6 +44,7 @@ class Context:
         self.time_is_fixed = True
         self.frames = Frames(self.n, False, self.builder.pieces, ())
         self._fixed: dict[Expr, bool] = {}
+        self._strays: set[str] = set()
 
     def set_motion(self, method: str, jumps: Sequence[Jump]) -> None:
         """Tell the method and the jumps, which decide on which frames a statement can hold."""
@@ -80,7 +81,7 @@ class Context:
     def settled(self, e: Expr, where: FrameRange, node: syntax.Node) -> Expr:
         """``e`` without sides that mean nothing; definitions in it are checked to hold on its frames."""
         gap = self.frames.gap(e, where.first, where.last)
-        if gap is not None:
+        if gap is not None and not self.tell_of_stray(gap.name, f"line {self._line(node)} uses it on {gap}"):
             at = next(
                 (
                     part
@@ -99,6 +100,39 @@ class Context:
             hint = "list what jumps under `jumps:`, with the frame in a range header"
             self.diagnostics.warning(message, node.start, node.end, hint)
         return plain
+
+    def _line(self, node: syntax.Node) -> int:
+        return self.source.position(node.start)[0]
+
+    def tell_of_stray(self, name: str, use: str) -> bool:
+        """Note, once, that a definition holds on some frames only as it follows others under a range header.
+
+        Args:
+            use: what wants it elsewhere, as in "line 8 uses it on frame 0".
+
+        Returns:
+            Whether it is such a one: its only value stands there, behind one of several values of another name.
+        """
+        formulas = self.definitions.formulas
+        if len(formulas.get(name, ())) != 1 or name not in self.builder.pieces:
+            return False
+        for block in self.tree.blocks("definitions"):
+            follows = False
+            for statement in block.statements:
+                if not isinstance(statement, syntax.Assignment):
+                    continue
+                follows = follows or len(formulas.get(statement.name.name, ())) > 1
+                if statement.name.name == name and follows:
+                    if name in self._strays:
+                        return True
+                    self._strays.add(name)
+                    where = self.builder.pieces[name][0].range
+                    message = f"`{name}` is defined on {where} only, since it stands under that range header"
+                    hint = "what holds everywhere goes before the first header, or into a section of its own"
+                    hint = f"{use}; {hint}"
+                    self.error(statement.name, message, hint)
+                    return True
+        return False
 
     def by_piece(self, e: Expr, where: FrameRange, node: syntax.Node) -> list[tuple[FrameRange, Expr]]:
         """``e`` with ranged definitions written out, per part of the range on which it is one formula."""

@@ -115,6 +115,8 @@ def _check_steps(context: Context, pieces: list[DefinitionPiece], node: syntax.N
                 if run.first != run.last
                 else f"after frame {run.first}"
             )
+            if context.tell_of_stray("h", f"it is needed {last}"):
+                continue
             hint = "`h` at frame i is the step from i to i + 1, needed for i = 0 to n - 1"
             context.error(node, f"`h` is not defined for the step {last}", hint)
             continue

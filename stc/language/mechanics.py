@@ -128,8 +128,11 @@ def _energy(context: Context, statement: syntax.Relation) -> Expr | None:
         return None
     for key in symbols(body):
         if isinstance(key, DefinitionRef):
-            hint = "give the Lagrangian itself range headers, one expression for each"
-            context.error(statement, f"a Lagrangian cannot use `{key}`, which differs between frames", hint)
+            if not context.tell_of_stray(key.name, "the Lagrangian uses it"):
+                hint = "give the Lagrangian itself range headers, one expression for each"
+                context.error(
+                    statement, f"a Lagrangian cannot use `{key}`, which differs between frames", hint
+                )
             return None
         if isinstance(key, IndexRef):
             context.error(statement, "a Lagrangian cannot use the index `i`", "write it in terms of `t`")

@@ -21,7 +21,14 @@ from stc.nested import own_constants
 from stc.pipeline import Model
 from stc.problem import Problem
 from stc.records import dataclass
-from stc.same_motion import BESIDE, check_same_motion, named_frames, takes_longer
+from stc.same_motion import (
+    BESIDE,
+    check_same_motion,
+    growing_sum,
+    is_of_parameters,
+    named_frames,
+    takes_longer,
+)
 
 __all__ = ["MOST_AT_ONCE", "ORDER", "Spread", "growth_for"]
 
@@ -169,6 +176,8 @@ class Spread:
             finer = self.model.problem(self.method, **{**self.constants, **overrides})
             wrong = takes_longer(self.problem, finer, old, new)
         check_same_motion(self.problem, finer, old, new)
+        for term in filter(is_of_parameters, self.problem.objective):
+            raise growing_sum(term)
         if wrong:
             times = f"{finer.n / self.problem.n:.3g} times as many frames"
             raise UsageError(

@@ -17,6 +17,7 @@ from stc.errors import UnsolvedError, UsageError
 from stc.pipeline import Model
 from stc.problem import Problem
 from stc.records import dataclass, field
+from stc.same_motion import instead_of_sum
 from stc.solution import Solution
 from stc.studies.frames import Spread
 from stc.validate import limits
@@ -222,7 +223,7 @@ def _require_integrals(problem: Problem) -> None:
         if not term.integral and term.range.first < term.range.last:
             raise UsageError(
                 f"{term.span.location}: a plain sum over frames grows with n and converges only at first order",
-                f"write `integral({term.text})`",
+                instead_of_sum(term),
             )
 
 

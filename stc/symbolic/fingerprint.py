@@ -2,10 +2,12 @@
 
 Two expressions that are equal as polynomials have equal fingerprints, however they are written; two that differ
 have different ones but for a chance of about their degree in 2^61 (Schwartz, J. ACM 27, 1980; for expressions,
-Martin, J. ACM 18, 1971).  The field is that of the integers modulo the prime 2^61 - 1, where literals, being
+Martin, J. ACM 18, 1971).  The field is that of the integers modulo a prime near 2^61, where literals, being
 fractions, have exact values: no rounding enters.
 
-What is not a polynomial is a random element that depends on the fingerprints of the operands.  Sines and cosines
+What is not a polynomial is a random element that depends on the fingerprints of the operands, by a mixture whose
+differences do not tell those of the operands: of a hash that is nearly linear, `1/(a + 1) - 1/a` and
+`1/(b + 1) - 1/b` would often be the same.  Sines and cosines
 of one argument are the two coordinates of a rational point of the circle, so that the squares add up to one;
 exponentials and hyperbolic functions likewise; odd and even functions keep their symmetry.  The reciprocal of a
 divisor is *not* its inverse in the field: ``x/x`` is undefined at 0 and must not be told from its fingerprint to
@@ -18,18 +20,38 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-PRIME: Final = (1 << 61) - 1
+PRIME: Final = (1 << 61) - 2373
+"""The largest prime p below 2^61 of which (p - 1)/2 is a prime too.
+
+So no power of two of a double is 1 in the field, as 2^61 is modulo 2^61 - 1, and -1 is no square.
+"""
+
 UNKNOWN: Final = math.nan
 """The fingerprint of infinite and undefined literals: spreads through arithmetic and equals nothing."""
 
 Fingerprint = int | float
 
+_WORD: Final = (1 << 64) - 1
+
 
 def element(kind: int, value: Fingerprint) -> Fingerprint:
     """A random nonzero element that depends on two numbers, the same in every process."""
-    if value != value:
+    return _mixed(kind, value) % (PRIME - 1) + 1
+
+
+def _mixed(kind: int, value: Fingerprint) -> Fingerprint:
+    """64 bits each of which depends on all bits of two numbers (Steele, Lea and Flood, OOPSLA 2014: SplitMix64)."""
+    if not isinstance(value, int):
         return UNKNOWN
-    return hash((kind, value)) % (PRIME - 1) + 1
+    x = value + kind * 0x9E3779B97F4A7C15 & _WORD
+    x = (x ^ x >> 30) * 0xBF58476D1CE4E5B9 & _WORD
+    x = (x ^ x >> 27) * 0x94D049BB133111EB & _WORD
+    return x ^ x >> 31
+
+
+def _of_pair(kind: int, first: Fingerprint, second: Fingerprint) -> Fingerprint:
+    """A random nonzero element that depends on two operands and their order."""
+    return element(kind, _mixed(kind, first) + second)
 
 
 def _unsigned(value: Fingerprint) -> tuple[Fingerprint, int]:
@@ -61,10 +83,10 @@ def reciprocal(value: Fingerprint) -> Fingerprint:
 
 def power(base: Fingerprint, exponent: Fingerprint, literal: float | None) -> Fingerprint:
     """The fingerprint of ``a^b``; ``literal`` is the exponent's value where it is one."""
-    if literal is not None and literal == int(literal) and abs(literal) <= 64 and isinstance(base, int):
+    if literal is not None and abs(literal) <= 64 and literal.is_integer() and isinstance(base, int):
         whole = pow(base, abs(int(literal)), PRIME)
         return whole if literal >= 0 else reciprocal(whole)
-    return element(2, base * 31 + exponent)
+    return _of_pair(2, base, exponent)
 
 
 def _circle(argument: Fingerprint) -> tuple[Fingerprint, Fingerprint]:
@@ -127,4 +149,4 @@ OF_FUNCTION: Final[dict[str, Callable[[Fingerprint], Fingerprint]]] = {
 
 def of_atan2(y: Fingerprint, x: Fingerprint) -> Fingerprint:
     """The fingerprint of ``atan2(y, x)``."""
-    return element(10, y * 31 + x)
+    return _of_pair(10, y, x)

@@ -71,21 +71,21 @@ class Grid:
         for jump in problem.jumps:
             self.jump[jump.frame] = True
         self.any_jump = bool(self.jump.any())
-        self._known: dict[tuple[int, int, bool], Nodes] = {}
+        self._known: dict[tuple[int, int], Nodes] = {}
 
-    def nodes(self, where: FrameRange, midpoints: bool = True) -> Nodes:
+    def nodes(self, where: FrameRange) -> Nodes:
         """The nodes of a statement on ``where``: frames, their sides at jumps, midpoints between them.
 
         A range that ends at a jump reads the value before it, one that starts there the value after it; one
         that passes through, or stands on it alone, holds for both.
         """
-        key = where.first, where.last, midpoints
+        key = where.first, where.last
         found = self._known.get(key)
         if found is None:
             found = self._known[key] = self._nodes(*key)
         return found
 
-    def _nodes(self, first: int, last: int, midpoints: bool) -> Nodes:
+    def _nodes(self, first: int, last: int) -> Nodes:
         frames = np.arange(first, last + 1)
         position, side = 2 * frames, np.zeros(len(frames), np.int64)
         jumps = np.flatnonzero(self.jump[first : last + 1]) + first if self.any_jump else np.zeros(0, int)
@@ -97,7 +97,7 @@ class Grid:
             twice = jumps[(jumps > first) & (jumps < last)] if first < last else jumps
             position = np.concatenate([position, 2 * twice])
             side = np.concatenate([side, np.full(len(twice), AFTER)])
-        if self.has_midpoints and midpoints and last > first:
+        if self.has_midpoints and last > first:
             position = np.concatenate([position, 2 * np.arange(first, last) + 1])
             side = np.concatenate([side, np.zeros(last - first, np.int64)])
         order = np.argsort(4 * position + side, kind="stable")
@@ -107,22 +107,29 @@ class Grid:
         """One node inside every step, for what belongs to the step itself. (n,)"""
         return Nodes(2 * np.arange(self.n) + 1, np.zeros(self.n, np.int64))
 
-    def pieces(self, pieces: list[DefinitionPiece] | tuple[DefinitionPiece, ...], nodes: Nodes) -> IntArray:
+    def pieces(
+        self,
+        pieces: list[DefinitionPiece] | tuple[DefinitionPiece, ...],
+        nodes: Nodes,
+        of_steps: bool = False,
+    ) -> IntArray:
         """Which piece of a ranged definition holds at each node, -1 where none does. (k,)
 
         Of overlapping pieces the later one wins; at a jump, pieces that end there speak for the value before
-        it and pieces that start there for the value after it.  A midpoint takes the piece of the frame before.
+        it and pieces that start there for the value after it.  A midpoint takes the piece of the frame before,
+        of the side after it where that frame jumps.  A definition ``of_steps``, which ``h`` is, names the steps
+        that begin at its frames: no side of a jump tells them apart.
         """
         frame = nodes.frame
         found = np.full(len(nodes), -1)
         preferred = np.full(len(nodes), -1)
-        at_jump = (nodes.side != SINGLE) & ~nodes.is_midpoint
+        is_before = (nodes.side == BEFORE) & ~nodes.is_midpoint
+        is_after = np.where(nodes.is_midpoint, self.jump[frame], nodes.side == AFTER)
         for k, piece in enumerate(pieces):
             a, b = piece.range.first, piece.range.last
             holds = (frame >= a) & (frame <= b)
             found[holds] = k
-            if a < b:
-                wrong_side = ((nodes.side == BEFORE) & (frame == a)) | ((nodes.side == AFTER) & (frame == b))
-                holds &= ~(wrong_side & at_jump)
+            if a < b and not of_steps:
+                holds &= ~((is_before & (frame == a)) | (is_after & (frame == b)))
             preferred[holds] = k
         return np.where(preferred >= 0, preferred, found)

@@ -33,6 +33,7 @@ from stc.transcription.steps import Steps
 
 if TYPE_CHECKING:
     from stc.guess_file import GivenValues, NodeValues
+    from stc.solution import Solution
 
 FloatArray = NDArray[np.float64]
 
@@ -125,6 +126,22 @@ def check_names(given: GivenValues, problem: Problem) -> None:
     near = get_close_matches(name.rstrip("'"), known, n=1, cutoff=0.5)
     hint = f"did you mean `{near[0]}`?" if near else f"it has {', '.join(known) or 'none'}"
     raise UsageError(f"the guess names `{name}`, which is no variable or parameter of {problem.name}", hint)
+
+
+def check_motion(earlier: Solution, problem: Problem) -> None:
+    """Refuse another spec's motion that has none of a problem's variables; tell what else there is no use for.
+
+    Raises:
+        UsageError: with the variables of both.
+    """
+    from stc.guess_file import SolutionValues
+
+    if problem.variables and not set(problem.variables).intersection(earlier.variables):
+        raise UsageError(
+            f"the motion of {earlier.name} has no variable of {problem.name}",
+            f"it has {', '.join(earlier.variables)}, and {problem.name} {', '.join(problem.variables)}",
+        )
+    check_names(SolutionValues(earlier), problem)
 
 
 def _used(problem: Problem) -> dict[str, int]:

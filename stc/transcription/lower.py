@@ -79,7 +79,7 @@ class Expander:
             if ref.side:
                 wanted = {"before": 1, "after": 2}[ref.side]
                 at = Nodes(nodes.position, np.where(nodes.side > 0, wanted, 0))
-            found = self.grid.pieces(list(self.problem.definitions[ref.name]), at)
+            found = self.grid.pieces(list(self.problem.definitions[ref.name]), at, of_steps=ref.name == "h")
             if ref.name == "h":  # there is no step after the last frame: h means the last one there
                 found = np.where(found < 0, found.max(initial=0), found)
             table.append(found)

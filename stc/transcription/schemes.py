@@ -17,7 +17,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.problem import FrameRange, VariableRef
+from stc.problem import VariableRef
 from stc.symbolic.expr import ONE, ZERO, Expr, num, sum_of, sym
 from stc.transcription.grid import AFTER, BEFORE, Grid, IntArray, Nodes
 
@@ -115,43 +115,40 @@ def _at(name: str, order: int, shift: Fraction) -> Expr:
     return sym(VariableRef(name, order, Fraction(1), shift))
 
 
-def sum_weights(grid: Grid, nodes: Nodes, first: int, last: int) -> NDArray[np.float64]:
+def sum_weights(nodes: Nodes, first: int, last: int) -> NDArray[np.float64]:
     """How often a plain objective term on frames first..last counts at each of its nodes. (k,)
 
-    Frames count once, the two sides of a jump half each where the range passes through; with midpoints the sum
-    becomes its Simpson counterpart, (e[first] + e[last])/2 + sum of (e[i] + 4 e[mid] + e[i+1])/6.
+    It is (e[first] + e[last])/2 and for each step what its quadrature gives: (e[i] + 4 e[mid] + e[i+1])/6 where the
+    nodes hold the step's midpoint, else (e[i] + e[i+1])/2.  Without midpoints every frame counts once, the two sides
+    of a jump half each where the range passes through.
     """
-    weight = np.ones(len(nodes))
-    two_sided = (nodes.side != 0) & (
-        ((nodes.position > 2 * first) & (nodes.position < 2 * last)) | (first == last)
-    )
-    if grid.has_midpoints and last > first and nodes.is_midpoint.any():
-        inner = (nodes.position > 2 * first) & (nodes.position < 2 * last)
-        weight[:] = np.where(inner, 1.0 / 3.0, 0.5 + 1.0 / 6.0)
-        weight[nodes.is_midpoint] = 4.0 / 6.0
-    weight[two_sided] *= 0.5
-    return weight
+    if first == last:
+        return np.where(nodes.side != 0, 0.5, 1.0)
+    number, _, share = quadrature(nodes, first, last)
+    at_end = ~nodes.is_midpoint & ((nodes.frame == first) | (nodes.frame == last))
+    return np.asarray(np.bincount(number, share, minlength=len(nodes)) + np.where(at_end, 0.5, 0.0))
 
 
-def quadrature(
-    grid: Grid, first: int, last: int, midpoints: bool = True
-) -> tuple[Nodes, IntArray, IntArray, NDArray[np.float64]]:
+def quadrature(nodes: Nodes, first: int, last: int) -> tuple[IntArray, IntArray, NDArray[np.float64]]:
     """The method's own quadrature over the time from frame ``first`` to ``last``.
 
-    Without ``midpoints`` it is the trapezoid rule over the frames alone.
+    Simpson's rule in the steps whose midpoint is among the nodes, the trapezoid rule in the others.
+
+    Args:
+        nodes: all sides of the frames that a statement on these stands on, and midpoints between them.
 
     Returns:
-        nodes, and the incidence of steps on them: (node number, step, share of the step's length), each (k,).
+        the incidence of steps on nodes: (node number, step, share of the step's length), each (k,).
     """
-    nodes = grid.nodes(FrameRange(first, last), midpoints)
     frame, middle = nodes.frame, nodes.is_midpoint
-    edge = 1.0 / 6.0 if middle.any() else 0.5
+    edge = np.full(last - first, 0.5)
+    edge[frame[middle] - first] = 1.0 / 6.0
     number = np.arange(len(nodes))
     left = ~middle & (frame > first) & (nodes.side != AFTER)
     right = ~middle & (frame < last) & (nodes.side != BEFORE)
     which = np.concatenate([number[left], number[right], number[middle]])
     step = np.concatenate([frame[left] - 1, frame[right], frame[middle]])
     share = np.concatenate(
-        [np.full(left.sum(), edge), np.full(right.sum(), edge), np.full(middle.sum(), 4.0 / 6.0)]
+        [edge[frame[left] - 1 - first], edge[frame[right] - first], np.full(middle.sum(), 4.0 / 6.0)]
     )
-    return nodes, which, step, share
+    return which, step, share

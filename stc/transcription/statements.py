@@ -232,7 +232,7 @@ class Sorter:
         if not table:
             table = [np.zeros(len(nodes), np.int64)]
         _, first, same = np.unique(np.array(table), axis=1, return_index=True, return_inverse=True)
-        code = 4 * nodes.position + nodes.side
+        code = _codes(nodes)
         kept = code[first[same.reshape(-1)]]
         dropped = np.flatnonzero(kept != code)
         standing = dict(zip(code[dropped].tolist(), kept[dropped].tolist()))
@@ -248,31 +248,28 @@ class Sorter:
         if not parts:
             self._lost(term)
             return
-        if self.grid.has_midpoints and not any(p.is_midpoint.any() for _, p in parts):
-            nodes = self.grid.nodes(term.range, midpoints=False)
-        weight = sum_weights(self.grid, nodes, first, last)
-        code = 4 * nodes.position + nodes.side
+        nodes = self._without_lost_midpoints(nodes, parts)
+        weight = sum_weights(nodes, first, last)
+        code = _codes(nodes)
         for body, where in parts:
-            share = weight[np.searchsorted(code, 4 * where.position + where.side)]
+            share = weight[np.searchsorted(code, _codes(where))]
             if (share != 1.0).any():
                 body = sym(self._table(WeightTable(len(where), fixed=share))) * body
             self.summands.append(Summand(body, where, number))
 
     def _integral(self, number: int, term: ObjectiveTerm) -> None:
-        grid = self.grid
-        nodes, which, step, share = quadrature(grid, term.range.first, term.range.last)
+        nodes = self.grid.nodes(term.range)
         parts = self.lowering.lower(term.body, nodes)
         if not parts:
             self._lost(term)
             return
-        if grid.has_midpoints and not any(p.is_midpoint.any() for _, p in parts) and len(nodes) > 1:
-            nodes, which, step, share = quadrature(grid, term.range.first, term.range.last, midpoints=False)
-        code = 4 * nodes.position + nodes.side
-        held = np.sort(np.concatenate([4 * p.position + p.side for _, p in parts]))
-        which = self._nearest(code, held)[which]
+        nodes = self._without_lost_midpoints(nodes, parts)
+        which, step, share = quadrature(nodes, term.range.first, term.range.last)
+        held = np.sort(np.concatenate([_codes(p) for _, p in parts]))
+        which = self._standing_in(_codes(nodes), held)[which]
         for body, where in parts:
             at = np.full(len(held), -1)
-            at[np.searchsorted(held, 4 * where.position + where.side)] = np.arange(len(where))
+            at[np.searchsorted(held, _codes(where))] = np.arange(len(where))
             mine = at[which] >= 0
             node, my_step, my_share = at[which[mine]], step[mine], share[mine]
             support = np.zeros((len(self.lowering.steps.basis), len(where)), np.int64)
@@ -306,13 +303,23 @@ class Sorter:
             weights.append(sym(self._table(table)) * self.lowering.steps.basis[k])
         self.summands.append(Summand(sum_of(weights) * body, where[subset], number))
 
+    def _without_lost_midpoints(self, nodes: Nodes, parts: Sequence[tuple[Expr, Nodes]]) -> Nodes:
+        """The nodes but for midpoints at which a term is not: its steps there count at their frames alone."""
+        if not self.grid.has_midpoints:
+            return nodes
+        held = np.concatenate([_codes(where) for _, where in parts])
+        return nodes[~nodes.is_midpoint | np.isin(_codes(nodes), held)]
+
     @staticmethod
-    def _nearest(code: IntArray, held: IntArray) -> IntArray:
-        """For every node the nearest of those that are held, itself if it is. (len(code),)"""
-        right = np.clip(np.searchsorted(held, code), 0, len(held) - 1)
-        left = np.clip(right - 1, 0, len(held) - 1)
-        closer_left = np.abs(held[left] - code) < np.abs(held[right] - code)
-        return np.where(closer_left, left, right)
+    def _standing_in(code: IntArray, held: IntArray) -> IntArray:
+        """For every node itself where it is held, else the nearest frame that is. (len(code),)"""
+        frames = np.flatnonzero(held % 8 < 4)
+        right = np.clip(np.searchsorted(held[frames], code), 0, len(frames) - 1)
+        left = np.clip(right - 1, 0, len(frames) - 1)
+        closer_left = np.abs(held[frames[left]] - code) < np.abs(held[frames[right]] - code)
+        nearest = frames[np.where(closer_left, left, right)]
+        itself = np.clip(np.searchsorted(held, code), 0, len(held) - 1)
+        return np.where(held[itself] == code, itself, nearest)
 
     def _table(self, table: WeightTable) -> DataRef:
         self.weights.append(table)
@@ -327,6 +334,11 @@ class Sorter:
                 "give it a range farther from the ends, or raise n",
             )
         )
+
+
+def _codes(nodes: Nodes) -> IntArray:
+    """Numbers that order nodes as they follow each other, one for each. (k,)"""
+    return 4 * nodes.position + nodes.side
 
 
 def highest_orders(problem: Problem, bodies: Sequence[Expr]) -> dict[str, int]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from symbolic.random_expressions import expressions, points, simplified
 
-from stc.symbolic.expr import ZERO, Expr, call, evaluate, evaluate_all, num, raw, render, sub, sym
+from stc.symbolic.expr import FUNCTIONS, ZERO, Expr, call, evaluate, evaluate_all, num, raw, render, sub, sym
 from stc.symbolic.fingerprint import PRIME, of_literal
 
 X, Y, Z = sym("x"), sym("y"), sym("z")
@@ -70,6 +71,79 @@ def test_equal_expressions_have_equal_fingerprints(e: Expr, f: Expr) -> None:
 def test_what_differs_somewhere_has_another_fingerprint(e: Expr, f: Expr) -> None:
     assert e.fingerprint != f.fingerprint
     assert sub(e, f) is not ZERO
+
+
+A, B = sym("a"), sym("b")
+
+SHIFTED = [
+    (call("atan2", Y, num(31.0)), call("atan2", Y + 1.0, num(0.0))),
+    (call("atan2", Y, X), call("atan2", Y + 1.0, X - 31.0)),
+    (X**Y, (X + 1.0) ** (Y - 31.0)),
+    (X**Y, (X - 1.0) ** (Y + 31.0)),
+    (num(2.0**61) * X, X),
+    (num(2.0**-61) * X, X),
+    (num(2.0**122), num(1.0)),
+]
+
+
+@pytest.mark.parametrize(("e", "f"), SHIFTED, ids=lambda e: render(e))
+def test_operands_that_make_up_for_each_other_are_told_apart(e: Expr, f: Expr) -> None:
+    at = {"x": 0.7, "y": 1.3}
+    assert evaluate(e, at) != pytest.approx(evaluate(f, at))
+    assert e.fingerprint != f.fingerprint
+    assert e - f is not ZERO
+
+
+OPAQUE = {
+    "reciprocal": lambda e: 1 / e,
+    "root": lambda e: e**0.5,
+    "power": lambda e: e**Z,
+    "exponent": lambda e: Z**e,
+    "atan2, first": lambda e: call("atan2", e, Z),
+    "atan2, second": lambda e: call("atan2", Z, e),
+    **{name: (lambda e, name=name: call(name, e)) for name, k in FUNCTIONS.items() if k == 1},
+}
+
+
+@pytest.mark.parametrize("name", OPAQUE)
+def test_differences_of_functions_depend_on_where_they_are_taken(name: str) -> None:
+    """f(a + d) - f(a) is another one at b, for no function but a straight line: so for the fingerprints."""
+    f = OPAQUE[name]
+    for number in range(60):
+        a, b = sym(("a", number)), sym(("b", number))
+        for step in (1.0, 31.0, 0.5, Z):
+            one, other = f(a + step) - f(a), f(b + step) - f(b)
+            assert one.fingerprint != other.fingerprint
+            assert one - other is not ZERO
+
+
+@settings(max_examples=400)
+@given(
+    st.sampled_from(sorted(OPAQUE)),
+    st.tuples(*[st.sampled_from([-31.0, -2.0, -1.0, 0.0, 0.5, 1.0, 2.0, 31.0, 2.0**61])] * 4),
+    st.tuples(*[st.sampled_from([A, B, X, Y, A + B, A - X, 2 * Y])] * 4),
+    st.tuples(*[st.sampled_from([-31.0, -1.0, 1.0, 2.0, 31.0])] * 4),
+)
+def test_sums_of_a_function_at_shifted_arguments_vanish_only_where_they_are_zero(
+    name: str, shifts: tuple[float, ...], arguments: tuple[Expr, ...], factors: tuple[float, ...]
+) -> None:
+    """Sums of ``c*f(u + d)`` with equal fingerprints agree in value: evaluated by NumPy, which knows no fingerprint."""
+    f = OPAQUE[name]
+    terms = [num(c) * f(u + d) for c, u, d in zip(factors, arguments, shifts, strict=True)]
+    e, g = terms[0] + terms[1], terms[2] + terms[3]
+    if e.fingerprint == g.fingerprint:
+        at = {**points(), "x": points(5)["a"], "y": points(5)["b"], "z": np.full(16, 1.7)}
+        with np.errstate(all="ignore"):
+            a, b = (np.broadcast_to(v, (16,)) for v in evaluate_all([e, g], at))
+        both = np.isfinite(a) & np.isfinite(b)
+        np.testing.assert_allclose(a[both], b[both], rtol=1e-6, atol=1e-6)
+
+
+def test_powers_of_infinite_and_undefined_literals_tell_nothing() -> None:
+    for exponent in (np.inf, -np.inf, np.nan):
+        e = raw("pow", X, num(exponent))
+        assert np.isnan(e.fingerprint)
+        assert e - 2.0 * e is not ZERO
 
 
 def test_infinite_and_undefined_literals_never_vanish() -> None:

@@ -55,7 +55,9 @@ class SlowMotion:
         at, side = node
         frame = int(at)
         holding = [p for p in self.problem.definitions[name] if p.range.first <= frame <= p.range.last]
-        if at == frame and side:
+        if at != frame and frame in self.jumps:
+            side = "after"  # a midpoint reads the frame before it on the side nearer to it
+        if side and name != "h":
             wrong = "first" if side == "before" else "last"
             proper = [p for p in holding if p.range.first == p.range.last or getattr(p.range, wrong) != frame]
             holding = proper or holding
@@ -143,6 +145,17 @@ class SlowMotion:
                 total = total + slope
         return total
 
+    def relative(self, body: Expr, node: Node) -> bool:
+        """Whether the expression reads from a frame at a relative index, by itself or in a definition that holds."""
+        for key in symbols(body):
+            if isinstance(key, VariableRef) and key.scale != 0 and (key.scale, key.shift) != (1, 0):
+                return True
+            if isinstance(key, DefinitionRef):
+                piece = self.piece(key.name, node)
+                if piece is not None and self.relative(piece, node):
+                    return True
+        return False
+
     def nodes(self, first: int, last: int, body: Expr | None = None) -> list[Node]:
         """Where a statement on first..last stands, by sections 5 and 6 of the language."""
         result: list[Node] = []
@@ -154,12 +167,10 @@ class SlowMotion:
                 result += [(at, "before"), (at, "after")]
             else:
                 result.append((at, "after" if i == first else "before"))
-            relative = body is not None and any(
-                isinstance(k, VariableRef) and k.scale != 0 and (k.scale, k.shift) != (1, 0)
-                for k in symbols(body)
-            )
-            if self.method == "hermite-simpson" and i < last and not relative:
-                result.append((at + Fraction(1, 2), ""))
+            middle = (at + Fraction(1, 2), "")
+            if self.method == "hermite-simpson" and i < last:
+                if body is None or not self.relative(body, middle):
+                    result.append(middle)
         return result
 
     def defined(self, body: Expr, nodes: list[Node]) -> dict[Node, float]:
@@ -210,6 +221,7 @@ class SlowMotion:
             total = (mean(first) + mean(last)) / 2
             for i in range(first, last):
                 left, right = self.one_sided(values, i, "after"), self.one_sided(values, i + 1, "before")
-                total += (left + 4 * values[Fraction(2 * i + 1, 2), ""] + right) / 6
+                middle = values.get((Fraction(2 * i + 1, 2), ""))
+                total += (left + right) / 2 if middle is None else (left + 4 * middle + right) / 6
             return total
         return sum(mean(i) for i in range(first, last + 1))

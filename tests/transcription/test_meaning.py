@@ -99,6 +99,33 @@ TRICKY = {
         objective: [0, n]: integral(p*u) - 2*integral(w^2)/3; [0, n]: p^2; [b]: x'^2*w; [0, a]: u^4; [a, n]: u*x';
           [1, 6]: x[i+1]^2;
     """,
+    "definitions that end at jumps, hermite-simpson": """
+        constants: n = 8, a = 2, b = 5;
+        variables: x, u, w;
+        definitions:
+          h = 0.3; p = x^2*u; q = w;
+          [b, n - 1]: h = 0.2;
+          [0, a]: p = sin(x)*t;
+          [a, b]: q = x*u;
+          [b, n]: r = x*t; [0, b]: r = u^2;
+        method: hermite-simpson;
+        jumps: [a]: u; [b]: x', w;
+        constraints:
+          [0, n]: x'' = u + p; q*w <= 2 + r + h;
+        objective: [0, n]: integral(p*u + r^2); [0, n]: p^2 + q; [1, 6]: q*r;
+    """,
+    "definitions of which some are relative, hermite-simpson": """
+        constants: n = 8, a = 3, b = 5;
+        variables: x, u;
+        definitions:
+          h = 0.2; f = x*u; g = u^2;
+          [0, a]: f = x[i+1] - u;
+          [b, n - 2]: g = x[i+2]*u[i-1];
+        method: hermite-simpson;
+        jumps: [a]: u;
+        constraints: [0, n]: x' = u; f*g <= 3;
+        objective: [0, n]: f^2; [1, 6]: g; [2, 7]: integral(f*g); [0, n]: integral(g^2);
+    """,
 }
 
 
