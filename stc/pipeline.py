@@ -50,6 +50,9 @@ if TYPE_CHECKING:
 
 #: Sets of constants for which the problem is kept.
 RECENT = 8
+#: Transcriptions that are kept: those of several numbers of frames, and on fewer of each.
+KEPT = 24
+
 Callback = Callable[[Any], bool | None]
 FloatArray = NDArray[np.float64]
 
@@ -152,8 +155,11 @@ class Model:
         if method is None:
             self._own_method = problem.method
         key = (problem.method, tuple((name, problem.constants[name]) for name in sorted(problem.structural)))
-        if key not in self._transcriptions:
-            self._transcriptions[key] = transcribe(problem)
+        # What is asked for comes last, what has not been for long goes.
+        known_before = key in self._transcriptions
+        self._transcriptions[key] = self._transcriptions.pop(key) if known_before else transcribe(problem)
+        if len(self._transcriptions) > KEPT:
+            del self._transcriptions[next(iter(self._transcriptions))]
         return problem, self._transcriptions[key]
 
     def _known(

@@ -91,9 +91,13 @@ class Judgement:
 
     def may_gain(self, point: Point) -> bool:
         """Whether the objective may gain there what counts, of all products together."""
+        return self.gain(point) > LARGEST_GAIN
+
+    def gain(self, point: Point) -> float:
+        """What it may, relative to the objective, or to 1 where that is less."""
         from stc.solver.dual_estimate import possible_gain
 
-        return possible_gain(self.nlp, point.x, point.y, self.assess(point).bound_multipliers) > LARGEST_GAIN
+        return possible_gain(self.nlp, point.x, point.y, self.assess(point).bound_multipliers)
 
     def forget(self) -> None:
         """The last outcome's point was moved."""

@@ -8,10 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from stc.solver.attempts import Attempts
+from stc.solver.interior import optimise
 from stc.solver.nlp import Floats
-from stc.solver.outcome import Outcome
+from stc.solver.outcome import End, Outcome, Tactics
 from stc.solver.products import between
 from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.starting import WARM_BARRIER, warm_iterate
 
 __all__ = ["Rescalings"]
 
@@ -24,6 +26,9 @@ LIGHT = 1e-3, 1e-6
 """Curvatures of the objective beside which scaled linear equations are told from such that depend on one another."""
 EVEN = 10.0
 """Units of variables that differ by less would lead to the same again."""
+SMALLEST, SMALL, EXACT = 1e-12, 1e-3, 1e-5
+"""Objectives between which what may still be gained is held against the objective itself; the share that is let go."""
+STEPS = 100
 
 
 class Rescalings:
@@ -125,6 +130,27 @@ class Rescalings:
         """Start there with small variables scaled, too: units may be such that all are."""
         larger = self.scaled_anew(form, x0, form.objective_factor, small_too=True)
         return self.attempts.cold(larger, x0, self.options)
+
+    def in_own_units(self, outcome: Outcome, settle: Callable[[Outcome], Outcome]) -> Outcome | None:
+        """On from a solution whose objective is small, multiplied such that it is not, as the variables are.
+
+        Beside an objective of a millionth, what is left to gain counts that is below any tolerance otherwise. None
+        where there is nothing to gain, or where that leads to no solution.
+        """
+        if outcome.end is not End.CONVERGED or not self.options.scaling:
+            return None
+        point = self.judgement.stated(outcome)
+        size = abs(self.judgement.assess(point).objective)
+        if not SMALLEST < size < SMALL or self.judgement.gain(point) <= EXACT * size:
+            return None
+        form = outcome.form
+        assert isinstance(form, ScaledProblem)
+        unit = self.scaled_anew(form, point.x, 1.0, small_too=True).objective_scale
+        own = self.scaled_anew(form, point.x, 1.0 / (size * unit), small_too=True)
+        it = warm_iterate(own, point.x / own.x_scale, own.scaled_multipliers(point.y))
+        tactics = Tactics(budget=STEPS)
+        other = settle(optimise(own, it, WARM_BARRIER, self.options, self.monitor, tactics=tactics))
+        return other if other.end is End.CONVERGED else None
 
     def from_least_violation(self, form: ScaledProblem, x: Floats) -> Outcome | None:
         """From the feasible point that the least violation leads to from ``x`` (n,), all scaled anew at either.

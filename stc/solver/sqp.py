@@ -148,6 +148,8 @@ class _Solve:
             )
         else:
             outcome = self._settle(self._cold(form, x0))
+        if options.retries:
+            outcome = self.rescalings.in_own_units(outcome, self._settle) or outcome
 
         def reached() -> Floats:
             return self.judgement.stated(outcome).x
@@ -193,8 +195,8 @@ class _Solve:
             ways.remove(attempts.held_barrier)  # it would do the same again
         ways = ways[: options.retries]
         if form.many_gaps and ways:
-            # Where rows are convex, the elastic form tells whether they can be met.
-            ways.insert(1 if convex else 0, attempts.otherwise)
+            # Where rows are convex, the elastic form tells whether they can be met; else where they may be, mostly.
+            ways.insert(1 if convex else 2, attempts.otherwise)
         if ways and options.scaling and is_small(x0).mean() > SEVERAL:
             ways.insert(0, scales.enlarged)
         return ways
@@ -343,7 +345,9 @@ class _Solve:
             assert isinstance(outcome.form, ScaledProblem)
             y = outcome.y * outcome.form.row_scale
             if not self._falls(point, y, outcome.form.row_scale):
-                return self._result(Status.INFEASIBLE, point.x, y)
+                return self._result(
+                    Status.INFEASIBLE, between(point.x, self.nlp.x_lower, self.nlp.x_upper), y
+                )
         # Solves on fewer frames may have used up what was left.
         used_up = self.monitor.iterations >= self.monitor.limit
         return self._best(Status.ITERATION_LIMIT if used_up else Status.FAILED)

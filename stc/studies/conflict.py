@@ -91,7 +91,8 @@ class _Filter:
         found: _Least | None = None
         starts = [*self.last, *self.starts]
         for start in starts:
-            if self._holds(problem, np.clip(start, problem.x_lower, problem.x_upper)):
+            inside = np.clip(start, problem.x_lower, problem.x_upper)
+            if self._meets(problem, start) or self._holds(problem, inside):
                 self.met[frozenset(kept)] = self.feasible
                 return False
         for start in starts:

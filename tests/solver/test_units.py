@@ -126,3 +126,41 @@ def test_a_step_does_not_leave_the_rows_far_behind_for_a_lower_objective() -> No
     solution = stc.load(EQUILIBRIUM).solve()
     assert solution.status == "optimal"
     assert solution.objective == pytest.approx(-47.76109026, rel=1e-7)
+
+
+#: The least time-integral of a force's size that moves a mass, in any units: a linear program.
+IMPULSE = """
+constants: n = 50, h = 1/n, m = 1, d = 1;
+variables: x, f, s;
+constraints: [0, n]: m*x'' = f; -8*m*d <= f <= 8*m*d; -s <= f; f <= s; [0]: x; x'; [n]: x = d; x';
+objective: [0, n]: integral(s);
+"""
+
+
+@pytest.mark.parametrize(("m", "d"), [(1e-3, 1e-3), (1e-2, 1e-3), (1e-3, 1.0), (1e3, 1.0)])
+def test_a_small_objective_is_as_exact_as_any(m: float, d: float) -> None:
+    model = stc.load(IMPULSE)
+    usual, small = model.solve(method="trapezoidal"), model.solve(method="trapezoidal", m=m, d=d)
+    assert usual.status == small.status == "optimal"
+    assert small.objective / (m * d) == pytest.approx(usual.objective, rel=2e-5)
+
+
+#: The least time for it.
+HASTE = """
+constants: n = 50, m = 1, d = 1;
+variables: x, f;
+parameters: T;
+definitions: h = T/n;
+guess: T = 2;
+constraints: T >= 0.1; [0, n]: m*x'' = f; -8*m*d <= f <= 8*m*d; [0]: x; x'; [n]: x = d; x';
+objective: [0]: T;
+"""
+
+
+@pytest.mark.parametrize(("m", "d"), [(1e3, 1e3), (1.0, 1e6), (1e3, 1e6)])
+def test_the_least_time_in_large_units(m: float, d: float) -> None:
+    """What an error of 1e-9 in each slope leaves to gain is much where variables are of 1e9."""
+    model = stc.load(HASTE)
+    usual, large = model.solve(method="trapezoidal"), model.solve(method="trapezoidal", m=m, d=d)
+    assert usual.status == large.status == "optimal"
+    assert large.objective == pytest.approx(usual.objective, rel=2e-5)
