@@ -10,6 +10,20 @@ from __future__ import annotations
 from typing import Final
 
 ByMethod = dict[str, float]
+ByUnit = dict[str, float]
+
+
+def of_extent(most: float, share: float, extent: float, floor: float) -> float:
+    """The limit of a distance: ``most``, or less where the whole motion is small, but never less than ``floor``.
+
+    Args:
+        most: the limit of large motions, in m or rad.
+        share: of the extent that the limit is at most.
+        extent: the longest way of a joint, in m or rad.
+        floor: what is allowed however small the motion is.
+    """
+    return min(most, max(share * extent, floor))
+
 
 # --- the solver's answer -------------------------------------------------------------------------------------
 
@@ -47,15 +61,24 @@ GROWTH_INSTANTS: Final = 60
 
 # --- motions on the ground, MuJoCo's own contacts supplying the forces ----------------------------------------
 
-#: RMS of the base's error as a share of its way, and of the joints' in rad: open loop and tracked.
+#: RMS of the base's error as a share of its way, and of each other joint's by its unit: open loop and tracked.  Along
+#: the bundled motions that are judged open loop the joints' are 9e-5 to 8e-3 rad, tracked 2e-6 to 7e-4 rad.
 CONTACT_BASE: Final = 1e-3
-CONTACT_JOINTS: Final = 5e-3
+CONTACT_JOINTS: Final[ByUnit] = {"m": 5e-3, "rad": 1e-2}
 CONTACT_TRACKED_BASE: Final = 5e-3
-CONTACT_TRACKED_JOINTS: Final = 5e-3
+CONTACT_TRACKED_JOINTS: Final[ByUnit] = {"m": 2.5e-3, "rad": 5e-3}
 
 #: The same at the last frame, open loop.
 CONTACT_END_BASE: Final = 1e-3
-CONTACT_END_JOINTS: Final = 2e-2
+CONTACT_END_JOINTS: Final[ByUnit] = {"m": 1e-2, "rad": 2e-2}
+
+#: A base that goes less far than this, in m, is measured as if it went so far: soft ground gives way under all that
+#: stands on it.
+LEAST_WAY: Final = 0.3
+
+#: Joints may be off by this share of the motion's extent at most, but always by the floor, in m or rad.
+CONTACT_SHARE: Final = 2e-2
+CONTACT_FLOOR: Final = 1e-3
 
 #: Largest drift of a joint where the solved contact forces act in place of the model's contacts, phase by phase.
 #: It is the truncation error of the steps alone, times what an unstable phase makes of it: 2e-4 to 4e-3 along the
