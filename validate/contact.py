@@ -74,7 +74,8 @@ def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, F
     if len(setup.contact):
         base, others = _parts(setup)
         driven = driven_dofs(setup)
-        turned, rest = [], []
+        turned: list[Tie] = []
+        rest: list[Tie] = []
         for tie in others:
             (turned if tie.unit == "rad" and tie.velocity in driven else rest).append(tie)
     else:
@@ -110,7 +111,8 @@ def friction_note(setup: Setup) -> str:
 def _parts(setup: Setup) -> tuple[list[Tie], list[Tie]]:
     """The base, which slides and is not driven, and all other tied joints."""
     driven = driven_dofs(setup)
-    base, others = [], []
+    base: list[Tie] = []
+    others: list[Tie] = []
     for tie in setup.ties:
         (base if tie.unit == "m" and tie.velocity not in driven else others).append(tie)
     return base, others
