@@ -17,6 +17,8 @@ from stc.validate.metrics import FloatArray, Metric
 from stc.validate.transmissions import driven_dofs
 
 if TYPE_CHECKING:
+    import mujoco
+
     from stc.validate.model import Tie
     from stc.validate.replay import Replay
     from stc.validate.setup import Setup
@@ -95,11 +97,38 @@ def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, F
     return found[0], found[1], found[2]
 
 
+def missing_contacts(setup: Setup) -> list[Metric]:
+    """A measurement that fails where forces on bodies have no two geoms that can touch; nothing where all is well."""
+    if can_touch(setup.compiled) or all(line.path[0] == "joint" for line in setup.contact.lines):
+        return []
+    return [Metric("contacts that the model can have", "pairs of geoms", 0.0, "", 1.0, at_least=True)]
+
+
+def can_touch(model: mujoco.MjModel) -> bool:
+    """Whether any two geoms of a model may come into contact, wherever they are."""
+    import mujoco
+
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
+        return False
+    if model.npair:
+        return True
+    types, affinities = model.geom_contype, model.geom_conaffinity
+    meets = (types[:, None] & affinities[None, :]) | (types[None, :] & affinities[:, None])
+    # What is welded together does not touch, be it to the world.
+    welded = model.body_weldid[model.geom_bodyid]
+    return bool(np.any((meets != 0) & (welded[:, None] != welded[None, :])))
+
+
 def friction_note(setup: Setup) -> str:
     """Which friction the contacts of the model have, for the report."""
     import mujoco
 
     model = setup.compiled
+    if not can_touch(model):
+        return (
+            "no geom of the model can touch another, so that nothing gives the forces of the `contact` lines; "
+            "forces that need no contact are stated with `apply` lines"
+        )
     parts = []
     for geom in range(model.ngeom):
         if model.geom_contype[geom] or model.geom_conaffinity[geom]:

@@ -13,13 +13,15 @@ from stc.errors import StcError, UsageError
 from stc.records import dataclass, field
 from stc.solution import Solution, read
 from stc.validate import limits
-from stc.validate.contact import contact_metrics, friction_note
+from stc.validate.contact import contact_metrics, friction_note, missing_contacts
+from stc.validate.contact_forces import ContactForces, contact_force_metrics, contact_forces
 from stc.validate.energy import energy_balance
 from stc.validate.impacts import velocity_jumps
 from stc.validate.inverse import InverseDynamics, inverse_dynamics
 from stc.validate.linearisation import growth, linearised
 from stc.validate.metrics import Metric, drift
 from stc.validate.model import file_hash
+from stc.validate.momentum import momentum_metrics
 from stc.validate.replay import Replay, replay, time_step_for
 from stc.validate.report import Report
 from stc.validate.setup import Setup, prepare
@@ -43,6 +45,7 @@ class Replays:
         tracked: with feedback, or None where there is nothing to steer with.
         tracked_by: ``LQR``, ``PD`` or "".
         external: open loop with the solved contact forces in place of the model's contacts; None without any.
+        ground: the contact forces, solved and as MuJoCo found them in the open-loop replay.
         notes: what was noticed on the way.
     """
 
@@ -52,6 +55,7 @@ class Replays:
     tracked: Replay | None = None
     tracked_by: str = ""
     external: Replay | None = None
+    ground: list[ContactForces] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
@@ -157,6 +161,7 @@ def run_replays(
         _track(found, time_step, integrator)
     if len(setup.contact):
         found.external = replay(setup, time_step, integrator, external=True)
+        found.ground = contact_forces(setup, found.open_loop)
     return found
 
 
@@ -204,6 +209,9 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
         metrics += [m for m in _drifts("external drift", setup, replays.external, limit) if m.limit]
     metrics += _physics_metrics(setup, inverse)
     metrics += statement_metrics(statements, solution.method)
+    metrics += momentum_metrics(setup)
+    metrics += missing_contacts(setup)
+    metrics += contact_force_metrics(replays.ground)
     model_integrator = mujoco.mjtIntegrator(setup.compiled.opt.integrator).name.removeprefix("mjINT_").lower()
     return Report(
         spec=solution.name,

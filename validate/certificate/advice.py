@@ -88,6 +88,13 @@ def _cause(metric: Metric, compared: bool, differ: bool) -> str:
             "check the forces: `stc validate SPEC --equations` compares the equations of motion term by term, and the "
             "actuator and apply lines under replay: must name all that acts"
         )
+    if name.startswith("contacts that the model"):
+        return (
+            "hand over with `apply` lines under replay: what acts without a contact, as at a hand that holds a bar, or "
+            "give geoms of the model a contype and conaffinity with which they touch"
+        )
+    if name.startswith("contact force, solved one pulls"):
+        return "state that the contact force presses, f >= 0: no contact of the model pulls"
     if name.startswith("friction used"):
         return (
             "state less friction in the spec than the model has, or give the model more with "
