@@ -49,6 +49,11 @@ OPEN_LOOP_DRIFT: Final[ByMethod] = {"hermite-simpson": 1e-4, "trapezoidal": 1e-2
 #: Largest drift of a joint or compared output when feedback tracks the solved motion.
 TRACKED_DRIFT: Final[ByMethod] = {"hermite-simpson": 1e-4, "trapezoidal": 1e-2, "central": 1e-2}
 
+#: Joints and outputs may drift by this share of the motion's extent at most, but always by the floor, in m or rad: a
+#: motion of a tenth of a millimetre has to be right as well.
+DRIFT_SHARE: Final[ByMethod] = {"hermite-simpson": 1e-2, "trapezoidal": 1e-1, "central": 1e-1}
+DRIFT_FLOOR: Final[ByMethod] = {"hermite-simpson": 1e-6, "trapezoidal": 1e-4, "central": 1e-4}
+
 #: Largest share of its torque that the feedback may supply to an actuator.
 FEEDBACK_SHARE: Final[ByMethod] = {"hermite-simpson": 5e-3, "trapezoidal": 1e-1, "central": 1e-1}
 
@@ -125,6 +130,9 @@ ENERGY_BALANCE: Final[ByMethod] = {"hermite-simpson": 1e-4, "trapezoidal": 2e-2,
 
 #: Largest part of an impulse that no contact gives, as a share of the motion's largest momentum.
 VELOCITY_JUMP: Final = 1e-9
+
+#: Largest part of an impulse that contacts give only by pulling or beyond the model's friction, as the same share.
+IMPULSE_CONE: Final = 1e-6
 
 #: Largest departure from the conservation of momentum in flight, as a share of the momentum that moves.
 FLIGHT: Final[ByMethod] = {"hermite-simpson": 5e-3, "trapezoidal": 1e-1, "central": 1e-1}

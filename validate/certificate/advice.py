@@ -71,6 +71,11 @@ def _cause(metric: Metric, compared: bool, differ: bool) -> str:
             "make the spec's equations and the model the same, beginning with the term named first: mend one of them, "
             "or give the model the spec's number with a `set` line under replay:"
         )
+    if name.startswith("unexplained impulse, pulls"):
+        return (
+            "state that an impulse presses and stays within the friction of the model: along the normal it is >= 0, "
+            "across it at most friction times that"
+        )
     if name.startswith("unexplained impulse"):
         return (
             "name the contact that gives the impulse with a `contact` line under replay:, or state that the velocity "
