@@ -128,16 +128,17 @@ class _Places:
         self._model = setup.model()
         self._model.geom_margin[:] = np.maximum(self._model.geom_margin, _TOUCHES)
         self._data = mujoco.MjData(self._model)
-        #: Per body the lines of its force's parts; lines that are no force on a body give either way.
-        self._bodies: dict[int, dict[int, int]] = {}
+        #: Per body or site of the lines the body, and by axis the line; lines that are no force there give either way.
+        self._forces: dict[tuple[str, str], tuple[int, dict[int, int]]] = {}
         self._others: list[int] = []
         for column, line in enumerate(setup.contact.lines):
             kind, *rest = line.path
-            if kind == "body" and rest[1] in _FORCES:
-                body = int(setup.compiled.body(rest[0]).id)
-                self._bodies.setdefault(body, {})[_FORCES.index(rest[1])] = column
-            else:
+            if kind == "joint" or rest[1] not in _FORCES:
                 self._others.append(column)
+                continue
+            body = setup.compiled.body(rest[0]).id if kind == "body" else setup.compiled.site(rest[0]).bodyid
+            _, axes = self._forces.setdefault((kind, rest[0]), (int(np.squeeze(body)), {}))
+            axes[_FORCES.index(rest[1])] = column
 
     def cones(self, position: FloatArray, directions: FloatArray) -> FloatArray | None:
         """The generalised impulses (nv, k) that the edges of all cones give; None where nothing is touched.
@@ -152,7 +153,7 @@ class _Places:
         mujoco.mj_fwdPosition(self._model, self._data)
         free = [directions[:, column] for column in self._others]
         columns, touched = [*free, *(-one for one in free)], False
-        for body, parts in self._bodies.items():
+        for body, parts in self._forces.values():
             along = np.zeros((directions.shape[0], 3))
             for axis, column in parts.items():
                 along[:, axis] = directions[:, column]
@@ -172,7 +173,7 @@ class _Places:
                 if geom < 0 or int(self._model.geom_bodyid[geom]) != body:
                     continue
                 friction = float(contact.friction[0]) if contact.dim > 1 else 0.0
-                found += [edge for edge in _cone(sign * frame[0], friction, axes)]
+                found += _cone(sign * frame[0], friction, axes)
         return found
 
 

@@ -86,6 +86,23 @@ def test_where_nothing_is_touched_nothing_is_said(tmp_path: Path) -> None:
     assert jumps is not None and jumps.outside_share is None
 
 
+def test_a_force_at_a_site_is_one_on_its_body(tmp_path: Path) -> None:
+    """The ball is pulled down at a site of its own."""
+    solution = struck(tmp_path, (0.0, 0.0), (0.0, -1.0))
+    model = (tmp_path / "ball.xml").read_text()
+    (tmp_path / "ball.xml").write_text(
+        model.replace("</body>", '<site name="sole" pos="0 0 -0.1"/></body>', 1)
+    )
+    solution.replay = [
+        ReplayChannel("contact", ("site", "sole", line.path[2]), line.value)
+        if line.kind == "contact"
+        else line
+        for line in solution.replay
+    ]
+    jumps = velocity_jumps(prepare(solution))
+    assert jumps is not None and jumps.outside_share == pytest.approx(1.0)
+
+
 def test_a_pulling_impulse_fails_the_motion(tmp_path: Path) -> None:
     report = validate(struck(tmp_path, (0.0, 2.0), (0.0, 1.0)), tracked=False)
     verdicts = {m.subject: m.verdict for m in report.metrics if m.name.startswith("unexplained impulse")}
