@@ -104,6 +104,15 @@ def test_a_driven_slide_is_judged_open_loop(tmp_path: Path, top: float, verdict:
     assert rows["open-loop", "joint y"].verdict == verdict
 
 
+@pytest.mark.parametrize(("top", "verified"), [(0.0, True), (0.005, False)])
+def test_feedback_does_not_verify_what_no_contact_gives(tmp_path: Path, top: float, verified: bool) -> None:
+    (tmp_path / "slider.xml").write_text(SLIDER_MODEL)
+    (tmp_path / "slider.stc").write_text(SLIDER.format(top=top))
+    found = solve_until_verified(stc.load(tmp_path / "slider.stc"), 1e-3)
+    assert found.verified is verified, found.message
+    assert verified or found.message.startswith("MuJoCo's own contacts leave joint y")
+
+
 #: More sites than joints, as an index among the sites is no index among the joints.
 JET_MODEL = """<mujoco><option timestep="0.001"/><worldbody><geom type="plane" size="5 5 0.1" solref="0.004 1"/>
   <body name="b" pos="0 0 0.1">
