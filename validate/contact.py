@@ -108,15 +108,21 @@ def can_touch(model: mujoco.MjModel) -> bool:
     """Whether any two geoms of a model may come into contact, wherever they are."""
     import mujoco
 
-    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
+    flags = mujoco.mjtDisableBit
+    if model.opt.disableflags & int(flags.mjDSBL_CONTACT):
         return False
     if model.npair:
         return True
     types, affinities = model.geom_contype, model.geom_conaffinity
     meets = (types[:, None] & affinities[None, :]) | (types[None, :] & affinities[:, None])
-    # What is welded together does not touch, be it to the world.
+    # What is welded together does not touch, nor does a body the one that it hangs on, the world excepted.
     welded = model.body_weldid[model.geom_bodyid]
-    return bool(np.any((meets != 0) & (welded[:, None] != welded[None, :])))
+    apart = welded[:, None] != welded[None, :]
+    if not model.opt.disableflags & int(flags.mjDSBL_FILTERPARENT):
+        parents = model.body_weldid[model.body_parentid[welded]]
+        hangs = (parents[:, None] == welded[None, :]) & (welded[None, :] != 0)
+        apart &= ~(hangs | hangs.T)
+    return bool(np.any((meets != 0) & apart))
 
 
 def friction_note(setup: Setup) -> str:
@@ -124,7 +130,7 @@ def friction_note(setup: Setup) -> str:
     import mujoco
 
     model = setup.compiled
-    if not can_touch(model):
+    if missing_contacts(setup):
         return (
             "no geom of the model can touch another, so that nothing gives the forces of the `contact` lines; "
             "forces that need no contact are stated with `apply` lines"
@@ -134,7 +140,8 @@ def friction_note(setup: Setup) -> str:
         if model.geom_contype[geom] or model.geom_conaffinity[geom]:
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom) or f"geom {geom}"
             parts.append(f"{name} {model.geom_friction[geom, 0]:.4g}")
-    return f"MuJoCo's own contacts give every ground force; friction: {', '.join(parts)}"
+    friction = f"; friction: {', '.join(parts)}" if parts else ""
+    return f"MuJoCo's own contacts give every ground force{friction}"
 
 
 def _parts(setup: Setup) -> tuple[list[Tie], list[Tie]]:

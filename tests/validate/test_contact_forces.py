@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
 import stc
 from stc.certification import certify
 from stc.validate import Metric, Report, validate
+from stc.validate.contact import can_touch
 from stc.validate.contact_forces import ContactForces, contact_force_metrics
 
 BLOCK_MODEL = """<mujoco><option gravity="0 0 -10" timestep="0.001"/><worldbody>
@@ -122,6 +124,32 @@ def test_a_model_in_which_nothing_touches_is_told(tmp_path: Path) -> None:
     assert any(note.startswith("no geom of the model can touch another") for note in certificate.notes)
     assert "`apply` lines" in certificate.next_steps[0]
     assert not any("friction: " in note for note in certificate.notes)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "touch"),
+    [
+        ("{floor}<body>{slide}{ball}</body>", True),
+        ('<body>{slide}{ball}</body><body pos="0 0 1">{slide}{ball}</body>', True),
+        ('{floor}<body>{slide}<geom size="0.1" contype="0" conaffinity="0"/></body>', False),
+        ("{floor}<body>{ball}</body>", False),  # welded to the world
+        ("<body>{slide}{ball}<body>{slide}{ball}</body></body>", False),  # one hangs on the other
+        ("<body>{slide}{ball}<body>{slide}{ball}<body>{slide}{ball}</body></body></body>", True),
+    ],
+)
+def test_whether_anything_can_touch_is_what_mujoco_does(bodies: str, touch: bool) -> None:
+    """Geoms on top of one another: MuJoCo finds a contact wherever it may."""
+    parts = {
+        "floor": '<geom type="plane" size="1 1 1"/>',
+        "ball": '<geom size="0.6"/>',
+        "slide": '<joint type="slide"/>',
+    }
+    text = f"<mujoco><worldbody>{bodies.format(**parts)}</worldbody></mujoco>"
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert (data.ncon > 0) is touch
+    assert can_touch(model) is touch
 
 
 def test_forces_at_a_site_are_compared_too(tmp_path: Path) -> None:

@@ -51,6 +51,30 @@ def test_a_wrong_mass_still_shows_beside_a_stop(tmp_path: Path) -> None:
     assert value(report, "inverse-dynamics residual") == pytest.approx(0.2, rel=1e-6)
 
 
+#: A motor presses the slide against its stop, which holds it.
+HELD = """
+constants: n = 20, h = 0.5/n;
+variables: x, f, r;
+method: hermite-simpson;
+constraints:
+  [0, n]: x'' = f + r; x = 0.1; f = 2*t; r = -{share}*f;
+replay: model = "stop.xml"; joint x = x; actuator f = f; {line}
+"""
+
+
+@pytest.mark.parametrize(
+    ("line", "residual"), [("contact joint.x = r;", 0.0), ("apply joint.x = r;", 0.0), ("", 1.0)]
+)
+def test_what_a_stop_gives_is_stated(tmp_path: Path, line: str, residual: float) -> None:
+    (tmp_path / "stop.xml").write_text(
+        STOP_MODEL.replace('limited="true"', 'limited="true" solreflimit="0.004 1"')
+    )
+    (tmp_path / "stop.stc").write_text(HELD.format(share=1, line=line))
+    certificate = certify(stc.load(tmp_path / "stop.stc").solve(), equations=False)
+    assert value(certificate.report, "inverse-dynamics residual") == pytest.approx(residual, abs=1e-12)
+    assert certificate.passed is (residual == 0.0), certificate.headline
+
+
 LIFT_MODEL = """<mujoco><option timestep="0.001" gravity="0 0 -10"/><worldbody>
   <body gravcomp="{share}"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
     <joint name="z" type="slide" axis="0 0 1" actuatorgravcomp="{by_actuator}"/></body></worldbody>
