@@ -41,6 +41,10 @@ def value(report: Report, name: str, subject: str) -> float:
     return next(m.value for m in report.metrics if (m.name, m.subject) == (name, subject))
 
 
+def largest_joint(report: Report, name: str) -> float:
+    return max(m.value for m in report.metrics if m.name == name and m.subject.startswith("joint"))
+
+
 def solved(name: str) -> Solution:
     found = stc.load(name).solve()
     assert found.status == "optimal"
@@ -56,11 +60,11 @@ def test_the_lamp_jumps_open_loop(jump: Solution, tmp_path: Path) -> None:
     jump.save(tmp_path / "jump.npz")
     report = validate(tmp_path / "jump.npz")
     assert value(report, "open-loop error on the ground, RMS", "base") <= 1e-3
-    assert value(report, "open-loop error on the ground, RMS", "joints") <= 5e-3
+    assert largest_joint(report, "open-loop error on the ground, RMS") <= 5e-3
     assert value(report, "open-loop error on the ground, at the end", "base") <= 1e-3
-    assert value(report, "open-loop error on the ground, at the end", "joints") <= 2e-2
+    assert largest_joint(report, "open-loop error on the ground, at the end") <= 2e-2
     assert value(report, "tracked error on the ground, RMS", "base") <= 1e-3
-    assert value(report, "tracked error on the ground, RMS", "joints") <= 1e-3
+    assert largest_joint(report, "tracked error on the ground, RMS") <= 1e-3
     for joint in ("hip", "elbow", "neck"):
         assert value(report, "feedback share", f"actuator {joint}") <= 0.02
     assert largest_residual(report) <= 1e-9
@@ -79,8 +83,8 @@ def check_heavier(motion: Solution) -> None:
     setup.compiled.body_inertia *= 1.01
     found = replay(setup, 1e-4, feedback=feedback)
     errors = {m.subject: m.value for m in contact_metrics("tracked", setup, found)}
-    assert errors["base"] <= 5e-3
-    assert errors["joints"] <= 5e-3
+    assert set(errors) == {"base", "joint pitch", "joint hip", "joint elbow", "joint neck"}
+    assert max(errors.values()) <= 5e-3
     assert np.all(found.feedback <= 0.05 * found.total)  # of each motor's own torque, the worst one's too
 
 
@@ -196,7 +200,7 @@ def test_other_jumps_are_repeated_by_the_simulator(name: str) -> None:
     assert largest_residual(report) <= 1e-9
     check_clear(motion)
     assert value(report, "tracked error on the ground, RMS", "base") <= 5e-3
-    assert value(report, "tracked error on the ground, RMS", "joints") <= 5e-3
+    assert largest_joint(report, "tracked error on the ground, RMS") <= 5e-3
     for joint in ("hip", "elbow", "neck"):
         assert value(report, "feedback share", f"actuator {joint}") <= 0.05
 

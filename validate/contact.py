@@ -1,9 +1,9 @@
 """Motions on the ground: MuJoCo's contact solver supplies what the solution's ``contact`` lines say.
 
-Such a motion is measured as a whole: how far the base strays as a share of the way that it goes, how far the joints
-do, and where it stands in the end.  The base is what slides, the joints are what motors turn.  A body that stands
-on a foot without moving it is unstable by nature (it is an inverted pendulum), so that after a landing
-an open-loop replay is judged by its last frame too.
+Such a motion is measured as a whole: how far the base strays as a share of the way that it goes, how far every other
+joint does in its own unit, and where all of them stand in the end.  The base is what slides and is not driven.  A
+body that stands on a foot without moving it is unstable by nature (it is an inverted pendulum), so that after a
+landing an open-loop replay is judged by its last frame too.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from stc.validate import limits
 from stc.validate.metrics import FloatArray, Metric
+from stc.validate.transmissions import driven_dofs
 
 if TYPE_CHECKING:
     import mujoco
@@ -24,42 +25,36 @@ if TYPE_CHECKING:
 
 
 def travelled(setup: Setup) -> float:
-    """How far the base goes, in m: the largest distance between two places of its path; 1 where it stays."""
-    slides = [tie.line.value.before for tie in _base(setup)]
-    if not slides:
-        return 1.0
-    extent = float(np.hypot.reduce([np.ptp(values) for values in slides]))
-    return extent if extent > 1e-3 else 1.0
+    """How far the base goes, in m: the largest distance between two places of its path, at least a short way."""
+    slides = [tie.line.value.before for tie in _parts(setup)[0]]
+    return max(limits.LEAST_WAY, float(np.hypot.reduce([0.0, *(np.ptp(values) for values in slides)])))
 
 
 def contact_metrics(name: str, setup: Setup, motion: Replay) -> list[Metric]:
-    """How far a replay on the ground strays.
+    """How far a replay on the ground strays: the base, where there is one, and every other tied joint.
 
     Args:
         name: of the replay, ``open-loop`` or ``tracked``.
         setup: the motion.
         motion: what the simulation did.
     """
-    length = travelled(setup)
-    base, joints = _distances(_base(setup), motion), _distances(_turned(setup), motion)
+    base, others = _parts(setup)
     tracked = name == "tracked"
+    extent = setup.reference.extent
+    rows: list[tuple[str, FloatArray, str, float, float]] = []
+    if base:
+        share = np.sqrt(np.sum(_distances(base, motion) ** 2, axis=0)) / travelled(setup)
+        most = limits.CONTACT_TRACKED_BASE if tracked else limits.CONTACT_BASE
+        rows.append(("base", share, "of its way", most, limits.CONTACT_END_BASE))
+    for tie, distance in zip(others, _distances(others, motion)):
+        allowed = limits.CONTACT_TRACKED_JOINTS if tracked else limits.CONTACT_JOINTS
+        most, at_end = (
+            limits.of_extent(by_unit[tie.unit], limits.CONTACT_SHARE, extent, limits.CONTACT_FLOOR)
+            for by_unit in (allowed, limits.CONTACT_END_JOINTS)
+        )
+        rows.append((f"joint {tie.name}", distance, tie.unit, most, at_end))
     found = []
-    for subject, distance, unit, limit, at_end in (
-        (
-            "base",
-            np.sqrt(np.sum(base**2, axis=0)) / length,
-            "of its way",
-            limits.CONTACT_TRACKED_BASE if tracked else limits.CONTACT_BASE,
-            limits.CONTACT_END_BASE,
-        ),
-        (
-            "joints",
-            np.sqrt(np.mean(joints**2, axis=0)) if len(joints) else np.zeros(base.shape[1:]),
-            "rad",
-            limits.CONTACT_TRACKED_JOINTS if tracked else limits.CONTACT_JOINTS,
-            limits.CONTACT_END_JOINTS,
-        ),
-    ):
+    for subject, distance, unit, limit, at_end in rows:
         found.append(Metric(f"{name} error on the ground, RMS", subject, _rms(distance), unit, limit))
         if not tracked:
             last = float(distance[-1]) if np.all(np.isfinite(distance)) else np.inf
@@ -67,7 +62,7 @@ def contact_metrics(name: str, setup: Setup, motion: Replay) -> list[Metric]:
     return found
 
 
-def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Distance of many replays from the solved motion, coordinate by coordinate.
 
     Args:
@@ -75,14 +70,22 @@ def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, F
         positions: (samples, n+1, nq) of the replays at the frames.
 
     Returns:
-        (samples, k, n+1) of the base's sliding joints in m and of the joints that motors turn in rad.  Where the
-        motion is not one on the ground: of all sliding joints and of all hinges.
+        (samples, k, n+1) of the base's sliding joints in m, of the joints that motors turn in rad, and of all others,
+        each in its unit.  Where the motion is not one on the ground: of all sliding joints, of all hinges, of none.
     """
-    ground = bool(len(setup.contact))
-    base = _base(setup) if ground else [tie for tie in setup.ties if tie.unit == "m"]
-    turned = _turned(setup) if ground else [tie for tie in setup.ties if tie.unit == "rad"]
+    if len(setup.contact):
+        base, others = _parts(setup)
+        driven = driven_dofs(setup)
+        turned: list[Tie] = []
+        rest: list[Tie] = []
+        for tie in others:
+            (turned if tie.unit == "rad" and tie.velocity in driven else rest).append(tie)
+    else:
+        base = [tie for tie in setup.ties if tie.unit == "m"]
+        turned, rest = [tie for tie in setup.ties if tie.unit == "rad"], []
+    count, frames = positions.shape[:2]
     found = []
-    for ties in (base, turned):
+    for ties in (base, turned, rest):
         rows = [
             np.minimum(
                 np.abs(positions[:, :, tie.position] - tie.line.value.before),
@@ -90,9 +93,36 @@ def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, F
             )
             for tie in ties
         ]
-        count, frames = positions.shape[:2]
         found.append(np.array(rows).reshape(len(rows), count, frames).swapaxes(0, 1))
-    return found[0], found[1]
+    return found[0], found[1], found[2]
+
+
+def missing_contacts(setup: Setup) -> list[Metric]:
+    """A measurement that fails where forces on bodies have no two geoms that can touch; nothing where all is well."""
+    if can_touch(setup.compiled) or all(line.path[0] == "joint" for line in setup.contact.lines):
+        return []
+    return [Metric("contacts that the model can have", "pairs of geoms", 0.0, "", 1.0, at_least=True)]
+
+
+def can_touch(model: mujoco.MjModel) -> bool:
+    """Whether any two geoms of a model may come into contact, wherever they are."""
+    import mujoco
+
+    flags = mujoco.mjtDisableBit
+    if model.opt.disableflags & int(flags.mjDSBL_CONTACT):
+        return False
+    if model.npair:
+        return True
+    types, affinities = model.geom_contype, model.geom_conaffinity
+    meets = (types[:, None] & affinities[None, :]) | (types[None, :] & affinities[:, None])
+    # What is welded together does not touch, nor does a body the one that it hangs on, the world excepted.
+    welded = model.body_weldid[model.geom_bodyid]
+    apart = welded[:, None] != welded[None, :]
+    if not model.opt.disableflags & int(flags.mjDSBL_FILTERPARENT):
+        parents = model.body_weldid[model.body_parentid[welded]]
+        hangs = (parents[:, None] == welded[None, :]) & (welded[None, :] != 0)
+        apart &= ~(hangs | hangs.T)
+    return bool(np.any((meets != 0) & apart))
 
 
 def friction_note(setup: Setup) -> str:
@@ -100,27 +130,28 @@ def friction_note(setup: Setup) -> str:
     import mujoco
 
     model = setup.compiled
+    if missing_contacts(setup):
+        return (
+            "no geom of the model can touch another, so that nothing gives the forces of the `contact` lines; "
+            "forces that need no contact are stated with `apply` lines"
+        )
     parts = []
     for geom in range(model.ngeom):
         if model.geom_contype[geom] or model.geom_conaffinity[geom]:
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom) or f"geom {geom}"
             parts.append(f"{name} {model.geom_friction[geom, 0]:.4g}")
-    return f"MuJoCo's own contacts give every ground force; friction: {', '.join(parts)}"
+    friction = f"; friction: {', '.join(parts)}" if parts else ""
+    return f"MuJoCo's own contacts give every ground force{friction}"
 
 
-def _base(setup: Setup) -> list[Tie]:
-    driven = _driven(setup.compiled, setup.controls.actuators)
-    return [tie for tie in setup.ties if tie.unit == "m" and tie.velocity not in driven]
-
-
-def _turned(setup: Setup) -> list[Tie]:
-    driven = _driven(setup.compiled, setup.controls.actuators)
-    return [tie for tie in setup.ties if tie.unit == "rad" and tie.velocity in driven]
-
-
-def _driven(model: mujoco.MjModel, actuators: list[int]) -> set[int]:
-    """The degrees of freedom on which actuators act."""
-    return {int(model.jnt_dofadr[model.actuator_trnid[actuator, 0]]) for actuator in actuators}
+def _parts(setup: Setup) -> tuple[list[Tie], list[Tie]]:
+    """The base, which slides and is not driven, and all other tied joints."""
+    driven = driven_dofs(setup)
+    base: list[Tie] = []
+    others: list[Tie] = []
+    for tie in setup.ties:
+        (base if tie.unit == "m" and tie.velocity not in driven else others).append(tie)
+    return base, others
 
 
 def _distances(ties: list[Tie], motion: Replay) -> FloatArray:

@@ -107,6 +107,8 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
 
 def _powers(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
     """(nv,) power of everything that is neither inertia nor potential, per degree of freedom, in W."""
-    # MuJoCo counts gravity and springs as potentials, and compensated gravity not at all.
-    force = data.qfrc_actuator + data.qfrc_applied + data.qfrc_damper + data.qfrc_gravcomp + data.qfrc_fluid
+    # MuJoCo counts gravity and springs as potentials, and compensated gravity not at all.  Where actuators
+    # compensate it, it is among their forces already.
+    compensated = np.where(model.jnt_actgravcomp[model.dof_jntid], 0.0, data.qfrc_gravcomp)
+    force = data.qfrc_actuator + data.qfrc_applied + data.qfrc_damper + compensated + data.qfrc_fluid
     return np.asarray(force * data.qvel - model.dof_frictionloss * np.abs(data.qvel))

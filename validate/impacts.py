@@ -2,7 +2,8 @@
 
 A jump of velocity by dv takes the generalised impulse M dv.  Actuators and applied forces are finite and give
 none; impulses come through the contacts that the spec names.  What no combination of these can give is an
-error.
+error.  So is an impulse that pulls, or that lies outside the friction cones of the contacts that the model has in
+that place: a least-squares fit without negative shares of the cones' edges tells how much of it is.
 """
 
 from __future__ import annotations
@@ -18,6 +19,17 @@ if TYPE_CHECKING:
     from stc.validate.metrics import FloatArray
     from stc.validate.setup import Setup
 
+_FORCES = ("fx", "fy", "fz")
+
+#: Geoms that are nearer to one another than this, in m, touch where velocities jump.
+_TOUCHES = 1e-3
+
+#: Edges of a friction cone in space.
+_EDGES = 16
+
+#: A normal with less than this in the axes of the contact lines presses along none of them.
+_FLAT = 0.5
+
 
 @dataclass(frozen=True, slots=True)
 class VelocityJumps:
@@ -27,16 +39,26 @@ class VelocityJumps:
         frames: at which some velocity jumps.
         residual: (k,) per tied joint, largest impulse in kg m/s or kg m^2/s that no contact gives.
         scale: largest generalised momentum at these frames.
+        outside: largest impulse in the same units that the named contacts give only by pulling or beyond the model's
+            friction; None where the model touches nothing in these places.
     """
 
     frames: list[int]
     residual: FloatArray
     scale: float
+    outside: float | None
 
     @property
     def share(self) -> FloatArray:
         """(k,) the residuals as a share of the scale."""
         return self.residual / self.scale if self.scale > 0.0 else self.residual
+
+    @property
+    def outside_share(self) -> float | None:
+        """The impulse outside the cones as a share of the scale."""
+        if self.outside is None:
+            return None
+        return self.outside / self.scale if self.scale > 0.0 else self.outside
 
 
 def velocity_jumps(setup: Setup) -> VelocityJumps | None:
@@ -54,7 +76,9 @@ def velocity_jumps(setup: Setup) -> VelocityJumps | None:
     if not frames or not setup.all_tied:
         return None
     dynamics = SmoothDynamics(setup.model(contacts=False))
+    places = _Places(setup)
     worst, scale = np.zeros(setup.compiled.nv), 0.0
+    outside: float | None = None
     position = dynamics.data.qpos.copy()
     for frame in frames:
         before, after = reference.at("before", frame), reference.at("after", frame)
@@ -67,10 +91,109 @@ def velocity_jumps(setup: Setup) -> VelocityJumps | None:
         directions = _directions(setup, dynamics)
         if directions.shape[1]:
             given = directions @ np.linalg.lstsq(directions, impulse, rcond=None)[0]
+            cones = places.cones(position, directions)
+            if cones is not None:
+                # What contacts cannot give at all is told by the residual, and not told again.
+                outside = max(outside or 0.0, _left_over(cones, given))
             impulse = impulse - given
         worst = np.maximum(worst, np.abs(impulse))
         scale = max(scale, float(np.abs(mass @ old).max()), float(np.abs(mass @ new).max()))
-    return VelocityJumps(frames, worst[reference.velocities], scale)
+    return VelocityJumps(frames, worst[reference.velocities], scale, outside)
+
+
+def _left_over(cones: FloatArray, impulse: FloatArray) -> float:
+    """The largest entry of a generalised impulse (nv,) that no sum of the columns (nv, k), none taken away, gives."""
+    from scipy.optimize import nnls
+
+    size = float(np.abs(impulse).max(initial=0.0))
+    if not size > 0.0 or not cones.shape[1]:
+        return size
+    # Edges of one length: rounding is a share of them, whatever the units.
+    lengths = np.linalg.norm(cones, axis=0)
+    edges = cones[:, lengths > 0.0] / lengths[lengths > 0.0]
+    shares = nnls(edges, impulse / size)[0]
+    return float(np.abs(edges @ shares * size - impulse).max())
+
+
+class _Places:
+    """Where the bodies of the ``contact`` lines touch something along the motion, and in which directions that presses.
+
+    The cone of a contact has :data:`_EDGES` edges.  It is the one around the round cone, so that no impulse within the
+    friction is outside; along the axes of the contact lines in a plane it is exact.
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        import mujoco
+
+        self._model = setup.model()
+        self._model.geom_margin[:] = np.maximum(self._model.geom_margin, _TOUCHES)
+        self._data = mujoco.MjData(self._model)
+        #: Per body or site of the lines the body, and by axis the line; lines that are no force there give either way.
+        self._forces: dict[tuple[str, str], tuple[int, dict[int, int]]] = {}
+        self._others: list[int] = []
+        for column, line in enumerate(setup.contact.lines):
+            kind, *rest = line.path
+            if kind == "joint" or rest[1] not in _FORCES:
+                self._others.append(column)
+                continue
+            body = setup.compiled.body(rest[0]).id if kind == "body" else setup.compiled.site(rest[0]).bodyid
+            _, axes = self._forces.setdefault((kind, rest[0]), (int(np.squeeze(body)), {}))
+            axes[_FORCES.index(rest[1])] = column
+
+    def cones(self, position: FloatArray, directions: FloatArray) -> FloatArray | None:
+        """The generalised impulses (nv, k) that the edges of all cones give; None where nothing is touched.
+
+        Args:
+            position: (nq,) of the model.
+            directions: (nv, lines) generalised impulse of a unit impulse along each contact line.
+        """
+        import mujoco
+
+        self._data.qpos[:] = position
+        mujoco.mj_fwdPosition(self._model, self._data)
+        free = [directions[:, column] for column in self._others]
+        columns, touched = [*free, *(-one for one in free)], False
+        for body, parts in self._forces.values():
+            along = np.zeros((directions.shape[0], 3))
+            for axis, column in parts.items():
+                along[:, axis] = directions[:, column]
+            edges = self._edges(body, sorted(parts))
+            touched = touched or bool(edges)
+            # A body that touches nothing here is judged by what the replay does.
+            columns += [along @ edge for edge in edges or [*np.eye(3), *-np.eye(3)]]
+        return np.array(columns).T if touched else None
+
+    def _edges(self, body: int, axes: list[int]) -> list[FloatArray]:
+        """Edges of the cones of all contacts of a body, those that lie in the axes of its lines."""
+        found = []
+        for number in range(self._data.ncon):
+            contact = self._data.contact[number]
+            frame = np.array(contact.frame).reshape(3, 3)
+            for geom, sign in ((contact.geom[0], -1.0), (contact.geom[1], 1.0)):
+                if geom < 0 or int(self._model.geom_bodyid[geom]) != body:
+                    continue
+                friction = float(contact.friction[0]) if contact.dim > 1 else 0.0
+                found += _cone(sign * frame[0], friction, axes)
+        return found
+
+
+def _cone(normal: FloatArray, friction: float, axes: list[int]) -> list[FloatArray]:
+    """Edges of a friction cone: two in a plane that the normal lies in, many in space, the normal without friction."""
+    absent = [axis for axis in range(3) if axis not in axes]
+    # No line speaks of these axes: the impulse has nothing along them.
+    flat = np.array(normal)
+    flat[absent] = 0.0
+    if np.linalg.norm(flat) < _FLAT:
+        return []
+    flat /= np.linalg.norm(flat)
+    basis = np.linalg.svd(np.vstack([flat, np.eye(3)[absent]]))[2][1 + len(absent) :]
+    if friction == 0.0 or not len(basis):
+        return [flat]
+    if len(basis) == 1:
+        return [flat + sign * friction * basis[0] for sign in (1.0, -1.0)]
+    angles = 2.0 * np.pi * np.arange(_EDGES) / _EDGES
+    around = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ basis
+    return [flat + friction / np.cos(np.pi / _EDGES) * way for way in around]
 
 
 def _directions(setup: Setup, dynamics: SmoothDynamics) -> FloatArray:

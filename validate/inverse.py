@@ -7,7 +7,9 @@ shows wherever it acts.  Contacts are switched off, and the solved contact force
 equality of the model (a closed loop, a gear) can give along what it blocks is no residual: MuJoCo's own inverse has
 springs there, which tell nothing of the force that holds a loop exactly.  Dry friction of a joint is Coulomb's: its
 whole force against the motion, and at rest as much as is needed up to that.  MuJoCo's own rises with the speed and
-brakes softly, so that its inverse has another force wherever a joint is about to stop.
+brakes softly, so that its inverse has another force wherever a joint is about to stop.  A joint limit gives nothing
+by itself: MuJoCo's is a soft spring there, which pushes on a motion that just touches the limit.  A force that a
+solution takes from its end stop is stated as one, with an ``apply`` or ``contact`` line on the joint.
 """
 
 from __future__ import annotations
@@ -67,7 +69,7 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     import mujoco
 
     flags = mujoco.mjtDisableBit
-    model.opt.disableflags |= int(flags.mjDSBL_EQUALITY)
+    model.opt.disableflags |= int(flags.mjDSBL_EQUALITY) | int(flags.mjDSBL_LIMIT)
     loss = np.zeros(model.nv)
     if not model.tendon_frictionloss.any():  # where it is, MuJoCo's own law has to do for all
         model.opt.disableflags |= int(flags.mjDSBL_FRICTIONLOSS)

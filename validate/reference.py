@@ -57,6 +57,11 @@ class Reference:
             found.append(np.array([node_value(channel, part, index) for channel in channels]))
         return found
 
+    @property
+    def extent(self) -> float:
+        """The longest way of a tied joint, in m or rad: the distance between two of its places at the frames."""
+        return max(float(np.ptp([tie.line.value.before, tie.line.value.after])) for tie in self.ties)
+
     def put(self, data: mujoco.MjData, state: Sequence[FloatArray]) -> None:
         """Write positions, velocities and, if given, accelerations (k,) into a simulation."""
         data.qpos[self.positions] = state[0]

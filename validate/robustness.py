@@ -22,6 +22,7 @@ from stc.validate.contact import ground_distances, travelled
 from stc.validate.metrics import FloatArray
 from stc.validate.replay import time_step_for
 from stc.validate.tracking import Feedback, proportional
+from stc.validate.transmissions import driven_dofs
 
 if TYPE_CHECKING:
     import mujoco
@@ -217,8 +218,8 @@ def _envelope(
     for scale in np.unique(scales):
         chosen = np.flatnonzero(scales == scale)
         positions[chosen] = _simulate(setup, feedback, kind, len(chosen), time_step * scale, rng)
-    base, joints = ground_distances(setup, positions)
-    every = np.concatenate([base, joints], axis=1)
+    base, joints, others = ground_distances(setup, positions)
+    every = np.concatenate([base, joints, others], axis=1)
     finite = np.isfinite(positions).all(axis=(1, 2))
     lost = ~finite | (np.nan_to_num(every, nan=math.inf) > limits.LOST).any(axis=(1, 2))
     length = travelled(setup) if len(setup.contact) else 1.0
@@ -293,8 +294,7 @@ def _perturb_model(sims: batch.Batch, setup: Setup, kind: str, rng: np.random.Ge
 
 def _driven_ties(setup: Setup) -> np.ndarray:
     """Which tied joints an actuator moves: a foot on the ground is not lifted or sunk into it."""
-    model = setup.compiled
-    moved = {int(model.jnt_dofadr[model.actuator_trnid[index, 0]]) for index in setup.controls.actuators}
+    moved = driven_dofs(setup)
     return np.array([k for k, tie in enumerate(setup.ties) if tie.velocity in moved], dtype=np.intp)
 
 

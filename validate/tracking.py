@@ -23,6 +23,7 @@ from stc.validate import limits
 from stc.validate.dynamics import mass_matrices
 from stc.validate.linearisation import Linearisation
 from stc.validate.metrics import FloatArray
+from stc.validate.transmissions import joint_dof
 
 if TYPE_CHECKING:
     import mujoco
@@ -125,17 +126,14 @@ def _riccati(maps: Linearisation, scales: FloatArray) -> FloatArray | None:
 
 def proportional(setup: Setup) -> Feedback | None:
     """A proportional-derivative law for every actuator that moves one tied joint; None where there is none."""
-    import mujoco
-
     model, k = setup.compiled, len(setup.ties)
     gain = np.zeros((len(setup.controls), 2 * k))
     inertia = np.mean([mass.diagonal() for mass in mass_matrices(setup, 20)], axis=0)
     joints = {int(dof): j for j, dof in enumerate(setup.reference.velocities)}
-    transmissions = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
     for row, actuator in enumerate(setup.controls.actuators):
-        if model.actuator_trntype[actuator] not in transmissions:
+        dof = joint_dof(model, actuator)
+        if dof is None:
             continue
-        dof = int(model.jnt_dofadr[model.actuator_trnid[actuator, 0]])
         strength = model.actuator_gear[actuator, 0] * model.actuator_gainprm[actuator, 0]
         if dof in joints and strength != 0.0:
             stiffness = inertia[dof] * limits.PD_RATE**2 / strength

@@ -2,8 +2,9 @@
 
 Every round is judged by the drift of the replay: of the open loop, or where the motion multiplies small errors of
 the replay with feedback.  Motions on the ground are judged by the replay in which the solved contact forces act,
-and then by the tracked one with the simulator's own contacts.  Which steps are at fault is asked of MuJoCo too: each
-step is simulated on its own from the solved state (:mod:`stc.validate.steps`).
+and then by the one with the simulator's own contacts: tracked, or open loop where small errors hardly grow or no
+feedback can act.  Which steps are at fault is asked of MuJoCo too: each step is simulated on its own from the solved
+state (:mod:`stc.validate.steps`).
 
 More frames cannot mend everything.  Wrong equations of motion are looked for after the first solve; what else stands
 in the way (contacts softer than rigid ones, a drift that does not fall, no more frames or time) is said in words.
@@ -207,7 +208,8 @@ class _Judged:
         replays: all that was simulated.
         by: which of them judges.
         drift, subject: the largest drift in it, and whose.
-        ground: the largest drift with the simulator's own contacts and feedback; None where there are no contacts.
+        ground: the largest drift with the simulator's own contacts, of what, and whether feedback was at work: where
+            small errors grow and it can be; None where there are no contacts.
         steps: (n,) error of each step alone.
     """
 
@@ -215,7 +217,7 @@ class _Judged:
     by: str
     drift: float
     subject: str
-    ground: tuple[float, str] | None
+    ground: tuple[float, str, bool] | None
     steps: np.ndarray
 
     @classmethod
@@ -226,7 +228,10 @@ class _Judged:
         ground = None
         if replays.external is not None:
             by, motion = "contact forces", replays.external
-            ground = _largest(setup, replays.tracked) if replays.tracked is not None else None
+            # Feedback hides what the contacts do not give; where errors hardly grow the open loop tells it.
+            steady = replays.growth is not None and replays.growth < limits.UNSTABLE_GROWTH
+            steered = None if steady else replays.tracked
+            ground = (*_largest(setup, steered or replays.open_loop), steered is not None)
         elif (replays.growth or 1.0) >= limits.UNSTABLE_GROWTH and replays.tracked is not None:
             by, motion = "tracked", replays.tracked
         return cls(replays, by, *_largest(setup, motion), ground, step_errors(setup))
@@ -297,9 +302,10 @@ def _in_the_way(found: Verification, judged: _Judged, clock: Clock) -> str:
     now = found.rounds[-1]
     if judged.drift <= found.tolerance:
         if judged.ground is not None and judged.ground[0] > found.tolerance:
-            drift, subject = judged.ground
+            drift, subject, steered = judged.ground
+            how = ", with feedback," if steered else ""
             return (
-                f"MuJoCo's own contacts, with feedback, leave {subject} {drift:.2g} away; with the solved contact "
+                f"MuJoCo's own contacts{how} leave {subject} {drift:.2g} away; with the solved contact "
                 f"forces in their place it is {judged.drift:.2g}, so that what is left is the model's contact (its "
                 "softness, friction and time step) and no number of frames mends it"
             )

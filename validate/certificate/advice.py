@@ -71,6 +71,11 @@ def _cause(metric: Metric, compared: bool, differ: bool) -> str:
             "make the spec's equations and the model the same, beginning with the term named first: mend one of them, "
             "or give the model the spec's number with a `set` line under replay:"
         )
+    if name.startswith("unexplained impulse, pulls"):
+        return (
+            "state that an impulse presses and stays within the friction of the model: along the normal it is >= 0, "
+            "across it at most friction times that"
+        )
     if name.startswith("unexplained impulse"):
         return (
             "name the contact that gives the impulse with a `contact` line under replay:, or state that the velocity "
@@ -88,6 +93,13 @@ def _cause(metric: Metric, compared: bool, differ: bool) -> str:
             "check the forces: `stc validate SPEC --equations` compares the equations of motion term by term, and the "
             "actuator and apply lines under replay: must name all that acts"
         )
+    if name.startswith("contacts that the model"):
+        return (
+            "hand over with `apply` lines under replay: what acts without a contact, as at a hand that holds a bar, or "
+            "give geoms of the model a contype and conaffinity with which they touch"
+        )
+    if name.startswith("contact force, solved one pulls"):
+        return "state that the contact force presses, f >= 0: no contact of the model pulls"
     if name.startswith("friction used"):
         return (
             "state less friction in the spec than the model has, or give the model more with "

@@ -24,6 +24,7 @@ _CAUSES = (
     "damping",
     "force, entry",
     "unexplained impulse",
+    "contacts that the model",
     "inverse-dynamics residual",
     "momentum in flight",
     "angular momentum",

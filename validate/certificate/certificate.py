@@ -12,12 +12,6 @@ from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate import limits
 from stc.validate.certificate import advice, blame, table
-from stc.validate.certificate.contact_forces import (
-    ContactForces,
-    contact_force_metrics,
-    contact_forces,
-)
-from stc.validate.certificate.momentum import momentum_metrics
 from stc.validate.certificate.staleness import stale
 from stc.validate.metrics import Metric
 from stc.validate.report import Report
@@ -47,7 +41,6 @@ class Certificate:
         equations: the comparison of the equations of motion, where it was made.
         further: measurements of others, such as the observed order of convergence.
         faults: what is wrong besides measurements, one line each: the spec has changed since, for one.
-        ground: the contact forces, solved and as MuJoCo found them.
         more_frames: what takes twice the frames, such as ``--set n=120``, from whoever can read the spec.
     """
 
@@ -57,7 +50,6 @@ class Certificate:
     equations: ComparedEquations | None = None
     further: Sequence[Metric] = ()
     faults: list[str] = field(default_factory=list)
-    ground: Sequence[ContactForces] = ()
     more_frames: str = ""
 
     @property
@@ -209,6 +201,4 @@ def certify(
         solution, model, force=force, time_step=time_step, integrator=integrator, statements=statements
     )
     motion = replays.setup.solution
-    ground = contact_forces(replays)
-    report.metrics = [*report.metrics, *momentum_metrics(replays.setup), *contact_force_metrics(ground)]
-    return Certificate(motion, report, replays, equations, further, stale(motion), ground)
+    return Certificate(motion, report, replays, equations, further, stale(motion))

@@ -9,12 +9,14 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from stc.validate.certificate import blame, table
-from stc.validate.certificate.contact_forces import ContactForces
 from stc.validate.certificate.curves import Line, Panel, panels
 from stc.validate.certificate.listing import TextLine, listing
 from stc.validate.certificate.pictures import Pictures, encoded, render
 from stc.validate.certificate.plots import draw
+from stc.validate.contact_forces import ContactForces
 from stc.validate.metrics import Metric
 from stc.validate.pictures import PictureError
 
@@ -199,8 +201,8 @@ def _strip(found: Pictures) -> str:
 
 def _plots(certificate: Certificate) -> str:
     found = panels(certificate.replays)
-    if certificate.ground:
-        found = [panel for panel in found if panel.group != "contact"] + _ground(certificate.ground)
+    if certificate.replays.ground:
+        found = [panel for panel in found if panel.group != "contact"] + _ground(certificate.replays.ground)
     if not found:
         return ""
     by_group: dict[str, list[str]] = {}
@@ -212,9 +214,11 @@ def _plots(certificate: Certificate) -> str:
     key += "<span class='tracked'>replayed with feedback</span></p>" if tracked else "</p>"
     parts = []
     for group, figures in by_group.items():
-        legend = {"joint": key, "output": key, "contact": _CONTACT_KEY if certificate.ground else ""}.get(
-            group, ""
-        )
+        legend = {
+            "joint": key,
+            "output": key,
+            "contact": _CONTACT_KEY if certificate.replays.ground else "",
+        }.get(group, "")
         parts.append(f"<h3>{_GROUPS[group]}</h3>{legend}<div class='plots'>{''.join(figures)}</div>")
     return f"<section aria-labelledby='plots'>\n<h2 id='plots'>Over time</h2>\n{''.join(parts)}</section>\n"
 
@@ -225,8 +229,8 @@ def _ground(forces: Sequence[ContactForces]) -> list[Panel]:
     for one in forces:
         for part, solved in one.solved.items():
             lines = [Line("solved", one.time, solved), Line("replayed", one.time, one.found[part])]
-            if part in ("fx", "fy") and one.friction is not None and "fz" in one.solved:
-                cone = one.friction * one.solved["fz"]
+            if part in ("fx", "fy") and np.isfinite(one.friction).any() and "fz" in one.solved:
+                cone = np.nan_to_num(one.friction) * one.solved["fz"]
                 lines += [Line("cone", one.time, cone), Line("cone", one.time, -cone)]
             found.append(Panel("contact", f"{one.body} {part}", "N" if part[0] == "f" else "N m", lines, []))
     return found

@@ -17,9 +17,8 @@ from stc.solution import Solution
 from stc.specs import locate
 from stc.validate import Metric
 from stc.validate.certificate import Certificate, blame, table
-from stc.validate.certificate.contact_forces import contact_forces
 from stc.validate.certificate.listing import listing
-from stc.validate.certificate.momentum import flights
+from stc.validate.momentum import flights
 
 
 def spec(name: str) -> str:
@@ -229,7 +228,7 @@ def pushed(tmp_path: Path, push: float) -> Certificate:
 def test_ground_forces_are_those_of_statics(tmp_path: Path) -> None:
     """A block at rest: the floor carries its weight and holds against the push, up to its friction."""
     certificate = pushed(tmp_path, 7.0)
-    (ground,) = contact_forces(certificate.replays)
+    (ground,) = certificate.replays.ground
     assert ground.friction == pytest.approx(0.7)  # MuJoCo takes the larger of the two
     assert np.allclose(ground.solved["fz"], 20.0, atol=1e-6)
     # The floor is soft: it takes a while until the block has settled.
