@@ -326,13 +326,17 @@ def export(
     rate: Annotated[
         float | None,
         typer.Option(
-            "--rate", metavar="HZ", help="Instants per second of tables (default: frames) and glTF (60)."
+            "--rate",
+            metavar="HZ",
+            help="Instants per second of tables (default: frames) and glTF (60, frames if more).",
         ),
     ] = None,
     time_step: Annotated[
         float | None,
         typer.Option(
-            "--time-step", metavar="SECONDS", help="Longest step of the controls; default: the model's."
+            "--time-step",
+            metavar="SECONDS",
+            help="Longest step of keyframes and controls; default: the model's.",
         ),
     ] = None,
     settings: Set = None,

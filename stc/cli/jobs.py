@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import stc.cli as cli
+from stc.arguments import spare
 from stc.bundled import is_solution
 from stc.cli import BAD, GOOD, console, reasons, record, searches
 from stc.cli.inputs import load
@@ -100,6 +101,8 @@ def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_
     from stc.studies.replay_lines import check_replay_lines
 
     model = load(spec, options.constants)
+    if page is not None and model.source.path is not None:
+        spare(page, [(model.source.path, "the spec itself")], "--report")
     check_replay_lines(model.problem(options.method))
     outcome = _solved(model, options, as_json, save=True)
     if outcome.solution.model is None:
@@ -141,6 +144,8 @@ def validate(
 
     With ``order`` the observed order of convergence is one of the measurements.
     """
+    if page is not None:
+        spare(page, [(target, "what is to be validated")], "--report")
     outcome, motion = solved(target, options, as_json)
     further: Sequence[Metric] = ()
     if order:
@@ -316,6 +321,10 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
     file = options.output
     if save and file is None:
         file = writable_solution(f"{model.name}.npz")
+    if file is not None and file.exists():
+        from stc.cli.keeping import keep_inputs
+
+        keep_inputs(file, model.source.path, options.search.guess)
     from stc.solver.optimizers import DEFAULT
 
     if options.threads is not None:
