@@ -96,14 +96,12 @@ def show_profile(parts: Sequence[Part]) -> None:
     print_table("where the time went", rows, ("part", "ms", "%", "calls", "floor, ms", "times floor"))
 
 
-def show_certificate(certificate: Certificate, page: Path | None) -> None:
-    """What the validation found, below the solution; ``page`` is where it is written to."""
+def show_certificate(certificate: Certificate) -> None:
+    """What the validation found, below the solution."""
     from rich.console import Console
 
     print()
     Console(highlight=False, width=None if sys.stdout.isatty() else WIDE).print(certificate)
-    if page is not None:
-        print(f"certificate: {page}")
 
 
 def print_table(title: str, rows: Sequence[Sequence[str]], header: Sequence[str] = ()) -> None:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from stc.studies.blame import Blame
     from stc.studies.explain import Explanation
     from stc.studies.profile import Part
+    from stc.validate.certificate import Certificate
     from stc.validate.metrics import Metric
 
 
@@ -420,16 +421,34 @@ def _judged(
         certificate = certify(
             motion, force=force, equations=True if page is not None else None, further=further
         )
-    if page is not None:
-        certificate.write(page)
-    if as_json:
-        written = None if page is None else str(page)
-        record.write({**outcome.record(), "validation": certificate.to_dict(), "report": written})
-    else:
-        console.show_certificate(certificate, page)
+    if not as_json:
+        # What was found is shown before anything else can go wrong.
+        console.show_certificate(certificate)
         if certificate.passed and not outcome.good:
             console.note("the motion passed, but the search did not get as far as it was asked to")
-    return GOOD if certificate.passed and outcome.good else BAD
+    unwritten = "" if page is None else _written(certificate, page)
+    if as_json:
+        known = outcome.record()
+        if unwritten:
+            known["message"] = f"{known['message']} {unwritten}".strip()
+        written = None if page is None or unwritten else str(page)
+        record.write({**known, "validation": certificate.to_dict(), "report": written})
+    if unwritten:
+        console.note(unwritten)
+    elif page is not None and not as_json:
+        print(f"certificate: {page}")
+    return GOOD if certificate.passed and outcome.good and not unwritten else BAD
+
+
+def _written(certificate: Certificate, page: Path) -> str:
+    """Write a certificate's page; why that cannot be, or nothing: what was found is told of all the same."""
+    try:
+        certificate.write(page)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        return f"{page}: {error.strerror or error}: the report is not written"
+    return ""
 
 
 def _not_validated(outcome: Outcome, reason: str, page: Path | None, as_json: bool) -> int:
