@@ -338,7 +338,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
 
         profile = Profile()
         profile.begin(cli.owns_process)
-    with Watch(model.name) as watch, console.warnings_as_notes():
+    with Watch(model.name, saves=file is not None) as watch, console.warnings_as_notes():
         found = searches.find(
             model,
             options.search,
