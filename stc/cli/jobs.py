@@ -6,6 +6,7 @@ Mistakes in the input are raised and turned into a message in :mod:`stc.cli`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,10 +25,14 @@ if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.solution import Solution
     from stc.studies.blame import Blame
+    from stc.studies.compare import Run
     from stc.studies.explain import Explanation
     from stc.studies.profile import Part
     from stc.validate.certificate import Certificate
     from stc.validate.metrics import Metric
+
+#: What is compared unless others are named.
+COMPARED = "sqp,nlopt:slsqp,nlopt:auglag"
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,14 +116,26 @@ def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_
     return _judged(outcome, outcome.solution, force, page, as_json)
 
 
-def compare(spec: str, optimizers: str, options: SolveOptions, *, as_json: bool) -> int:
-    """Solve with several optimizers; good when any of them found an optimum."""
+def compare(spec: str, optimizers: str | None, options: SolveOptions, *, as_json: bool) -> int:
+    """Solve with several optimizers; good when any of them found an optimum.
+
+    Without a list of them the usual ones are taken, and on large problems those left out that are slow there.
+    """
     from stc.studies.compare import compare as run_all
 
     model = load(spec, options.constants)
-    names = [name.strip() for name in optimizers.split(",") if name.strip()]
-    with Watch(model.name) as watch, console.warnings_as_notes():
-        runs = run_all(
+    names = [name.strip() for name in (optimizers or COMPARED).split(",") if name.strip()]
+    table = console.Comparison(model.name, names)
+    runs: list[Run] = []
+
+    def done(run: Run) -> None:
+        runs.append(run)
+        if not as_json:
+            watch.clear()
+            table.add(run)
+
+    with Watch(model.name) as watch, console.warnings_as_notes(), suppress(KeyboardInterrupt):
+        run_all(
             model,
             names,
             method=options.method,
@@ -126,15 +143,20 @@ def compare(spec: str, optimizers: str, options: SolveOptions, *, as_json: bool)
             max_iterations=options.max_iterations,
             time_limit=options.time_limit,
             callback=watch,
+            on_run=done,
+            skip_slow=optimizers is None,
             announce=lambda name, k, count: watch.announce(f"{model.name}  {name} ({k} of {count})"),
         )
+    if not as_json:
+        table.end()
     console.warn(model.warnings)
-    good = any(run.status == "optimal" for run in runs)
+    if watch.stopped:
+        console.note(f"interrupted; {len(runs)} of {len(names)} optimizers were run")
+    good = any(run.status == "optimal" for run in runs) and not watch.stopped
     if as_json:
         rows = [run.to_dict() for run in runs]
-        record.write({"status": "ok" if good else "failed", "name": model.name, "optimizers": rows})
-    else:
-        console.show_comparison(model.name, runs)
+        status = "interrupted" if watch.stopped else "ok" if good else "failed"
+        record.write({"status": status, "name": model.name, "optimizers": rows})
     return GOOD if good else BAD
 
 
