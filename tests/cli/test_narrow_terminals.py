@@ -63,7 +63,9 @@ def test_a_wide_certificate_is_a_table_with_a_line_for_each(certificate: Certifi
         "inequality between frames",
         *("particle_jet.stc:41:5: fx^2 + fy^2 <= fmax^2 at t = 1.97 s", "0.00238", "0.02", "pass"),
     ]
-    assert any(line.split() == ["metric", "of", "value", "limit", "verdict"] for line in shown(certificate, 100))
+    assert any(
+        line.split() == ["metric", "of", "value", "limit", "verdict"] for line in shown(certificate, 100)
+    )
 
 
 def on_screen(columns: int, words: Sequence[str], folder: Path) -> str:
