@@ -185,8 +185,8 @@ def writable_solution(name: str) -> Path:
     return ready_to_write(path)
 
 
-def ready_to_write(path: Path, option: str = "-o") -> Path:
-    """The path that an option names; missing folders are made, which a note tells.
+def ready_to_write(path: Path, option: str = "-o", tell: bool = True) -> Path:
+    """The path that an option names; missing folders are made, which a note tells unless somebody else does.
 
     Raises:
         UsageError: something is in the way.
@@ -196,7 +196,8 @@ def ready_to_write(path: Path, option: str = "-o") -> Path:
     try:
         if not path.parent.is_dir():
             path.parent.mkdir(parents=True, exist_ok=True)
-            print(f"note: made the folder {path.parent}", file=sys.stderr)
+            if tell:
+                print(f"note: made the folder {path.parent}", file=sys.stderr)
     except OSError as error:
         raise UsageError(f"{option} {path}: {error.strerror or error}") from None
     if not os.access(path.parent, os.W_OK):
