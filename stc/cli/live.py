@@ -98,6 +98,9 @@ class Watch:
         self._previous: dict[int, Any] = {}
 
     def __enter__(self) -> Watch:
+        from stc.solver import monitor  # which other commands do without
+
+        self._monitor = monitor
         if threading.current_thread() is threading.main_thread():
             self._previous[signal.SIGINT] = signal.signal(signal.SIGINT, self._on_signal)
             for name in ENDINGS if self._saves else ():
@@ -112,6 +115,7 @@ class Watch:
     ) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)
+        self._monitor.asked_to_stop = False
         self._line.close()
 
     def announce(self, title: str) -> None:
@@ -131,6 +135,7 @@ class Watch:
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         self.stopped = True
+        self._monitor.asked_to_stop = True
         if number != signal.SIGINT:
             cli.ended_by = number
         for again in self._previous:
