@@ -366,6 +366,7 @@ class _Watch:
         """An evaluation; after a stop there are no more, for some algorithms go on for a while."""
         if not self._stopped:
             try:
+                self.solve.monitor.check_time()  # Ctrl-C counts at every evaluation, not at iterations alone
                 return evaluate()
             except Stopped as stopped:
                 self._stop(stopped.status)
