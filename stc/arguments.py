@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 from stc.errors import UsageError
 
-__all__ = ["number", "numbers", "path", "whole"]
+__all__ = ["number", "numbers", "path", "same_file", "spare", "whole"]
 
 
 def number(value: object, name: str) -> float:
@@ -48,6 +49,36 @@ def path(value: object, name: str) -> str:
     if isinstance(value, str | os.PathLike):
         return os.fspath(value)
     raise UsageError(f"{name} must be a path, not {value!r}")
+
+
+def same_file(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> bool:
+    """Whether two paths lead to one file that is there, through links and other spellings as well."""
+    try:
+        return Path(one).samefile(other)
+    except OSError:
+        return False
+
+
+def spare(
+    target: str | os.PathLike[str], inputs: Iterable[tuple[str | os.PathLike[str], str]], option: str = ""
+) -> None:
+    """Refuse to write over what is read.
+
+    Args:
+        target: the file that is to be written.
+        inputs: files that must stay, each with what it is, such as ``the solution``.
+        option: by which the target was named.
+
+    Raises:
+        UsageError: the target is one of them.
+    """
+    for known, what in inputs:
+        if same_file(target, known):
+            prefix = f"{option} " if option else ""
+            raise UsageError(
+                f"{prefix}{os.fspath(target)}: that is {what}, which would be lost",
+                "give the file another name",
+            )
 
 
 def numbers(given: Mapping[str, object]) -> dict[str, float]:

@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from stc.bundled import is_solution
-from stc.errors import StcError
+from stc.errors import StcError, UsageError
 from stc.solution import Solution, read
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from stc.pipeline import Model
     from stc.studies.equation_report import EquationReport
     from stc.validate.certificate import Certificate
     from stc.validate.metrics import Metric
@@ -61,7 +62,7 @@ def certify(
         if why:
             certificate.report.notes = [*certificate.report.notes, why]
     if not certificate.passed:
-        certificate.more_frames = _twice_the_frames(solution)
+        certificate.more_frames = _more_frames(solution)
     return certificate
 
 
@@ -92,16 +93,56 @@ def _equations(solution: Solution, model: Path) -> tuple[EquationReport | None, 
         return None, f"the equations of motion are not compared: {str(error).splitlines()[0]}"
 
 
-def _twice_the_frames(solution: Solution) -> str:
-    """The options that give a spec twice the frames, the same motion otherwise; "" where there are none.
+def _more_frames(solution: Solution) -> str:
+    """How to get more frames, in words: the options that give twice as many, and the search that takes what it needs.
 
-    Where n follows from other constants (``n = 60*k``) these are what is given.
+    Where n follows from other constants (``n = 60*k``) these are what is given. A spec that cannot be refined as it is
+    written has the reason instead.
     """
     from stc.pipeline import model_of
     from stc.studies.frames import Spread
 
     try:
-        spread = Spread.of(model_of(solution), solution.method, solution.overrides)
-        return " ".join(f"--set {name}={value:.15g}" for name, value in spread.multiplied(2).items())
+        model = model_of(solution)
+        spread = Spread.of(model, solution.method, solution.overrides)
+        twice = " ".join(f"--set {name}={value:.15g}" for name, value in spread.multiplied(2).items())
+    except UsageError as reason:
+        return f"the spec has to be changed for that, since {reason.message}"
     except StcError:
         return ""
+    return f"{twice}, or {_until_verified(solution, model)}, which adds them until MuJoCo agrees"
+
+
+def _until_verified(solution: Solution, model: Model) -> str:
+    """The command that solves a motion's spec until it is verified, or the function where the spec is no file."""
+    from shlex import quote
+
+    from stc.validate.limits import OPEN_LOOP_DRIFT
+
+    limit = f"{OPEN_LOOP_DRIFT[solution.method]:g}"
+    spec = _spec_name(solution)
+    if not spec:
+        return f"`solve_until_verified(model, {limit})`"
+    given = [f"--set {name}={value:.15g}" for name, value in solution.overrides.items()]
+    if model.problem(None, **solution.overrides).method != solution.method:
+        given.append(f"--method {solution.method}")
+    return f"`{' '.join(['stc run', quote(spec), *given])} --until-verified {limit}`"
+
+
+def _spec_name(solution: Solution) -> str:
+    """What the command line calls a motion's spec: a bundled name or a path, short where it can be; "" for text."""
+    from pathlib import Path
+
+    from stc.bundled import SUFFIX, find_spec
+
+    if not solution.directory:
+        return ""
+    file = Path(solution.directory) / f"{solution.name}{SUFFIX}"
+    if not file.is_file():
+        return ""
+    try:
+        if find_spec(solution.name).samefile(file):
+            return solution.name
+    except (StcError, OSError):
+        pass
+    return str(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)

@@ -37,9 +37,22 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Start keeping certificates if asked to."""
+    """Start keeping certificates if asked to.
+
+    Raises:
+        pytest.UsageError: nothing can be written to the folder.
+    """
     folder = config.getoption("--stc-report", None)
     if folder is not None:
+        from pathlib import Path
+
+        try:
+            Path(folder).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            what = "that is a file" if isinstance(error, FileExistsError) else error.strerror or str(error)
+            raise pytest.UsageError(f"--stc-report {folder}: {what}: it takes a folder") from None
+        if not os.access(folder, os.W_OK):
+            raise pytest.UsageError(f"--stc-report {folder}: nothing can be written to that folder")
         from stc.testing import keep_certificates
 
         keep_certificates(folder)

@@ -109,10 +109,42 @@ def load_model(path: Path) -> mujoco.MjModel:
     import mujoco
 
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        return mujoco.MjModel.from_xml_path(as_bytes(path))
     except ValueError as error:
         text = " ".join(str(error).split())
         raise ModelError(f"MuJoCo does not accept {path}: {text}") from None
+
+
+def as_bytes(path: str | os.PathLike[str]) -> str:
+    """A path as MuJoCo takes it, whatever characters the locale knows.
+
+    MuJoCo's functions take bytes for text, and refuse names with bytes that are none of the locale's characters.
+    """
+    return os.fsencode(path)  # type: ignore[return-value]
+
+
+def model_files(path: Path) -> list[Path]:
+    """All files that a model is made from: its own, those that it includes, meshes, textures.
+
+    Args:
+        path: of a model that MuJoCo accepts.
+    """
+    require_mujoco()
+    import mujoco
+
+    try:
+        names = mujoco.mju_getXMLDependencies(as_bytes(path))
+    except UnicodeDecodeError:  # names that are no UTF-8
+        return [path]
+    return sorted({path, *(Path(os.fsdecode(name.encode())) for name in names)})
+
+
+def model_inputs(path: Path) -> list[tuple[Path, str]]:
+    """The files of a model, each with what it is, as :func:`stc.arguments.spare` takes them."""
+    return [
+        (file, f"the model {path.name}" if file == path else f"a file of the model {path.name}")
+        for file in model_files(path)
+    ]
 
 
 def file_hash(path: Path) -> str:

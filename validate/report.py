@@ -97,10 +97,10 @@ class Report:
         )
         table = Table(title=title, title_justify="left", title_style="bold")
         for heading in ("metric", "of"):
-            table.add_column(heading)
+            table.add_column(heading, overflow="fold")
         for heading in ("value", "limit"):
-            table.add_column(heading, justify="right")
-        table.add_column("verdict")
+            table.add_column(heading, justify="right", overflow="fold")
+        table.add_column("verdict", min_width=7)
         for metric in self.metrics:
             limit = "" if metric.limit is None else f"{metric.limit:.3g} {metric.unit}".strip()
             table.add_row(

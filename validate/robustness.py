@@ -131,13 +131,13 @@ class Robustness:
         title = f"{self.spec}: perturbed replays with feedback, seed {self.seed}, in {self.simulator}"
         table = Table(title=title, title_justify="left", title_style="bold")
         for heading in ("perturbed", "what", "samples"):
-            table.add_column(heading)
+            table.add_column(heading, overflow="fold")
         for heading in (
             f"base: median, 95 %, worst ({self.base_unit})",
             "joints: median, 95 %, worst (rad)",
             "lost",
         ):
-            table.add_column(heading, justify="right")
+            table.add_column(heading, justify="right", overflow="fold")
         for envelope in self.envelopes:
             found = envelope.to_dict()
             cells = [

@@ -3,7 +3,7 @@
 :mod:`stc.cli.app` declares the commands and their options, :mod:`stc.cli.jobs` carries them out,
 :mod:`stc.cli.console` shows results to people, :mod:`stc.cli.record` to programs.  What goes wrong is turned
 into a message and an exit status here, in one place: 0 optimal (or validated), 1 not, 2 a mistake in the
-input.
+input.  A solve that a signal ended has 128 and the signal's number, as shells know it: 143 for SIGTERM.
 """
 
 from __future__ import annotations
@@ -34,6 +34,9 @@ MOST_MISTAKES = 20
 
 #: Whether this process was started for one command.
 owns_process = False
+
+#: The signal that was taken for a request to stop, Ctrl-C apart; 0 for none.
+ended_by = 0
 
 #: New objects between two searches for unreachable cycles.  Python's own 700 mean hundreds of searches during a
 #: start, which find nothing: 10 ms.
@@ -88,6 +91,13 @@ def run(arguments: Sequence[str]) -> int:
     Args:
         arguments: the words after ``stc``.
     """
+    global ended_by
+    ended_by = 0
+    status = _carried_out(arguments)
+    return 128 + ended_by if ended_by else status
+
+
+def _carried_out(arguments: Sequence[str]) -> int:
     as_json = "--json" in arguments
     try:
         from stc.cli import plain

@@ -14,6 +14,7 @@ from stc.cli import exports, jobs, perturbed, pictures, studies
 from stc.cli import view as viewing
 from stc.cli.options import solve_options, writable_page
 from stc.cli.parameters import (
+    CompareLimit,
     Continue,
     Direct,
     Explain,
@@ -174,15 +175,15 @@ def run(
 @app.command()
 def compare(
     spec: Spec,
-    optimizers: Optimizers = "sqp,nlopt:slsqp,nlopt:auglag",
+    optimizers: Optimizers = None,
     settings: Set = None,
     method: Method = None,
     max_iterations: MaxIterations = None,
-    time_limit: TimeLimit = 60.0,
+    time_limit: CompareLimit = 60.0,
     tolerance: Tolerance = None,
     json: Json = False,
 ) -> int:
-    """Solve a spec with several optimizers and print what each of them finds."""
+    """Solve a spec with several optimizers and print what each of them finds, as soon as it has."""
     options = solve_options(settings, method, max_iterations, time_limit, tolerance)
     return jobs.compare(spec, optimizers, options, as_json=json)
 
@@ -326,13 +327,17 @@ def export(
     rate: Annotated[
         float | None,
         typer.Option(
-            "--rate", metavar="HZ", help="Instants per second of tables (default: frames) and glTF (60)."
+            "--rate",
+            metavar="HZ",
+            help="Instants per second of tables (default: frames) and glTF (60, frames if more).",
         ),
     ] = None,
     time_step: Annotated[
         float | None,
         typer.Option(
-            "--time-step", metavar="SECONDS", help="Longest step of the controls; default: the model's."
+            "--time-step",
+            metavar="SECONDS",
+            help="Longest step of keyframes and controls; default: the model's.",
         ),
     ] = None,
     settings: Set = None,

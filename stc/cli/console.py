@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from stc.errors import Diagnostic
@@ -22,6 +22,9 @@ WIDE = 10_000
 
 #: What rich takes for markup, behind backslashes of which an odd number makes it plain text.
 _TAG = re.compile(r"(\\*)(\[[a-z#/@][^[]*?\])")
+
+#: Between two columns.
+_GAP = "   "
 
 #: More parameters than this are counted instead of listed.
 MOST_PARAMETERS = 12
@@ -51,26 +54,46 @@ def show_solution(solution: Solution, file: Path | None) -> None:
         print(solution.message)
 
 
-def show_comparison(name: str, runs: Sequence[Run]) -> None:
-    """What several optimizers made of one spec: a line for each, and the reason of each that found no optimum."""
-    header = (
+class Comparison:
+    """The table of several optimizers on one spec: a line as each is done, then why those failed that found no optimum.
+
+    Args:
+        name: of the spec.
+        optimizers: all that are to be run.
+    """
+
+    _HEADER = (
         *("optimizer", "status", "objective", "violation", "optimality"),
         *("iterations", "evaluations", "seconds"),
     )
-    rows = []
-    for run in runs:
+
+    def __init__(self, name: str, optimizers: Sequence[str]) -> None:
+        self._title = name
+        widths = [max(map(len, (*optimizers, self._HEADER[0]))), 15, 16, 9, *map(len, self._HEADER[4:])]
+        self._rows = Rows(self._HEADER, widths)
+        self._reasons: list[str] = []
+
+    def add(self, run: Run) -> None:
+        """What one optimizer found."""
+        if self._title:
+            _print(self._title, "bold", markup=False)
+            self._title = ""
         good = run.status == "optimal"
         status = f"[green]{run.status}[/green]" if good else f"[bold red]{run.status}[/bold red]"
-        if run.status == "refused":
-            rows.append((run.optimizer, status, "", "", "", "", "", ""))
-            continue
-        figures = (f"{run.objective:.10g}", f"{run.violation:.1e}", f"{run.optimality:.1e}")
-        counts = (str(run.iterations), str(run.evaluations), f"{run.seconds:.3f}")
-        rows.append((run.optimizer, status, *figures, *counts))
-    print_table(name, rows, header)
-    for run in runs:
-        if run.status != "optimal":
-            print(f"{run.optimizer}: {run.message}")
+        figures: tuple[str, ...] = ("",) * 6
+        if run.status not in ("refused", "skipped"):
+            figures = (
+                *(f"{run.objective:.10g}", f"{run.violation:.1e}", f"{run.optimality:.1e}"),
+                *(str(run.iterations), str(run.evaluations), f"{run.seconds:.3f}"),
+            )
+        self._rows.row(run.optimizer, status, *figures)
+        if not good:
+            self._reasons.append(f"{run.optimizer}: {run.message}")
+
+    def end(self) -> None:
+        """The reasons of those that found no optimum."""
+        for reason in self._reasons:
+            print(reason)
 
 
 def times(solution: Solution) -> str:
@@ -96,48 +119,97 @@ def show_profile(parts: Sequence[Part]) -> None:
     print_table("where the time went", rows, ("part", "ms", "%", "calls", "floor, ms", "times floor"))
 
 
-def show_certificate(certificate: Certificate, page: Path | None) -> None:
-    """What the validation found, below the solution; ``page`` is where it is written to."""
+def show_certificate(certificate: Certificate) -> None:
+    """What the validation found, below the solution."""
     from rich.console import Console
 
     print()
     Console(highlight=False, width=None if sys.stdout.isatty() else WIDE).print(certificate)
-    if page is not None:
-        print(f"certificate: {page}")
 
 
 def print_table(title: str, rows: Sequence[Sequence[str]], header: Sequence[str] = ()) -> None:
     """A title and an unframed table on standard output; cells may carry rich's markup."""
+    if title:
+        _print(title, "bold", markup=False)
+    lines = [header, *rows] if header else rows
+    columns = max((len(line) for line in lines), default=0)
+    table = Rows(
+        header, [max(_shown_width(line[k]) for line in lines if k < len(line)) for k in range(columns)]
+    )
+    for row in rows:
+        table.row(*row)
+
+
+class Rows:
+    """A table whose rows are printed as they are known; where a terminal is too narrow for it each is a sentence.
+
+    Args:
+        header: names of the columns; without one the first column names the others.
+        widths: characters of each column.
+    """
+
+    def __init__(self, header: Sequence[str], widths: Sequence[int]) -> None:
+        self._header, self._widths = list(header), list(widths)
+        self._begun = not header
+
+    def row(self, *cells: str) -> None:
+        """One more row, below the heading; cells may carry rich's markup."""
+        if not sys.stdout.isatty():
+            # Without colours for files and pipes, and without importing rich, which takes 16 ms.
+            for line in self._lines([_unmarked(cell) for cell in cells]):
+                print(_GAP.join(cell.ljust(width) for cell, width in zip(line, self._widths)).rstrip())
+            sys.stdout.flush()
+            return
+        from rich.console import Console
+
+        width = Console().width
+        gap = next((gap for gap in (len(_GAP), 1) if self._extent(gap) <= width), len(_GAP))
+        if self._header and self._extent(gap) > width:
+            named = [f"{name.replace(',', '')} {cell}" for name, cell in zip(self._header, cells) if cell]
+            _print(": ".join([named[0], ", ".join(named[1:])]))
+            return
+        for line in self._lines(cells):
+            _print(self._grid(line, width, gap, heading=line is self._header))
+
+    def _extent(self, gap: int) -> int:
+        return sum(self._widths) + gap * (len(self._widths) - 1)
+
+    def _lines(self, cells: Sequence[str]) -> Iterator[Sequence[str]]:
+        """The heading where there was none yet, and the row."""
+        if not self._begun:
+            self._begun = True
+            yield self._header
+        yield cells
+
+    def _grid(self, cells: Sequence[str], width: int, gap: int, heading: bool) -> Any:
+        """One line of the table, for a terminal of so many characters: what is too long is folded."""
+        from rich.table import Table
+
+        grid = Table.grid(padding=(0, gap, 0, 0))
+        for at in range(len(cells)):
+            wide = self._widths[at]
+            if at == len(self._widths) - 1:  # takes what the others leave
+                wide = max(8, width - sum(self._widths[:at]) - gap * at)
+            # The first column names things; where there is no header it stands back behind the values.
+            style = "bold" if heading else "dim" if at == 0 and not self._header else ""
+            grid.add_column(style=style, width=wide, overflow="fold")
+        grid.add_row(*cells)
+        return grid
+
+
+def _print(what: Any, style: str | None = None, markup: bool = True) -> None:
+    """A line on standard output, in colours where that is a terminal."""
     if not sys.stdout.isatty():
-        _print_plain(title, rows, header)
+        print(what)
         return
     from rich.console import Console
-    from rich.table import Table
 
-    table = Table(
-        box=None, show_header=bool(header), pad_edge=False, padding=(0, 3, 0, 0), header_style="bold"
-    )
-    columns = header or [""] * max((len(row) for row in rows), default=0)
-    for at, name in enumerate(columns):
-        # The first column names things; where there is no header it stands back behind the values.
-        table.add_column(name, style="dim" if at == 0 and not header else "", no_wrap=at == 0)
-    for row in rows:
-        table.add_row(*row)
-    console = Console(highlight=False, soft_wrap=False)
-    if title:
-        console.print(title, style="bold", markup=False)
-    console.print(table)
+    Console(highlight=False, soft_wrap=False).print(what, style=style, markup=markup)
 
 
-def _print_plain(title: str, rows: Sequence[Sequence[str]], header: Sequence[str]) -> None:
-    """The same without colours for files and pipes, and without importing rich, which takes 16 ms."""
-    if title:
-        print(title)
-    lines = [[_unmarked(cell) for cell in row] for row in ([header, *rows] if header else rows)]
-    columns = max((len(line) for line in lines), default=0)
-    widths = [max(len(line[k]) for line in lines if k < len(line)) for k in range(columns)]
-    for line in lines:
-        print("   ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip())
+def _shown_width(cell: str) -> int:
+    """Characters of a cell as it is shown."""
+    return len(_unmarked(cell))
 
 
 def _unmarked(text: str) -> str:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from stc.cli import GOOD, jobs, record
-from stc.cli.options import SolveOptions
-from stc.errors import UsageError
+from stc.cli.options import SolveOptions, ready_to_write
 
 #: Help for the option that names the format.
 HELP = "npz, csv, keyframes, controls or gltf."
@@ -25,11 +24,12 @@ def export(
 ) -> int:
     """Write a motion in another format."""
     from stc.solution import Solution
-    from stc.validate.export import FORMATS, TABLES
+    from stc.validate.export import TABLES, check_format
     from stc.validate.export import export as write
 
-    if kind not in FORMATS:
-        raise UsageError(f"unknown format `{kind}`", f"the formats are {', '.join(FORMATS)}")
+    check_format(kind, rate, time_step)
+    if output is not None:
+        ready_to_write(Path(output))
     outcome, motion = jobs.to_show(
         target,
         options,

@@ -6,11 +6,13 @@ Mistakes in the input are raised and turned into a message in :mod:`stc.cli`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import stc.cli as cli
+from stc.arguments import spare
 from stc.bundled import is_solution
 from stc.cli import BAD, GOOD, console, reasons, record, searches
 from stc.cli.inputs import load
@@ -23,9 +25,14 @@ if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.solution import Solution
     from stc.studies.blame import Blame
+    from stc.studies.compare import Run
     from stc.studies.explain import Explanation
     from stc.studies.profile import Part
+    from stc.validate.certificate import Certificate
     from stc.validate.metrics import Metric
+
+#: What is compared unless others are named.
+COMPARED = "sqp,nlopt:slsqp,nlopt:auglag"
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +107,8 @@ def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_
     from stc.studies.replay_lines import check_replay_lines
 
     model = load(spec, options.constants)
+    if page is not None and model.source.path is not None:
+        spare(page, [(model.source.path, "the spec itself")], "--report")
     check_replay_lines(model.problem(options.method))
     outcome = _solved(model, options, as_json, save=True)
     if outcome.solution.model is None:
@@ -107,14 +116,26 @@ def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_
     return _judged(outcome, outcome.solution, force, page, as_json)
 
 
-def compare(spec: str, optimizers: str, options: SolveOptions, *, as_json: bool) -> int:
-    """Solve with several optimizers; good when any of them found an optimum."""
+def compare(spec: str, optimizers: str | None, options: SolveOptions, *, as_json: bool) -> int:
+    """Solve with several optimizers; good when any of them found an optimum.
+
+    Without a list of them the usual ones are taken, and on large problems those left out that are slow there.
+    """
     from stc.studies.compare import compare as run_all
 
     model = load(spec, options.constants)
-    names = [name.strip() for name in optimizers.split(",") if name.strip()]
-    with Watch(model.name) as watch, console.warnings_as_notes():
-        runs = run_all(
+    names = [name.strip() for name in (optimizers or COMPARED).split(",") if name.strip()]
+    table = console.Comparison(model.name, names)
+    runs: list[Run] = []
+
+    def done(run: Run) -> None:
+        runs.append(run)
+        if not as_json:
+            watch.clear()
+            table.add(run)
+
+    with Watch(model.name) as watch, console.warnings_as_notes(), suppress(KeyboardInterrupt):
+        run_all(
             model,
             names,
             method=options.method,
@@ -122,15 +143,20 @@ def compare(spec: str, optimizers: str, options: SolveOptions, *, as_json: bool)
             max_iterations=options.max_iterations,
             time_limit=options.time_limit,
             callback=watch,
+            on_run=done,
+            skip_slow=optimizers is None,
             announce=lambda name, k, count: watch.announce(f"{model.name}  {name} ({k} of {count})"),
         )
+    if not as_json:
+        table.end()
     console.warn(model.warnings)
-    good = any(run.status == "optimal" for run in runs)
+    if watch.stopped:
+        console.note(f"interrupted; {len(runs)} of {len(names)} optimizers were run")
+    good = any(run.status == "optimal" for run in runs) and not watch.stopped
     if as_json:
         rows = [run.to_dict() for run in runs]
-        record.write({"status": "ok" if good else "failed", "name": model.name, "optimizers": rows})
-    else:
-        console.show_comparison(model.name, runs)
+        status = "interrupted" if watch.stopped else "ok" if good else "failed"
+        record.write({"status": status, "name": model.name, "optimizers": rows})
     return GOOD if good else BAD
 
 
@@ -141,6 +167,8 @@ def validate(
 
     With ``order`` the observed order of convergence is one of the measurements.
     """
+    if page is not None:
+        spare(page, [(target, "what is to be validated")], "--report")
     outcome, motion = solved(target, options, as_json)
     further: Sequence[Metric] = ()
     if order:
@@ -316,6 +344,10 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
     file = options.output
     if save and file is None:
         file = writable_solution(f"{model.name}.npz")
+    if file is not None and file.exists():
+        from stc.cli.keeping import keep_inputs
+
+        keep_inputs(file, model.source.path, options.search.guess)
     from stc.solver.optimizers import DEFAULT
 
     if options.threads is not None:
@@ -328,7 +360,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
 
         profile = Profile()
         profile.begin(cli.owns_process)
-    with Watch(model.name) as watch, console.warnings_as_notes():
+    with Watch(model.name, saves=file is not None) as watch, console.warnings_as_notes():
         found = searches.find(
             model,
             options.search,
@@ -411,16 +443,34 @@ def _judged(
         certificate = certify(
             motion, force=force, equations=True if page is not None else None, further=further
         )
-    if page is not None:
-        certificate.write(page)
-    if as_json:
-        written = None if page is None else str(page)
-        record.write({**outcome.record(), "validation": certificate.to_dict(), "report": written})
-    else:
-        console.show_certificate(certificate, page)
+    if not as_json:
+        # What was found is shown before anything else can go wrong.
+        console.show_certificate(certificate)
         if certificate.passed and not outcome.good:
             console.note("the motion passed, but the search did not get as far as it was asked to")
-    return GOOD if certificate.passed and outcome.good else BAD
+    unwritten = "" if page is None else _written(certificate, page)
+    if as_json:
+        known = outcome.record()
+        if unwritten:
+            known["message"] = f"{known['message']} {unwritten}".strip()
+        written = None if page is None or unwritten else str(page)
+        record.write({**known, "validation": certificate.to_dict(), "report": written})
+    if unwritten:
+        console.note(unwritten)
+    elif page is not None and not as_json:
+        print(f"certificate: {page}")
+    return GOOD if certificate.passed and outcome.good and not unwritten else BAD
+
+
+def _written(certificate: Certificate, page: Path) -> str:
+    """Write a certificate's page; why that cannot be, or nothing: what was found is told of all the same."""
+    try:
+        certificate.write(page)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        return f"{page}: {error.strerror or error}: the report is not written"
+    return ""
 
 
 def _not_validated(outcome: Outcome, reason: str, page: Path | None, as_json: bool) -> int:

@@ -1,4 +1,4 @@
-"""A solve that did not end well does not cost what an earlier one has found."""
+"""What is there is not lost: an earlier solution where a solve does not end well, and what a command reads."""
 
 from __future__ import annotations
 
@@ -7,7 +7,38 @@ from pathlib import Path
 from stc.cli import console
 from stc.errors import StcError
 
-__all__ = ["keep_optimal"]
+__all__ = ["keep_inputs", "keep_optimal"]
+
+
+def keep_inputs(file: Path, spec: str | None, guess: Path | None = None) -> None:
+    """Refuse to save over what a solve reads, before it begins.
+
+    A saved solution may be replaced by the one that started from it, as ``--warm-start`` does.
+
+    Args:
+        file: where the solution is to go.
+        spec: path of the spec, None where there is none.
+        guess: table of starting values.
+
+    Raises:
+        UsageError: that file is the spec, or a table of starting values.
+    """
+    from stc.arguments import same_file, spare
+
+    spare(file, [] if spec is None else [(spec, "the spec itself")], "-o")
+    if guess is not None and same_file(file, guess) and not _is_saved(guess):
+        spare(file, [(guess, "the table of --guess-from")], "-o")
+
+
+def _is_saved(file: Path) -> bool:
+    """Whether a file holds a solution that can be read."""
+    from stc.solution import read
+
+    try:
+        read(file)
+    except (StcError, OSError):
+        return False
+    return True
 
 
 def keep_optimal(file: Path, status: str) -> Path | None:

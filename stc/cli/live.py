@@ -1,7 +1,8 @@
 """The line that shows a solve or a validation as it goes, and Ctrl-C as a request to stop with what there is.
 
 The line appears on a terminal only, and only when something takes long enough to be looked at.  During a solve the
-first Ctrl-C lets the solver finish its iteration and hand over its best iterate; a second one ends the program.
+first Ctrl-C lets the solver finish its iteration and hand over its best iterate; a second one ends the program.  The
+same goes for the signals by which systems end programs, where there is something to save.
 """
 
 from __future__ import annotations
@@ -11,15 +12,20 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
+
+import stc.cli as cli
 
 if TYPE_CHECKING:
     from stc.solver.report import IterationRecord
 
 #: Seconds before the line appears, and between two updates.
 DELAY, PERIOD = 0.15, 0.08
+
+#: How a program is told to end (``kill``, a batch system at its time limit), and that its terminal has gone.
+ENDINGS = ("SIGTERM", "SIGHUP")
 
 
 class Line:
@@ -81,25 +87,35 @@ class Watch:
 
     Args:
         title: what is being solved, shown at the start of the line.
+        saves: whether what it comes to is saved: then a signal to end is a request to stop as well.
     """
 
-    def __init__(self, title: str) -> None:
+    def __init__(self, title: str, saves: bool = False) -> None:
         self.title = title
+        self.stopped = False
+        self._saves = saves
         self._line = Line()
-        self._stop = False
-        self._previous_handler: Any = None
-        self._in_main_thread = threading.current_thread() is threading.main_thread()
+        self._previous: dict[int, Any] = {}
 
     def __enter__(self) -> Watch:
-        if self._in_main_thread:
-            self._previous_handler = signal.signal(signal.SIGINT, self._on_interrupt)
+        from stc.solver import monitor  # which other commands do without
+
+        self._monitor = monitor
+        if threading.current_thread() is threading.main_thread():
+            self._previous[signal.SIGINT] = signal.signal(signal.SIGINT, self._on_signal)
+            for name in ENDINGS if self._saves else ():
+                number = getattr(signal, name, None)  # not every system has them all
+                # `nohup` ignores the one for terminals, and means it.
+                if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                    self._previous[number] = signal.signal(number, self._on_signal)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._in_main_thread:
-            signal.signal(signal.SIGINT, self._previous_handler)
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+        self._monitor.asked_to_stop = False
         self._line.close()
 
     def announce(self, title: str) -> None:
@@ -107,17 +123,26 @@ class Watch:
         self.title = title
         self._line.show(f"{title}  ...")
 
+    def clear(self) -> None:
+        """Take the line away for something else to be printed; the next text brings it back."""
+        self._line.close()
+
     def __call__(self, iterate: IterationRecord) -> bool:
         """Show an iterate; True asks the solver to stop."""
         if self._line.due:
             self._line.show(line(self.title, iterate))
-        return self._stop
+        return self.stopped
 
-    def _on_interrupt(self, number: int, frame: FrameType | None) -> None:
-        self._stop = True
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        self.stopped = True
+        self._monitor.asked_to_stop = True
+        if number != signal.SIGINT:
+            cli.ended_by = number
+        for again in self._previous:
+            signal.signal(again, signal.default_int_handler)
         if self._line.visible:
-            sys.stderr.write("\nstopping after this iteration; Ctrl-C again to stop at once\n")
+            with suppress(OSError):  # a terminal that has gone
+                sys.stderr.write("\nstopping after this iteration; Ctrl-C again to stop at once\n")
 
 
 def line(title: str, iterate: IterationRecord) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -184,8 +185,8 @@ def writable_solution(name: str) -> Path:
     return ready_to_write(path)
 
 
-def ready_to_write(path: Path, option: str = "-o") -> Path:
-    """The path that an option names; missing folders are made.
+def ready_to_write(path: Path, option: str = "-o", tell: bool = True) -> Path:
+    """The path that an option names; missing folders are made, which a note tells unless somebody else does.
 
     Raises:
         UsageError: something is in the way.
@@ -193,7 +194,10 @@ def ready_to_write(path: Path, option: str = "-o") -> Path:
     if path.is_dir():
         raise UsageError(f"{option} {path}: that is a folder")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.parent.is_dir():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if tell:
+                print(f"note: made the folder {path.parent}", file=sys.stderr)
     except OSError as error:
         raise UsageError(f"{option} {path}: {error.strerror or error}") from None
     if not os.access(path.parent, os.W_OK):

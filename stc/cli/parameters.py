@@ -39,7 +39,16 @@ Optimizer = Annotated[
     ),
 ]
 Optimizers = Annotated[
-    str, typer.Option("--optimizers", metavar="NAME,NAME,...", help="Which to run, in this order.")
+    str | None,
+    typer.Option(
+        "--optimizers",
+        metavar="NAME,NAME,...",
+        help="Which to run, in this order; default sqp,nlopt:slsqp,nlopt:auglag, without what is slow on large specs.",
+    ),
+]
+CompareLimit = Annotated[
+    float | None,
+    typer.Option("--time-limit", metavar="SECONDS", help="Stop each of them after this much time."),
 ]
 WarmStart = Annotated[
     str | None,

@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stc.arguments import spare
 from stc.cli import GOOD, jobs, record
 from stc.cli.live import validating
 from stc.cli.options import SolveOptions, ready_to_write
@@ -22,6 +23,7 @@ _MOTIONS = ("solved", "replayed", "tracked")
 
 def plot(target: str, output: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
     """Draw a motion over time: with a model joints and forces, solved against replayed, else its variables."""
+    from stc.validate.model import model_inputs
     from stc.validate.pictures.plot import PLOTS, save_plot
     from stc.validate.pictures.variables import save_variables
     from stc.validate.verdict import open_setup, run_replays
@@ -31,8 +33,10 @@ def plot(target: str, output: str, options: SolveOptions, *, force: bool, as_jso
     if outcome.solution.model is None:
         save_variables(outcome.solution, file)
     else:
+        setup = open_setup(motion, force=force)
+        spare(file, model_inputs(setup.path), "-o")
         with validating(outcome.solution.name):
-            replays = run_replays(open_setup(motion, force=force))
+            replays = run_replays(setup)
         save_plot(replays, file)
     return _done(outcome.solution, file, as_json)
 
@@ -41,6 +45,7 @@ def render(
     target: str, output: str, look: Look, show: str, options: SolveOptions, *, force: bool, as_json: bool
 ) -> int:
     """Render a motion as a filmstrip or a video."""
+    from stc.validate.model import model_inputs
     from stc.validate.pictures.film import STILLS, VIDEOS, draw, require_filmstrip
     from stc.validate.verdict import open_setup, run_replays
 
@@ -51,6 +56,7 @@ def render(
         require_filmstrip(look)
     needs = "there are no bodies to render", "`stc plot` draws its variables over time"
     setup = open_setup(_motion(target, options, force, as_json, *needs)[1], force=force)
+    spare(file, model_inputs(setup.path), "-o")
     motion = None
     if show != "solved":
         with validating(setup.solution.name):

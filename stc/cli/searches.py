@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from stc.cli.console import Rows, escape
 from stc.cli.inputs import number
 from stc.errors import UsageError
 from stc.records import dataclass, field
@@ -339,21 +340,19 @@ def _listed(numbers: Sequence[int]) -> str:
 class _Table:
     """A table whose rows appear as they are known."""
 
-    WIDTH = 18
+    WIDTH = 15
 
     def __init__(self, heading: Sequence[str], show: bool) -> None:
-        self._show = show
-        self._heading: Sequence[str] = heading
+        self._rows = Rows(heading, [self.WIDTH] * len(heading)) if show else None
+        self._begun = False
 
     def row(self, *cells: str) -> None:
         """One more row, below the heading."""
-        if self._heading:
-            heading, self._heading = self._heading, ()
-            self.row(*heading)
-        if self._show:
-            print("".join(cell.ljust(self.WIDTH) for cell in cells).rstrip(), flush=True)
+        if self._rows is not None:
+            self._rows.row(*map(escape, cells))
+            self._begun = True
 
     def end(self) -> None:
         """An empty line below."""
-        if self._show and not self._heading:
+        if self._begun:
             print(flush=True)

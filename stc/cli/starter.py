@@ -73,7 +73,7 @@ def write(name: str) -> Path:
         path = path.with_name(path.name + ".stc") if path.name else path
     if path.stem in ("", ".stc") or name.endswith(("/", os.sep)):
         raise UsageError(f"`{name}` is no name for a spec")
-    ready_to_write(path, "stc new")
+    ready_to_write(path, "stc new", tell=False)
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(_TEXT.format(name=path.stem, word=shlex.quote(str(path))))

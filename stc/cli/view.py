@@ -95,7 +95,7 @@ def _check(target: str, window: Window, live: bool) -> None:
 
 def _live(target: str, options: SolveOptions, window: Window) -> int:
     """Show a solve; what it hands over is saved."""
-    from stc.cli.keeping import keep_optimal
+    from stc.cli.keeping import keep_inputs, keep_optimal
     from stc.solver.optimizers import DEFAULT
     from stc.viewer.live import LiveSolve
 
@@ -103,6 +103,7 @@ def _live(target: str, options: SolveOptions, window: Window) -> int:
     if model.problem(options.method).model is None:
         raise UsageError(f"{model.name} has no `replay:` section that names a model to show it with")
     file = options.output or writable_solution(f"{model.name}.npz")
+    keep_inputs(file, model.source.path)
 
     def keep(solution: Solution) -> None:
         keep_optimal(file, solution.status)

@@ -14,6 +14,10 @@ from stc.solver.status import Status
 
 __all__ = ["Monitor", "Stopped"]
 
+#: Whether all solves of this process are asked to stop; the command line says so, for a callback is not heard within an
+#: iteration.
+asked_to_stop = False
+
 
 class Stopped(Exception):
     """A limit was reached or the user asked to stop."""
@@ -140,6 +144,16 @@ class Monitor:
         """
         if self.iterations >= self.limit:
             raise Stopped(Status.ITERATION_LIMIT)
+        self.check_time()
+
+    def check_time(self) -> None:
+        """Look within a long iteration whether it should not go on.
+
+        Raises:
+            Stopped: when the time is up, or the solves of this process were asked to stop.
+        """
+        if asked_to_stop:
+            raise Stopped(Status.INTERRUPTED)
         if self.is_late:
             raise Stopped(Status.TIME_LIMIT)
 

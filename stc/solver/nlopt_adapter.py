@@ -126,7 +126,8 @@ class _Solve:
 
     def _concluded(self, x: Floats) -> Result:
         """The result for where the algorithm ended."""
-        candidates = [x, self._best(x)]
+        # To judge a large problem's point takes long: after the time limit there is one.
+        candidates = [self._best(x)] if self.ended is Status.TIME_LIMIT else [x, self._best(x)]
         if self.optimal_at is not None:
             candidates.insert(0, self.optimal_at)
         judged = min((judge(self.nlp, one, self.options) for one in candidates), key=lambda j: j.error)
@@ -365,6 +366,7 @@ class _Watch:
         """An evaluation; after a stop there are no more, for some algorithms go on for a while."""
         if not self._stopped:
             try:
+                self.solve.monitor.check_time()  # Ctrl-C counts at every evaluation, not at iterations alone
                 return evaluate()
             except Stopped as stopped:
                 self._stop(stopped.status)

@@ -12,7 +12,7 @@ from stc.errors import UsageError
 from stc.records import dataclass
 from stc.solver.nlp import NLP
 
-__all__ = ["ALGORITHMS", "LARGE", "Algorithm", "Choice", "caution", "choose", "require"]
+__all__ = ["ALGORITHMS", "LARGE", "Algorithm", "Choice", "caution", "choose", "has_long_steps", "require"]
 
 LARGE = 500
 """Variables from which on dense algebra is worth a warning."""
@@ -214,7 +214,7 @@ def _who(can: object) -> str:
 
 def caution(choice: Choice, nlp: NLP) -> str:
     """What to be warned of before a solve, or ""."""
-    unknowns = int((nlp.x_lower != nlp.x_upper).sum())
+    unknowns = _unknowns(nlp)
     if unknowns <= LARGE:
         return ""
     if choice.algorithm.search or not choice.gradient:
@@ -222,7 +222,7 @@ def caution(choice: Choice, nlp: NLP) -> str:
             f"{choice.name} is meant for a handful of unknowns, and this problem has {unknowns:,}: "
             "expect no answer in any useful time; sqp is meant for such a size"
         )
-    dense = choice.algorithm.dense or (choice.local is not None and choice.local.dense)
+    dense = _is_dense(choice)
     if not dense and not nlp.m:
         return ""
     size = 8.0 * unknowns * (nlp.m + (unknowns if dense else 0)) / 1e9
@@ -232,3 +232,17 @@ def caution(choice: Choice, nlp: NLP) -> str:
         f"more, and a time that grows with {power} of their number, for each step, which no limit or Ctrl-C ends; "
         "sqp uses the sparsity"
     )
+
+
+def has_long_steps(choice: Choice, nlp: NLP) -> bool:
+    """Whether single steps, which no limit ends, take time that grows with the cube of so large a problem."""
+    return _is_dense(choice) and _unknowns(nlp) > LARGE
+
+
+def _is_dense(choice: Choice) -> bool:
+    return choice.algorithm.dense or (choice.local is not None and choice.local.dense)
+
+
+def _unknowns(nlp: NLP) -> int:
+    """How many variables are not fixed."""
+    return int((nlp.x_lower != nlp.x_upper).sum())

@@ -15,7 +15,15 @@ from stc.solver.options import Options
 from stc.solver.report import Callback, Result, Start
 from stc.solver.sqp import minimize
 
-__all__ = ["DEFAULT", "Minimizer", "SizeWarning", "caution", "optimizer_names", "optimizer_of"]
+__all__ = [
+    "DEFAULT",
+    "Minimizer",
+    "SizeWarning",
+    "caution",
+    "has_long_steps",
+    "optimizer_names",
+    "optimizer_of",
+]
 
 DEFAULT = "sqp"
 WITKIN_KASS = "witkin-kass"
@@ -83,3 +91,12 @@ def caution(name: str, nlp: NLP) -> str:
     from stc.solver.nlopt_algorithms import caution, choose
 
     return caution(choose(name), nlp)
+
+
+def has_long_steps(name: str, nlp: NLP) -> bool:
+    """Whether single steps of this optimizer may take minutes on a problem of this size, whatever the limits."""
+    if not name.startswith("nlopt:"):
+        return False
+    from stc.solver.nlopt_algorithms import choose, has_long_steps
+
+    return has_long_steps(choose(name), nlp)

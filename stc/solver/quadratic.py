@@ -11,6 +11,8 @@ state constraint; then the barrier method, which never guesses, solves the same 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -118,13 +120,22 @@ class QuadraticProgram:
         point: where it is approximated.
         tolerance: smallest violation, and smallest multiplier of the wrong sign, that counts.
         regularity: of the program before, whose rows were probably as dependent.
+        check: called between two factorisations; what it raises ends the search.
 
     Attributes:
         regularity: which of the shifts this program's active sets needed, 0 for none.
     """
 
-    def __init__(self, form: ScaledProblem, point: PrimalDual, tolerance: float, regularity: int = 0) -> None:
+    def __init__(
+        self,
+        form: ScaledProblem,
+        point: PrimalDual,
+        tolerance: float,
+        regularity: int = 0,
+        check: Callable[[], None] = lambda: None,
+    ) -> None:
         self.form, self.point, self.tolerance = form, point, tolerance
+        self._check = check
         (x_lower, x_upper), (row_lower, row_upper) = form.true_x, form.true_rows
         self.room_x = (x_lower - point.x, x_upper - point.x)
         self.room_rows = (row_lower - point.r, row_upper - point.r)
@@ -160,6 +171,7 @@ class QuadraticProgram:
         differences: list[int] = []
         active = guess
         while len(tried) < CHANGES and active.key() not in tried and not _diverges(differences):
+            self._check()
             tried.add(active.key())
             fixed_d = np.empty(n)
             if not self._factorize(active, fixed_d):
@@ -270,6 +282,7 @@ class QuadraticProgram:
         blocked = 0
         last = form.kkt.factorizations + BARRIER_FACTORISATIONS
         for _ in range(BARRIER_STEPS):
+            self._check()
             if form.kkt.factorizations >= last:
                 break
             mu = inner(it.gap, it.z) / max(1, model.gaps)

@@ -35,7 +35,7 @@ _ADVICE = {
     Status.UNBOUNDED: "Bound the variables that grow, or check the sign of the objective.",
     Status.ITERATION_LIMIT: "Raise the limit, or start from a better guess.",
     Status.TIME_LIMIT: "Raise the limit, or start from a coarser solution.",
-    Status.INTERRUPTED: "Resume with the returned point as a warm start.",
+    Status.INTERRUPTED: "Go on from there with --warm-start FILE, or warm_start in Python.",
     Status.FAILED: "Check for undefined functions, dependent rows and bad scaling near the returned point.",
 }
 

@@ -56,7 +56,7 @@ def from_neighbour(
     smallest, patience = point.error, PATIENCE
     regularity = 0
     for _ in range(STEPS):
-        program = QuadraticProgram(form, point, EXACT * tolerance, regularity)
+        program = QuadraticProgram(form, point, EXACT * tolerance, regularity, monitor.check_time)
         found = program.solve(active, thorough=thorough)
         regularity = min(program.regularity, DEPENDENT)
         if found is None:

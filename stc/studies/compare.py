@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Any
 from stc.errors import UsageError
 from stc.pipeline import solve
 from stc.records import dataclass
-from stc.solver.optimizers import optimizer_of
+from stc.solver.optimizers import caution, has_long_steps, optimizer_of
 from stc.solver.options import given_options
 
 if TYPE_CHECKING:
     from stc.pipeline import Model
+    from stc.problem import Problem
+    from stc.solver.options import Options
+    from stc.transcription import Transcription
 
 __all__ = ["Run", "compare"]
 
@@ -25,7 +28,8 @@ class Run:
 
     Attributes:
         optimizer: its name.
-        status: as in a solution, or ``refused`` where the optimizer cannot do what the problem needs.
+        status: as in a solution, or ``refused`` where the optimizer cannot do what the problem needs, or ``skipped``
+            where it was left out.
         message: the same in words.
         objective, violation, optimality: judged in the same way for all, in the spec's own units.
         iterations: what the optimizer counts as such.
@@ -60,6 +64,8 @@ def compare(
     time_limit: float | None = None,
     callback: Callable[[Any], bool | None] | None = None,
     announce: Callable[[str, int, int], None] | None = None,
+    on_run: Callable[[Run], None] | None = None,
+    skip_slow: bool = False,
     **constants: float,
 ) -> list[Run]:
     """Solves a model with each optimizer, from the same start; each has the limits to itself.
@@ -70,10 +76,12 @@ def compare(
         method: of transcription instead of the spec's own.
         tolerance, max_iterations, time_limit, callback: as for :meth:`stc.pipeline.Model.solve`.
         announce: told before each solve the optimizer's name, which one it is, from 1, and of how many.
+        on_run: told of each record as it is there.
+        skip_slow: leave out optimizers of whose steps a single one may take minutes on a problem of this size.
         **constants: values of constants.
 
     Returns:
-        One record per optimizer, in the same order.
+        One record per optimizer, in the same order; none for those after one that was interrupted.
 
     Raises:
         UsageError: no optimizer, or one that does not exist; a tolerance or limit that cannot be meant.
@@ -87,28 +95,45 @@ def compare(
     problem, transcription = model.transcription(method, **constants)
     if transcription.kernels is None:
         transcription.compile()
-    runs = []
+    bound = transcription.bind(problem.constants) if skip_slow else None
+    runs: list[Run] = []
     for number, name in enumerate(optimizers, 1):
         if announce is not None:
             announce(name, number, len(optimizers))
-        begin = time.perf_counter()
-        try:
-            bound, result = solve(transcription, problem.constants, options, None, callback, name)
-        except UsageError as error:
-            runs.append(Run(name, "refused", error.message))
-            continue
-        runs.append(
-            Run(
-                name,
-                result.status.value,
-                result.message,
-                result.objective,
-                result.violation,
-                result.optimality,
-                result.iterations,
-                bound.evaluations,
-                bound.derivative_evaluations,
-                time.perf_counter() - begin,
-            )
-        )
+        if bound is not None and has_long_steps(name, bound):
+            run = Run(name, "skipped", f"{caution(name, bound)}; --optimizers {name} runs it all the same")
+        else:
+            run = _run(transcription, problem, options, callback, name)
+        runs.append(run)
+        if on_run is not None:
+            on_run(run)
+        if run.status == "interrupted":
+            break
     return runs
+
+
+def _run(
+    transcription: Transcription,
+    problem: Problem,
+    options: Options,
+    callback: Callable[[Any], bool | None] | None,
+    name: str,
+) -> Run:
+    """What one optimizer finds."""
+    begin = time.perf_counter()
+    try:
+        bound, result = solve(transcription, problem.constants, options, None, callback, name)
+    except UsageError as error:
+        return Run(name, "refused", error.message)
+    return Run(
+        name,
+        result.status.value,
+        result.message,
+        result.objective,
+        result.violation,
+        result.optimality,
+        result.iterations,
+        bound.evaluations,
+        bound.derivative_evaluations,
+        time.perf_counter() - begin,
+    )

@@ -64,7 +64,10 @@ class EquationReport:
         yield Text(f"{self.spec} against {self.model} at {self.states} random states", style="bold")
         table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="bold")
         for heading in ("metric", "of", "value", "limit", "verdict"):
-            table.add_column(heading, justify="right" if heading in ("value", "limit") else "left")
+            justify: Any = "right" if heading in ("value", "limit") else "left"
+            table.add_column(
+                heading, justify=justify, overflow="fold", min_width=7 if heading == "verdict" else None
+            )
         colours = {"pass": "green", "fail": "bold red", "info": "dim"}
         for metric in self.metrics:
             table.add_row(

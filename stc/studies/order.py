@@ -103,7 +103,7 @@ class OrderReport:
         )
         yield Text(f"{self.spec}, {self.method}: convergence of the replay", style="bold")
         for heading in ("n", "objective", "iterations", "drift", "order"):
-            table.add_column(heading, justify="right")
+            table.add_column(heading, justify="right", overflow="fold")
         for k, level in enumerate(self.levels):
             coarse = self.levels[k - 1].drift
             seen = k > 0 and coarse > limits.ORDER_FLOOR

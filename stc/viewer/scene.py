@@ -13,6 +13,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate.fields import apply_fields
+from stc.validate.model import as_bytes
 from stc.validate.pictures.camera import fit, usual_camera
 from stc.validate.pictures.motion import solved_at
 from stc.viewer.motion import Motion
@@ -130,11 +131,11 @@ def _doubled(motion: Motion) -> mujoco.MjModel:
     import mujoco
 
     setup = motion.setup
-    spec = mujoco.MjSpec.from_file(str(setup.path))
+    spec = mujoco.MjSpec.from_file(as_bytes(setup.path))
     for key in list(spec.keys):
         spec.delete(key)  # their positions are too short for the doubled model
     carrier = spec.worldbody.add_body(name=GHOST, mocap=True)
-    spec.attach(_ghost(str(setup.path)), prefix=PREFIX, frame=carrier.add_frame())
+    spec.attach(_ghost(as_bytes(setup.path)), prefix=PREFIX, frame=carrier.add_frame())
     model = spec.compile()
     plain = setup.compiled
     if model.nq != 2 * plain.nq or model.nv != 2 * plain.nv or model.nu != plain.nu or model.na != plain.na:

@@ -114,7 +114,8 @@ def test_a_spec_that_cannot_be_refined_is_refused(stc_: Stc) -> None:
 
 
 def test_a_motion_is_plotted(stc_: Stc) -> None:
-    assert stc_("plot", "particle_waypoints", "-o", "out/motion.svg") == (0, "out/motion.svg written\n", "")
+    told = (0, "out/motion.svg written\n", "note: made the folder out\n")
+    assert stc_("plot", "particle_waypoints", "-o", "out/motion.svg") == told
     assert "joint x" in Path("out/motion.svg").read_text()
     assert not Path("particle_waypoints.npz").exists()
     status, _, err = stc_("plot", "particle_waypoints", "-o", "motion.gif")

@@ -45,7 +45,7 @@ def next_steps(metrics: Sequence[Metric], compared: bool, more_frames: str = "")
     Args:
         metrics: everything that was measured.
         compared: whether the spec's equations of motion were compared with the model's.
-        more_frames: what takes twice the frames, such as ``--set n=120``; "" where that cannot be said in a word.
+        more_frames: how to take more frames, such as ``--set n=120``; "" where that cannot be said in a word.
     """
     found: dict[str, None] = {}
     failed = sorted((metric for metric in metrics if metric.verdict == "fail"), key=rank)
@@ -90,7 +90,7 @@ def _cause(metric: Metric, compared: bool, differ: bool) -> str:
                 "variables meant, then solve with a smaller --tolerance"
             )
         return (
-            "check the forces: `stc validate SPEC --equations` compares the equations of motion term by term, and the "
+            "check the forces: `--equations` compares the equations of motion term by term, and the "
             "actuator and apply lines under replay: must name all that acts"
         )
     if name.startswith("contacts that the model"):
@@ -118,8 +118,7 @@ def _effect(metric: Metric, more_frames: str) -> str:
     on_ground = "on the ground" in metric.name or metric.name.startswith(_GROUND)
     if not on_ground and not metric.name.startswith(_STEP):
         return ""
-    how = f"{more_frames}, or " if more_frames else ""
-    step = f"take more frames: {how}`stc run SPEC --until-verified 1e-6`, which adds them until MuJoCo agrees"
+    step = f"take more frames: {more_frames}" if more_frames else "take more frames"
     if on_ground:
         step += (
             "; if that does not help, compare the solved contact forces with MuJoCo's in the page of --report"

@@ -8,37 +8,24 @@ from typing import TYPE_CHECKING, Any
 from stc.validate.certificate import blame, table
 
 if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderResult
+
     from stc.validate.certificate.certificate import Certificate
 
 _COLOURS = {"pass": "green", "fail": "bold red", "info": "dim"}
 
+#: Columns of the table, characters between them, and the least that the second one is folded to.
+_HEADER, _GAP, _LEAST = ("metric", "of", "value", "limit", "verdict"), 3, 24
+
 
 def show(certificate: Certificate) -> Iterator[Any]:
     """What rich is to print, piece by piece."""
-    from rich.table import Table
     from rich.text import Text
 
     report = certificate.report
     heading = f"{report.spec}, {report.method}, n = {report.n}, {report.duration:.4g} s: replayed in {report.simulator}"
     yield Text(heading, style="bold")
-    rows = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="bold")
-    rows.add_column("metric", no_wrap=True)
-    rows.add_column("of")
-    rows.add_column("value", justify="right", no_wrap=True)
-    rows.add_column("limit", justify="right", no_wrap=True)
-    rows.add_column("verdict", no_wrap=True)
-    for section in table.sections(certificate.metrics):
-        rows.add_row(Text(section.title, style="italic dim"))
-        for name, metrics in section.by_name().items():
-            for k, metric in enumerate(metrics):
-                rows.add_row(
-                    Text(f"  {name}" if not k else ""),
-                    Text(metric.subject),
-                    table.quantity(metric, metric.value),
-                    table.bound(metric),
-                    Text(metric.verdict, style=_COLOURS[metric.verdict]),
-                )
-    yield rows
+    yield _Measurements(certificate)
     facts = dict(certificate.facts())
     for label in ("spec", "changed constants", "model", "integrator"):
         if label in facts:
@@ -53,3 +40,84 @@ def show(certificate: Certificate) -> Iterator[Any]:
         yield Text(f"  {line}", style="red")
     for step in certificate.next_steps:
         yield Text(f"next: {step}", style="bold")
+
+
+class _Measurements:
+    """All that was measured: a table, or where the screen is too narrow for one, a line for each measurement."""
+
+    def __init__(self, certificate: Certificate) -> None:
+        self._sections = [
+            (
+                section.title,
+                [
+                    (
+                        name,
+                        [(m.subject, table.quantity(m, m.value), table.bound(m), m.verdict) for m in metrics],
+                    )
+                    for name, metrics in section.by_name().items()
+                ],
+            )
+            for section in table.sections(certificate.metrics)
+        ]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        widths = self._widths()
+        spare = options.max_width - sum(widths) + widths[1] - _GAP * (len(widths) - 1)
+        if spare < min(widths[1], _LEAST):
+            yield from self._listed()
+            return
+        widths[1] = min(widths[1], spare)
+        yield from self._table(widths)
+
+    def _widths(self) -> list[int]:
+        """Characters of the columns where nothing is folded."""
+        from rich.cells import cell_len
+
+        widths = [cell_len(name) for name in _HEADER]
+        for _, names in self._sections:
+            for name, rows in names:
+                widths[0] = max(widths[0], 2 + cell_len(name))
+                for row in rows:
+                    widths[1:] = [max(width, cell_len(cell)) for width, cell in zip(widths[1:], row)]
+        return widths
+
+    def _table(self, widths: list[int]) -> Iterator[Any]:
+        """The table, section by section: titles may be wider than the first column."""
+        from rich.table import Table
+        from rich.text import Text
+
+        def part() -> Table:
+            made = Table.grid(padding=(0, _GAP, 0, 0))
+            for name, width in zip(_HEADER, widths):
+                justify: Any = "right" if name in ("value", "limit") else "left"
+                made.add_column(width=width, justify=justify, overflow="fold")
+            return made
+
+        header = part()
+        header.add_row(*(Text(name, style="bold") for name in _HEADER))
+        yield header
+        for title, names in self._sections:
+            yield Text(title, style="italic dim")
+            lines = part()
+            for name, rows in names:
+                for k, (subject, value, limit, verdict) in enumerate(rows):
+                    first, last = Text("" if k else f"  {name}"), Text(verdict, style=_COLOURS[verdict])
+                    lines.add_row(first, Text(subject), value, limit, last)
+            yield lines
+
+    def _listed(self) -> Iterator[Any]:
+        from rich.table import Table
+        from rich.text import Text
+
+        for title, names in self._sections:
+            yield Text(title, style="italic dim", overflow="fold")
+            for name, rows in names:
+                yield Text(f"  {name}", overflow="fold")
+                lines = Table.grid(padding=(0, 2, 0, 0))
+                lines.add_column(width=2)
+                lines.add_column(no_wrap=True)
+                lines.add_column(overflow="fold")
+                for subject, value, limit, verdict in rows:
+                    figures = f"{value}, limit {limit}" if limit else value
+                    lines.add_row("", Text(verdict, style=_COLOURS[verdict]), Text(f"{subject}: {figures}"))
+                yield lines

@@ -18,6 +18,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from stc.arguments import spare
 from stc.errors import UsageError
 from stc.solution import Solution, read
 
@@ -26,6 +27,9 @@ FORMATS = {"csv": ".csv", "npz": ".npz", "keyframes": ".xml", "controls": ".npz"
 
 #: Those that hold the variables of the spec, so that a motion needs no model for them.
 TABLES = ("csv", "npz")
+
+#: Those with so many instants a second, and those with time steps.
+_RATED, _STEPPED = (*TABLES, "gltf"), ("keyframes", "controls")
 
 #: What distinguishes a file from the solution it comes from, where no name is given.
 _ENDINGS = {
@@ -40,6 +44,21 @@ _ENDINGS = {
 def default_name(solution: Solution, kind: str) -> str:
     """The file name of an export for which none was given."""
     return f"{solution.name}{_ENDINGS[kind]}{FORMATS[kind]}"
+
+
+def check_format(kind: str, rate: float | None, time_step: float | None) -> None:
+    """Refuse a format that does not exist, and numbers that a format has no use for.
+
+    Raises:
+        UsageError: as :func:`export`.
+    """
+    if kind not in FORMATS:
+        raise UsageError(f"unknown format `{kind}`", f"the formats are {', '.join(FORMATS)}")
+    for name, value, takes in (("rate", rate, _RATED), ("time step", time_step, _STEPPED)):
+        if value is not None and kind not in takes:
+            raise UsageError(f"the format {kind} has no {name}", f"those that have one: {', '.join(takes)}")
+        if value is not None and not value > 0.0:
+            raise UsageError(f"the {name} must be positive, not {value:g}")
 
 
 def export(
@@ -58,43 +77,42 @@ def export(
         kind: one of :data:`FORMATS`.
         path: of the file; by default one in the working directory that is named after the spec.
         model: another model file than the one that the spec names.
-        rate: instants per second of tables and animations; by default the frames of a table, and 60 for an
-            animation.
-        time_step: longest time step of the control sequence, in seconds; by default that of the model.
+        rate: instants per second of tables and animations; by default the frames of a table, and for an animation
+            60, or one for each frame where those are more.
+        time_step: longest time step of keyframes and controls, in seconds; by default that of the model.
 
     Returns:
         The path of the file.
 
     Raises:
-        UsageError: an unknown format, a suffix that is not the format's, or a rate or time step that is not positive
-            or means a file out of proportion.
+        UsageError: an unknown format, a suffix that is not the format's, a file that the motion is made from, a rate or
+            time step that the format does not have, that is not positive or means a file out of proportion.
         ModelError: there is no model, or it cannot be written as asked.
         SolutionError: the solution is damaged.
     """
-    if kind not in FORMATS:
-        raise UsageError(f"unknown format `{kind}`", f"the formats are {', '.join(FORMATS)}")
-    for name, value in (("rate", rate), ("time step", time_step)):
-        if value is not None and not value > 0.0:
-            raise UsageError(f"the {name} must be positive, not {value:g}")
+    check_format(kind, rate, time_step)
     solution = motion if isinstance(motion, Solution) else read(motion)
     solution.require_increasing_times()
     target = Path(default_name(solution, kind) if path is None else path)
     if target.suffix.lower() != FORMATS[kind]:
         raise UsageError(f"{target}: the format {kind} is written to *{FORMATS[kind]}")
+    spare(target, [] if isinstance(motion, Solution) else [(motion, "the solution itself")])
     target.parent.mkdir(parents=True, exist_ok=True)
     if kind in TABLES:
         from stc.validate.export import table
 
         table.write(solution, target, rate)
         return target
+    from stc.validate.model import model_inputs
     from stc.validate.setup import prepare
 
     beside = [] if isinstance(motion, Solution) else [Path(motion).parent]
     setup = prepare(solution, model, beside)
+    spare(target, model_inputs(setup.path))
     if kind == "gltf":
         from stc.validate.export import gltf
 
-        gltf.write(setup, target, rate or 60.0)
+        gltf.write(setup, target, rate)
     elif kind == "keyframes":
         from stc.validate.export import keyframes
 

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 #: Groups of geoms that MuJoCo shows unless told otherwise.
 _SHOWN_GROUPS = 3
 
+#: Keyframes per second where no other number is asked for.
+_USUAL_RATE = 60.0
+
 #: Half the size of a floor that has no end, in metres.
 _FLOOR = 2.5
 
@@ -39,21 +42,22 @@ _UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 _FLOAT = 5126
 
 
-def write(setup: Setup, path: Path, rate: float = 60.0) -> None:
+def write(setup: Setup, path: Path, rate: float | None = None) -> None:
     """Write the solved motion.
 
     Args:
         setup: the motion and its model.
         path: of the file, ``.glb``.
-        rate: keyframes per second; a short motion has one per frame at least.
+        rate: keyframes per second; None takes 60, or one for each frame where those are more.
 
     Raises:
         UsageError: with this rate the file is out of proportion.
         OSError: the file cannot be written.
     """
     solution = setup.solution
-    require_proportion(solution.duration * rate, 7 * setup.compiled.nbody, f"a rate of {rate:g} Hz")
-    count = max(intervals(solution.duration, rate), solution.n, 1)
+    wanted = _USUAL_RATE if rate is None else rate
+    require_proportion(solution.duration * wanted, 7 * setup.compiled.nbody, f"a rate of {wanted:g} Hz")
+    count = max(intervals(solution.duration, wanted), solution.n if rate is None else 0, 1)
     times = np.linspace(solution.time[0], solution.time[-1], count + 1)
     poses = local_poses(setup.compiled, solved_at(setup, times))
     scene, nodes = _scene(setup.compiled, poses)

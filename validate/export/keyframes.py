@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.arguments import same_file, spare
 from stc.atomic import replacing
 from stc.validate.export.controls import steps
 from stc.validate.metrics import FloatArray
-from stc.validate.model import ModelError, load_model
+from stc.validate.model import ModelError, load_model, model_files
 from stc.validate.setup import Setup
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
 
     Raises:
         ModelError: the model's text cannot carry what the spec set in it.
+        UsageError: a copy of an asset would take the place of another one of the model's files.
     """
     root = ET.parse(setup.path).getroot()
     _include(root, setup.path.parent)
@@ -140,6 +142,7 @@ def _collect_assets(root: ET.Element, model: Path, folder: Path) -> None:
         compiler.attrib.pop("strippath", None)
     files = [e for e in root.iter() if "file" in e.attrib]
     copies: dict[Path, Path] = {}
+    inputs = model_files(model)
     for element in files:
         if element.tag not in ("mesh", "texture", "hfield", "skin"):
             raise ModelError(
@@ -157,6 +160,7 @@ def _collect_assets(root: ET.Element, model: Path, folder: Path) -> None:
                 n for n in itertools.chain([source.name], numbered) if n not in taken
             )
         copy = copies[source]
+        spare(copy, [(other, "a file of the model") for other in inputs if not same_file(other, source)])
         with replacing(copy) as temporary:  # a full disk is told of with the copy's name
             temporary.write_bytes(source.read_bytes())
         element.set("file", f"{folder.name}/{copy.name}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.validate.fields import apply_fields
+from stc.validate.model import as_bytes
 from stc.validate.setup import Setup
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ def picture_model(setup: Setup) -> mujoco.MjModel:
     sky = int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
     if np.any(setup.compiled.tex_type == sky):
         return setup.model()
-    spec = mujoco.MjSpec.from_file(str(setup.path))
+    spec = mujoco.MjSpec.from_file(as_bytes(setup.path))
     texture = spec.add_texture(
         name="stc background",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
