@@ -62,7 +62,9 @@ def test_nlopt_hears_a_request_at_the_next_evaluation(name: str, monkeypatch: py
         move(self, z)  # type: ignore[arg-type]
 
     monkeypatch.setattr(monitor, "asked_to_stop", False)
-    model = stc.load("constants: n = 40; variables: x; constraints: [1, n]: x - x[i-1] <= 5; objective: (x - 1)^4;")
+    model = stc.load(
+        "constants: n = 40; variables: x; constraints: [1, n]: x - x[i-1] <= 5; objective: (x - 1)^4;"
+    )
     monkeypatch.setattr(Functions, "move", told)
     assert model.solve(optimizer=name, max_iterations=50).status == "interrupted"
     assert len(moves) <= 5
