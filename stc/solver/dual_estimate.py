@@ -21,6 +21,7 @@ __all__ = [
     "estimate_multipliers",
     "possible_gain",
     "signed_least_squares",
+    "slopes_left",
     "stationary_violation",
 ]
 
@@ -95,6 +96,12 @@ def possible_gain(nlp: NLP, x: Floats, y: Floats, z: Floats) -> float:
     # A multiplier without a bound on its side is an error of the slope, which counts below.
     gain = float(np.abs(y * np.where(np.isfinite(away_r), away_r, 0.0)).sum())
     gain += float(np.abs(z * np.where(np.isfinite(away_x), away_x, 0.0)).sum())
+    gain += float(slopes_left(nlp, x, y, z) @ np.abs(x))
+    return gain / max(1.0, abs(f))
+
+
+def slopes_left(nlp: NLP, x: Floats, y: Floats, z: Floats) -> Floats:
+    """The sizes of the Lagrangian's slopes at ``x`` (n,), (n,), but for what rounding may leave of their terms."""
     gradient, jac, hess = nlp.derivatives(x, y, 1.0)
     slopes = np.abs(gradient + np.bincount(nlp.jac_cols, weights=jac * y[nlp.jac_rows], minlength=nlp.n) + z)
     # A gradient that varies has terms of the size of H x, for all we know: differences over short steps cancel.
@@ -102,8 +109,7 @@ def possible_gain(nlp: NLP, x: Floats, y: Floats, z: Floats) -> float:
     terms += term_sums(nlp.hess_rows, nlp.hess_cols, hess, x, nlp.n)
     across = np.where(nlp.hess_rows != nlp.hess_cols, hess, 0.0)
     terms += term_sums(nlp.hess_cols, nlp.hess_rows, across, x, nlp.n)
-    gain += float(np.maximum(slopes - ROUNDED * EPSILON * terms, 0.0) @ np.abs(x))
-    return gain / max(1.0, abs(f))
+    return np.maximum(slopes - ROUNDED * EPSILON * terms, 0.0)
 
 
 def _active(nlp: NLP, x: Floats, slack: float) -> tuple[Mask, Mask, Mask, Mask]:

@@ -17,6 +17,8 @@ __all__ = ["Judgement", "Point"]
 LARGEST_MULTIPLIER = 1e12
 LARGEST_GAIN = 1e-6
 ROUNDING = 1e-12
+STEEP = 1e-3
+"""The largest error of a slope that may be one of rounding."""
 LARGE = 1e3
 """A scaled variable that is larger has become so since."""
 
@@ -68,8 +70,21 @@ class Judgement:
 
     def confirms(self, point: Point, y: Floats) -> bool:
         """Whether the problem as stated confirms a point, with multipliers ``y`` that can be believed."""
-        believable = bool(np.abs(y).max(initial=0.0) <= LARGEST_MULTIPLIER)
-        return believable and holds(self.nlp, point.x, self.assess(point), self.options)
+        if not np.abs(y).max(initial=0.0) <= LARGEST_MULTIPLIER:
+            return False
+        judged = self.assess(point)
+        return holds(self.nlp, point.x, judged, self.options) or self._holds_but_for_rounding(point)
+
+    def _holds_but_for_rounding(self, point: Point) -> bool:
+        """Whether slopes are too large that rounding alone may leave, and nothing else is wrong: steep functions of
+        small variables have such."""
+        from stc.solver.dual_estimate import slopes_left
+
+        judged = self.assess(point)
+        if not judged.optimality <= STEEP or not self.is_met(point.x, judged.violation):
+            return False
+        left = slopes_left(self.nlp, point.x, point.y, judged.bound_multipliers)
+        return not left.any() and self.gain(point) <= ROUNDING
 
     def stalled_short(self, outcome: Outcome, point: Point) -> bool:
         """Whether the iteration stalled where the objective may still gain, or ended where a lighter one does not tell.

@@ -26,7 +26,14 @@ from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem, is_small
 from stc.solver.starting import WARM_BARRIER, warm_iterate
-from stc.solver.status import MET_BUT_FOR_ROUNDING, STILL_FALLING, Status, advice, sentence
+from stc.solver.status import (
+    FLAT_BUT_FOR_ROUNDING,
+    MET_BUT_FOR_ROUNDING,
+    STILL_FALLING,
+    Status,
+    advice,
+    sentence,
+)
 from stc.solver.unboundedness import falling_to
 
 __all__ = ["minimize"]
@@ -399,6 +406,8 @@ class _Solve:
         text = message or f"{sentence(status)} {advice(status)}".strip()
         if status is Status.OPTIMAL and report.violation > self.options.feasibility_tolerance:
             text += f" {MET_BUT_FOR_ROUNDING}"
+        if status is Status.OPTIMAL and report.optimality > self.options.unscaled_tolerance:
+            text += f" {FLAT_BUT_FOR_ROUNDING}"
         if status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.FAILED):
             # What nothing bounds has no point that is nearly a solution.
             nearly = max(report.violation, report.optimality) <= ACCEPTABLE

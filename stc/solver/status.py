@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["MET_BUT_FOR_ROUNDING", "STILL_FALLING", "Status", "advice", "sentence"]
+__all__ = ["FLAT_BUT_FOR_ROUNDING", "MET_BUT_FOR_ROUNDING", "STILL_FALLING", "Status", "advice", "sentence"]
 
 
 class Status(StrEnum):
@@ -43,6 +43,9 @@ _ADVICE = {
 #: What is added where a row of large terms is as near to its bound as numbers can be written.
 MET_BUT_FOR_ROUNDING = (
     "Rows are met as far as rounding allows: units in which their terms are smaller let them be met better."
+)
+FLAT_BUT_FOR_ROUNDING = (
+    "Slopes are as small as rounding allows: units in which variables are larger let them be smaller."
 )
 #: What is added where an attempt ended with an objective that was falling all the while, to this.
 STILL_FALLING = (

@@ -164,3 +164,25 @@ def test_the_least_time_in_large_units(m: float, d: float) -> None:
     usual, large = model.solve(method="trapezoidal"), model.solve(method="trapezoidal", m=m, d=d)
     assert usual.status == large.status == "optimal"
     assert large.objective == pytest.approx(usual.objective, rel=2e-5)
+
+
+@pytest.mark.parametrize("unit", [1e4, 1e6])
+def test_slopes_that_rounding_leaves_of_a_steep_valley_count_as_none(unit: float) -> None:
+    """Rosenbrock's valley in other units: curvatures of 1e10 and more, beside variables of 1/unit."""
+
+    def objective(x):
+        a, b = unit * x[0], unit * x[1]
+        return 1e4 * (b - a**2) ** 2 + (1.0 - a) ** 2
+
+    result = minimize(SymbolicProgram([-1.2 / unit, 1.0 / unit], objective))
+    assert result.status == "optimal"
+    assert result.x * unit == pytest.approx([1.0, 1.0], rel=1e-9)
+
+
+def test_a_slope_that_is_none_of_rounding_counts() -> None:
+    """At rest in the origin terms are 0, so that rounding leaves nothing."""
+    from stc.solver.dual_estimate import slopes_left
+
+    program = SymbolicProgram([0.0], lambda x: 1e-5 * x[0] + 1e8 * x[0] ** 2)
+    left = slopes_left(program, np.zeros(1), np.zeros(0), np.zeros(1))
+    assert left == pytest.approx([1e-5])
