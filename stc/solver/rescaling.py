@@ -24,7 +24,7 @@ FAR_LARGER = 1e3
 """A variable that has become so many times larger than it was, or than it is measured in, tells of its units."""
 LIGHT = 1e-3, 1e-6
 """Curvatures of the objective beside which scaled linear equations are told from such that depend on one another."""
-EVEN = 10.0
+SAME = 10.0
 """Units of variables that differ by less would lead to the same again."""
 SMALLEST, SMALL, EXACT = 1e-12, 1e-3, 1e-5
 """Objectives between which what may still be gained is held against the objective itself; the share that is let go."""
@@ -92,28 +92,26 @@ class Rescalings:
                 return outcome
         return None
 
-    def evened(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
-        """From the guess, scaled such that each variable makes a difference to some row, or by a point that meets the
-        linear equations.
+    def sized(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
+        """From the guess, the variables of a linear program scaled by a point that meets the equations.
 
         A violation that seems to be stationary may be of rows whose variables have far to go.
         """
-        if not self.options.scaling:
+        if not form.linear or not self.options.scaling:
             return None
-        even = self.scaled_anew(form, x0, form.objective_factor, even=True)
-        if form.linear:
-            from stc.solver.nearest import nearest_point
+        from stc.solver.nearest import nearest_point
 
-            monitor = self.monitor
-            most = monitor.limit - monitor.iterations
-            left = replace(self.options, max_iterations=most, time_limit=monitor.time_left)
-            there, spent = nearest_point(self.nlp, even.x_scale, left)
-            monitor.limit -= spent
-            even = self.scaled_anew(form, there, form.objective_factor)
-        ratio = even.x_scale / form.x_scale
-        if ((ratio <= EVEN) & (ratio >= 1.0 / EVEN)).all():
+        monitor = self.monitor
+        most = monitor.limit - monitor.iterations
+        left = replace(self.options, max_iterations=most, time_limit=monitor.time_left)
+        unit = self.scaled_anew(form, x0, form.objective_factor, even=True).x_scale
+        there, spent = nearest_point(self.nlp, unit, left)
+        monitor.limit -= spent
+        sized = self.scaled_anew(form, there, form.objective_factor)
+        ratio = sized.x_scale / form.x_scale
+        if ((ratio <= SAME) & (ratio >= 1.0 / SAME)).all():
             return None
-        return self.attempts.cold(even, x0, self.options)
+        return self.attempts.cold(sized, x0, self.options)
 
     def resized(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
         """From the guess, variables that are much larger where an attempt ended, (n,), scaled by that.

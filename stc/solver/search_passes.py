@@ -65,8 +65,8 @@ MOST_SHORTENED, TRIALS = 10, 3
 EXCURSION, LARGE, SHARE = 100.0, 1.0, 0.003
 """A violation so many times larger, and larger than this, has to lower the barrier function by such a share of what
 multipliers say that it may."""
-FAR_EXCURSION = 1000.0
-"""One so many times larger has to lower it by all of that."""
+FAR_EXCURSION, FAR = 1000.0, 10.0
+"""One so many times larger, and larger than this, has to lower it by all of that."""
 MOST_CORRECTIONS = 4
 CORRECTION_PROGRESS = 0.99
 SMALLEST_POWER = 1e-300
@@ -117,7 +117,7 @@ def judge(alpha: f64, trial_theta: f64, trial_phi: f64, filter: f64s, s: f64s) -
     slope = s[FROM_SLOPE]
     noise = 10.0 * EPSILON * fabs(phi)
     if trial_theta > max(EXCURSION * theta, LARGE):
-        price = s[PRICE] if trial_theta <= FAR_EXCURSION * theta else s[PRICE] / SHARE
+        price = s[PRICE] if trial_theta <= max(FAR_EXCURSION * theta, FAR) else s[PRICE] / SHARE
         if trial_phi - phi + price * (trial_theta - theta) > 0.0:
             return REFUSED
     if (

@@ -180,7 +180,7 @@ class _Solve:
         return [
             lambda form, x0: scales.lighter(form, x0, self._settle),
             lambda form, x0: scales.resized(form, x0, reached()),
-            scales.evened,
+            scales.sized,
         ]
 
     def _ways(self, form: ScaledProblem, x0: Floats, reached: Callable[[], Floats]) -> list[Way]:
@@ -307,15 +307,15 @@ class _Solve:
                 if x is not outcome.x:
                     outcome.x = x
                     self.judgement.forget()
-            point = self.judgement.stated(outcome)
+            point, confirmed = self.judgement.stated(outcome), False
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
                 judged = self.judgement.assess(point)
-                if self.judgement.confirms(point, outcome.y) and not self.judgement.stalled_short(
-                    outcome, point
-                ):
+                confirmed = self.judgement.confirms(point, outcome.y)
+                if confirmed and not self.judgement.stalled_short(outcome, point):
                     outcome.end = End.CONVERGED
                     return outcome
-            if outcome.end is End.STUCK:
+            # What is a solution but for what it may gain is gone on from, once.
+            if outcome.end is End.STUCK and not (confirmed and before is None and not outcome.early):
                 f = self.nlp.values(point.x)[0]
                 same = before is not None and abs(f - before) <= UNCHANGED * max(1.0, abs(f))
                 if same and not outcome.early and not self.judgement.may_gain(point):
