@@ -47,7 +47,7 @@ class Options:
     warm_start: bool = False
     trusting: bool = True
     initial_barrier: float = 0.1
-    retries: int = 8
+    retries: int = 9
     seed: int = 0
 
 

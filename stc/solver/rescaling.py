@@ -150,13 +150,15 @@ class Rescalings:
         other = settle(optimise(own, it, WARM_BARRIER, self.options, self.monitor, tactics=tactics))
         return other if other.end is End.CONVERGED else None
 
-    def from_least_violation(self, form: ScaledProblem, x: Floats) -> Outcome | None:
+    def from_least_violation(self, form: ScaledProblem, x: Floats | None) -> Outcome | None:
         """From the feasible point that the least violation leads to from ``x`` (n,), all scaled anew at either.
 
-        None where functions are undefined at ``x``.
+        None without ``x``, or where functions are undefined there.
         """
         from stc.solver.feasible_start import least_violation
 
+        if x is None:
+            return None
         x = between(x, self.nlp.x_lower, self.nlp.x_upper)
         f, r = self.nlp.values(x)
         if not np.isfinite(f + r.sum()):

@@ -108,6 +108,7 @@ class _Solve:
         self.monitor = Monitor(options, callback)
         self.new_kkt: Callable[..., KKTSystem] = new_kkt or structured_kkt
         self.form: ScaledProblem | None = None
+        self._followed: Floats | None = None  # the last other start that was a solution, on fewer frames
         self._least: Outcome | None = None  # of a search for a feasible point from the guess
         self.judgement = Judgement(nlp, options)
         self.attempts = Attempts(nlp, options, self.monitor, self.judgement)
@@ -193,6 +194,7 @@ class _Solve:
         if form.m and not convex:  # much is met at rest in the origin that is not near the guess
             ways[:0] = [
                 lambda form, _: scales.from_least_violation(form, reached()),
+                lambda form, _: scales.from_least_violation(form, self._followed),
                 scales.from_least_violation,
                 lambda form, x0: scales.from_least_violation(form, np.zeros_like(x0)),
             ]
@@ -249,6 +251,7 @@ class _Solve:
             if start is None:
                 break
             followed = start.row_multipliers is not None
+            self._followed = start.x if followed else self._followed
             other = self._from(form, start, Tactics(budget=HELPED if followed else MOST, patient=False))
             if other.end is End.CONVERGED:
                 return other
