@@ -19,7 +19,7 @@ LARGEST_GAIN = 1e-6
 ROUNDING = 1e-12
 STEEP = 1e-3
 """The largest error of a slope that may be one of rounding."""
-LARGE = 1e4
+LARGE = 1e3
 """A scaled variable that is larger has become so since."""
 
 
