@@ -301,7 +301,7 @@ class _Loop:
             self.options, max_iterations=monitor.limit - monitor.iterations, time_limit=monitor.time_left
         )
         falls, spent = falls_forever(form.nlp, form.user_variables(it.w[: form.n]), form.x_scale, left)
-        monitor.limit -= spent
+        monitor.iterations += spent
         return falls
 
     def _converged(self) -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 
 from stc.codegen.native import f64s, i64, native
 from stc.solver.iterate import errors_of, evaluate
+from stc.solver.kkt.contract import NotFinite
 from stc.solver.nlp import Floats
 from stc.solver.places import DUAL_ERROR, ERROR, LAGGING, LAGGING_DUAL, LENGTH_TAKEN, PRIMAL
 from stc.solver.step_passes import SOFT
@@ -22,7 +23,7 @@ LAGGING_STEPS = 3
 
 def least_squares_multipliers(work: Workspace, largest: float = LARGEST) -> Floats:
     """Multipliers (m,) that make the Lagrangian's gradient smallest at the iterate; zero when one would exceed
-    ``largest``.
+    ``largest``, or where a derivative is infinite.
 
     Solves the usual system with the identity for a Hessian (Waechter and Biegler 2006, equation 36).
     """
@@ -30,7 +31,10 @@ def least_squares_multipliers(work: Workspace, largest: float = LARGEST) -> Floa
     if m == 0:
         return np.zeros(0)
     work.least_squares_call()
-    kkt.refactor()
+    try:
+        kkt.refactor()
+    except NotFinite:
+        return np.zeros(m)
     kkt.solve_call()
     kkt.check_solution()
     y = kkt.solution[work.form.n :].copy()

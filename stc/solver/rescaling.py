@@ -106,7 +106,7 @@ class Rescalings:
         left = replace(self.options, max_iterations=most, time_limit=monitor.time_left)
         unit = self.scaled_anew(form, x0, form.objective_factor, even=True).x_scale
         there, spent = nearest_point(self.nlp, unit, left)
-        monitor.limit -= spent
+        monitor.iterations += spent
         sized = self.scaled_anew(form, there, form.objective_factor)
         ratio = sized.x_scale / form.x_scale
         if ((ratio <= SAME) & (ratio >= 1.0 / SAME)).all():

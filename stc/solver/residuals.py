@@ -9,13 +9,21 @@ from stc.records import dataclass
 from stc.solver.conditions import STATED, stated_conditions
 from stc.solver.evaluator import Scaling, Stated, evaluator_of
 from stc.solver.keeping import once
-from stc.solver.nlp import NLP, Floats
+from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
 from stc.solver.passes import multiplier_scale
 from stc.solver.products import term_sums
 from stc.solver.scaled_problem import relative_violation
 
-__all__ = ["Assessment", "Judge", "assess", "holds", "is_met_but_for_rounding", "signed_violations"]
+__all__ = [
+    "Assessment",
+    "Judge",
+    "assess",
+    "holds",
+    "is_met_but_for_rounding",
+    "rows_missed",
+    "signed_violations",
+]
 
 EPSILON = 2.0**-52
 ROUNDED = 16.0
@@ -95,15 +103,20 @@ def is_met_but_for_rounding(nlp: NLP, x: Floats, tolerance: float) -> bool:
     A row of terms ``J_ri x_i`` changes by a unit in the last place of the largest of them from one point that can be
     written down to the next: none of these may be nearer.
     """
+    missed = rows_missed(nlp, x, tolerance)
+    return not missed.any() and bool(np.all(relative_violation(x, nlp.x_lower, nlp.x_upper) <= tolerance))
+
+
+def rows_missed(nlp: NLP, x: Floats, tolerance: float) -> Mask:
+    """Which rows are not, (m,); all where terms have no size."""
     _, r = nlp.values(x)
     _, jac, _ = nlp.derivatives(x, np.zeros(nlp.m), 1.0)
     terms = term_sums(nlp.jac_rows, nlp.jac_cols, jac, x, nlp.m)
     if not np.isfinite(terms).all():
-        return False
+        return np.ones(nlp.m, bool)
     missed = relative_violation(r, nlp.row_lower, nlp.row_upper)
     bound = np.maximum(1.0, np.abs(np.where(r < nlp.row_lower, nlp.row_lower, nlp.row_upper)))
-    met = missed <= np.maximum(tolerance, ROUNDED * EPSILON * terms / bound)
-    return bool(np.all(met) and np.all(relative_violation(x, nlp.x_lower, nlp.x_upper) <= tolerance))
+    return np.asarray(missed > np.maximum(tolerance, ROUNDED * EPSILON * terms / bound))
 
 
 def signed_violations(nlp: NLP, r: Floats) -> Floats:

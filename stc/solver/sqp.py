@@ -15,7 +15,7 @@ from stc.solver.judgement import Judgement, Point
 from stc.solver.keeping import give_back, kept_form, key_of, once
 from stc.solver.kkt import KKTSystem, structured_kkt
 from stc.solver.monitor import Monitor, Stopped
-from stc.solver.nlp import NLP, Floats
+from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.polish import MET, meet_equations
@@ -23,10 +23,11 @@ from stc.solver.presolve import presolved
 from stc.solver.products import between, inner
 from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
-from stc.solver.residuals import assess
-from stc.solver.scaled_problem import ScaledProblem, is_small
+from stc.solver.residuals import assess, rows_missed
+from stc.solver.scaled_problem import ScaledProblem, is_small, relative_violation
 from stc.solver.starting import WARM_BARRIER, warm_iterate
 from stc.solver.status import (
+    FIXED_ROWS_MISSED,
     FLAT_BUT_FOR_ROUNDING,
     MET_BUT_FOR_ROUNDING,
     STILL_FALLING,
@@ -92,6 +93,23 @@ def _contradicts(nlp: NLP) -> bool:
     return bool(np.any(nlp.x_lower > nlp.x_upper) or np.any(nlp.row_lower > nlp.row_upper))
 
 
+def _of_fixed_variables(nlp: NLP) -> Mask | None:
+    """The rows that hold variables of equal bounds alone, (m,), or None where there is no such row."""
+    free = nlp.x_lower < nlp.x_upper
+    rows = np.ones(nlp.m, bool)
+    rows[nlp.jac_rows[free[nlp.jac_cols]]] = False
+    return rows if rows.any() else None
+
+
+def _fixed_rows_missed(nlp: NLP, x: Floats, r: Floats, options: Options) -> bool:
+    """Whether one of these rows, of the values ``r`` (m,) at ``x`` (n,), is violated: nothing can change that."""
+    rows = once(_of_fixed_variables, nlp)
+    tolerance = options.feasibility_tolerance
+    if rows is None or (relative_violation(r, nlp.row_lower, nlp.row_upper)[rows] <= tolerance).all():
+        return False
+    return bool(rows_missed(nlp, x, tolerance)[rows].any())
+
+
 class _Solve:
     """One solve: the phases in their order, and the result."""
 
@@ -131,6 +149,8 @@ class _Solve:
                 violation = assess(nlp, x0, np.zeros(nlp.m), np.zeros(0)).violation
                 feasible = violation <= self.options.feasibility_tolerance
                 return self._result(Status.OPTIMAL if feasible else Status.INFEASIBLE, x0)
+            if _fixed_rows_missed(nlp, x0, r, self.options):
+                return self._result(Status.INFEASIBLE, x0, message=FIXED_ROWS_MISSED)
             form = ScaledProblem(nlp, x0, self.options, self.new_kkt)
         self.form = form
         try:

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["FLAT_BUT_FOR_ROUNDING", "MET_BUT_FOR_ROUNDING", "STILL_FALLING", "Status", "advice", "sentence"]
+__all__ = [
+    "FIXED_ROWS_MISSED",
+    "FLAT_BUT_FOR_ROUNDING",
+    "MET_BUT_FOR_ROUNDING",
+    "STILL_FALLING",
+    "Status",
+    "advice",
+    "sentence",
+]
 
 
 class Status(StrEnum):
@@ -44,6 +52,7 @@ _ADVICE = {
 MET_BUT_FOR_ROUNDING = (
     "Rows are met as far as rounding allows: units in which their terms are smaller let them be met better."
 )
+FIXED_ROWS_MISSED = "A row is violated that holds fixed variables alone."
 FLAT_BUT_FOR_ROUNDING = (
     "Slopes are as small as rounding allows: units in which variables are larger let them be smaller."
 )
