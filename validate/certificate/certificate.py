@@ -83,7 +83,10 @@ class Certificate:
         """The verdict in one line; where it is bad, with the joint and the term."""
         if self.solution.status != "optimal" and not self.findings:
             return f"the solve ended {self.solution.status}, not optimal"
-        return blame.headline(self.metrics, self.findings, self.equations is not None)
+        text = blame.headline(self.metrics, self.findings, self.equations is not None)
+        if self.passed and self.report.unjudged:
+            text += f"; not judged: {', '.join(self.report.unjudged)}"
+        return text
 
     @property
     def next_steps(self) -> list[str]:
