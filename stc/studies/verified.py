@@ -22,7 +22,7 @@ import numpy as np
 
 from stc.arguments import number, whole
 from stc.errors import StcError, UsageError
-from stc.pipeline import Model, problem_of
+from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.effort import Clock, Effort
@@ -283,10 +283,10 @@ def _wrong_physics(found: Verification, solution: Solution, judged: _Judged) -> 
     shares = None if inverse is None else inverse.share(inverse.at_nodes)
     if inverse is not None and shares is not None and np.all(shares <= inverse.limits(solution.method)):
         return ""
-    from stc.studies.equations import check_equations
+    from stc.studies.along import equations_along
 
     try:
-        found.equations = check_equations(problem_of(solution), str(setup.path), motion=solution)
+        found.equations = equations_along(solution, str(setup.path))
     except StcError:  # the spec's rows are no equations of motion at random states: the drift has to tell
         found.equations = None
     if found.equations is not None and found.equations.findings:

@@ -93,8 +93,8 @@ def _contacts(metric: Metric) -> str:
     if metric.name.startswith("contact force") or "on the ground" in metric.name:
         return (
             "with the solved contact forces the motion is right, so that more frames do not help: MuJoCo's contacts "
-            "give other forces. They may be softer than the spec's (a shorter solref, a smaller timestep), touch where the "
-            "spec has no force, or share a force among more points; see the contact forces in the page of --report"
+            "give other forces. They may be softer than the spec's (a shorter solref, a smaller timestep), touch where "
+            "the spec has no force, or share a force among more points; see the contact forces in the page of --report"
         )
     return ""
 
