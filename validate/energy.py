@@ -54,13 +54,14 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
     """The energy balance of a solved motion.
 
     Returns:
-        None where it cannot be drawn up: a joint of the model is not tied, an actuator has a state of its own,
-        or the motion has one frame only.
+        None where it cannot be drawn up: of a joint that is not tied it is not known how it moves, an actuator has a
+        state of its own, or the motion has one frame only.
     """
     import mujoco
 
     solution = setup.solution
-    if not setup.all_tied or setup.compiled.na or solution.n == 0:
+    untied = setup.untied
+    if not (setup.all_tied or untied) or setup.compiled.na or solution.n == 0:
         return None
     model = setup.model(contacts=False)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
@@ -72,6 +73,8 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
 
     def energies(part: str, frame: int) -> FloatArray:
         """(2,) potential and kinetic."""
+        if untied is not None:
+            untied.put(data, untied.at(part, frame))
         setup.reference.put(data, setup.reference.at(part, frame)[:2])
         mujoco.mj_forward(model, data)
         return np.array(data.energy)
@@ -85,7 +88,10 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
         duration = durations[step]
         states = setup.reference.in_step(step, shares)
         controls, forces = setup.controls.in_step(step, shares), outer.in_step(step, shares)
+        rests = [] if untied is None else untied.in_step(step, shares)
         for k, weight in enumerate(weights):
+            if untied is not None:
+                untied.put(data, rests[k])
             setup.reference.put(data, [states[0][k], states[1][k]])
             data.ctrl[setup.controls.addresses] = controls[k]
             outer.apply(model, data, forces[k])
@@ -106,9 +112,10 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
 
 
 def _powers(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
-    """(nv,) power of everything that is neither inertia nor potential, per degree of freedom, in W."""
+    """(nv + tendons,) power of all that is neither inertia nor potential, per degree of freedom and tendon, in W."""
     # MuJoCo counts gravity and springs as potentials, and compensated gravity not at all.  Where actuators
     # compensate it, it is among their forces already.
     compensated = np.where(model.jnt_actgravcomp[model.dof_jntid], 0.0, data.qfrc_gravcomp)
     force = data.qfrc_actuator + data.qfrc_applied + data.qfrc_damper + compensated + data.qfrc_fluid
-    return np.asarray(force * data.qvel - model.dof_frictionloss * np.abs(data.qvel))
+    joints = force * data.qvel - model.dof_frictionloss * np.abs(data.qvel)
+    return np.concatenate([joints, -model.tendon_frictionloss * np.abs(data.ten_velocity)])

@@ -9,11 +9,14 @@ springs there, which tell nothing of the force that holds a loop exactly.  Dry f
 whole force against the motion, and at rest as much as is needed up to that.  MuJoCo's own rises with the speed and
 brakes softly, so that its inverse has another force wherever a joint is about to stop.  A joint limit gives nothing
 by itself: MuJoCo's is a soft spring there, which pushes on a motion that just touches the limit.  A force that a
-solution takes from its end stop is stated as one, with an ``apply`` or ``contact`` line on the joint.
+solution takes from its end stop is stated as one, with an ``apply`` or ``contact`` line on the joint.  Joints that
+the spec does not tie move as :mod:`stc.validate.untied` says; how far that decides the forces on the tied ones is told.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,8 +28,15 @@ from stc.validate.metrics import FloatArray
 from stc.validate.progress import steps
 
 if TYPE_CHECKING:
-    from stc.validate.setup import Setup
+    import mujoco
 
+    from stc.validate.setup import Setup
+    from stc.validate.untied import State
+
+
+#: What hangs on joints that the spec does not tie may be too light to be in its equations: up to this share of the
+#: largest force.
+_NEGLIGIBLE = 1e-6
 
 #: A joint that is slower (m/s or rad/s) is at rest for its dry friction.
 _AT_REST = 1e-9
@@ -41,15 +51,31 @@ class InverseDynamics:
         between: (k,) in between, where only the transcription's polynomials say how the motion goes.
         scale: the motion's largest generalised force: needed, delivered or due to gravity and velocity; at least
             what gives it its momentum within its duration, so that gliding, which takes no force, is measured too.
+        untied: (k,) by how much the force on each tied joint differs from that with the untied ones held where the
+            model has them: what depends on how those move; None where all are tied.
+        guessed: whether the model's constraints act on untied joints, so that they may move otherwise.
     """
 
     at_nodes: FloatArray
     between: FloatArray
     scale: float
+    untied: FloatArray | None
+    guessed: bool = False
 
     def share(self, residual: FloatArray) -> FloatArray:
         """(k,) residuals as a share of the scale."""
         return residual / self.scale if self.scale > 0.0 else residual
+
+    def limits(self, method: str) -> FloatArray:
+        """(k,) limits of the shares at the nodes.
+
+        Untied joints follow the transcription's polynomials, whose error reaches the nodes through them.
+        """
+        sharp = np.full(len(self.at_nodes), limits.INVERSE_DYNAMICS)
+        if self.untied is None:
+            return sharp
+        part = 1.0 if self.guessed else limits.INVERSE_DYNAMICS_BETWEEN[method]
+        return np.maximum(_NEGLIGIBLE, part * self.share(self.untied))
 
 
 def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
@@ -59,12 +85,13 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     central only frames whose stencils were not clipped.
 
     Returns:
-        None where it cannot be said: a joint of the model is not tied, the solution lacks an acceleration,
-        or an actuator has a state of its own.
+        None where it cannot be said: of a joint that is not tied it is not known how it moves, the solution lacks an
+        acceleration, or an actuator has a state of its own.
     """
     solution, model = setup.solution, setup.model(contacts=False)
     duration = solution.duration
-    if not setup.all_tied or model.na or not setup.reference.has_acceleration:
+    untied = setup.untied
+    if not (setup.all_tied or untied) or model.na or not setup.reference.has_acceleration:
         return None
     import mujoco
 
@@ -77,20 +104,44 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     data = mujoco.MjData(model)
     ties = Equalities(setup.model(contacts=False))
     outer = setup.all_forces
-    scale, momentum = 0.0, np.zeros(model.nv)
+    order = setup.reference.velocities
+    scale, momentum, mass = 0.0, np.zeros(model.nv), np.zeros((model.nv, model.nv))
+    moved = np.zeros(model.nv)
 
-    def residual(state: list[FloatArray], control: FloatArray, force: FloatArray) -> FloatArray:
-        nonlocal scale
+    def forces_at(
+        state: list[FloatArray], control: FloatArray, force: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(nv,) generalised force that the motion needs, the free joints without acceleration, and what it gets."""
         setup.reference.put(data, state)
         data.ctrl[setup.controls.addresses] = control
         outer.apply(model, data, force)
         mujoco.mj_inverse(model, data)
         needed = data.qfrc_inverse.copy()
         mujoco.mj_fwdActuation(model, data)
-        delivered = data.qfrc_actuator + data.qfrc_applied
+        return needed, data.qfrc_actuator + data.qfrc_applied
+
+    def residual(
+        state: list[FloatArray], control: FloatArray, force: FloatArray, rest: State | None
+    ) -> FloatArray:
+        nonlocal scale, moved
+        if untied is not None and rest is not None:
+            held = np.subtract(*_held(model, data, lambda: forces_at(state, control, force)))
+            untied.put(data, rest)
+        needed, delivered = forces_at(state, control, force)
+        if untied is not None and rest is not None:
+            mujoco.mj_fullM(model, data, mass)
+            needed = needed + mass @ untied.acceleration(mass, delivered - needed)
+            moved = np.maximum(moved, np.abs(needed - delivered - held))
+            # Where friction holds a joint with more than it has, it slips, and how is not known.
+            slips = np.abs(needed - delivered) - model.dof_frictionloss
+            moved = np.maximum(moved, float(slips[untied.stuck].max(initial=0.0)))
+            # Nobody asks for the forces on untied joints.
+            needed, delivered = _only(order, needed), _only(order, delivered)
         mujoco.mj_mulM(model, data, momentum, data.qvel)
         gathered = momentum / duration if duration > 0.0 else momentum
-        scale = max(scale, *(float(np.abs(f).max()) for f in (needed, delivered, data.qfrc_bias, gathered)))
+        scale = max(
+            scale, *(float(np.abs(f[order]).max()) for f in (needed, delivered, data.qfrc_bias, gathered))
+        )
         left = ties.without(data.qpos, needed - delivered)
         return np.abs(_without_dry_friction(left, data.qvel, loss))
 
@@ -98,17 +149,36 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     at_nodes, between = np.zeros(model.nv), np.zeros(model.nv)
     for part, index in _nodes(first, last, solution.method):
         state, control = setup.reference.at(part, index), setup.controls.at(part, index)
-        at_nodes = np.maximum(at_nodes, residual(state, control, outer.at(part, index)))
+        rest = None if untied is None else untied.at(part, index)
+        at_nodes = np.maximum(at_nodes, residual(state, control, outer.at(part, index), rest))
     shares = np.array(limits.BETWEEN_SHARES)
     for done in steps("inverse dynamics", last - first):
         step = first + done
         states, controls = setup.reference.in_step(step, shares), setup.controls.in_step(step, shares)
         forces = outer.in_step(step, shares)
+        rests = [None] * len(shares) if untied is None else untied.in_step(step, shares)
         for k in range(len(shares)):
-            found = residual([part[k] for part in states], controls[k], forces[k])
+            found = residual([part[k] for part in states], controls[k], forces[k], rests[k])
             between = np.maximum(between, found)
-    order = setup.reference.velocities
-    return InverseDynamics(at_nodes[order], between[order], scale)
+    all_tied = InverseDynamics(at_nodes[order], between[order], scale, None)
+    if untied is None:
+        return all_tied
+    return replace(all_tied, untied=moved[order], guessed=untied.constrained or len(untied.stuck) > 0)
+
+
+def _held(
+    model: mujoco.MjModel, data: mujoco.MjData, forces: Callable[[], tuple[FloatArray, FloatArray]]
+) -> tuple[FloatArray, FloatArray]:
+    """What ``forces`` gives where all joints that it does not move stay where the model has them."""
+    data.qpos[:], data.qvel[:], data.qacc[:] = model.qpos0, 0.0, 0.0
+    return forces()
+
+
+def _only(chosen: np.ndarray, force: FloatArray) -> FloatArray:
+    """The same vector with zeros at all other places."""
+    found = np.zeros_like(force)
+    found[chosen] = force[chosen]
+    return found
 
 
 def _without_dry_friction(force: FloatArray, velocity: FloatArray, loss: FloatArray) -> FloatArray:

@@ -49,7 +49,7 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
     """Linearise along the solved motion.
 
     Args:
-        setup: the motion and its model; every coordinate must be tied.
+        setup: the motion and its model; it must be known how every coordinate moves.
         external: apply the solved contact forces and switch the model's own contacts off.
 
     Raises:
@@ -57,7 +57,8 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
     """
     import mujoco
 
-    if not setup.all_tied:
+    untied = setup.untied
+    if not (setup.all_tied or untied):
         raise ModelError("the motion is not linearised: some joints of the model are not tied to the spec")
     model = setup.model(contacts=not external)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
@@ -75,7 +76,10 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
         motion = setup.reference.in_step(frame, shares)
         controls, outer = setup.controls.in_step(frame, shares), forces.in_step(frame, shares)
         model.opt.timestep = durations[frame] / count
+        rests = [] if untied is None else untied.in_step(frame, shares)
         for k in range(count):
+            if untied is not None:
+                untied.put(data, rests[k])
             setup.reference.put(data, [motion[0][k], motion[1][k]])
             data.ctrl[setup.controls.addresses] = controls[k]
             forces.apply(model, data, outer[k])
@@ -104,8 +108,12 @@ def linearised(setup: Setup, external: bool = False) -> Linearisation | None:
         return None
 
 
-def growth(maps: Linearisation) -> float:
-    """The largest factor by which a small deviation of the positions grows over any stretch of the motion.
+def growth(maps: Linearisation, joints: np.ndarray | None = None) -> float:
+    """The largest factor by which a small deviation of some positions grows over any stretch of the motion.
+
+    Args:
+        maps: of the motion.
+        joints: (k,) indices of the positions, all unless given; what others do is of account only through these.
 
     It is the largest spectral norm of the positions' part of the transition matrices between two instants,
     of which at most :data:`stc.validate.limits.GROWTH_INSTANTS` are looked at.  Near one means that errors stay
@@ -114,7 +122,7 @@ def growth(maps: Linearisation) -> float:
     total, size = len(maps.step), maps.state.shape[1]
     if not total or not np.all(np.isfinite(maps.state)):
         return math.inf if total else 1.0
-    nv = size // 2
+    joints = np.arange(size // 2) if joints is None else joints
     cuts = np.unique(np.linspace(0, total, min(total, limits.GROWTH_INSTANTS) + 1).astype(int))
     pieces = []
     for a, b in pairwise(cuts):
@@ -131,5 +139,7 @@ def growth(maps: Linearisation) -> float:
             running = piece @ running
             if not np.all(np.isfinite(running)):
                 return math.inf
-            worst = max(worst, float(np.linalg.norm(running[:, :nv, :nv], 2, axis=(1, 2)).max()))
+            worst = max(
+                worst, float(np.linalg.norm(running[:, joints[:, None], joints], 2, axis=(1, 2)).max())
+            )
     return worst

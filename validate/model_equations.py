@@ -38,8 +38,9 @@ class ModelEquations:
         actuators: names of the driven actuators.
         outer: outer forces as their lines are written: ``apply body.lamp.fx``.
         has_springs: whether static forces include those of springs.
-        dry: (k,) dry friction of the joints, N or N m.
-        sliding: (k,) which way each joint slides, 1 or -1; 0, as at first, leaves its dry friction out.
+        sliders: what has dry friction: ``joint elbow``, ``tendon rope``.
+        dry: (s,) dry friction of each, N or N m.
+        sliding: (s,) which way each slides, 1 or -1; 0, as at first, leaves its dry friction out.
         has_equalities: whether the model closes loops or gears joints to each other.
         notes: what the model has that equations of motion do not speak of.
     """
@@ -76,8 +77,13 @@ class ModelEquations:
         self._places = Attachments(model, outer)
         self.outer = self._places.names
         self.has_springs = bool(np.any(model.jnt_stiffness != 0.0))
-        self.dry = np.array([model.dof_frictionloss[v] for v in self._velocity])
-        self.sliding = np.zeros(len(found))
+        self._dry_joints = [j for j, v in enumerate(self._velocity) if model.dof_frictionloss[v] > 0.0]
+        self._dry_tendons = np.flatnonzero(model.tendon_frictionloss > 0.0)
+        self.sliders = [f"joint {self.joints[j]}" for j in self._dry_joints]
+        self.sliders += [f"tendon {model.tendon(t).name or t}" for t in self._dry_tendons]
+        losses = model.dof_frictionloss[self._velocity[self._dry_joints]]
+        self.dry = np.concatenate([losses, model.tendon_frictionloss[self._dry_tendons]])
+        self.sliding = np.zeros(len(self.dry))
         self.notes = _leftovers(model)
         self.has_equalities = bool(model.neq)
         self._equalities = Equalities(copy.copy(model))
@@ -95,9 +101,27 @@ class ModelEquations:
         return self._dynamics.mass_matrix()[np.ix_(self._velocity, self._velocity)]
 
     def bias(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """(k,) c, and dry friction as the joints are sliding."""
+        """(k,) c, and dry friction as joints and tendons are sliding."""
+        friction = self.friction(q, self.sliding)
         self._put(q, v)
-        return self._dynamics.bias()[self._velocity] + self.dry * self.sliding
+        return self._dynamics.bias()[self._velocity] + friction
+
+    def friction(self, q: FloatArray, sliding: FloatArray) -> FloatArray:
+        """(k,) what dry friction adds to c where joints and tendons slide these ways, (s,)."""
+        if not sliding.any():
+            return np.zeros(len(q))
+        import mujoco
+
+        ways = np.zeros((len(sliding), len(q)))
+        ways[np.arange(len(self._dry_joints)), self._dry_joints] = 1.0
+        dynamics = self._dynamics
+        for j, unit in enumerate(np.eye(len(q)) if len(self._dry_tendons) else ()):
+            self._put(q, unit)
+            mujoco.mj_fwdPosition(dynamics.model, dynamics.data)
+            mujoco.mj_fwdVelocity(dynamics.model, dynamics.data)
+            # The velocity of a tendon is linear in those of the joints.
+            ways[len(self._dry_joints) :, j] = dynamics.data.ten_velocity[self._dry_tendons]
+        return np.asarray((self.dry * sliding) @ ways)
 
     def force(self, q: FloatArray, v: FloatArray, u: FloatArray, f: FloatArray) -> FloatArray:
         """(k,) Q."""
@@ -117,10 +141,11 @@ class ModelEquations:
 
     def inverse(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """(k,) ``mj_inverse``: the generalised force that the motion needs."""
+        friction = self.friction(q, self.sliding)
         self._put(q, v)
         acceleration = np.zeros(len(a))
         acceleration[self._velocity] = a
-        return self._dynamics.inverse(acceleration)[self._velocity] + self.dry * self.sliding
+        return self._dynamics.inverse(acceleration)[self._velocity] + friction
 
 
 def _leftovers(model: mujoco.MjModel) -> list[str]:

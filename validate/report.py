@@ -33,6 +33,7 @@ class Report:
         steps: number of time steps of the replay.
         tracked_by: the feedback of the tracked replay, ``LQR`` or ``PD``; "" without one.
         metrics: everything that was measured.
+        unjudged: names of measurements that could not be made and would be with other motions or models.
         notes: what a reader should know besides.
         seconds: wall time of the validation.
     """
@@ -53,6 +54,7 @@ class Report:
     steps: int
     tracked_by: str = ""
     metrics: Sequence[Metric]
+    unjudged: Sequence[str] = field(default_factory=list)
     notes: Sequence[str] = field(default_factory=list)
     seconds: float = 0.0
 
@@ -82,6 +84,7 @@ class Report:
             "steps": self.steps,
             "tracked_by": self.tracked_by,
             "metrics": [metric.to_dict() for metric in self.metrics],
+            "unjudged": list(self.unjudged),
             "notes": list(self.notes),
             "seconds": self.seconds,
         }
@@ -117,4 +120,7 @@ class Report:
         )
         for note in self.notes:
             yield Text(f"note: {note}", style="yellow")
-        yield Text("passed" if self.passed else "failed", style="bold green" if self.passed else "bold red")
+        verdict = "passed" if self.passed else "failed"
+        if self.passed and self.unjudged:
+            verdict += f"; not judged: {', '.join(self.unjudged)}"
+        yield Text(verdict, style="bold green" if self.passed else "bold red")

@@ -29,6 +29,8 @@ from stc.validate.reference import Reference
 if TYPE_CHECKING:
     import mujoco
 
+    from stc.validate.untied import UntiedMotion
+
 
 @dataclass(slots=True)
 class Setup:
@@ -45,6 +47,9 @@ class Setup:
         applied: forces that always act.
         contact: forces that the model's own contacts should supply.
         outputs: what else is compared.
+        untied: how the joints move that the spec does not tie, once a replay has shown which of them do; None where
+            all are tied or it cannot be said.
+        unknown: why not, in words; "" elsewhere.
     """
 
     solution: Solution
@@ -57,6 +62,8 @@ class Setup:
     applied: OuterForces
     contact: OuterForces
     outputs: list[Output]
+    untied: UntiedMotion | None = None
+    unknown: str = ""
 
     def model(self, contacts: bool = True) -> mujoco.MjModel:
         """A copy of the model, whose options may be changed.

@@ -29,6 +29,7 @@ from stc.validate.report import Report
 from stc.validate.setup import Setup, prepare
 from stc.validate.statements import StatementCheck, statement_metrics
 from stc.validate.tracking import Feedback, proportional, regulator, strengths
+from stc.validate.untied import unknown_forces, untied_motion
 from stc.validate.warnings import caught_warnings
 
 
@@ -159,6 +160,7 @@ def run_replays(
     found = Replays(setup, replay(setup, time_step, integrator))
     if found.open_loop.broke_at is not None:
         found.notes.append(f"the simulation left all bounds by t = {found.open_loop.broke_at:g} s")
+    setup.untied, setup.unknown = untied_motion(setup, found.open_loop.path)
     if tracked:
         _track(found, time_step, integrator)
     if len(setup.contact):
@@ -178,8 +180,8 @@ def steering(setup: Setup) -> tuple[float | None, list[Feedback]]:
     # With contact forces from outside the linear map is that of the motion between impacts.
     maps = linearised(setup, external=bool(len(setup.contact))) if setup.solution.n else None
     if maps is not None:
-        error_growth = growth(maps)
-        if not len(setup.contact):
+        error_growth = growth(maps, setup.reference.velocities)
+        if not len(setup.contact) and setup.all_tied:
             laws.append(regulator(setup, maps))
     laws.append(proportional(setup) if setup.solution.n else None)
     return error_growth, [law for law in laws if law is not None]
@@ -205,7 +207,14 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
     solution = setup.solution
     inverse = inverse_dynamics(setup)
     metrics = _open_loop_metrics(replays)
-    metrics += _tracked_metrics(replays, 0.0 if inverse is None else inverse.scale)
+    tracked = _tracked_metrics(replays, 0.0 if inverse is None else inverse.scale)
+    if setup.compiled.na and tracked:
+        tracked = [metric.without_limit() for metric in tracked]
+        replays.notes.append(
+            "feedback reckons with actuators that answer at once: as those of the model lag behind their controls, the "
+            "tracked replay is for information, and the open-loop drift judges"
+        )
+    metrics += tracked
     if replays.external is not None:
         # What an unstable phase makes of rounding does not shrink with the motion.
         drifts = _drifts("external drift", setup, replays.external, limits.EXTERNAL_DRIFT, of_extent=False)
@@ -215,6 +224,9 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
     metrics += momentum_metrics(setup)
     metrics += missing_contacts(setup)
     metrics += contact_force_metrics(replays.ground)
+    unjudged = _unjudged(setup, metrics)
+    if unjudged:
+        replays.notes.append(f"not judged: {', '.join(unjudged)}, as {_why_not(setup)}")
     model_integrator = mujoco.mjtIntegrator(setup.compiled.opt.integrator).name.removeprefix("mjINT_").lower()
     return Report(
         spec=solution.name,
@@ -233,7 +245,29 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
         steps=motion.steps,
         tracked_by=replays.tracked_by,
         metrics=metrics,
+        unjudged=unjudged,
         notes=[*setup.notes(), *replays.notes],
+    )
+
+
+def _unjudged(setup: Setup, metrics: Sequence[Metric]) -> list[str]:
+    """Names of the measurements of physics that a motion like this one should have and that could not be made."""
+    if not setup.solution.n:
+        return []
+    wanted = ["inverse-dynamics residual", "energy balance"]
+    rates = [tie.line.rate for tie in setup.ties]
+    if any(rate is not None and np.any(rate.before != rate.after) for rate in rates):
+        wanted.append("unexplained impulse")
+    if len(setup.contact) and not len(setup.applied) and not setup.all_tied:
+        wanted.append("momentum in flight")
+    made = {metric.name for metric in metrics}
+    return [name for name in wanted if name not in made]
+
+
+def _why_not(setup: Setup) -> str:
+    """Why something is not judged, in words."""
+    return (
+        unknown_forces(setup) or setup.unknown or "there are joints in the model which the spec does not tie"
     )
 
 
@@ -322,12 +356,13 @@ def _physics_metrics(setup: Setup, inverse: InverseDynamics | None) -> list[Metr
     method = setup.solution.method
     metrics = []
     if inverse is not None:
-        for name, residual, limit in (
-            ("inverse-dynamics residual", inverse.at_nodes, limits.INVERSE_DYNAMICS),
-            ("residual between frames", inverse.between, limits.INVERSE_DYNAMICS_BETWEEN[method]),
+        between = np.full(len(setup.ties), limits.INVERSE_DYNAMICS_BETWEEN[method])
+        for name, residual, most in (
+            ("inverse-dynamics residual", inverse.at_nodes, inverse.limits(method)),
+            ("residual between frames", inverse.between, np.maximum(between, inverse.limits(method))),
         ):
-            for tie, share in zip(setup.ties, inverse.share(residual)):
-                metrics.append(Metric(name, f"joint {tie.name}", float(share), "share", limit))
+            for tie, share, limit in zip(setup.ties, inverse.share(residual), most):
+                metrics.append(Metric(name, f"joint {tie.name}", float(share), "share", float(limit)))
     energy = energy_balance(setup)
     if energy is not None:
         limit = limits.ENERGY_BALANCE[method]

@@ -20,6 +20,8 @@ from stc.errors import UsageError
 from stc.phases import Phase, phases
 from stc.problem import ParameterRef, Problem, VariableRef
 from stc.records import dataclass
+from stc.solution import Solution
+from stc.studies.dry_friction import dry_friction_named
 from stc.studies.equation_report import EquationReport
 from stc.studies.spec_equations import SpecEquations, State, constant_values
 from stc.studies.terms import (
@@ -46,7 +48,7 @@ FloatArray = NDArray[np.float64]
 #: States at which rows are recognised, and at which terms are compared.
 _PROBES, _TABLES = 64, 12
 
-#: With so many joints that have dry friction each way of sliding is tried.
+#: With so many joints and tendons that have dry friction each way of sliding is tried.
 _DRY = 6
 
 #: An equation holds at MuJoCo's accelerations when it leaves less than this share of its terms.
@@ -57,7 +59,12 @@ _POSITION, _VELOCITY, _FORCE = np.pi, 4.0, 10.0
 
 
 def check_equations(
-    problem: Problem, model: str | None = None, *, states: int = limits.EQUATION_STATES, seed: int = 0
+    problem: Problem,
+    model: str | None = None,
+    *,
+    states: int = limits.EQUATION_STATES,
+    seed: int = 0,
+    motion: Solution | None = None,
 ) -> EquationReport:
     """Compare a spec's equations of motion with those of its model.
 
@@ -66,6 +73,7 @@ def check_equations(
         model: another model file than the one that the spec names.
         states: number of random states per phase.
         seed: of the random states.
+        motion: a solution of the problem; positions and velocities are drawn from where it goes.
 
     Raises:
         UsageError: the spec names no model, or its expressions have no value at random states.
@@ -103,7 +111,8 @@ def check_equations(
             same = [e.body for e in (*spec.dynamic, *spec.laws)]
             if same not in done:
                 done.append([*same])
-                _Comparison(spec, mechanics, report, rng).run(states)
+                ranges = _ranges(motion, phase, spec.coordinates) if motion is not None else None
+                _Comparison(spec, mechanics, report, rng, ranges).run(states)
     report.notes += warnings
     return report
 
@@ -136,6 +145,19 @@ def _parameters(problem: Problem, rng: np.random.Generator) -> dict[str, float]:
     }
 
 
+def _ranges(motion: Solution, phase: Phase, coordinates: Sequence[str]) -> list[FloatArray] | None:
+    """Where coordinates and their velocities are on a phase of a motion, (2, k) each; None where that is not known."""
+    found = []
+    for order in (0, 1):
+        channels = [motion.trajectories.get((name, order)) for name in coordinates]
+        if any(channel is None for channel in channels):
+            return None
+        frames = slice(phase.first, phase.last + 1)
+        values = [np.concatenate([c.before[frames], c.after[frames]]) for c in channels if c is not None]
+        found.append(np.array([[v.min() for v in values], [v.max() for v in values]]))
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class _Sample:
     """The spec and the model at the same S states, in joint coordinates.
@@ -162,8 +184,10 @@ class _Comparison:
         model: ModelEquations,
         report: EquationReport,
         rng: np.random.Generator,
+        ranges: list[FloatArray] | None = None,
     ) -> None:
         self.spec, self.model, self.report, self.rng = spec, model, report, rng
+        self.ranges = ranges
         self.k = len(model.joints)
         self.reactions = self._reactions()
 
@@ -216,12 +240,16 @@ class _Comparison:
     def _sample(self, count: int) -> _Sample:
         """Random states at which everything has a value."""
         k, m = self.k, len(self.spec.auxiliaries)
-        draws = ((-_POSITION, _POSITION), (0.1, 1.0), (-0.3, 0.3))
+        fast: tuple[FloatArray | float, FloatArray | float] = (-_VELOCITY, _VELOCITY)
+        draws: list[tuple[FloatArray | float, FloatArray | float]]
+        draws = [(-_POSITION, _POSITION), (0.1, 1.0), (-0.3, 0.3)]
+        if self.ranges is not None:
+            draws, fast = [tuple(self.ranges[0])], tuple(self.ranges[1])
         for low, high in draws:
             shape = (2 * count, k)
             state = State(
                 self.rng.uniform(low, high, shape),
-                self.rng.uniform(-_VELOCITY, _VELOCITY, shape),
+                self.rng.uniform(*fast, shape),
                 self.rng.uniform(-_FORCE, _FORCE, (2 * count, m)),
             )
             state.z[:, self.reactions] = 0.0  # the model's smooth equations are without
@@ -268,21 +296,21 @@ class _Comparison:
     # ------------------------------------------------------- which rows are meant
 
     def _probe(self) -> _Sample:
-        """Random states, joints with dry friction sliding the way on which most of the spec's equations hold."""
+        """Random states, what has dry friction sliding the way on which most of the spec's equations hold."""
         model = self.model
         model.sliding[:] = 0.0
         still = best = self._sample(_PROBES)
         most = len(self._rows_that_hold(still))
-        dry = np.flatnonzero(model.dry)
-        for way in product((0.0, 1.0, -1.0), repeat=len(dry)) if len(dry) <= _DRY else ():
-            sliding = np.zeros(self.k)
-            sliding[dry] = way
-            tried = replace(still, bias=still.bias + model.dry * sliding)
+        dry = len(model.sliders)
+        for way in product((0.0, 1.0, -1.0), repeat=dry) if dry <= _DRY else ():
+            sliding = np.array(way)
+            friction = np.array([model.friction(q, sliding) for q in still.q])
+            tried = replace(still, bias=still.bias + friction)
             if len(self._rows_that_hold(tried)) > most:
                 most, best, model.sliding = len(self._rows_that_hold(tried)), tried, sliding
-        for joint in dry:
+        for slider, which in zip(model.sliders, model.sliding):
             ways = {1.0: "that of sliding forwards", -1.0: "that of sliding backwards", 0.0: "left out"}
-            note = f"dry friction of joint {model.joints[joint]}: {ways[model.sliding[joint]]} ({self.spec.phase})"
+            note = f"dry friction of {slider}: {ways[float(which)]} ({self.spec.phase})"
             self.report.notes.append(note)
         return best
 
@@ -366,6 +394,7 @@ class _Comparison:
             if columns:
                 self._metric(f"{kind}, entry by entry", "all joints", float(shares[:, :, columns].max()))
         found = differences(table, model, terms, self.model.joints)
+        found = dry_friction_named(found, table[..., self.k], model[..., self.k], self.model)
         if agree and not found:
             return
         self._report(found, [equations[k].relation.span.location for k in range(len(equations))])

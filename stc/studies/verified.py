@@ -22,13 +22,14 @@ import numpy as np
 
 from stc.arguments import number, whole
 from stc.errors import StcError, UsageError
-from stc.pipeline import Model, problem_of
+from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
 from stc.studies.frames import Spread, growth_for, observed_order
 from stc.validate import limits
+from stc.validate.certificate.causes import beyond_limits
 from stc.validate.inverse import inverse_dynamics
 from stc.validate.metrics import drift as drift_of
 from stc.validate.replay import Replay
@@ -275,14 +276,17 @@ def _wrong_physics(found: Verification, solution: Solution, judged: _Judged) -> 
     that cannot be said, the equations of motion are compared term by term.
     """
     setup = judged.replays.setup
+    beyond = beyond_limits(setup)
+    if beyond and judged.drift > found.tolerance:
+        return f"{beyond[0]}, which no frames mend"
     inverse = inverse_dynamics(setup)
     shares = None if inverse is None else inverse.share(inverse.at_nodes)
-    if shares is not None and float(shares.max()) <= limits.INVERSE_DYNAMICS:
+    if inverse is not None and shares is not None and np.all(shares <= inverse.limits(solution.method)):
         return ""
-    from stc.studies.equations import check_equations
+    from stc.studies.along import equations_along
 
     try:
-        found.equations = check_equations(problem_of(solution), str(setup.path))
+        found.equations = equations_along(solution, str(setup.path))
     except StcError:  # the spec's rows are no equations of motion at random states: the drift has to tell
         found.equations = None
     if found.equations is not None and found.equations.findings:

@@ -200,10 +200,10 @@ def test_what_holds_a_loop_or_a_gear_is_no_residual(
     assert max(values(validate(motion(1.01)), "inverse-dynamics residual")) > 1e-4
 
 
-def test_nothing_is_said_where_a_joint_is_not_tied(tmp_path: Path) -> None:
+def test_a_joint_that_is_not_tied_is_noted(tmp_path: Path) -> None:
     other = '<body><joint name="spare" type="slide"/><geom size="0.01"/></body>'
     report = validate(swing(tmp_path, 12, more=other))
-    assert not values(report, "inverse-dynamics residual")
+    assert max(values(report, "inverse-dynamics residual")) < 1e-14
     assert any("not tied to the spec" in note and "spare" in note for note in report.notes)
 
 

@@ -39,26 +39,64 @@ _STEP = (
 )
 
 
-def next_steps(metrics: Sequence[Metric], compared: bool, more_frames: str = "") -> list[str]:
+#: Metrics of a motion on the ground that finer frames enlarge or reduce whatever the contacts of the model do.
+_TRUNCATION = (
+    "residual between",
+    "inequality between",
+    "energy balance",
+    "momentum in flight",
+    "angular momentum",
+    "external",
+)
+
+
+def next_steps(
+    metrics: Sequence[Metric], compared: bool, more_frames: str = "", causes: Sequence[str] = ()
+) -> list[str]:
     """What to do about the metrics that failed, the first thing first; nothing where none did.
 
     Args:
         metrics: everything that was measured.
         compared: whether the spec's equations of motion were compared with the model's.
         more_frames: how to take more frames, such as ``--set n=120``; "" where that cannot be said in a word.
+        causes: steps for what is known to be wrong besides measurements, which more frames would not cure either.
     """
     found: dict[str, None] = {}
+    fine = _fine_enough(metrics)
     failed = sorted((metric for metric in metrics if metric.verdict == "fail"), key=rank)
     wrong = False
     for metric in failed:
         step = _cause(metric, compared, differ=wrong)
         wrong = wrong or bool(step)
-        if not step and not wrong:
-            step = _effect(metric, more_frames)
+        if not step and not wrong and not causes:
+            step = _contacts(metric) if fine else _effect(metric, more_frames)
         if step:
             found[step] = None
     # Off the ground and on it the step is the same one, with more to say of it there.
+    found = dict.fromkeys([*causes, *found]) if failed else {}
     return [step for step in found if not any(one != step and one.startswith(step) for one in found)]
+
+
+def _fine_enough(metrics: Sequence[Metric]) -> bool:
+    """Whether a motion on the ground is right with the solved contact forces in place of MuJoCo's."""
+    judged = [metric for metric in metrics if metric.name.startswith(_TRUNCATION)]
+    return any(m.name.startswith("external") for m in judged) and all(m.verdict != "fail" for m in judged)
+
+
+def _contacts(metric: Metric) -> str:
+    """A step for what the model's contacts do otherwise than the solved forces: finer frames do not change it."""
+    if metric.name.startswith("feedback"):
+        return (
+            "with the solved contact forces the motion is right: the feedback works against contacts of the model that "
+            "give other forces, or more of them; look at both in the page of --report"
+        )
+    if metric.name.startswith("contact force") or "on the ground" in metric.name:
+        return (
+            "with the solved contact forces the motion is right, so that more frames do not help: MuJoCo's contacts "
+            "give other forces. They may be softer than the spec's (a shorter solref, a smaller timestep), touch where "
+            "the spec has no force, or share a force among more points; see the contact forces in the page of --report"
+        )
+    return ""
 
 
 def _cause(metric: Metric, compared: bool, differ: bool) -> str:

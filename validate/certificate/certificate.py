@@ -11,7 +11,7 @@ from stc.atomic import replacing
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate import limits
-from stc.validate.certificate import advice, blame, table
+from stc.validate.certificate import advice, blame, causes, table
 from stc.validate.certificate.staleness import stale
 from stc.validate.metrics import Metric
 from stc.validate.report import Report
@@ -83,14 +83,20 @@ class Certificate:
         """The verdict in one line; where it is bad, with the joint and the term."""
         if self.solution.status != "optimal" and not self.findings:
             return f"the solve ended {self.solution.status}, not optimal"
-        return blame.headline(self.metrics, self.findings, self.equations is not None)
+        text = blame.headline(self.metrics, self.findings, self.equations is not None)
+        if self.passed and self.report.unjudged:
+            text += f"; not judged: {', '.join(self.report.unjudged)}"
+        if not self.passed and not self.findings:
+            text = "; ".join([text, *causes.beyond_limits(self.replays.setup)])
+        return text
 
     @property
     def next_steps(self) -> list[str]:
         """What to do about a motion that failed, one line for each kind of failure; empty where it passed."""
         if self.passed or self.solution.status != "optimal" or self.faults:
             return []
-        return advice.next_steps(self.metrics, self.equations is not None, self.more_frames)
+        found = causes.steps(self.replays.setup)
+        return advice.next_steps(self.metrics, self.equations is not None, self.more_frames, found)
 
     @property
     def notes(self) -> list[str]:

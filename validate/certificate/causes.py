@@ -1,0 +1,83 @@
+"""Things about a solved motion that explain why it fails and that no number of frames mends."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.validate.metrics import FloatArray
+
+if TYPE_CHECKING:
+    from stc.validate.setup import Setup
+
+#: A joint that goes no farther than this beyond its end stop, in m or rad, touches it.
+_TOUCHES = 1e-6
+
+#: A force swings from node to node where it goes up and down for so many nodes, each time by more than this share of
+#: its largest value.
+_SWINGS, _SHARE = 8, 0.02
+
+
+def beyond_limits(setup: Setup) -> list[str]:
+    """Which joints the solution takes beyond the limits that the model has, in words."""
+    model, found = setup.compiled, []
+    for tie in setup.ties:
+        joint = int(model.dof_jntid[tie.velocity])
+        if not model.jnt_limited[joint]:
+            continue
+        values = np.concatenate([tie.line.value.before, tie.line.value.after])
+        lower, upper = model.jnt_range[joint]
+        ends = ((lower, values.min(), lower - values.min()), (upper, values.max(), values.max() - upper))
+        for bound, end, beyond in ends:
+            if beyond > _TOUCHES:
+                found.append(
+                    f"joint {tie.name} goes to {end:.4g} {tie.unit}, its limit in the model is {bound:.4g} {tie.unit}"
+                )
+    return found
+
+
+def swinging_forces(setup: Setup) -> list[str]:
+    """Which solved contact forces go up and down from node to node, in words."""
+    found = []
+    for line in setup.contact.lines:
+        values = _node_values(line.value.after, line.value.mid)
+        per_frame = 1 if line.value.mid is None else 2
+        bends = np.diff(values, 2)
+        size = _SHARE * float(np.abs(values).max(initial=0.0))
+        # The bend of what swings has another sign at each node, and four times its size.
+        swings = (bends[1:] * bends[:-1] < 0.0) & (
+            np.minimum(np.abs(bends[1:]), np.abs(bends[:-1])) > 4.0 * size
+        )
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], swings, [False]]).astype(int))).reshape(-1, 2)
+        long = [(int(a), int(b)) for a, b in edges if b - a >= _SWINGS]
+        if long:
+            a, b = max(long, key=lambda run: run[1] - run[0])
+            first, last = a // per_frame, -(-(b + 2) // per_frame)
+            found.append(
+                f"contact {line.name} goes up and down from node to node in frames {first} to {last}"
+            )
+    return found
+
+
+def _node_values(frames: FloatArray, mid: FloatArray | None) -> FloatArray:
+    """Values at frames and, where there are some, midpoints in the order of time."""
+    if mid is None:
+        return frames
+    found = np.empty(2 * len(frames) - 1)
+    found[::2], found[1::2] = frames, mid
+    return found
+
+
+def steps(setup: Setup) -> list[str]:
+    """What to do about these, one line each."""
+    found = [
+        f"{line}: state that limit in the spec, or give the model's joint another range"
+        for line in beyond_limits(setup)
+    ]
+    found += [
+        f"{line}, which no contact of the model follows: weigh its change in the objective "
+        "(such as 1e-6*fz'^2), or state the forces of bodies at rest by fewer unknowns"
+        for line in swinging_forces(setup)
+    ]
+    return found
