@@ -17,6 +17,7 @@ from stc.solution import Solution, read
 from stc.validate import limits
 from stc.validate.contact import contact_metrics, friction_note, missing_contacts
 from stc.validate.contact_forces import ContactForces, contact_force_metrics, contact_forces
+from stc.validate.contact_meter import ContactMeter
 from stc.validate.energy import energy_balance
 from stc.validate.impacts import velocity_jumps
 from stc.validate.inverse import InverseDynamics, inverse_dynamics
@@ -28,7 +29,7 @@ from stc.validate.replay import Replay, replay, time_step_for
 from stc.validate.report import Report
 from stc.validate.setup import Setup, prepare
 from stc.validate.statements import StatementCheck, statement_metrics
-from stc.validate.tracking import Feedback, proportional, regulator, strengths
+from stc.validate.tracking import Feedback, contact_effort, proportional, regulator, strengths
 from stc.validate.warnings import caught_warnings
 
 
@@ -156,14 +157,15 @@ def run_replays(
         UsageError: a time step or integrator that cannot be used.
     """
     time_step = time_step_for(setup, number(time_step, "the time step of the replay"))
-    found = Replays(setup, replay(setup, time_step, integrator))
+    meter = ContactMeter(setup)
+    found = Replays(setup, replay(setup, time_step, integrator, meter=meter if meter.columns else None))
     if found.open_loop.broke_at is not None:
         found.notes.append(f"the simulation left all bounds by t = {found.open_loop.broke_at:g} s")
     if tracked:
         _track(found, time_step, integrator)
     if len(setup.contact):
         found.external = replay(setup, time_step, integrator, external=True)
-        found.ground = contact_forces(setup, found.open_loop)
+        found.ground = contact_forces(setup, found.open_loop, meter)
     return found
 
 
@@ -241,7 +243,7 @@ def _open_loop_metrics(replays: Replays) -> list[Metric]:
     """Open-loop drift and how small errors grow; the note on instability belongs to them."""
     setup = replays.setup
     if len(setup.contact):
-        metrics = contact_metrics("open-loop", setup, replays.open_loop)
+        metrics = contact_metrics("open-loop", setup, replays.open_loop, replays.ground)
         metrics += _drifts("open-loop drift", setup, replays.open_loop)
         replays.notes.append(friction_note(setup))
     else:
@@ -269,7 +271,7 @@ def _tracked_metrics(replays: Replays, force: float) -> list[Metric]:
     method = setup.solution.method
     share_limit = limits.FEEDBACK_SHARE[method]
     if len(setup.contact):
-        metrics = contact_metrics("tracked", setup, tracked)
+        metrics = contact_metrics("tracked", setup, tracked, replays.ground)
         share_limit = limits.CONTACT_FEEDBACK_SHARE
     else:
         metrics = _drifts("tracked drift", setup, tracked, limits.TRACKED_DRIFT)
@@ -278,9 +280,15 @@ def _tracked_metrics(replays: Replays, force: float) -> list[Metric]:
     # Where no motor does anything the motion is made by what is there without them, gravity for one.
     units, passive = strengths(setup), force * setup.solution.duration
     idle = float((tracked.total * units).max(initial=0.0)) < 1e-3 * passive
-    for name, feedback, total, unit in zip(setup.controls.names, tracked.feedback, tracked.total, units):
-        # An actuator that the motion hardly uses is measured against the strongest one's thousandth part.
-        base = max(float(total), 1e-3 * (passive / float(unit) if idle and unit > 0.0 else largest))
+    held = contact_effort(setup)
+    for name, feedback, total, unit, given in zip(
+        setup.controls.names, tracked.feedback, tracked.total, units, held
+    ):
+        # An actuator that the motion hardly uses is measured against the strongest one's thousandth part, and one on a
+        # joint that the ground holds against what the ground gives.
+        base = max(
+            float(total), float(given), 1e-3 * (passive / float(unit) if idle and unit > 0.0 else largest)
+        )
         share = float(feedback) / base if base > 0.0 else 0.0
         metrics.append(Metric("feedback share", f"actuator {name}", share, "share", share_limit))
     return metrics
