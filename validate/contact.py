@@ -1,9 +1,9 @@
 """Motions on the ground: MuJoCo's contact solver supplies what the solution's ``contact`` lines say.
 
 Such a motion is measured as a whole: how far the base strays, each slide as a share of the way that it goes, how far
-every other joint does in its own unit, and where all of them stand in the end.  The base is what slides and is not driven.  A
-body that stands on a foot without moving it is unstable by nature (it is an inverted pendulum), so that after a
-landing an open-loop replay is judged by its last frame too.
+every other joint does in its own unit, and where all of them stand in the end.  The base is what slides and is not
+driven.  A body that stands on a foot without moving it is unstable by nature (it is an inverted pendulum), so that
+after a landing an open-loop replay is judged by its last frame too.
 """
 
 from __future__ import annotations
@@ -69,9 +69,9 @@ def _base_share(
 ) -> FloatArray:
     """(n+1,) how far the base is from its place, each slide as a share of its own way.
 
-    A long way along the ground excuses no gap between the two, so that the error along the contacts' normals is measured
-    against ``height`` as well.  What slides with friction bounces on stiff ground, and so does the friction: its slides
-    count as ones that go so far at least.
+    A long way along the ground excuses no gap between the two, so that the error along the contacts' normals is
+    measured against ``height`` as well.  What slides with friction bounces on stiff ground, and so does the friction:
+    its slides count as ones that go so far at least.
 
     Args:
         setup: the motion.

@@ -64,6 +64,8 @@ def contact_jacobian(
     contact = data.contact[number]
     moves, turns = np.zeros((3, model.nv)), np.zeros((3, model.nv))
     for geom, sign in ((contact.geom[0], -1.0), (contact.geom[1], 1.0)):
+        if geom < 0:  # of a flex
+            continue
         move, turn = np.zeros((3, model.nv)), np.zeros((3, model.nv))
         mujoco.mj_jac(model, data, move, turn, contact.pos, int(model.geom_bodyid[geom]))
         moves += sign * move

@@ -146,6 +146,9 @@ FLIGHT: Final[ByMethod] = {"hermite-simpson": 5e-3, "trapezoidal": 1e-1, "centra
 FRICTION_CONE: Final = 1.0 + 1e-6
 CONTACT_PULL: Final = 1e-6
 
+#: Largest part of the solved contact forces that the contact points of the model cannot give, as the same share.
+CONTACT_FIT: Final = 1e-3
+
 #: MuJoCo's contact forces and the solved ones are compared as means over so many seconds, and over two frames at least.
 CONTACT_WINDOW: Final = 0.05
 

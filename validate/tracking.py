@@ -180,7 +180,8 @@ def contact_effort(setup: Setup) -> FloatArray:
         setup.reference.put(data, setup.reference.at(part, frame)[:2])
         setup.contact.apply(model, data, setup.contact.at(part, frame))
         force[:] = data.qfrc_applied
-    effort = np.trapezoid(np.abs(forces), setup.solution.time, axis=0)
+    sizes = np.abs(forces)
+    effort = np.diff(setup.solution.time) @ (sizes[1:] + sizes[:-1]) / 2.0
     for row, actuator in enumerate(setup.controls.actuators):
         dof = joint_dof(model, actuator)
         strength = abs(float(model.actuator_gear[actuator, 0] * model.actuator_gainprm[actuator, 0]))

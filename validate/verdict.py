@@ -16,6 +16,7 @@ from stc.records import dataclass, field
 from stc.solution import Solution, read
 from stc.validate import limits
 from stc.validate.contact import contact_metrics, friction_note, missing_contacts
+from stc.validate.contact_cones import beyond_contacts
 from stc.validate.contact_forces import ContactForces, contact_force_metrics, contact_forces
 from stc.validate.contact_meter import ContactMeter
 from stc.validate.energy import energy_balance
@@ -217,6 +218,11 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
     metrics += momentum_metrics(setup)
     metrics += missing_contacts(setup)
     metrics += contact_force_metrics(replays.ground)
+    beyond = beyond_contacts(setup, motion.positions)
+    if beyond is not None:
+        metrics.append(
+            Metric("contact force that no contact gives", "all contacts", beyond, "share", limits.CONTACT_FIT)
+        )
     model_integrator = mujoco.mjtIntegrator(setup.compiled.opt.integrator).name.removeprefix("mjINT_").lower()
     return Report(
         spec=solution.name,
