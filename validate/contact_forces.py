@@ -36,6 +36,9 @@ _NOTHING = 1e-9
 #: A body slides that moves faster than this over what it touches, in m/s.
 _SLIDES = 1e-3
 
+#: Weights that rise and fall take so many frame steps at least.
+_RISING = 6
+
 #: Normals whose product is below this differ.
 _SAME_DIRECTION = 0.999
 
@@ -113,7 +116,7 @@ def contact_forces(setup: Setup, motion: Replay, meter: ContactMeter) -> list[Co
         # What only comes near the ground does not slide on it.
         size = np.linalg.norm([values for part, values in after.items() if part[0] == "f"], axis=0)
         slides = seen.slides[body] & (size > _PRESSED * np.max(size, initial=0.0))
-        windows = _windows(setup.solution.time, jumping_frames(setup), slides)
+        windows = windows_of(setup.solution.time, jumping_frames(setup), slides)
         found = np.where(broken[:, None], np.nan, meter.impulses[body])
         solved = np.array([[step[lines].sum() for lines in parts.values()] for step in solved_steps])
         forces.append(
@@ -133,7 +136,7 @@ def contact_forces(setup: Setup, motion: Replay, meter: ContactMeter) -> list[Co
     return forces
 
 
-def _windows(time: FloatArray, jumps: list[int], slides: FloatArray) -> FloatArray:
+def windows_of(time: FloatArray, jumps: list[int], slides: FloatArray) -> FloatArray:
     """(k, n) what makes means of the impulses of the frame steps, one row a window, in 1/s.
 
     From each frame on goes the shortest window that is long enough, if it is free of jumps; a motion that is shorter is
@@ -142,10 +145,10 @@ def _windows(time: FloatArray, jumps: list[int], slides: FloatArray) -> FloatArr
     """
     rows = []
     for first in range(len(time) - 1):
-        last = _end(time, first, limits.CONTACT_WINDOW)
+        last = _end(time, first, limits.CONTACT_WINDOW, 2)
         sliding = last is not None and bool(np.all(slides[first : last + 1]))
         if sliding:
-            last = _end(time, first, limits.SLIDING_WINDOW)
+            last = _end(time, first, limits.SLIDING_WINDOW, _RISING)
         # Where the motion begins and ends the replay does not jump.
         if last is None or any(first <= jump <= last for jump in jumps if 0 < jump < len(time) - 1):
             continue
@@ -158,10 +161,12 @@ def _windows(time: FloatArray, jumps: list[int], slides: FloatArray) -> FloatArr
     return np.array(rows).reshape(len(rows), len(time) - 1)
 
 
-def _end(time: FloatArray, first: int, length: float) -> int | None:
-    """The last frame of a window of some seconds and two frames at least; None where the motion ends before."""
+def _end(time: FloatArray, first: int, length: float, steps: int) -> int | None:
+    """The last frame of a window of so many seconds and frame steps at least; None where the motion ends before."""
     least = min(length, float(time[-1] - time[0]))
-    last = max(int(np.searchsorted(time, time[first] + least * (1.0 - 1e-9))), first + min(2, len(time) - 1))
+    last = max(
+        int(np.searchsorted(time, time[first] + least * (1.0 - 1e-9))), first + min(steps, len(time) - 1)
+    )
     return last if last < len(time) else None
 
 

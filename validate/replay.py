@@ -59,6 +59,7 @@ class Replay:
         broke_at: time of the frame by which the state had left all bounds, or None.
         feedback: (actuators,) integral of the feedback's absolute value per driven actuator.
         total: (actuators,) integral of the whole control's absolute value.
+        corrections: (n, actuators) integral of the feedback during each frame step, with its sign.
     """
 
     integrator: str
@@ -71,6 +72,7 @@ class Replay:
     broke_at: float | None = None
     feedback: FloatArray = field(default_factory=lambda: np.zeros(0))
     total: FloatArray = field(default_factory=lambda: np.zeros(0))
+    corrections: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def steps(self) -> int:
@@ -176,6 +178,7 @@ class _Simulation:
             np.zeros((0, model.nq)),
             feedback=np.zeros(len(setup.controls)),
             total=np.zeros(len(setup.controls)),
+            corrections=np.zeros((n, len(setup.controls))),
         )
 
     def run(self, time_step: float, watcher: Watcher | None) -> Replay:
@@ -208,6 +211,7 @@ class _Simulation:
                 if law is not None:
                     correction = law.correction(part, data)
                     control = control + correction
+                    result.corrections[frame] += model.opt.timestep * correction
                     result.feedback += model.opt.timestep * np.abs(correction)
                     result.total += model.opt.timestep * np.abs(control[1])
                 self.advance(control, forces[now])

@@ -17,13 +17,13 @@ from stc.solution import Solution, read
 from stc.validate import limits
 from stc.validate.contact import contact_metrics, friction_note, missing_contacts
 from stc.validate.contact_cones import beyond_contacts
-from stc.validate.contact_forces import ContactForces, contact_force_metrics, contact_forces
+from stc.validate.contact_forces import ContactForces, contact_force_metrics, contact_forces, windows_of
 from stc.validate.contact_meter import ContactMeter
 from stc.validate.energy import energy_balance
-from stc.validate.impacts import velocity_jumps
+from stc.validate.impacts import jumping_frames, velocity_jumps
 from stc.validate.inverse import InverseDynamics, inverse_dynamics
 from stc.validate.linearisation import growth, linearised
-from stc.validate.metrics import Metric, drift
+from stc.validate.metrics import FloatArray, Metric, drift
 from stc.validate.model import file_hash
 from stc.validate.momentum import momentum_metrics
 from stc.validate.replay import Replay, replay, time_step_for
@@ -286,9 +286,9 @@ def _tracked_metrics(replays: Replays, force: float) -> list[Metric]:
     # Where no motor does anything the motion is made by what is there without them, gravity for one.
     units, passive = strengths(setup), force * setup.solution.duration
     idle = float((tracked.total * units).max(initial=0.0)) < 1e-3 * passive
-    held = contact_effort(setup)
+    held, corrected = contact_effort(setup), _corrected(replays, tracked)
     for name, feedback, total, unit, given in zip(
-        setup.controls.names, tracked.feedback, tracked.total, units, held
+        setup.controls.names, corrected, tracked.total, units, held
     ):
         # An actuator that the motion hardly uses is measured against the strongest one's thousandth part, and one on a
         # joint that the ground holds against what the ground gives.
@@ -298,6 +298,20 @@ def _tracked_metrics(replays: Replays, force: float) -> list[Metric]:
         share = float(feedback) / base if base > 0.0 else 0.0
         metrics.append(Metric("feedback share", f"actuator {name}", share, "share", share_limit))
     return metrics
+
+
+def _corrected(replays: Replays, tracked: Replay) -> FloatArray:
+    """(m,) the integral of the feedback's absolute value per actuator.
+
+    Where a body slides, its bounces make the friction flicker, and the feedback with it: there the means over the
+    windows count that the contact forces are compared in.
+    """
+    slides = np.any([one.slides for one in replays.ground], axis=0) if replays.ground else np.zeros(1)
+    if not slides.any() or tracked.broke_at is not None:
+        return tracked.feedback
+    time = replays.setup.solution.time
+    windows = windows_of(time, jumping_frames(replays.setup), slides)
+    return np.abs(windows @ tracked.corrections).mean(axis=0) * (time[-1] - time[0])
 
 
 def _drifts(

@@ -9,7 +9,7 @@ import pytest
 
 import stc
 from stc.validate import Metric, Report, validate
-from stc.validate.contact_forces import _windows
+from stc.validate.contact_forces import windows_of
 from stc.validate.contact_meter import ContactMeter
 from stc.validate.replay import replay
 from stc.validate.verdict import open_setup
@@ -32,9 +32,17 @@ LINES = "actuator f = f; contact body.b.fz = N; contact body.b.fx = F;"
 
 
 def judged(folder: Path, spec: str, lines: str = LINES, **parts: object) -> Report:
-    parts = {
-        "floor": 0, "friction": 0.5, "condim": 3, "turn": "", "motor": "x", "wall": "", "before": "", "after": "", **parts
-    }  # fmt: skip
+    usual = {
+        "floor": 0,
+        "friction": 0.5,
+        "condim": 3,
+        "turn": "",
+        "motor": "x",
+        "wall": "",
+        "before": "",
+        "after": "",
+    }
+    parts = usual | parts
     (folder / "block.xml").write_text(MODEL.format(**parts))
     (folder / "block.stc").write_text(
         f'{spec} replay: model = "block.xml"; joint x = x; joint z = z; {lines}'
@@ -85,7 +93,7 @@ def test_the_meter_finds_the_momentum_that_a_block_loses(tmp_path: Path) -> None
 def test_windows_give_the_mean_of_a_steady_force(slides: bool) -> None:
     """On an uneven grid too, and none goes over a jump in the middle."""
     time = np.cumsum(np.concatenate([[0.0], np.where(np.arange(200) % 3, 0.004, 0.011)]))
-    windows = _windows(time, [0, 120, 200], np.full(201, slides))
+    windows = windows_of(time, [0, 120, 200], np.full(201, slides))
     assert windows @ np.diff(time) == pytest.approx(1.0)
     across = (windows[:, :120].any(axis=1)) & (windows[:, 120:].any(axis=1))
     assert len(windows) > 80 and not across.any()
@@ -173,3 +181,12 @@ def test_friction_on_a_joint_has_its_limit_too(tmp_path: Path, push: str, passes
     spec = ALONG.format(time=1, motor=push, wind=0, rest="x'' = 0", start=0, speed=0)
     (beyond,) = rows(judged(tmp_path, spec, lines), "contact force that no contact gives")
     assert (beyond.verdict == "pass") is passes
+
+
+def test_a_motor_that_pulls_a_sliding_block(tmp_path: Path) -> None:
+    """Feedback answers every bounce, now this way, now that way; in the mean it has nothing to give."""
+    spec = ALONG.format(time=1, motor="12", wind=0, rest="F = -0.5*N", start=0, speed=1)
+    report = judged(tmp_path, spec)
+    assert report.passed, failed(report)
+    report = judged(tmp_path, spec, friction=0.6)
+    assert rows(report, "feedback share")[0].verdict == "fail"
