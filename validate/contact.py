@@ -8,6 +8,7 @@ after a landing an open-loop replay is judged by its last frame too.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,7 +32,9 @@ def travelled(setup: Setup) -> float:
     return max(limits.LEAST_WAY, float(np.hypot.reduce([0.0, *(np.ptp(values) for values in slides)])))
 
 
-def contact_metrics(name: str, setup: Setup, motion: Replay, forces: list[ContactForces]) -> list[Metric]:
+def contact_metrics(
+    name: str, setup: Setup, motion: Replay, forces: Sequence[ContactForces] = ()
+) -> list[Metric]:
     """How far a replay on the ground strays: the base, where there is one, and every other tied joint.
 
     Args:
@@ -65,7 +68,7 @@ def contact_metrics(name: str, setup: Setup, motion: Replay, forces: list[Contac
 
 
 def _base_share(
-    setup: Setup, base: list[Tie], motion: Replay, forces: list[ContactForces], height: float
+    setup: Setup, base: list[Tie], motion: Replay, forces: Sequence[ContactForces], height: float
 ) -> FloatArray:
     """(n+1,) how far the base is from its place, each slide as a share of its own way.
 

@@ -28,7 +28,8 @@ MODEL = """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81" timeste
 HINGE = '<joint name="th" type="hinge" axis="0 1 0"/>'
 
 
-LINES = "actuator f = f; contact body.b.fz = N; contact body.b.fx = F;"
+CONTACT = "contact body.b.fz = N; contact body.b.fx = F;"
+LINES = "actuator f = f; apply body.b.fx = w;" + CONTACT
 
 
 def judged(folder: Path, spec: str, lines: str = LINES, **parts: object) -> Report:
@@ -70,7 +71,7 @@ def failed(report: Report) -> list[tuple[str, str, float]]:
 def test_a_block_brakes_by_friction(tmp_path: Path, friction: float, passes: bool) -> None:
     """It bounces a millimetre high on its way, without a force most of the time; the mean is m*g and mu*m*g."""
     spec = ALONG.format(time=0.4, motor=0, wind=0, rest="F = -0.5*N", start=0, speed=3)
-    report = judged(tmp_path, spec, friction=friction)
+    report = judged(tmp_path, spec, CONTACT, friction=friction)
     assert report.passed is passes, failed(report)
     if passes:
         assert max(m.value for m in rows(report, "contact force, MuJoCo's")) < 0.1
