@@ -16,8 +16,8 @@ from stc.validate.verdict import open_setup
 
 #: A block of 2 kg and 0.2 m on a stiff floor.
 MODEL = """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81" timestep="0.0005"/><worldbody>
-  <geom type="plane" size="0 0 0.1" pos="0 0 {floor}" friction="{friction} 0.005 0.0001" solref="0.001 {damping}" priority="1"
-    condim="{condim}"/>
+  <geom type="plane" size="0 0 0.1" pos="0 0 {floor}" friction="{friction} 0.005 0.0001"
+    solref="0.001 {damping}" priority="1" condim="{condim}"/>
   <body name="b" pos="0 0 0.1">
     <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>{turn}
     <inertial pos="0 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>
@@ -97,7 +97,7 @@ def test_a_long_way_excuses_no_gap_under_a_block(tmp_path: Path, gap: float, pas
     spec = ALONG.format(time=2, motor=0, wind=0, rest="F = 0", start=0, speed=50)
     report = judged(tmp_path, spec, CONTACT, friction=0, condim=1, floor=-gap, damping=3)
     (base,) = rows(report, "open-loop error on the ground, RMS")
-    assert base.value == pytest.approx(abs(gap) / 0.3, rel=0.1, abs=1e-3)
+    assert base.value == pytest.approx(abs(gap) / 0.3, rel=0.2, abs=1e-3)
     assert (base.verdict == "pass") is passes
 
 
