@@ -1,13 +1,14 @@
 """Motions on the ground: MuJoCo's contact solver supplies what the solution's ``contact`` lines say.
 
-Such a motion is measured as a whole: how far the base strays as a share of the way that it goes, how far every other
-joint does in its own unit, and where all of them stand in the end.  The base is what slides and is not driven.  A
-body that stands on a foot without moving it is unstable by nature (it is an inverted pendulum), so that after a
-landing an open-loop replay is judged by its last frame too.
+Such a motion is measured as a whole: how far the base strays, each slide as a share of the way that it goes, how far
+every other joint does in its own unit, and where all of them stand in the end.  The base is what slides and is not
+driven.  A body that stands on a foot without moving it is unstable by nature (it is an inverted pendulum), so that
+after a landing an open-loop replay is judged by its last frame too.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ from stc.validate.transmissions import driven_dofs
 if TYPE_CHECKING:
     import mujoco
 
+    from stc.validate.contact_forces import ContactForces
     from stc.validate.model import Tie
     from stc.validate.replay import Replay
     from stc.validate.setup import Setup
@@ -30,21 +32,24 @@ def travelled(setup: Setup) -> float:
     return max(limits.LEAST_WAY, float(np.hypot.reduce([0.0, *(np.ptp(values) for values in slides)])))
 
 
-def contact_metrics(name: str, setup: Setup, motion: Replay) -> list[Metric]:
+def contact_metrics(
+    name: str, setup: Setup, motion: Replay, forces: Sequence[ContactForces] = ()
+) -> list[Metric]:
     """How far a replay on the ground strays: the base, where there is one, and every other tied joint.
 
     Args:
         name: of the replay, ``open-loop`` or ``tracked``.
         setup: the motion.
         motion: what the simulation did.
+        forces: of the contacts, which tell where the ground is.
     """
     base, others = _parts(setup)
     tracked = name == "tracked"
     extent = setup.reference.extent
     rows: list[tuple[str, FloatArray, str, float, float]] = []
     if base:
-        share = np.sqrt(np.sum(_distances(base, motion) ** 2, axis=0)) / travelled(setup)
         most = limits.CONTACT_TRACKED_BASE if tracked else limits.CONTACT_BASE
+        share = _base_share(setup, base, motion, forces, limits.CONTACT_HEIGHT / most)
         rows.append(("base", share, "of its way", most, limits.CONTACT_END_BASE))
     for tie, distance in zip(others, _distances(others, motion)):
         allowed = limits.CONTACT_TRACKED_JOINTS if tracked else limits.CONTACT_JOINTS
@@ -60,6 +65,44 @@ def contact_metrics(name: str, setup: Setup, motion: Replay) -> list[Metric]:
             last = float(distance[-1]) if np.all(np.isfinite(distance)) else np.inf
             found.append(Metric(f"{name} error on the ground, at the end", subject, last, unit, at_end))
     return found
+
+
+def _base_share(
+    setup: Setup, base: list[Tie], motion: Replay, forces: Sequence[ContactForces], height: float
+) -> FloatArray:
+    """(n+1,) how far the base is from its place, each slide as a share of its own way.
+
+    A long way along the ground excuses no gap between the two, so that the error along the contacts' normals is
+    measured against ``height`` as well.  What slides with friction bounces on stiff ground, and so does the friction:
+    its slides count as ones that go so far at least.
+
+    Args:
+        setup: the motion.
+        base: its slides.
+        motion: what the simulation did.
+        forces: of the contacts.
+        height: in m.
+    """
+    axes = _axes(setup, base)
+    sliding = any(one.slides.any() for one in forces)
+    ways = [np.ptp([tie.line.value.before, tie.line.value.after]) for tie in base]
+    least = height if sliding else limits.LEAST_WAY
+    errors = _distances(base, motion)
+    share = np.linalg.norm(errors / np.maximum(ways, least)[:, None], axis=0)
+    across = [
+        np.abs(np.sum((errors.T @ axes) * np.nan_to_num(one.normal), axis=1)) / height for one in forces
+    ]
+    return np.maximum.reduce([share, *across])
+
+
+def _axes(setup: Setup, slides: list[Tie]) -> FloatArray:
+    """(k, 3) where slides go, in the world, where the motion starts."""
+    import mujoco
+
+    data = mujoco.MjData(setup.compiled)
+    setup.reference.put(data, setup.reference.at("after", 0)[:2])
+    mujoco.mj_kinematics(setup.compiled, data)
+    return np.array([data.xaxis[setup.compiled.dof_jntid[tie.velocity]] for tie in slides])
 
 
 def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

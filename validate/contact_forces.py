@@ -1,10 +1,11 @@
 """The ground's forces: what the solution says against what MuJoCo's contacts give in the replay.
 
-The replay's states at the frames are put into the model once more, and the wrench of all contacts of each body that
-a ``contact`` line speaks of is added up.  MuJoCo's contacts are soft: right after a touchdown their forces oscillate
-where the solved ones do not, so that the median of the differences and their 90th percentile are judged and not the
-largest.  Differences are shares of the whole force: a part of it that is nothing has no scale of its own.  A solved
-force must also press, and lie in the cone that the model's friction allows.
+What the contacts of each body that a ``contact`` line speaks of give is added up through the replay, and compared as
+means over short windows: MuJoCo's contacts are soft and bounce, so that at an instant a force may be anything.  Windows
+with a velocity jump are left out, where its impulse would count as a force.  Right after a touchdown the forces
+oscillate where the solved ones do not, so that the median of the differences and their 90th percentile are judged and
+not the largest.  Differences are shares of the whole force: a part of it that is nothing has no scale of its own.  A
+solved force must also press, and lie in the cone that the model's friction allows.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate import limits
+from stc.validate.contact_meter import ContactMeter, contact_velocity, touchable, touching, welded
+from stc.validate.impacts import jumping_frames
 from stc.validate.metrics import FloatArray, Metric
 from stc.validate.replay import Replay
 from stc.validate.setup import Setup
@@ -30,21 +33,31 @@ _PRESSED = 1e-3
 #: Forces below this share of the largest solved one count as none.
 _NOTHING = 1e-9
 
+#: A body slides that moves faster than this over what it touches, in m/s.
+_SLIDES = 1e-3
+
+#: Weights that rise and fall take so many frame steps at least.
+_RISING = 6
+
 #: Normals whose product is below this differ.
 _SAME_DIRECTION = 0.999
 
 
 @dataclass(frozen=True, slots=True)
 class ContactForces:
-    """Forces on one body at the frames.
+    """Forces on one body at the frames, and their means over k windows.
 
     Attributes:
         body: its name.
         time: (n+1,) seconds.
         solved: by part (``fx`` ... ``mz``), (n+1,) what the solution says, after jumps.
         found: by part what MuJoCo's contacts give in the replay; NaN after a breakdown.
-        friction: (n+1,) sliding friction of the body's contacts, the largest at each frame; NaN at frames without any.
+        solved_means: by part (k,) of the solved force.
+        found_means: by part (k,) of what MuJoCo's contacts give in the replay; NaN after a breakdown.
+        friction: (n+1,) sliding friction of what the body touches in the solved pose, or else in the replay's, the
+            largest at each frame; NaN at frames without a contact.
         normal: (n+1, 3) the direction in which the contacts press on the body; NaN where there are none or several.
+        slides: (n+1,) whether the body slides with friction in the solved motion, a force acting.
         size: of the body, in m: what a force is multiplied by to be compared with a torque.
     """
 
@@ -52,8 +65,11 @@ class ContactForces:
     time: FloatArray
     solved: dict[str, FloatArray]
     found: dict[str, FloatArray]
+    solved_means: dict[str, FloatArray]
+    found_means: dict[str, FloatArray]
     friction: FloatArray
     normal: FloatArray
+    slides: FloatArray
     size: float
 
     @property
@@ -71,73 +87,122 @@ class ContactForces:
         return max(force * self.size, *(float(torque) for torque in torques))
 
 
-def contact_forces(setup: Setup, motion: Replay) -> list[ContactForces]:
+def contact_forces(setup: Setup, motion: Replay, meter: ContactMeter) -> list[ContactForces]:
     """The forces of every body that has ``contact body.NAME.fx`` or ``contact site.NAME.fx`` lines or their like.
-
-    Of a body with forces at sites torques are left out: their arms are the sites'.
 
     Args:
         setup: the motion.
         motion: its open-loop replay.
+        meter: what looked on.
     """
-    by_body: dict[int, dict[str, FloatArray]] = {}
-    armed = set()
-    for line, channel in zip(setup.contact.lines, setup.contact.channels):
-        kind, *rest = line.path
-        if kind not in ("body", "site"):
-            continue
-        at_site = kind == "site"
-        index = int((setup.compiled.site if at_site else setup.compiled.body)(rest[0]).id)
-        body = int(setup.compiled.site_bodyid[index]) if at_site else index
-        parts = by_body.setdefault(body, {})
-        parts[rest[1]] = parts.get(rest[1], 0.0) + channel.after
-        if at_site:
-            armed.add(body)
-    if not by_body:
+    if not meter.columns:
         return []
-    for body in armed:
-        by_body[body] = {part: values for part, values in by_body[body].items() if part[0] == "f"}
-    seen = _Seen(setup, motion, list(by_body))
-    return [
-        ContactForces(
-            setup.compiled.body(body).name or str(body),
-            setup.solution.time,
-            solved,
-            {part: seen.wrenches[body][:, _PARTS.index(part)] for part in solved},
-            seen.friction[body],
-            seen.normals[body],
-            _size(setup.compiled, body),
-        )
-        for body, solved in by_body.items()
+    seen = _Seen(setup, motion, meter)
+    # Simpson's rule, exact for the parabolas through frame, midpoint and frame.
+    weights = np.array([1.0, 4.0, 1.0]) / 6.0
+    steps = np.diff(setup.solution.time)
+    solved_steps = [
+        step * (weights @ setup.contact.in_step(frame, np.array([0.0, 0.5, 1.0])))
+        for frame, step in enumerate(steps)
     ]
+    broken = ~np.all(np.isfinite(motion.positions[1:]), axis=1)
+
+    forces = []
+    for body, parts in meter.columns.items():
+        after = {
+            part: np.sum([setup.contact.channels[line].after for line in lines], axis=0)
+            for part, lines in parts.items()
+        }
+        # What only comes near the ground does not slide on it.
+        size = np.linalg.norm([values for part, values in after.items() if part[0] == "f"], axis=0)
+        slides = seen.slides[body] & (size > _PRESSED * np.max(size, initial=0.0))
+        windows = windows_of(setup.solution.time, jumping_frames(setup), slides)
+        found = np.where(broken[:, None], np.nan, meter.impulses[body])
+        solved = np.array([[step[lines].sum() for lines in parts.values()] for step in solved_steps])
+        forces.append(
+            ContactForces(
+                setup.compiled.body(body).name or str(body),
+                setup.solution.time,
+                after,
+                {part: seen.wrenches[body][:, _PARTS.index(part)] for part in parts},
+                {part: windows @ solved[:, column] for column, part in enumerate(parts)},
+                {part: windows @ found[:, _PARTS.index(part)] for part in parts},
+                seen.friction[body],
+                seen.normals[body],
+                slides,
+                _size(setup.compiled, body),
+            )
+        )
+    return forces
+
+
+def windows_of(time: FloatArray, jumps: list[int], slides: FloatArray) -> FloatArray:
+    """(k, n) what makes means of the impulses of the frame steps, one row a window, in 1/s.
+
+    From each frame on goes the shortest window that is long enough, if it is free of jumps; a motion that is shorter is
+    one window.  Over a body that slides a window is longer and its weights rise and fall in straight lines: what a
+    bounce takes off such a mean is its height over the square of the window's length.
+    """
+    rows = []
+    for first in range(len(time) - 1):
+        last = _end(time, first, limits.CONTACT_WINDOW, 2)
+        sliding = last is not None and bool(np.all(slides[first : last + 1]))
+        if sliding:
+            last = _end(time, first, limits.SLIDING_WINDOW, _RISING)
+        # Where the motion begins and ends the replay does not jump.
+        if last is None or any(first <= jump <= last for jump in jumps if 0 < jump < len(time) - 1):
+            continue
+        steps = np.diff(time[first : last + 1])
+        middles = (time[first:last] + time[first + 1 : last + 1]) / 2.0
+        weights = np.minimum(middles - time[first], time[last] - middles) if sliding else np.ones(len(steps))
+        row = np.zeros(len(time) - 1)
+        row[first:last] = weights / (weights @ steps)
+        rows.append(row)
+    return np.array(rows).reshape(len(rows), len(time) - 1)
+
+
+def _end(time: FloatArray, first: int, length: float, steps: int) -> int | None:
+    """The last frame of a window of so many seconds and frame steps at least; None where the motion ends before."""
+    least = min(length, float(time[-1] - time[0]))
+    last = max(
+        int(np.searchsorted(time, time[first] + least * (1.0 - 1e-9))), first + min(steps, len(time) - 1)
+    )
+    return last if last < len(time) else None
 
 
 def _size(model: mujoco.MjModel, body: int) -> float:
     """How far from the origin of a body's frame its geoms reach, in m; its radius of gyration where it has none."""
-    own = [g for g in range(model.ngeom) if model.geom_bodyid[g] == body and model.geom_rbound[g] > 0.0]
-    reach = [float(np.linalg.norm(model.geom_pos[g]) + model.geom_rbound[g]) for g in own]
+    import mujoco
+
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    bodies = welded(model, body)
+    own = [g for g in range(model.ngeom) if model.geom_bodyid[g] in bodies and model.geom_rbound[g] > 0.0]
+    reach = [float(np.linalg.norm(data.geom_xpos[g] - data.xpos[body]) + model.geom_rbound[g]) for g in own]
     mass = float(model.body_mass[body])
     return max(reach) if reach else float(np.sqrt(model.body_inertia[body].max() / mass)) if mass else 0.0
 
 
 class _Seen:
-    """What the contacts of a replay are at its frames.
+    """What the contacts are at the frames.
 
     Attributes:
-        wrenches: per body (n+1, 6) force and torque about the body's origin, along the world's axes.
+        wrenches: per body (n+1, 6) force and torque about the body's origin, along the world's axes, in the replay.
         friction: per body (n+1,) the largest sliding friction.
         normals: per body (n+1, 3) the common direction of its contacts.
+        slides: per body (n+1,) whether it slides over something with friction in the solved motion.
     """
 
-    def __init__(self, setup: Setup, motion: Replay, bodies: list[int]) -> None:
+    def __init__(self, setup: Setup, motion: Replay, meter: ContactMeter) -> None:
         import mujoco
 
-        model = setup.model()
-        data = mujoco.MjData(model)
-        n = setup.solution.n
+        model, wide = setup.model(), touchable(setup.model())
+        data, posed = mujoco.MjData(model), mujoco.MjData(wide)
+        n, bodies = setup.solution.n, list(meter.columns)
         self.wrenches = {body: np.full((n + 1, 6), np.nan) for body in bodies}
         self.friction = {body: np.full(n + 1, np.nan) for body in bodies}
         self.normals = {body: np.full((n + 1, 3), np.nan) for body in bodies}
+        self.slides = {body: np.zeros(n + 1, dtype=bool) for body in bodies}
         for frame in range(n + 1):
             if not np.all(np.isfinite(motion.positions[frame])):
                 break
@@ -146,32 +211,29 @@ class _Seen:
             data.ctrl[setup.controls.addresses] = setup.controls.at(part, frame)
             setup.applied.apply(model, data, setup.applied.at(part, frame))
             mujoco.mj_forward(model, data)
+            for solved in (True, False):
+                posed.qpos[:], posed.qvel[:] = motion.positions[frame], motion.velocities[frame]
+                if solved:
+                    setup.reference.put(posed, setup.reference.at(part, frame)[:2])
+                mujoco.mj_fwdPosition(wide, posed)
+                for body in bodies:
+                    if not np.isfinite(self.friction[body][frame]):
+                        self._look(wide, posed, body, frame)
             for body in bodies:
-                self._look(model, data, body, frame)
+                self.wrenches[body][frame] = meter.wrench(model, data, body)
 
     def _look(self, model: mujoco.MjModel, data: mujoco.MjData, body: int, frame: int) -> None:
-        """Add up the contacts of one body."""
-        import mujoco
-
-        wrench, local, normals, friction = np.zeros(6), np.zeros(6), [], []
-        for number in range(data.ncon):
-            contact = data.contact[number]
-            # The rows of the frame are its axes; the force is the one on the second geom.
-            axes = np.array(contact.frame).reshape(3, 3)
-            for geom, sign in ((contact.geom[0], -1.0), (contact.geom[1], 1.0)):
-                if geom < 0 or int(model.geom_bodyid[geom]) != body:
-                    continue
-                mujoco.mj_contactForce(model, data, number, local)
-                force, torque = local[:3] @ axes, local[3:] @ axes
-                arm = np.array(contact.pos) - data.xpos[body]
-                wrench += sign * np.concatenate([force, torque + np.cross(arm, force)])
-                normals.append(sign * axes[0])
-                friction.append(float(contact.friction[0]) if contact.dim > 1 else 0.0)
-        self.wrenches[body][frame] = wrench
-        if friction:
-            self.friction[body][frame] = max(friction)
+        """Take friction and direction of the contacts of one body."""
+        found = list(touching(model, data, welded(model, body)))
+        if found:
+            self.friction[body][frame] = max(friction for _, _, friction in found)
+            normals = [axes[0] for _, axes, _ in found]
             if min(float(normals[0] @ other) for other in normals) > _SAME_DIRECTION:
                 self.normals[body][frame] = normals[0]
+        self.slides[body][frame] = any(
+            friction > 0.0 and np.linalg.norm(axes[1:] @ contact_velocity(model, data, number)) > _SLIDES
+            for number, axes, friction in found
+        )
 
 
 def contact_force_metrics(forces: list[ContactForces]) -> list[Metric]:
@@ -184,10 +246,10 @@ def contact_force_metrics(forces: list[ContactForces]) -> list[Metric]:
             ("median", 0.5, limits.CONTACT_FORCE),
             ("90th percentile", 0.9, limits.CONTACT_FORCE_MOST),
         ):
-            for part, solved in one.solved.items():
+            for part, solved in one.solved_means.items():
                 scale = one.scale(part)
                 if scale > 0.0 and acting.any():
-                    error = np.nan_to_num(np.abs(one.found[part] - solved)[acting], nan=np.inf)
+                    error = np.nan_to_num(np.abs(one.found_means[part] - solved)[acting], nan=np.inf)
                     value = float(np.quantile(error, share, method="higher")) / scale
                     subject = f"body {one.body} {part}"
                     title = f"contact force, MuJoCo's against solved, {name}"
@@ -196,16 +258,16 @@ def contact_force_metrics(forces: list[ContactForces]) -> list[Metric]:
 
 
 def _acting(one: ContactForces) -> FloatArray:
-    """(n+1,) whether a force acts, solved or found."""
-    acting = np.zeros(len(one.time), dtype=bool)
-    for part, solved in one.solved.items():
+    """(k,) whether a force acts in a window, solved or found."""
+    acting = np.zeros(len(next(iter(one.solved_means.values()))), dtype=bool)
+    for part, solved in one.solved_means.items():
         least = _NOTHING * one.scale(part)
-        acting |= (np.abs(solved) > least) | (np.abs(one.found[part]) > least)
+        acting |= (np.abs(solved) > least) | ~(np.abs(one.found_means[part]) <= least)
     return acting
 
 
 def _cone_metrics(one: ContactForces) -> list[Metric]:
-    """Whether the solved forces press, and with how much of the friction; where the replay's contacts tell how."""
+    """Whether the solved forces press, and with how much of the friction; where contacts tell how."""
     # Where the replay touches a frame earlier or later than the solution, the nearest frame tells.
     told = np.flatnonzero(np.isfinite(one.normal[:, 0]))
     largest = one.scale("fx")

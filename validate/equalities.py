@@ -28,9 +28,7 @@ class Equalities:
 
     def given(self, position: FloatArray, force: FloatArray) -> FloatArray:
         """(nv,) the part of a generalised force that the equalities can give in this position."""
-        if not self.model.neq:
-            return np.zeros_like(force)
-        directions = self._directions(position)
+        directions = self.directions(position)
         if not directions.shape[1]:
             return np.zeros_like(force)
         return np.asarray(directions @ np.linalg.lstsq(directions, force, rcond=None)[0])
@@ -39,10 +37,12 @@ class Equalities:
         """(nv,) what is left of a generalised force without all that the equalities could give in this position."""
         return force - self.given(position, force)
 
-    def _directions(self, position: FloatArray) -> FloatArray:
+    def directions(self, position: FloatArray) -> FloatArray:
         """(nv, k) generalised force of a unit force along each equation."""
         import mujoco
 
+        if not self.model.neq:
+            return np.zeros((self.model.nv, 0))
         self.data.qpos[:] = position
         mujoco.mj_fwdPosition(self.model, self.data)
         rows = np.flatnonzero(self.data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))

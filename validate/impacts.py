@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.records import dataclass
+from stc.validate.contact_meter import touchable, touching, welded
 from stc.validate.dynamics import SmoothDynamics
 
 if TYPE_CHECKING:
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from stc.validate.setup import Setup
 
 _FORCES = ("fx", "fy", "fz")
-
-#: Geoms that are nearer to one another than this, in m, touch where velocities jump.
-_TOUCHES = 1e-3
 
 #: Edges of a friction cone in space.
 _EDGES = 16
@@ -66,15 +64,10 @@ def velocity_jumps(setup: Setup) -> VelocityJumps | None:
 
     Frames 0 and n count too: a motion that closes upon itself may jump there.
     """
-    reference = setup.reference
-    rates = [tie.line.rate for tie in setup.ties]
-    jump = np.zeros(setup.solution.n + 1, dtype=bool)
-    for rate in rates:
-        assert rate is not None
-        jump |= np.abs(rate.after - rate.before) > 1e-12 * max(1.0, float(np.abs(rate.before).max()))
-    frames = [int(k) for k in np.flatnonzero(jump)]
+    frames = jumping_frames(setup)
     if not frames or not setup.all_tied:
         return None
+    reference = setup.reference
     dynamics = SmoothDynamics(setup.model(contacts=False))
     places = _Places(setup)
     worst, scale = np.zeros(setup.compiled.nv), 0.0
@@ -101,6 +94,16 @@ def velocity_jumps(setup: Setup) -> VelocityJumps | None:
     return VelocityJumps(frames, worst[reference.velocities], scale, outside)
 
 
+def jumping_frames(setup: Setup) -> list[int]:
+    """The frames at which the velocity of a tied joint jumps."""
+    jump = np.zeros(setup.solution.n + 1, dtype=bool)
+    for tie in setup.ties:
+        rate = tie.line.rate
+        assert rate is not None
+        jump |= np.abs(rate.after - rate.before) > 1e-12 * max(1.0, float(np.abs(rate.before).max()))
+    return [int(k) for k in np.flatnonzero(jump)]
+
+
 def _left_over(cones: FloatArray, impulse: FloatArray) -> float:
     """The largest entry of a generalised impulse (nv,) that no sum of the columns (nv, k), none taken away, gives."""
     from scipy.optimize import nnls
@@ -125,8 +128,7 @@ class _Places:
     def __init__(self, setup: Setup) -> None:
         import mujoco
 
-        self._model = setup.model()
-        self._model.geom_margin[:] = np.maximum(self._model.geom_margin, _TOUCHES)
+        self._model = touchable(setup.model())
         self._data = mujoco.MjData(self._model)
         #: Per body or site of the lines the body, and by axis the line; lines that are no force there give either way.
         self._forces: dict[tuple[str, str], tuple[int, dict[int, int]]] = {}
@@ -166,14 +168,8 @@ class _Places:
     def _edges(self, body: int, axes: list[int]) -> list[FloatArray]:
         """Edges of the cones of all contacts of a body, those that lie in the axes of its lines."""
         found = []
-        for number in range(self._data.ncon):
-            contact = self._data.contact[number]
-            frame = np.array(contact.frame).reshape(3, 3)
-            for geom, sign in ((contact.geom[0], -1.0), (contact.geom[1], 1.0)):
-                if geom < 0 or int(self._model.geom_bodyid[geom]) != body:
-                    continue
-                friction = float(contact.friction[0]) if contact.dim > 1 else 0.0
-                found += _cone(sign * frame[0], friction, axes)
+        for _, frame, friction in touching(self._model, self._data, welded(self._model, body)):
+            found += _cone(frame[0], friction, axes)
         return found
 
 

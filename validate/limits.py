@@ -81,6 +81,10 @@ CONTACT_END_JOINTS: Final[ByUnit] = {"m": 1e-2, "rad": 2e-2}
 #: stands on it.
 LEAST_WAY: Final = 0.3
 
+#: The base may be off by so many m along the normal of its contacts at most, however far it goes; where a body slides
+#: with friction, which bounces on stiff ground, by as much in every direction.
+CONTACT_HEIGHT: Final = 5e-3
+
 #: Joints may be off by this share of the motion's extent at most, but always by the floor, in m or rad.
 CONTACT_SHARE: Final = 2e-2
 CONTACT_FLOOR: Final = 1e-3
@@ -141,6 +145,15 @@ FLIGHT: Final[ByMethod] = {"hermite-simpson": 5e-3, "trapezoidal": 1e-1, "centra
 #: the largest one.
 FRICTION_CONE: Final = 1.0 + 1e-6
 CONTACT_PULL: Final = 1e-6
+
+#: Largest part of the solved contact forces that the contact points of the model cannot give, as the same share.
+CONTACT_FIT: Final = 1e-3
+
+#: MuJoCo's contact forces and the solved ones are compared as means over so many seconds, and over two frames at least.
+CONTACT_WINDOW: Final = 0.05
+
+#: The same while a body slides: friction makes it bounce on stiff ground, 1 to 2 mm high and 10 times a second.
+SLIDING_WINDOW: Final = 0.3
 
 #: Largest difference between MuJoCo's contact forces and the solved ones, as a share of the largest solved one: the
 #: median, and the 90th percentile, which is 1e-4 to 2e-2 along the bundled motions.

@@ -26,6 +26,7 @@ from stc.validate.progress import steps
 if TYPE_CHECKING:
     import mujoco
 
+    from stc.validate.contact_meter import ContactMeter
     from stc.validate.forces import OuterForces
     from stc.validate.setup import Setup
     from stc.validate.tracking import Feedback
@@ -58,6 +59,7 @@ class Replay:
         broke_at: time of the frame by which the state had left all bounds, or None.
         feedback: (actuators,) integral of the feedback's absolute value per driven actuator.
         total: (actuators,) integral of the whole control's absolute value.
+        corrections: (n, actuators) integral of the feedback during each frame step, with its sign.
     """
 
     integrator: str
@@ -70,6 +72,7 @@ class Replay:
     broke_at: float | None = None
     feedback: FloatArray = field(default_factory=lambda: np.zeros(0))
     total: FloatArray = field(default_factory=lambda: np.zeros(0))
+    corrections: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def steps(self) -> int:
@@ -109,6 +112,7 @@ def replay(
     external: bool = False,
     every_step: bool = False,
     watcher: Watcher | None = None,
+    meter: ContactMeter | None = None,
 ) -> Replay:
     """Simulate the whole motion.
 
@@ -122,6 +126,7 @@ def replay(
             error of the steps, phase by phase.
         every_step: go on from the solved state at every frame: what is measured is the error of each step alone.
         watcher: looks on, and may end the replay early: frames that it does not reach stay NaN.
+        meter: adds up what the contacts give.
 
     Raises:
         UsageError: an unknown integrator, or a time step that is not positive.
@@ -135,7 +140,7 @@ def replay(
     model = setup.model(contacts=not external)
     if integrator != "rk4":
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
-    simulation = _Simulation(setup, model, integrator, feedback, external)
+    simulation = _Simulation(setup, model, integrator, feedback, external, meter)
     if every_step:
         simulation.restarts = set(range(setup.solution.n))
     return simulation.run(time_step, watcher)
@@ -151,10 +156,12 @@ class _Simulation:
         integrator: str,
         feedback: Feedback | None,
         external: bool,
+        meter: ContactMeter | None,
     ) -> None:
         import mujoco
 
-        self.setup, self.model, self.feedback = setup, model, feedback
+        self.setup, self.model, self.feedback, self.meter = setup, model, feedback, meter
+        self.frame = 0
         self.what = "replay with feedback" if feedback else "replay, contact forces" if external else "replay"
         self.restarts = set(setup.solution.frames_that_jump()) if external else set()
         self.forces: OuterForces = setup.all_forces if external else setup.applied
@@ -171,6 +178,7 @@ class _Simulation:
             np.zeros((0, model.nq)),
             feedback=np.zeros(len(setup.controls)),
             total=np.zeros(len(setup.controls)),
+            corrections=np.zeros((n, len(setup.controls))),
         )
 
     def run(self, time_step: float, watcher: Watcher | None) -> Replay:
@@ -187,6 +195,7 @@ class _Simulation:
             duration = durations[frame]
             if stopped:
                 break
+            self.frame = frame
             if frame in self.restarts:
                 setup.reference.put(data, setup.reference.at("after", frame)[:2])
             parts = max(limits.SUBSTEPS, math.ceil(duration / time_step - 1e-9))
@@ -202,6 +211,7 @@ class _Simulation:
                 if law is not None:
                     correction = law.correction(part, data)
                     control = control + correction
+                    result.corrections[frame] += model.opt.timestep * correction
                     result.feedback += model.opt.timestep * np.abs(correction)
                     result.total += model.opt.timestep * np.abs(control[1])
                 self.advance(control, forces[now])
@@ -257,6 +267,8 @@ class _Simulation:
             data.ctrl[addresses] = controls[int(2 * share)]
             self.forces.apply(model, data, forces[int(2 * share)])
             mj_forward(model, data)
+            if self.meter is not None:
+                self.meter.add(self.frame, model, data, weight * h)
             if not stage:
                 data.qacc_warmstart[:] = data.qacc
             velocity += weight * data.qvel
@@ -275,3 +287,5 @@ class _Simulation:
         self.data.ctrl[self.setup.controls.addresses] = controls[1]
         self.forces.apply(self.model, self.data, forces[1])
         mj_step(self.model, self.data)
+        if self.meter is not None:
+            self.meter.add(self.frame, self.model, self.data, self.model.opt.timestep)

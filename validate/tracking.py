@@ -160,3 +160,31 @@ def strengths(setup: Setup) -> FloatArray:
         mujoco.mj_forward(model, data)
         found[k] = np.abs(data.qfrc_actuator - idle).max(initial=0.0)
     return found
+
+
+def contact_effort(setup: Setup) -> FloatArray:
+    """(m,) what the solved contact forces give to the joint of each actuator, as the integral of a control's magnitude.
+
+    Zero for actuators that act on no single joint.
+    """
+    import mujoco
+
+    found = np.zeros(len(setup.controls))
+    if not len(setup.contact) or not setup.solution.n:
+        return found
+    model = setup.model(contacts=False)
+    data = mujoco.MjData(model)
+    forces = np.zeros((setup.solution.n + 1, model.nv))
+    for frame, force in enumerate(forces):
+        part = "after" if frame < setup.solution.n else "before"
+        setup.reference.put(data, setup.reference.at(part, frame)[:2])
+        setup.contact.apply(model, data, setup.contact.at(part, frame))
+        force[:] = data.qfrc_applied
+    sizes = np.abs(forces)
+    effort = np.diff(setup.solution.time) @ (sizes[1:] + sizes[:-1]) / 2.0
+    for row, actuator in enumerate(setup.controls.actuators):
+        dof = joint_dof(model, actuator)
+        strength = abs(float(model.actuator_gear[actuator, 0] * model.actuator_gainprm[actuator, 0]))
+        if dof is not None and strength > 0.0:
+            found[row] = effort[dof] / strength
+    return found

@@ -16,19 +16,21 @@ from stc.records import dataclass, field
 from stc.solution import Solution, read
 from stc.validate import limits
 from stc.validate.contact import contact_metrics, friction_note, missing_contacts
-from stc.validate.contact_forces import ContactForces, contact_force_metrics, contact_forces
+from stc.validate.contact_cones import beyond_contacts
+from stc.validate.contact_forces import ContactForces, contact_force_metrics, contact_forces, windows_of
+from stc.validate.contact_meter import ContactMeter
 from stc.validate.energy import energy_balance
-from stc.validate.impacts import velocity_jumps
+from stc.validate.impacts import jumping_frames, velocity_jumps
 from stc.validate.inverse import InverseDynamics, inverse_dynamics
 from stc.validate.linearisation import growth, linearised
-from stc.validate.metrics import Metric, drift
+from stc.validate.metrics import FloatArray, Metric, drift
 from stc.validate.model import file_hash
 from stc.validate.momentum import momentum_metrics
 from stc.validate.replay import Replay, replay, time_step_for
 from stc.validate.report import Report
 from stc.validate.setup import Setup, prepare
 from stc.validate.statements import StatementCheck, statement_metrics
-from stc.validate.tracking import Feedback, proportional, regulator, strengths
+from stc.validate.tracking import Feedback, contact_effort, proportional, regulator, strengths
 from stc.validate.untied import unknown_forces, untied_motion
 from stc.validate.warnings import caught_warnings
 
@@ -157,7 +159,8 @@ def run_replays(
         UsageError: a time step or integrator that cannot be used.
     """
     time_step = time_step_for(setup, number(time_step, "the time step of the replay"))
-    found = Replays(setup, replay(setup, time_step, integrator))
+    meter = ContactMeter(setup)
+    found = Replays(setup, replay(setup, time_step, integrator, meter=meter if meter.columns else None))
     if found.open_loop.broke_at is not None:
         found.notes.append(f"the simulation left all bounds by t = {found.open_loop.broke_at:g} s")
     setup.untied, setup.unknown = untied_motion(setup, found.open_loop.path)
@@ -165,7 +168,7 @@ def run_replays(
         _track(found, time_step, integrator)
     if len(setup.contact):
         found.external = replay(setup, time_step, integrator, external=True)
-        found.ground = contact_forces(setup, found.open_loop)
+        found.ground = contact_forces(setup, found.open_loop, meter)
     return found
 
 
@@ -227,6 +230,11 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
     unjudged = _unjudged(setup, metrics)
     if unjudged:
         replays.notes.append(f"not judged: {', '.join(unjudged)}, as {_why_not(setup)}")
+    beyond = beyond_contacts(setup, motion.positions)
+    if beyond is not None:
+        metrics.append(
+            Metric("contact force that no contact gives", "all contacts", beyond, "share", limits.CONTACT_FIT)
+        )
     model_integrator = mujoco.mjtIntegrator(setup.compiled.opt.integrator).name.removeprefix("mjINT_").lower()
     return Report(
         spec=solution.name,
@@ -275,7 +283,7 @@ def _open_loop_metrics(replays: Replays) -> list[Metric]:
     """Open-loop drift and how small errors grow; the note on instability belongs to them."""
     setup = replays.setup
     if len(setup.contact):
-        metrics = contact_metrics("open-loop", setup, replays.open_loop)
+        metrics = contact_metrics("open-loop", setup, replays.open_loop, replays.ground)
         metrics += _drifts("open-loop drift", setup, replays.open_loop)
         replays.notes.append(friction_note(setup))
     else:
@@ -303,7 +311,7 @@ def _tracked_metrics(replays: Replays, force: float) -> list[Metric]:
     method = setup.solution.method
     share_limit = limits.FEEDBACK_SHARE[method]
     if len(setup.contact):
-        metrics = contact_metrics("tracked", setup, tracked)
+        metrics = contact_metrics("tracked", setup, tracked, replays.ground)
         share_limit = limits.CONTACT_FEEDBACK_SHARE
     else:
         metrics = _drifts("tracked drift", setup, tracked, limits.TRACKED_DRIFT)
@@ -312,12 +320,32 @@ def _tracked_metrics(replays: Replays, force: float) -> list[Metric]:
     # Where no motor does anything the motion is made by what is there without them, gravity for one.
     units, passive = strengths(setup), force * setup.solution.duration
     idle = float((tracked.total * units).max(initial=0.0)) < 1e-3 * passive
-    for name, feedback, total, unit in zip(setup.controls.names, tracked.feedback, tracked.total, units):
-        # An actuator that the motion hardly uses is measured against the strongest one's thousandth part.
-        base = max(float(total), 1e-3 * (passive / float(unit) if idle and unit > 0.0 else largest))
+    held, corrected = contact_effort(setup), _corrected(replays, tracked)
+    for name, feedback, total, unit, given in zip(
+        setup.controls.names, corrected, tracked.total, units, held
+    ):
+        # An actuator that the motion hardly uses is measured against the strongest one's thousandth part, and one on a
+        # joint that the ground holds against what the ground gives.
+        base = max(
+            float(total), float(given), 1e-3 * (passive / float(unit) if idle and unit > 0.0 else largest)
+        )
         share = float(feedback) / base if base > 0.0 else 0.0
         metrics.append(Metric("feedback share", f"actuator {name}", share, "share", share_limit))
     return metrics
+
+
+def _corrected(replays: Replays, tracked: Replay) -> FloatArray:
+    """(m,) the integral of the feedback's absolute value per actuator.
+
+    Where a body slides, its bounces make the friction flicker, and the feedback with it: there the means over the
+    windows count that the contact forces are compared in.
+    """
+    slides = np.any([one.slides for one in replays.ground], axis=0) if replays.ground else np.zeros(1)
+    if not slides.any() or tracked.broke_at is not None:
+        return tracked.feedback
+    time = replays.setup.solution.time
+    windows = windows_of(time, jumping_frames(replays.setup), slides)
+    return np.abs(windows @ tracked.corrections).mean(axis=0) * (time[-1] - time[0])
 
 
 def _drifts(

@@ -87,7 +87,10 @@ def forces(
 ) -> ContactForces:
     n = len(friction)
     upwards = np.where(np.isfinite(friction)[:, None], [0.0, 0.0, 1.0], np.nan)
-    return ContactForces("foot", np.linspace(0, 1, n), solved, found, friction, upwards, 0.1)
+    slides = np.zeros(n, dtype=bool)
+    return ContactForces(
+        "foot", np.linspace(0, 1, n), solved, found, solved, found, friction, upwards, slides, 0.1
+    )
 
 
 def test_each_surface_has_its_own_friction() -> None:

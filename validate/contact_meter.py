@@ -1,0 +1,135 @@
+"""Contacts of a model: where they touch the bodies of the ``contact`` lines, and what they give over time.
+
+MuJoCo's contacts give their forces in bursts: a body that slides on stiff ground leaves it again and again for a
+fraction of a millimetre, so that a force at an instant says little where its mean is right.  The meter adds up what
+acts on each body through a replay, with the weights that the integrator itself gives to its stages.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import mujoco
+
+    from stc.validate.metrics import FloatArray
+    from stc.validate.setup import Setup
+
+#: Geoms that are nearer to one another than this, in m, touch in a solved pose.
+TOUCHES = 1e-3
+
+
+def welded(model: mujoco.MjModel, body: int) -> set[int]:
+    """The bodies that move as one with a body, itself among them; of what is fixed to the world the body alone."""
+    whole = int(model.body_weldid[body])
+    return {int(one) for one in np.flatnonzero(model.body_weldid == whole)} if whole else {body}
+
+
+def touchable(model: mujoco.MjModel) -> mujoco.MjModel:
+    """The same model, finding contacts up to :data:`TOUCHES` before they touch: rounding decides nothing then."""
+    model.geom_margin[:] = np.maximum(model.geom_margin, TOUCHES)
+    model.pair_margin[:] = np.maximum(model.pair_margin, TOUCHES)
+    return model
+
+
+def touching(
+    model: mujoco.MjModel, data: mujoco.MjData, bodies: set[int]
+) -> Iterator[tuple[int, FloatArray, float]]:
+    """The contacts of some bodies.
+
+    Yields:
+        The contact's number; (3, 3) its axes, row by row, the first pressing on the bodies; its sliding friction.
+    """
+    for number in range(data.ncon):
+        contact = data.contact[number]
+        if contact.dist > TOUCHES:
+            continue
+        # The first axis points from the first geom to the second.
+        for geom, sign in ((contact.geom[0], -1.0), (contact.geom[1], 1.0)):
+            if geom >= 0 and int(model.geom_bodyid[geom]) in bodies:
+                axes = sign * np.array(contact.frame).reshape(3, 3)
+                yield number, axes, float(contact.friction[0]) if contact.dim > 1 else 0.0
+
+
+def contact_jacobian(
+    model: mujoco.MjModel, data: mujoco.MjData, number: int
+) -> tuple[FloatArray, FloatArray]:
+    """(3, nv) velocity, and turning speed, of a contact's second geom relative to its first, where they touch."""
+    import mujoco
+
+    contact = data.contact[number]
+    moves, turns = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    for geom, sign in ((contact.geom[0], -1.0), (contact.geom[1], 1.0)):
+        if geom < 0:  # of a flex
+            continue
+        move, turn = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        mujoco.mj_jac(model, data, move, turn, contact.pos, int(model.geom_bodyid[geom]))
+        moves += sign * move
+        turns += sign * turn
+    return moves, turns
+
+
+def contact_velocity(model: mujoco.MjModel, data: mujoco.MjData, number: int) -> FloatArray:
+    """(3,) in m/s, along the world's axes."""
+    return contact_jacobian(model, data, number)[0] @ data.qvel
+
+
+class ContactMeter:
+    """Adds up what contacts give to the bodies of the ``contact`` lines.
+
+    Attributes:
+        columns: per body and part (``fx`` ... ``mz``) which contact lines speak of it.  Bodies that are welded together
+            are one; of one with forces at sites, or on several of its bodies, torques are left out: they have arms.
+        impulses: per body (n, 6) the impulse in N s and its moment about the body's origin in N m s, along the world's
+            axes, during each frame step.
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        model = setup.compiled
+        self.columns: dict[int, dict[str, list[int]]] = {}
+        armed = set()
+        for column, line in enumerate(setup.contact.lines):
+            kind, *rest = line.path
+            if kind not in ("body", "site"):
+                continue
+            index = int((model.site if kind == "site" else model.body)(rest[0]).id)
+            own = int(model.site_bodyid[index]) if kind == "site" else index
+            body = next((known for known in self.columns if own in welded(model, known)), own)
+            self.columns.setdefault(body, {}).setdefault(rest[1], []).append(column)
+            if kind == "site" or own != body:
+                armed.add(body)
+        for body in armed:
+            self.columns[body] = {part: lines for part, lines in self.columns[body].items() if part[0] == "f"}
+        #: Per body which geoms are its own, 1 or 0; the last one stands for the -1 of what is no geom.
+        self._own = {
+            body: np.append(np.isin(model.geom_bodyid, list(welded(model, body))), False).astype(float)
+            for body in self.columns
+        }
+        self.impulses = {body: np.zeros((setup.solution.n, 6)) for body in self.columns}
+
+    def add(self, frame: int, model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
+        """Let what the contacts give now act for some time of a frame step."""
+        if data.ncon:
+            for body, impulse in self.impulses.items():
+                impulse[frame] += seconds * self.wrench(model, data, body)
+
+    def wrench(self, model: mujoco.MjModel, data: mujoco.MjData, body: int) -> FloatArray:
+        """(6,) force and torque about the body's origin, along the world's axes, of all contacts of a body."""
+        import mujoco
+
+        contacts, local = data.contact, np.zeros((data.ncon, 6))
+        for number, force in enumerate(local):
+            mujoco.mj_contactForce(model, data, number, force)
+        # The force is the one on the second geom; one inside the body itself counts twice, and cancels.
+        own = self._own[body][contacts.geom]
+        forces, torques = np.einsum(
+            "c,cpi,cij->pcj", own[:, 1] - own[:, 0], local.reshape(-1, 2, 3), contacts.frame.reshape(-1, 3, 3)
+        )
+        arms = contacts.pos - data.xpos[body]
+        # By hand: np.cross takes longer than all the rest.
+        turned = arms[:, [1, 2, 0]] * forces[:, [2, 0, 1]] - arms[:, [2, 0, 1]] * forces[:, [1, 2, 0]]
+        return np.concatenate([forces.sum(axis=0), (torques + turned).sum(axis=0)])
