@@ -9,6 +9,7 @@ import numpy as np
 
 from stc.solver.attempts import Attempts
 from stc.solver.interior import optimise
+from stc.solver.judgement import Point
 from stc.solver.nlp import Floats
 from stc.solver.outcome import End, Outcome, Tactics
 from stc.solver.products import between
@@ -82,10 +83,11 @@ class Rescalings:
         """
         if not self.options.scaling:
             return None
+        even = self.scaled_anew(form, x0, form.objective_factor, even=True)
+        _, _, hess = even.weighted_derivatives(x0 / even.x_scale, np.zeros(even.m), 1.0)
+        curvature = float(np.abs(hess).max(initial=0.0))
         for light in LIGHT:
-            even = self.scaled_anew(form, x0, form.objective_factor, even=True)
-            _, _, hess = even.weighted_derivatives(x0 / even.x_scale, np.zeros(even.m), 1.0)
-            factor = light / max(float(np.abs(hess).max(initial=0.0)), light)
+            factor = light / max(curvature, light)
             even = self.scaled_anew(form, x0, factor * form.objective_factor, even=True)
             outcome = self.attempts.linear_equations(even, x0)
             if outcome is not None:
@@ -129,6 +131,11 @@ class Rescalings:
         larger = self.scaled_anew(form, x0, form.objective_factor, small_too=True)
         return self.attempts.cold(larger, x0, self.options)
 
+    def on_from(self, form: ScaledProblem, point: Point, tactics: Tactics) -> Outcome:
+        """On from a point of the problem as stated that is nearly a solution, in the scale of ``form``."""
+        it = warm_iterate(form, point.x / form.x_scale, form.scaled_multipliers(point.y))
+        return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=tactics)
+
     def in_own_units(self, outcome: Outcome, settle: Callable[[Outcome], Outcome]) -> Outcome | None:
         """On from a solution whose objective is small, multiplied such that it is not, as the variables are.
 
@@ -145,9 +152,7 @@ class Rescalings:
         assert isinstance(form, ScaledProblem)
         unit = self.scaled_anew(form, point.x, 1.0, small_too=True).objective_scale
         own = self.scaled_anew(form, point.x, 1.0 / (size * unit), small_too=True)
-        it = warm_iterate(own, point.x / own.x_scale, own.scaled_multipliers(point.y))
-        tactics = Tactics(budget=STEPS)
-        other = settle(optimise(own, it, WARM_BARRIER, self.options, self.monitor, tactics=tactics))
+        other = settle(self.on_from(own, point, Tactics(budget=STEPS)))
         return other if other.end is End.CONVERGED else None
 
     def from_least_violation(self, form: ScaledProblem, x: Floats | None) -> Outcome | None:

@@ -25,7 +25,6 @@ from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess, rows_missed
 from stc.solver.scaled_problem import ScaledProblem, is_small, relative_violation
-from stc.solver.starting import WARM_BARRIER, warm_iterate
 from stc.solver.status import (
     FIXED_ROWS_MISSED,
     FLAT_BUT_FOR_ROUNDING,
@@ -346,8 +345,7 @@ class _Solve:
                 return outcome
             before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None
             form = self.rescalings.scaled_anew(form, point.x, form.objective_factor)
-            it = warm_iterate(form, point.x / form.x_scale, form.scaled_multipliers(point.y))
-            outcome = optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=Tactics())
+            outcome = self.rescalings.on_from(form, point, Tactics())
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome
