@@ -75,7 +75,7 @@ class Recorder(FrontalKKT):
     seen: tuple[Any, ...] = ()
 
     def __init__(self, *pattern: Any) -> None:
-        super().__init__(*pattern)
+        super().__init__(*pattern[:-1])  # which rows are equations is for the elimination around it
         self._arguments = pattern
 
     @property

@@ -123,6 +123,33 @@ def test_every_part_has_its_place_on_the_page(peers: ModuleType) -> None:
     assert all((ROOT / "bench" / f"{name}.py").exists() for name in SCRIPTS.values())
 
 
+def test_the_systems_factorised_alone_are_those_of_a_solve(
+    peers: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "bench"))
+    from kkt import System, backward_error, system_of
+    from scipy.sparse import coo_array
+
+    from bench.peers.problems import constants_of, spec_of
+    from stc.solver.kkt import structured_kkt
+
+    for name, constants in (("P3", {"n": 20}), ("P5", constants_of("P5", 30))):
+        systems: list[System] = [
+            system_of(spec_of(name, 2), 8, presolve=presolve, **constants) for presolve in (True, False)
+        ]
+        assert (systems[0].lower()[0] < systems[1].lower()[0]) == (name == "P5")  # presolve leaves some out
+        for system in systems:
+            size, rows, columns, values = system.lower()
+            lower = coo_array((values, (rows, columns)), shape=(size, size)).toarray()
+            eigenvalues = np.linalg.eigvalsh(lower + np.tril(lower, -1).T)
+            ours = structured_kkt(*system.pattern)
+            ours.hess[:], ours.jac[:], ours.primal[:], ours.dual[:] = system.values
+            assert ours.refactor() == (np.sum(eigenvalues > 0), np.sum(eigenvalues < 0), 0) != (0, 0, 0)
+            rhs = np.random.default_rng(1).standard_normal(size)
+            n = system.pattern[0]
+            assert backward_error(system, np.concatenate(ours.solve(rhs[:n], rhs[n:])), rhs) < 1e-8
+
+
 @pytest.mark.parametrize(
     ("ratios", "expected"),
     [
