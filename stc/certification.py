@@ -48,7 +48,7 @@ def certify(
         SolutionError: the solution file is damaged, or time does not increase along the solution.
         SpecError, EvaluationError: mistakes in a spec.
     """
-    from stc.pipeline import statements_between
+    from stc.origin import statements_between
     from stc.validate.certificate import certify as validated
 
     motion = motion_of(motion)
@@ -104,7 +104,7 @@ def _more_frames(solution: Solution) -> str:
     Where n follows from other constants (``n = 60*k``) these are what is given. A spec that cannot be refined as it is
     written has the reason instead.
     """
-    from stc.pipeline import model_of
+    from stc.origin import model_of
     from stc.studies.frames import Spread
 
     try:

@@ -3,8 +3,8 @@
     read_source -> parse -> elaborate -> transcribe -> solve -> Solution.save
 
 :class:`Model` strings them together and remembers what need not be done again: a changed constant that shapes
-nothing re-solves without parsing, differentiating or compiling.  :func:`stc.certification.certify` goes on from a
-solution to the verdict.
+nothing re-solves without parsing, differentiating or compiling.  :mod:`stc.origin` leads back from a solution to what
+it solves, :func:`stc.certification.certify` on to the verdict.
 """
 
 from __future__ import annotations
@@ -24,34 +24,27 @@ from stc.alignment import Alignment
 from stc.arguments import numbers
 from stc.bundled import find_spec, is_solution, with_text
 from stc.collecting import collect
-from stc.errors import Diagnostic, Source, SpecError, StcError, UsageError
+from stc.errors import Diagnostic, Source, SpecError, UsageError
+from stc.kept_transcriptions import KeptTranscriptions
 from stc.language import read_problem
-from stc.language.constant_values import constant_values
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.nested import FINE, FewerFrames, Fineness, fewer_frames
-from stc.phases import named_cuts
 from stc.problem import Problem
 from stc.solution import Solution, read
 from stc.solver import IterationRecord, Result, Start, Status
 from stc.solver.optimizers import DEFAULT, Minimizer
 from stc.solver.options import given_options
 from stc.solving import ColdSolve, solve
-from stc.transcription import Transcription
-from stc.transcription import transcribe as _transcribe
+from stc.transcription import Transcription, transcribe
 from stc.transcription.bind import BoundProgram
 from stc.transcription.guess import check_motion, check_names
 from stc.transcription.schemes import METHODS
+from stc.warm_start import aligned, start_from
 
 if TYPE_CHECKING:
     from stc.guess_file import GivenValues
     from stc.language.syntax import SpecTree
-    from stc.validate.statements import StatementCheck
-
-#: Sets of constants for which the problem is kept.
-RECENT = 8
-#: Transcriptions that are kept: those of several numbers of frames, and on fewer of each.
-KEPT = 24
 
 Callback = Callable[[Any], bool | None]
 FloatArray = NDArray[np.float64]
@@ -88,11 +81,6 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
     return with_text(Source(str(spec) if Path(spec).is_file() else path.name, text, str(path)))
 
 
-def transcribe(problem: Problem) -> Transcription:
-    """The nonlinear program's structure, differentiated but not compiled yet."""
-    return _transcribe(problem)
-
-
 class Model:
     """A spec, ready to be solved with other numbers, methods and frame counts.
 
@@ -111,9 +99,7 @@ class Model:
         self.tree: SpecTree = self._parsed()
         self._parse_seconds = time.perf_counter() - begin
         self.warnings: tuple[Diagnostic, ...] = ()
-        self._transcriptions: dict[object, Transcription] = {}
-        self._own_method = ""
-        self._recent: dict[object, tuple[Problem, Transcription]] = {}  # by the constants given last
+        self._transcriptions = KeptTranscriptions(self.tree)
         self._fewer: dict[tuple[Any, ...], FewerFrames | None] = {}  # of the last constants
 
     def __reduce__(self) -> tuple[type[Model], tuple[Source, dict[str, float]]]:
@@ -147,48 +133,9 @@ class Model:
     def transcription(self, method: str | None = None, **constants: float) -> tuple[Problem, Transcription]:
         """The problem and its transcription, an earlier one where only numbers have changed."""
         _check_method(method)
-        known = self._known(method, {**self.overrides, **numbers(constants)})
-        if known is not None:
-            return known
-        problem = self.problem(method, **constants)
+        problem, transcription = self._transcriptions.of(method, {**self.overrides, **numbers(constants)})
         self.warnings = tuple(problem.warnings)
-        if method is None:
-            self._own_method = problem.method
-        key = (problem.method, tuple((name, problem.constants[name]) for name in sorted(problem.structural)))
-        # What is asked for comes last, what has not been for long goes.
-        known_before = key in self._transcriptions
-        self._transcriptions[key] = self._transcriptions.pop(key) if known_before else transcribe(problem)
-        if len(self._transcriptions) > KEPT:
-            del self._transcriptions[next(iter(self._transcriptions))]
-        return problem, self._transcriptions[key]
-
-    def _known(
-        self, method: str | None, overrides: Mapping[str, float]
-    ) -> tuple[Problem, Transcription] | None:
-        """A transcription at hand that fits these constants, without elaborating them."""
-        wanted = method or self._own_method
-        given = wanted, tuple(sorted(overrides.items()))
-        if given in self._recent:
-            self.warnings = tuple(self._recent[given][0].warnings)
-            return self._recent[given]
-        if not any(known.problem.method == wanted for known in self._transcriptions.values()):
-            return None
-        values = constant_values(self.tree, overrides)
-        for known in self._transcriptions.values():
-            problem = known.problem
-            fits = problem.method == wanted and values.keys() == problem.constants.keys()
-            # Steps that are not positive are a mistake that elaboration explains.
-            if (
-                fits
-                and all(values[k] == problem.constants[k] for k in problem.structural)
-                and known.steps_fit(values)
-            ):
-                self.warnings = tuple(problem.warnings)
-                if len(self._recent) >= RECENT:
-                    del self._recent[next(iter(self._recent))]
-                self._recent[given] = replace(problem, constants=values), known
-                return self._recent[given]
-        return None
+        return problem, transcription
 
     def prepare(
         self,
@@ -390,49 +337,17 @@ class Model:
             transcription, problem: to be solved.
             before: the problem that was, where it is at hand.
         """
-        program = transcription.program
-        alignment = self._alignment(earlier, problem, before)
-        same = (
-            len(earlier.x) == program.size
-            and len(earlier.row_multipliers) == program.row_count
-            and len(earlier.bound_multipliers) == program.size
-            and earlier.method == problem.method
-            and alignment.is_identity
-        )
-        optimal = earlier.status == "optimal"
-        if same and np.isfinite(earlier.x).all():
-            if not optimal:
-                return Start(earlier.x), None
-            return Start(earlier.x, earlier.row_multipliers, earlier.bound_multipliers), None
-        from stc.guess_file import SolutionValues
 
-        bound = transcription.bind(problem.constants, guess=SolutionValues(earlier, alignment), check=False)
-        if not optimal or not earlier.multipliers:
-            return Start(bound.x0), bound
-        from stc.transcription.resample import resample_multipliers
+        def solved() -> Problem:
+            if before is not None:
+                return before
+            known = self._transcriptions.known(earlier.method, earlier.overrides)
+            # By its own numbers alone: this model may have been given others.
+            return known[0] if known else elaborate(self.tree, earlier.overrides, earlier.method)
 
-        lengths = transcription.recovery(bound.x0, problem.constants).lengths
-        return Start(
-            bound.x0, *resample_multipliers(earlier, transcription, bound, lengths, alignment)
-        ), bound
-
-    def _alignment(self, earlier: Solution, problem: Problem, before: Problem | None) -> Alignment:
-        """Which frames of an earlier solution are which of a problem's; ``before`` is the one that was, if known."""
-        numbers = earlier.constants
-        even = Alignment.even(earlier.n, problem.n)
-        if earlier.source != self.text or all(
-            numbers.get(k) == problem.constants[k] for k in problem.structural
-        ):
-            return even
-        old = before
-        if old is None:
-            known = self._known(earlier.method, earlier.overrides)
-            try:
-                # By its own numbers alone: this model may have been given others.
-                old = elaborate(self.tree, earlier.overrides, earlier.method) if known is None else known[0]
-            except StcError:
-                return even
-        return even if old.n != earlier.n else Alignment.of(named_cuts(old), named_cuts(problem))
+        own = earlier.source == self.text
+        alignment = aligned(earlier, problem, solved) if own else Alignment.even(earlier.n, problem.n)
+        return start_from(earlier, alignment, transcription, problem)
 
 
 def _check_method(method: object) -> None:
@@ -455,76 +370,13 @@ def load(spec: str | os.PathLike[str], **constants: float) -> Model:
     return Model(read_source(spec), constants)
 
 
-def model_of(solution: Solution) -> Model:
-    """The model that made a solution; for one from a file, made from the text that it carries.
-
-    Raises:
-        SpecError: the text is not a spec.
-    """
-    if solution.origin is None:
-        path = str(Path(solution.directory) / f"{solution.name}.stc") if solution.directory else ""
-        solution.origin = Model(Source(f"{solution.name}.stc", solution.source, path))
-    model: Model = solution.origin
-    return model
-
-
-def resolve(solution: Solution, **changes: Any) -> Solution:
-    """Solves a solution's spec again with other constants, from there: :meth:`stc.solution.Solution.resolve`."""
-    constants = {**solution.overrides, **numbers(changes.pop("constants", None) or {})}
-    changes = {"method": solution.method, "warm_start": solution, **changes}
-    return model_of(solution).solve(constants=constants, **changes)
-
-
-def source_of(solution: Solution, beside: Path | None = None) -> Source:
-    """The spec's text that a solution carries, as it would be read from its folder.
-
-    Args:
-        solution: any.
-        beside: folder of the solution's file, where the spec's own is not known or has not the model that is here.
-    """
-    folder = Path(solution.directory) if solution.directory else beside
-    if folder is not None and beside is not None and solution.model is not None:
-        moved = not (folder / solution.model).is_file() and (beside / solution.model).is_file()
-        folder = beside if moved else folder
-    return Source(
-        f"{solution.name}.stc",
-        solution.source,
-        "" if folder is None else str(folder / f"{solution.name}.stc"),
-    )
-
-
-def problem_of(solution: Solution) -> Problem:
-    """The problem that a solution solves, read anew from the text that it carries.
-
-    Raises:
-        SpecError: the text is not a spec.
-    """
-    return elaborate(parse(source_of(solution)), solution.overrides, solution.method)
-
-
-def statements_between(solution: Solution) -> list[StatementCheck]:
-    """A solution's own statements between its frames; none where its text cannot be read any more."""
-    from stc.between import check_statements
-
-    if not solution.n:
-        return []
-    try:
-        return check_statements(problem_of(solution), solution)
-    except StcError:  # a motion from elsewhere, whose text is no spec
-        return []
-
-
 __all__ = [
     "Model",
     "collect",
     "elaborate",
     "load",
     "parse",
-    "problem_of",
     "read_source",
-    "resolve",
     "solve",
-    "source_of",
-    "statements_between",
     "transcribe",
 ]

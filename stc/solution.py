@@ -385,7 +385,7 @@ class Solution:
             SpecError, UsageError: as :meth:`stc.pipeline.Model.solve`.
         """
         # By name: nothing here is imported from the layers above.
-        return import_module("stc.pipeline").resolve(self, **changes)
+        return import_module("stc.origin").resolve(self, **changes)
 
     def save(self, path: Path) -> None:
         """Write the solution to ``path``: ``.npz`` (NumPy arrays) or ``.csv`` (text), both complete.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import stc
-from stc.pipeline import KEPT
+from stc.kept_transcriptions import KEPT
 
 SPEC = """
 constants: n = 4, h = 1/n;

@@ -14,6 +14,7 @@ from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import End, Outcome, Tactics
+from stc.solver.products import inner
 from stc.solver.projection_passes import ACCURATE
 from stc.solver.report import IterationRecord, Start
 from stc.solver.scaled_problem import ScaledProblem
@@ -29,6 +30,9 @@ FEWER = 2
 """Brief restorations of the later attempts."""
 WIDEST, LESS_WIDE, NARROWED = 3.0, 1.0, 350
 """How much wider limits are at first, in distances between them, and the iterations that it may take to narrow them."""
+GAINING, HELD = 80, 800
+"""The steps in which the free choice is to make the error a tenth of what it was, and those that the other one is given
+where it does not."""
 CLOSE = 0.1
 """The violation allowed on the way from a feasible point."""
 
@@ -115,6 +119,26 @@ class Attempts:
         options = options or self.options
         it = cold_iterate(form, x0 / form.x_scale, by_gaps=by_gaps)
         return optimise(form, it, options.initial_barrier, options, self.monitor, tactics=tactics)
+
+    def from_guess(self, form: ScaledProblem, x0: Floats, tactics: Tactics, *, convex: bool) -> Outcome:
+        """By a barrier whose parameter is chosen freely; where that gains nothing for long, by one that is held first.
+
+        The free choice may lead round a solution for ever: where objectives bend sharply at zero, or durations of
+        several phases are free. Where the held one finds none either, the first attempt goes on. Where all is convex
+        there are quicker ways out.
+        """
+        if convex or not form.gaps:
+            return self.barrier(form, x0, tactics)
+        outcome = self.barrier(form, x0, replace(tactics, gaining=GAINING))
+        if not outcome.idle:
+            return outcome
+        held = self.barrier(form, x0, replace(tactics, adaptive=False, budget=HELD))
+        if held.end is End.CONVERGED:
+            return held
+        it = outcome.iterate
+        assert it is not None
+        left = replace(tactics, budget=max(tactics.budget - GAINING, 1), near=0)
+        return optimise(form, it, inner(it.gap, it.z) / form.gaps, self.options, self.monitor, tactics=left)
 
     def otherwise(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Start at the same point with other multipliers."""

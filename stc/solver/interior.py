@@ -54,7 +54,7 @@ from stc.solver.places import (
     TAU,
 )
 from stc.solver.products import inner
-from stc.solver.progress import Drift, Nearest, Stall
+from stc.solver.progress import MUCH_NEARER, Drift, Gain, Nearest, Stall
 from stc.solver.progress_passes import LARGEST_ERROR
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.search_passes import NOT_FINITE
@@ -85,7 +85,7 @@ LOST = 0.1
 """An attempt whose iterates have all violated rows by more than this is nowhere near a solution."""
 DOUBTED = 60
 """Iterations after which a quadratic program may have no least objective."""
-LATELY, MUCH_NEARER = 25, 0.1
+LATELY = 25
 """An attempt whose steps are used up gets so many more as long as its error has gone down so much in as many."""
 SHORTEST_FRACTION, SHORTEST_IN_RESTORATION = 2e-3, 0.02
 """Share of what the bounds allow, below which a step is computed anew; where rows may be violated freely nothing but
@@ -148,6 +148,7 @@ class _Loop:
         self.drift = Drift(self.work)
         self.last = monitor.iterations + tactics.budget
         self.judged_at = monitor.iterations + tactics.near if tactics.near else np.inf
+        self.gain = Gain(tactics.gaining, monitor.iterations)
         doubtful = (
             isinstance(form, ScaledProblem) and form.quadratic_program and form.nlp.objective_degree > 0
         )
@@ -194,6 +195,8 @@ class _Loop:
                     if self._leave_saddle():
                         continue
                     return self._outcome(End.CONVERGED)
+                if self.gain.is_missing(self.nearest.error, monitor.iterations):
+                    return replace(self._give_up(), early=True, idle=True)
                 if self._stalled():
                     self.nearest.return_to()
                     if self._leave_saddle() or self._hold_barrier():
@@ -224,7 +227,7 @@ class _Loop:
         if monitor.watched or monitor.is_late or self.stop is not None:
             most = 0.0
         else:
-            until = min(self.last, self.judged_at, self.doubted_at, monitor.limit)
+            until = min(self.last, self.judged_at, self.gain.due, self.doubted_at, monitor.limit)
             most = max(0.0, min(self.longest, until - monitor.iterations))
         s[MOST], s[BEST_NEW] = most, 0.0
         s[BEST_KNOWN] = monitor.best is not None
@@ -476,11 +479,13 @@ class _Loop:
 
         def solve(elastic: ElasticProblem, start: Iterate, mu: float) -> Outcome:
             stop = Acceptance(elastic, search.filter, theta, barrier.mu) if brief else None
-            return optimise(elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=stop)
+            tactics = replace(self.tactics, gaining=0)
+            return optimise(elastic, start, mu, self.options, self.monitor, tactics=tactics, stop=stop)
 
         end, _ = meet_rows(form, it, barrier.mu, self.options.feasibility_tolerance, solve)
         self.work.load(it)
         self.work.provide_attempt()
+        self.gain.expect(1.0, self.monitor.iterations)
         if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):
             return self._give_up()
         self.stall = Stall(self.work)

@@ -38,6 +38,8 @@ class Tactics:
             go on to the least violation: on a way between nowhere and nearly there, that tells whether there is a
             feasible point.
         patient: whether to go on so; else the attempt ends there.
+        gaining: steps in which the least error is to become a tenth of what it was; where it does not, the attempt
+            ends, to be gone on with perhaps. 0 where that is not asked for.
     """
 
     adaptive: bool = True
@@ -46,6 +48,7 @@ class Tactics:
     near: int = 0
     brief_restorations: int = 3
     patient: bool = True
+    gaining: int = 0
 
 
 @dataclass(slots=True)
@@ -59,6 +62,7 @@ class Outcome:
         error: KKT error there.
         iterate: the last iterate of the barrier, where there was one.
         early: whether it could have gone on: its steps were used up, or its patience.
+        idle: whether it ended since it gained too little.
     """
 
     end: End
@@ -68,6 +72,7 @@ class Outcome:
     error: float
     iterate: Iterate | None = None
     early: bool = False
+    idle: bool = False
 
     @property
     def is_answer(self) -> bool:

@@ -27,10 +27,11 @@ from stc.solver.products import inner
 from stc.solver.progress_passes import ITS_PATIENCE, MOST_TINY_STEPS
 from stc.solver.workspace import Workspace
 
-__all__ = ["Drift", "Nearest", "Stall"]
+__all__ = ["Drift", "Gain", "Nearest", "Stall"]
 
 SLOW = 0.1
 MUCH = 1e-6
+MUCH_NEARER = 0.1
 
 
 class Nearest:
@@ -105,3 +106,29 @@ class Drift:
         s = self._s
         slow = s[DUAL_NOW] > SLOW * s[DUAL_BEFORE]
         return slow and s[OBJECTIVE_BEFORE] - s[OBJECTIVE_NOW] > MUCH * max(1.0, abs(s[OBJECTIVE_NOW]))
+
+
+class Gain:
+    """Tells an attempt that comes no nearer for long from one that converges.
+
+    Attributes:
+        due: the iteration at which the least error is to be a tenth of what it was.
+    """
+
+    def __init__(self, steps: int, iterations: int) -> None:
+        """It is to be so again and again in so many ``steps``, or never need be where that is 0."""
+        self._steps = steps
+        self.expect(1.0, iterations)
+
+    def expect(self, error: float, iterations: int) -> None:
+        """From an error of that size, in the next steps."""
+        self._before = error
+        self.due = iterations + self._steps if self._steps else np.inf
+
+    def is_missing(self, error: float, iterations: int) -> bool:
+        """Whether the least error has not become so small in time."""
+        if iterations < self.due:
+            return False
+        before = self._before
+        self.expect(error, iterations)
+        return not error <= MUCH_NEARER * before

@@ -253,7 +253,10 @@ class _Solve:
             outcome = self.rescalings.even_equations(form, x0)
         if outcome is not None:
             return outcome
-        return self._helped(form, GUESSED, lambda tactics: self.attempts.barrier(form, x0, tactics))
+        convex = once(is_convex, self.nlp)
+        return self._helped(
+            form, GUESSED, lambda tactics: self.attempts.from_guess(form, x0, tactics, convex=convex)
+        )
 
     def _helped(self, form: ScaledProblem, first: Tactics, attempt: Callable[[Tactics], Outcome]) -> Outcome:
         """What an attempt leads to, or another start, if there is one, where that is no solution with ``first``."""

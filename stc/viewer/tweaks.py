@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from stc.errors import StcError
-from stc.pipeline import model_of
+from stc.origin import model_of
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.viewer.constants import Constant, constants_of

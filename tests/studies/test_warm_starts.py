@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stc
-from stc import pipeline
+from stc import kept_transcriptions, pipeline
 from stc.guess_file import SolutionValues
 from stc.specs import names as bundled_specs
 
@@ -42,8 +42,10 @@ def untouched(monkeypatch):
         def refuse(*_args, **_kwargs):
             raise AssertionError("this was to be done once only")
 
-        for name in ("parse", "elaborate", "transcribe", "_transcribe", "read_problem"):
+        for name in ("parse", "elaborate", "transcribe", "read_problem"):
             monkeypatch.setattr(pipeline, name, refuse)
+        for name in ("elaborate", "transcribe"):
+            monkeypatch.setattr(kept_transcriptions, name, refuse)
         monkeypatch.setattr("stc.transcription.transcription.compile_tapes", refuse)
         monkeypatch.setattr("stc.transcription.derive.Group.differentiate", refuse)
 

@@ -9,7 +9,8 @@ import pytest
 from viewer.motions import PUSH, push
 
 from stc.errors import UsageError
-from stc.pipeline import load, model_of
+from stc.origin import model_of
+from stc.pipeline import load
 from stc.solution import read
 from stc.viewer import report
 from stc.viewer.constants import constants_of, slider_range

@@ -1,0 +1,85 @@
+"""The transcriptions of a spec, those asked for last kept.
+
+Most constants shape nothing: problems that differ in them alone share what was differentiated and compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from stc.language.constant_values import constant_values
+from stc.language.elaborate import elaborate
+from stc.problem import Problem
+from stc.transcription import Transcription, transcribe
+
+if TYPE_CHECKING:
+    from stc.language.syntax import SpecTree
+
+#: Sets of constants for which the problem is kept.
+RECENT = 8
+#: Transcriptions that are kept: those of several numbers of frames, and on fewer of each.
+KEPT = 24
+
+
+class KeptTranscriptions:
+    """Problems of one spec, with the transcriptions they share."""
+
+    def __init__(self, tree: SpecTree) -> None:
+        self._tree = tree
+        self._kept: dict[object, Transcription] = {}  # by method and structural constants
+        self._own_method = ""  # the spec's, once it is known
+        self._recent: dict[object, tuple[Problem, Transcription]] = {}  # by the constants given last
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    def of(self, method: str | None, given: Mapping[str, float]) -> tuple[Problem, Transcription]:
+        """The problem with some constants and its transcription, an earlier one where only numbers have changed.
+
+        Args:
+            method: that of transcription; the spec's own where it is None.
+            given: values of constants, in place of the spec's.
+
+        Raises:
+            SpecError: mistakes in the spec, all of them.
+            UsageError: an unknown constant.
+        """
+        known = self.known(method, given)
+        if known is not None:
+            return known
+        problem = elaborate(self._tree, given, method)
+        if method is None:
+            self._own_method = problem.method
+        key = (problem.method, tuple((name, problem.constants[name]) for name in sorted(problem.structural)))
+        # What is asked for comes last, what has not been for long goes.
+        known_before = key in self._kept
+        self._kept[key] = self._kept.pop(key) if known_before else transcribe(problem)
+        if len(self._kept) > KEPT:
+            del self._kept[next(iter(self._kept))]
+        return problem, self._kept[key]
+
+    def known(self, method: str | None, given: Mapping[str, float]) -> tuple[Problem, Transcription] | None:
+        """As :meth:`of` where there is a transcription that fits, found without elaborating the spec; else None."""
+        wanted = method or self._own_method
+        numbers = wanted, tuple(sorted(given.items()))
+        if numbers in self._recent:
+            return self._recent[numbers]
+        if not any(kept.problem.method == wanted for kept in self._kept.values()):
+            return None
+        values = constant_values(self._tree, given)
+        for kept in self._kept.values():
+            problem = kept.problem
+            fits = problem.method == wanted and values.keys() == problem.constants.keys()
+            # Steps that are not positive are a mistake that elaboration explains.
+            if (
+                fits
+                and all(values[k] == problem.constants[k] for k in problem.structural)
+                and kept.steps_fit(values)
+            ):
+                if len(self._recent) >= RECENT:
+                    del self._recent[next(iter(self._recent))]
+                self._recent[numbers] = replace(problem, constants=values), kept
+                return self._recent[numbers]
+        return None

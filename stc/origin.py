@@ -1,0 +1,75 @@
+"""From a solution back to what it solves: the text that it carries, the problem stated there, a model to go on with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stc.arguments import numbers
+from stc.errors import Source, StcError
+from stc.language.elaborate import elaborate
+from stc.language.parser import parse
+from stc.pipeline import Model
+from stc.problem import Problem
+from stc.solution import Solution
+
+if TYPE_CHECKING:
+    from stc.validate.statements import StatementCheck
+
+
+def source_of(solution: Solution, beside: Path | None = None) -> Source:
+    """The spec's text that a solution carries, as it would be read from its folder.
+
+    Args:
+        solution: any.
+        beside: folder of the solution's file, where the spec's own is not known or has not the model that is here.
+    """
+    folder = Path(solution.directory) if solution.directory else beside
+    if folder is not None and beside is not None and solution.model is not None:
+        moved = not (folder / solution.model).is_file() and (beside / solution.model).is_file()
+        folder = beside if moved else folder
+    return Source(
+        f"{solution.name}.stc",
+        solution.source,
+        "" if folder is None else str(folder / f"{solution.name}.stc"),
+    )
+
+
+def problem_of(solution: Solution) -> Problem:
+    """The problem that a solution solves, read anew from the text that it carries.
+
+    Raises:
+        SpecError: the text is not a spec.
+    """
+    return elaborate(parse(source_of(solution)), solution.overrides, solution.method)
+
+
+def model_of(solution: Solution) -> Model:
+    """The model that made a solution; for one from a file, made from the text that it carries.
+
+    Raises:
+        SpecError: the text is not a spec.
+    """
+    if solution.origin is None:
+        solution.origin = Model(source_of(solution))
+    model: Model = solution.origin
+    return model
+
+
+def resolve(solution: Solution, **changes: Any) -> Solution:
+    """Solves a solution's spec again with other constants, from there: :meth:`stc.solution.Solution.resolve`."""
+    constants = {**solution.overrides, **numbers(changes.pop("constants", None) or {})}
+    changes = {"method": solution.method, "warm_start": solution, **changes}
+    return model_of(solution).solve(constants=constants, **changes)
+
+
+def statements_between(solution: Solution) -> list[StatementCheck]:
+    """A solution's own statements between its frames; none where its text cannot be read any more."""
+    from stc.between import check_statements
+
+    if not solution.n:
+        return []
+    try:
+        return check_statements(problem_of(solution), solution)
+    except StcError:  # a motion from elsewhere, whose text is no spec
+        return []
