@@ -110,9 +110,13 @@ class ModelEquations:
         """(k,) what dry friction adds to c where joints and tendons slide these ways, (s,)."""
         if not sliding.any():
             return np.zeros(len(q))
+        return np.asarray((self.dry * sliding) @ self.slides(q))
+
+    def slides(self, q: FloatArray) -> FloatArray:
+        """(s, k) how fast each joint and tendon with dry friction slides, per velocity of each joint."""
         import mujoco
 
-        ways = np.zeros((len(sliding), len(q)))
+        ways = np.zeros((len(self.dry), len(q)))
         ways[np.arange(len(self._dry_joints)), self._dry_joints] = 1.0
         dynamics = self._dynamics
         for j, unit in enumerate(np.eye(len(q)) if len(self._dry_tendons) else ()):
@@ -121,7 +125,19 @@ class ModelEquations:
             mujoco.mj_fwdVelocity(dynamics.model, dynamics.data)
             # The velocity of a tendon is linear in those of the joints.
             ways[len(self._dry_joints) :, j] = dynamics.data.ten_velocity[self._dry_tendons]
-        return np.asarray((self.dry * sliding) @ ways)
+        return ways
+
+    def gravities(self, q: FloatArray) -> FloatArray:
+        """(k, 3) what c would hold of a gravity of 1 m/s^2 along each axis of the world."""
+        gravity = self._dynamics.model.opt.gravity
+        given, found = gravity.copy(), np.zeros((len(q), 3))
+        gravity[:] = 0.0
+        without = self.bias(q, np.zeros(len(q)))
+        for axis in range(3):
+            gravity[:] = np.eye(3)[axis]
+            found[:, axis] = self.bias(q, np.zeros(len(q))) - without
+        gravity[:] = given
+        return found
 
     def force(self, q: FloatArray, v: FloatArray, u: FloatArray, f: FloatArray) -> FloatArray:
         """(k,) Q."""
