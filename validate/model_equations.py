@@ -40,7 +40,7 @@ class ModelEquations:
         has_springs: whether static forces include those of springs.
         sliders: what has dry friction: ``joint elbow``, ``tendon rope``.
         dry: (s,) dry friction of each, N or N m.
-        sliding: (s,) which way each slides, 1 or -1; 0, as at first, leaves its dry friction out.
+        sliding: (s,) which way each slides, 1 or -1; 0, as at first, leaves its dry friction out; nan: as joints move.
         has_equalities: whether the model closes loops or gears joints to each other.
         notes: what the model has that equations of motion do not speak of.
     """
@@ -102,15 +102,17 @@ class ModelEquations:
 
     def bias(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """(k,) c, and dry friction as joints and tendons are sliding."""
-        friction = self.friction(q, self.sliding)
+        friction = self.friction(q, self.sliding, v)
         self._put(q, v)
         return self._dynamics.bias()[self._velocity] + friction
 
-    def friction(self, q: FloatArray, sliding: FloatArray) -> FloatArray:
-        """(k,) what dry friction adds to c where joints and tendons slide these ways, (s,)."""
+    def friction(self, q: FloatArray, sliding: FloatArray, v: FloatArray | None = None) -> FloatArray:
+        """(k,) what dry friction adds to c where joints and tendons slide these ways, (s,); nan: as at v, (k,)."""
         if not sliding.any():
             return np.zeros(len(q))
-        return np.asarray((self.dry * sliding) @ self.slides(q))
+        slides = self.slides(q)
+        moving = np.zeros(len(sliding)) if v is None else np.sign(slides @ v)
+        return np.asarray((self.dry * np.where(np.isnan(sliding), moving, sliding)) @ slides)
 
     def slides(self, q: FloatArray) -> FloatArray:
         """(s, k) how fast each joint and tendon with dry friction slides, per velocity of each joint."""
@@ -157,7 +159,7 @@ class ModelEquations:
 
     def inverse(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """(k,) ``mj_inverse``: the generalised force that the motion needs."""
-        friction = self.friction(q, self.sliding)
+        friction = self.friction(q, self.sliding, v)
         self._put(q, v)
         acceleration = np.zeros(len(a))
         acceleration[self._velocity] = a

@@ -25,7 +25,12 @@ _SAME = 1e-8
 _SLOW = 1e-6
 
 #: The dry friction of a sliding direction, 0 for none, in words.
-WAYS = {1.0: "that of sliding forwards", -1.0: "that of sliding backwards", 0.0: "left out"}
+_WAYS = {1.0: "that of sliding forwards", -1.0: "that of sliding backwards", 0.0: "left out"}
+
+
+def way_in_words(way: float) -> str:
+    """The dry friction of a sliding direction; 0 for none, nan for whichever the velocity has."""
+    return _WAYS.get(float(way), "against the velocity")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +51,9 @@ class Slid:
         return float(self.forwards is not None) - float(self.backwards is not None)
 
     def otherwise(self, way: float) -> str:
-        """When it slides another way than the given one, in words; "" where it does not."""
+        """When it slides another way than the given one, in words; "" where it does not, or any is right (nan)."""
+        if np.isnan(way):
+            return ""
         found = {1.0: ("forwards", self.forwards), -1.0: ("backwards", self.backwards)}
         return " and ".join(
             f"{words} between frames {frames[0]:g} and {frames[1]:g}"

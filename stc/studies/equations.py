@@ -20,7 +20,7 @@ from stc.errors import UsageError
 from stc.phases import Phase, phases
 from stc.problem import ParameterRef, Problem, VariableRef
 from stc.solution import Solution
-from stc.studies.dry_friction import WAYS, dry_friction_named, slid
+from stc.studies.dry_friction import dry_friction_named, slid, way_in_words
 from stc.studies.equation_report import EquationReport
 from stc.studies.spec_equations import SpecEquations, State, constant_values
 from stc.studies.static_forces import static_forces_named
@@ -309,15 +309,18 @@ class _Comparison:
         still = best = self._sample(_PROBES)
         most, dry = -1, len(model.sliders)
         known = [(one.way,) if one.way else (0.0, 1.0, -1.0) for one in self.slid] or [(0.0, 1.0, -1.0)] * dry
-        for way in product(*(known if dry <= _DRY else (ways[:1] for ways in known))):
+        tries = [*product(*(known if dry <= _DRY else (ways[:1] for ways in known)))]
+        if any(len(ways) > 1 for ways in known):
+            tries.append(tuple(ways[0] if len(ways) == 1 else np.nan for ways in known))
+        for way in tries:
             sliding = np.array(way)
-            friction = np.array([model.friction(q, sliding) for q in still.q])
+            friction = np.array([model.friction(q, sliding, qd) for q, qd in zip(still.q, still.qd)])
             tried = replace(still, bias=still.bias + friction)
             if len(self._rows_that_hold(tried)) > most:
                 most, best, chosen = len(self._rows_that_hold(tried)), tried, sliding
         model.sliding = chosen
         for slider, which in zip(model.sliders, model.sliding):
-            note = f"dry friction of {slider}: {WAYS[float(which)]} ({self.spec.phase})"
+            note = f"dry friction of {slider}: {way_in_words(which)} ({self.spec.phase})"
             self.report.notes.append(note)
         return best
 
@@ -327,7 +330,7 @@ class _Comparison:
             frames = gone.otherwise(float(way))
             if frames:
                 self.report.findings.append(
-                    f"{slider}: dry friction: spec {WAYS[float(way)]}, the motion slides {frames} ({self.spec.phase})"
+                    f"{slider}: dry friction: spec {way_in_words(way)}, the motion slides {frames} ({self.spec.phase})"
                 )
                 self._metric("equations of motion", f"dry friction of {slider}", 1.0 + abs(way))
 

@@ -84,8 +84,10 @@ def _multiple(gap: FloatArray, forces: FloatArray) -> bool:
 def _parts(tables: Tables, mechanics: ModelEquations) -> list[_Part]:
     """What the model's side of the column without accelerations consists of, gravity and springs first."""
     base, k = tables.base, len(mechanics.joints)
-    friction = np.array([mechanics.friction(q, mechanics.sliding) for q in base.q])
-    still = np.array([mechanics.bias(q, np.zeros(k)) for q in base.q]) - friction
+    still, friction = np.zeros_like(base.q), np.zeros_like(base.q)
+    for s, (q, qd) in enumerate(zip(base.q, base.qd)):
+        still[s] = mechanics.bias(q, np.zeros(k)) - mechanics.friction(q, mechanics.sliding)
+        friction[s] = mechanics.friction(q, mechanics.sliding, qd)
     found = [_Part(static_words(mechanics), still, 1.0)]
     if not tables.at_rest:
         found.append(_Part("velocity products and damping", base.bias - friction - still, 1.0))

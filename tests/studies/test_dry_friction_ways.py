@@ -8,6 +8,7 @@ import pytest
 
 import stc
 from stc.certification import certify
+from stc.studies.equations import check_equations
 from stc.validate.certificate import Certificate
 
 BLOCK = """
@@ -94,3 +95,20 @@ def test_friction_that_turns_with_the_motion_is_right(tmp_path: Path) -> None:
     (tmp_path / "block.stc").write_text(text + "jumps: [n/2]: u;")
     certificate = certify(stc.load(tmp_path / "block.stc").solve(), equations=True)
     assert certificate.passed, certificate.headline
+
+
+@pytest.mark.parametrize(("share", "good"), [(1, True), (0.9, False)])
+def test_friction_against_any_velocity_is_compared_with_that(
+    tmp_path: Path, share: float, good: bool
+) -> None:
+    """Written with the direction of the velocity, which has no value at rest."""
+    (tmp_path / "block.xml").write_text(BLOCK)
+    rows = f"2*x'' = u - {share}*F*x'/sqrt(x'^2);"
+    text = SPEC.format(rows=rows, acceleration="1", start=0.5, method="trapezoidal")
+    (tmp_path / "block.stc").write_text(text + "guess: x = t;")
+    report = check_equations(stc.load(tmp_path / "block.stc").problem(), states=60)
+    assert report.passed is good, report.findings
+    assert ("dry friction of joint x: against the velocity (frames 0 to 20)" in report.notes) is good
+    certificate = certify(stc.load(tmp_path / "block.stc").solve(), equations=True)
+    assert certificate.passed is good, certificate.headline
+    assert good or certificate.headline == "joint x: dry friction: spec 2.7, model 3 (frames 0 to 20)"
