@@ -59,8 +59,7 @@ def certify(
     if equations or (equations is None and not certificate.passed and not _obeys(certificate)):
         compared, why = _equations(solution, certificate.replays.setup.path)
         certificate.equations = compared
-        if why:
-            certificate.report.notes = [*certificate.report.notes, why]
+        certificate.refused = why
     if not certificate.passed:
         certificate.more_frames = _more_frames(solution)
     return certificate
@@ -95,7 +94,15 @@ def _equations(solution: Solution, model: Path) -> tuple[EquationReport | None, 
     try:
         return equations_along(solution, str(model)), ""
     except StcError as error:
-        return None, f"the equations of motion are not compared: {str(error).splitlines()[0]}"
+        return None, str(error).splitlines()[0]
+    except Exception as error:  # a mistake of stc's: the verdict does not depend on this step
+        if os.environ.get("STC_DEBUG"):
+            raise
+        what = f"{type(error).__name__}: {error}".strip().splitlines()[0]
+        return None, (
+            f"stc itself failed there ({what}). Please report it with the spec and the command; "
+            "with STC_DEBUG=1 it shows where"
+        )
 
 
 def _more_frames(solution: Solution) -> str:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 _NEGLIGIBLE = 1e-6
 
 #: A joint that is slower (m/s or rad/s) is at rest for its dry friction.
-_AT_REST = 1e-9
+AT_REST = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +183,7 @@ def _only(chosen: np.ndarray, force: FloatArray) -> FloatArray:
 
 def _without_dry_friction(force: FloatArray, velocity: FloatArray, loss: FloatArray) -> FloatArray:
     """(nv,) what is left of a generalised force without the joints' dry friction, at most ``loss`` each."""
-    at_rest = np.abs(velocity) <= _AT_REST
+    at_rest = np.abs(velocity) <= AT_REST
     friction = np.where(at_rest, np.clip(force, -loss, loss), -loss * np.sign(velocity))
     return np.asarray(force - friction)
 

@@ -40,7 +40,7 @@ class ModelEquations:
         has_springs: whether static forces include those of springs.
         sliders: what has dry friction: ``joint elbow``, ``tendon rope``.
         dry: (s,) dry friction of each, N or N m.
-        sliding: (s,) which way each slides, 1 or -1; 0, as at first, leaves its dry friction out.
+        sliding: (s,) which way each slides, 1 or -1; 0, as at first, leaves its dry friction out; nan: as joints move.
         has_equalities: whether the model closes loops or gears joints to each other.
         notes: what the model has that equations of motion do not speak of.
     """
@@ -102,17 +102,23 @@ class ModelEquations:
 
     def bias(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """(k,) c, and dry friction as joints and tendons are sliding."""
-        friction = self.friction(q, self.sliding)
+        friction = self.friction(q, self.sliding, v)
         self._put(q, v)
         return self._dynamics.bias()[self._velocity] + friction
 
-    def friction(self, q: FloatArray, sliding: FloatArray) -> FloatArray:
-        """(k,) what dry friction adds to c where joints and tendons slide these ways, (s,)."""
+    def friction(self, q: FloatArray, sliding: FloatArray, v: FloatArray | None = None) -> FloatArray:
+        """(k,) what dry friction adds to c where joints and tendons slide these ways, (s,); nan: as at v, (k,)."""
         if not sliding.any():
             return np.zeros(len(q))
+        slides = self.slides(q)
+        moving = np.zeros(len(sliding)) if v is None else np.sign(slides @ v)
+        return np.asarray((self.dry * np.where(np.isnan(sliding), moving, sliding)) @ slides)
+
+    def slides(self, q: FloatArray) -> FloatArray:
+        """(s, k) how fast each joint and tendon with dry friction slides, per velocity of each joint."""
         import mujoco
 
-        ways = np.zeros((len(sliding), len(q)))
+        ways = np.zeros((len(self.dry), len(q)))
         ways[np.arange(len(self._dry_joints)), self._dry_joints] = 1.0
         dynamics = self._dynamics
         for j, unit in enumerate(np.eye(len(q)) if len(self._dry_tendons) else ()):
@@ -121,7 +127,19 @@ class ModelEquations:
             mujoco.mj_fwdVelocity(dynamics.model, dynamics.data)
             # The velocity of a tendon is linear in those of the joints.
             ways[len(self._dry_joints) :, j] = dynamics.data.ten_velocity[self._dry_tendons]
-        return np.asarray((self.dry * sliding) @ ways)
+        return ways
+
+    def gravities(self, q: FloatArray) -> FloatArray:
+        """(k, 3) what c would hold of a gravity of 1 m/s^2 along each axis of the world."""
+        gravity = self._dynamics.model.opt.gravity
+        given, found = gravity.copy(), np.zeros((len(q), 3))
+        gravity[:] = 0.0
+        without = self.bias(q, np.zeros(len(q)))
+        for axis in range(3):
+            gravity[:] = np.eye(3)[axis]
+            found[:, axis] = self.bias(q, np.zeros(len(q))) - without
+        gravity[:] = given
+        return found
 
     def force(self, q: FloatArray, v: FloatArray, u: FloatArray, f: FloatArray) -> FloatArray:
         """(k,) Q."""
@@ -141,7 +159,7 @@ class ModelEquations:
 
     def inverse(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """(k,) ``mj_inverse``: the generalised force that the motion needs."""
-        friction = self.friction(q, self.sliding)
+        friction = self.friction(q, self.sliding, v)
         self._put(q, v)
         acceleration = np.zeros(len(a))
         acceleration[self._velocity] = a

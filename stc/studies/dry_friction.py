@@ -1,4 +1,4 @@
-"""Dry friction among the differences of a spec's equations of motion from its model's."""
+"""Dry friction in a spec's equations of motion and in its model's: which way it acts, and where the two differ."""
 
 from __future__ import annotations
 
@@ -8,13 +8,90 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.studies.terms import STATIC, Difference
+from stc.phases import Phase
+from stc.records import dataclass
+from stc.solution import Solution
+from stc.studies.terms import STATIC, TOGETHER, Difference
+from stc.trajectory import Channel
+from stc.validate.inverse import AT_REST
 from stc.validate.model_equations import ModelEquations
 
 FloatArray = NDArray[np.float64]
 
 #: What differs less than this share of the friction from position to position is the same at all of them.
 _SAME = 1e-8
+
+#: What slides slower than this share of its fastest may be at rest: the solver leaves as much.
+_SLOW = 1e-6
+
+#: The dry friction of a sliding direction, 0 for none, in words.
+_WAYS = {1.0: "that of sliding forwards", -1.0: "that of sliding backwards", 0.0: "left out"}
+
+
+def way_in_words(way: float) -> str:
+    """The dry friction of a sliding direction; 0 for none, nan for whichever the velocity has."""
+    return _WAYS.get(float(way), "against the velocity")
+
+
+@dataclass(frozen=True, slots=True)
+class Slid:
+    """Which way something with dry friction slides on a phase of a motion.
+
+    Attributes:
+        forwards: first and last of the frames at which it slides forwards; None if it does not.
+        backwards: the same of sliding backwards.
+    """
+
+    forwards: tuple[float, float] | None
+    backwards: tuple[float, float] | None
+
+    @property
+    def way(self) -> float:
+        """1 or -1 where it slides one way only; 0 where it slides both ways or rests."""
+        return float(self.forwards is not None) - float(self.backwards is not None)
+
+    def otherwise(self, way: float) -> str:
+        """When it slides another way than the given one, in words; "" where it does not, or any is right (nan)."""
+        if np.isnan(way):
+            return ""
+        found = {1.0: ("forwards", self.forwards), -1.0: ("backwards", self.backwards)}
+        return " and ".join(
+            f"{words} between frames {frames[0]:g} and {frames[1]:g}"
+            for sign, (words, frames) in found.items()
+            if frames is not None and sign != way
+        )
+
+
+def slid(motion: Solution, phase: Phase, mechanics: ModelEquations) -> list[Slid]:
+    """Which way each thing with dry friction slides at the nodes of a phase; empty where velocities are not known."""
+    lines = {channel.name: channel for channel in motion.replay if channel.kind == "joint"}
+    channels = [(lines[name].value, lines[name].rate) for name in mechanics.joints if name in lines]
+    if len(channels) < len(mechanics.joints) or any(rate is None for _, rate in channels):
+        return []
+    start, stop = motion.force_frames or (0, motion.n)
+    first, last = max(phase.first, start), min(phase.last, stop)
+    if last <= first:
+        return []
+    frames = np.arange(first, last + 1.0)
+    places = np.concatenate([frames[:-1], frames[1:], frames[:-1] + 0.5])
+
+    def nodes(channel: Channel) -> FloatArray:
+        """Right sides of frames, left sides, midpoints."""
+        mid = channel.mid[first:last] if channel.mid is not None else channel.after[:0]
+        return np.concatenate([channel.after[first:last], channel.before[first + 1 : last + 1], mid])
+
+    q = np.stack([nodes(value) for value, _ in channels], axis=1)
+    v = np.stack([nodes(rate) for _, rate in channels if rate is not None], axis=1)
+    rates = np.array([mechanics.slides(at) @ speed for at, speed in zip(q, v)])
+    found = []
+    for rate in rates.reshape(len(q), len(mechanics.dry)).T:
+        slow = max(AT_REST, _SLOW * float(np.abs(rate).max(initial=0.0)))
+        ends = []
+        for one in (rate > slow, rate < -slow):
+            where = places[: len(rate)][one]
+            ends.append((float(where.min()), float(where.max())) if len(where) else None)
+        found.append(Slid(*ends))
+    return found
 
 
 def dry_friction_named(
@@ -34,7 +111,7 @@ def dry_friction_named(
         row = mechanics.joints.index(one.joint)
         gap = spec[:, row] - model[:, row]
         most = float(sum(way[row] for way in ways))
-        if one.kind == STATIC and most > 0.0 and float(np.ptp(gap)) <= _SAME * most:
+        if one.kind in (STATIC, TOGETHER) and most > 0.0 and float(np.ptp(gap)) <= _SAME * most:
             slides = float(mechanics.friction(start, mechanics.sliding)[row])
             stated = float(gap.mean()) + slides
             given = slides or most * float(np.sign(stated))

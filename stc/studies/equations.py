@@ -19,19 +19,20 @@ from numpy.typing import NDArray
 from stc.errors import UsageError
 from stc.phases import Phase, phases
 from stc.problem import ParameterRef, Problem, VariableRef
-from stc.records import dataclass
 from stc.solution import Solution
-from stc.studies.dry_friction import dry_friction_named
+from stc.studies.dry_friction import dry_friction_named, slid, way_in_words
 from stc.studies.equation_report import EquationReport
 from stc.studies.spec_equations import SpecEquations, State, constant_values
+from stc.studies.static_forces import static_forces_named
+from stc.studies.taking_apart import Sample, Tables, TakingApart
 from stc.studies.terms import (
     DAMPING,
     FORCE,
     MASS,
     PRODUCT,
     STATIC,
+    TOGETHER,
     Difference,
-    Term,
     differences,
     matched,
     scales,
@@ -76,7 +77,8 @@ def check_equations(
         motion: a solution of the problem; positions and velocities are drawn from where it goes.
 
     Raises:
-        UsageError: the spec names no model, or its expressions have no value at random states.
+        UsageError: the spec names no model, its expressions have no value at random states, or what it states
+            cannot be compared: equations with values of neighbouring frames, for one.
         ModelError: the model does not fit the replay section.
     """
     name = model or problem.model
@@ -99,20 +101,20 @@ def check_equations(
         report = EquationReport(
             spec=problem.name, model=path.name, states=states, notes=list(mechanics.notes)
         )
+        joints, forces = ([c.body for c in some] for some in (lines["joint"], [*lines["actuator"], *outer]))
+        each = [SpecEquations(problem, phase, joints, forces, numbers) for phase in _wide_phases(problem)]
+        unread = _unread(each)
         done: list[list[object]] = []
-        for phase in _wide_phases(problem):
-            spec = SpecEquations(
-                problem,
-                phase,
-                [c.body for c in lines["joint"]],
-                [c.body for c in (*lines["actuator"], *outer)],
-                numbers,
-            )
+        whole = True
+        for spec in each:
             same = [e.body for e in (*spec.dynamic, *spec.laws)]
             if same not in done:
                 done.append([*same])
-                ranges = _ranges(motion, phase, spec.coordinates) if motion is not None else None
-                _Comparison(spec, mechanics, report, rng, ranges).run(states)
+                whole = _Comparison(spec, mechanics, report, rng, motion, unread).run(states) and whole
+        if unread is not None and not whole:
+            if not report.findings:
+                raise unread
+            report.notes.append(f"not all equations of motion are compared: {unread.message}")
     report.notes += warnings
     return report
 
@@ -127,6 +129,20 @@ def _wide_phases(problem: Problem) -> list[Phase]:
     if not found:
         raise UsageError(f"{problem.name} has a single frame: there is no motion to compare")
     return found
+
+
+def _unread(specs: Sequence[SpecEquations]) -> UsageError | None:
+    """Why equations of motion may be among those that cannot be read; None where all can be."""
+    others = [e for s in specs for e in (*s.skipped, *s.stepping)]
+    if not others:
+        return None
+    stepping = [e for e in others if any(isinstance(k, VariableRef) and k.shift for k in symbols(e.body))]
+    places = dict.fromkeys(e.relation.span.location for e in stepping or others)
+    what = "have values of neighbouring frames" if stepping else "are not linear in second derivatives"
+    return UsageError(
+        f"the equations at {', '.join(places)} {what}",
+        "equations of motion can be compared where they are linear in accelerations, written as x''",
+    )
 
 
 def _parameters(problem: Problem, rng: np.random.Generator) -> dict[str, float]:
@@ -158,23 +174,6 @@ def _ranges(motion: Solution, phase: Phase, coordinates: Sequence[str]) -> list[
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class _Sample:
-    """The spec and the model at the same S states, in joint coordinates.
-
-    The spec says ``matrix q'' + offset = 0``, the model ``mass q'' + bias = force``.
-    """
-
-    state: State
-    q: FloatArray
-    qd: FloatArray
-    matrix: FloatArray
-    offset: FloatArray
-    mass: FloatArray
-    bias: FloatArray
-    force: FloatArray
-
-
 class _Comparison:
     """One phase of one spec."""
 
@@ -184,14 +183,18 @@ class _Comparison:
         model: ModelEquations,
         report: EquationReport,
         rng: np.random.Generator,
-        ranges: list[FloatArray] | None = None,
+        motion: Solution | None = None,
+        unread: UsageError | None = None,
     ) -> None:
-        self.spec, self.model, self.report, self.rng = spec, model, report, rng
-        self.ranges = ranges
+        """``unread``: why equations of motion may be missing that the spec states."""
+        self.spec, self.model, self.report, self.rng, self.unread = spec, model, report, rng, unread
+        self.ranges = _ranges(motion, spec.phase, spec.coordinates) if motion is not None else None
+        self.slid = slid(motion, spec.phase, model) if motion is not None else []
         self.k = len(model.joints)
         self.reactions = self._reactions()
 
-    def run(self, states: int) -> None:
+    def run(self, states: int) -> bool:
+        """Compare; False where equations of motion are missing that may be among those that cannot be read."""
         if len(self.spec.coordinates) != self.k:
             names = ", ".join(self.spec.coordinates)
             raise UsageError(
@@ -204,12 +207,16 @@ class _Comparison:
         true = self._rows_that_hold(probe)
         rows = self._enough(probe, true)
         if len(rows) < self.k:
-            self._incomplete(probe, rows)
-            return
+            if self.unread is None:
+                self._incomplete(probe, rows)
+            return self.unread is None
         shares = self._shares(self._sample(states), rows)
         for joint, share in zip(self.model.joints, shares):
             self._metric("equations of motion", f"joint {joint}", share)
+        if np.all(shares <= limits.EQUATIONS):
+            self._note_sliding_back()
         self._compare_terms(rows, bool(np.all(shares <= limits.EQUATIONS)))
+        return True
 
     def _metric(self, name: str, subject: str, value: float) -> None:
         phase = self.spec.phase
@@ -237,7 +244,7 @@ class _Comparison:
 
     # ------------------------------------------------------------------ states
 
-    def _sample(self, count: int) -> _Sample:
+    def _sample(self, count: int) -> Sample:
         """Random states at which everything has a value."""
         k, m = self.k, len(self.spec.auxiliaries)
         fast: tuple[FloatArray | float, FloatArray | float] = (-_VELOCITY, _VELOCITY)
@@ -256,13 +263,13 @@ class _Comparison:
             with np.errstate(all="ignore"):
                 found = self._at(state)
             if found is not None and len(found.q) >= count:
-                return found if len(found.q) == count else _first(found, count)
+                return found if len(found.q) == count else found.first(count)
         raise UsageError(
             "the equations of motion have no value at random positions",
             "a square root, a logarithm or a division may be the reason",
         )
 
-    def _at(self, state: State) -> _Sample | None:
+    def _at(self, state: State) -> Sample | None:
         """Spec and model at those of the given states where both have values."""
         linear = self.spec.linear(state)
         jacobian, rest = self.spec.joint_map(linear.state)
@@ -280,7 +287,7 @@ class _Comparison:
         offset = linear.offset[good] - (matrix @ rest[..., None])[..., 0]
         qd = (jacobian @ kept.v[..., None])[..., 0]
         mass, bias, force = self._model_at(q, qd, lines)
-        return _Sample(kept, q, qd, matrix, offset, mass, bias, force)
+        return Sample(kept, q, qd, lines, matrix, offset, mass, bias, force)
 
     def _model_at(
         self, q: FloatArray, qd: FloatArray, lines: FloatArray
@@ -295,26 +302,39 @@ class _Comparison:
 
     # ------------------------------------------------------- which rows are meant
 
-    def _probe(self) -> _Sample:
+    def _probe(self) -> Sample:
         """Random states, what has dry friction sliding the way on which most of the spec's equations hold."""
         model = self.model
         model.sliding[:] = 0.0
         still = best = self._sample(_PROBES)
-        most = len(self._rows_that_hold(still))
-        dry = len(model.sliders)
-        for way in product((0.0, 1.0, -1.0), repeat=dry) if dry <= _DRY else ():
+        most, dry = -1, len(model.sliders)
+        known = [(one.way,) if one.way else (0.0, 1.0, -1.0) for one in self.slid] or [(0.0, 1.0, -1.0)] * dry
+        tries = [*product(*(known if dry <= _DRY else (ways[:1] for ways in known)))]
+        if any(len(ways) > 1 for ways in known):
+            tries.append(tuple(ways[0] if len(ways) == 1 else np.nan for ways in known))
+        for way in tries:
             sliding = np.array(way)
-            friction = np.array([model.friction(q, sliding) for q in still.q])
+            friction = np.array([model.friction(q, sliding, qd) for q, qd in zip(still.q, still.qd)])
             tried = replace(still, bias=still.bias + friction)
             if len(self._rows_that_hold(tried)) > most:
-                most, best, model.sliding = len(self._rows_that_hold(tried)), tried, sliding
+                most, best, chosen = len(self._rows_that_hold(tried)), tried, sliding
+        model.sliding = chosen
         for slider, which in zip(model.sliders, model.sliding):
-            ways = {1.0: "that of sliding forwards", -1.0: "that of sliding backwards", 0.0: "left out"}
-            note = f"dry friction of {slider}: {ways[float(which)]} ({self.spec.phase})"
+            note = f"dry friction of {slider}: {way_in_words(which)} ({self.spec.phase})"
             self.report.notes.append(note)
         return best
 
-    def _rows_that_hold(self, probe: _Sample) -> list[int]:
+    def _note_sliding_back(self) -> None:
+        """Finds what slides both ways on the motion, with one dry friction for both in the spec."""
+        for slider, gone, way in zip(self.model.sliders, self.slid, self.model.sliding):
+            frames = gone.otherwise(float(way))
+            if frames:
+                self.report.findings.append(
+                    f"{slider}: dry friction: spec {way_in_words(way)}, the motion slides {frames} ({self.spec.phase})"
+                )
+                self._metric("equations of motion", f"dry friction of {slider}", 1.0 + abs(way))
+
+    def _rows_that_hold(self, probe: Sample) -> list[int]:
         """The equations that MuJoCo's accelerations satisfy at every state."""
         acceleration = np.linalg.solve(probe.mass, (probe.force - probe.bias)[..., None])[..., 0]
         parts = probe.matrix * acceleration[:, None, :]
@@ -324,7 +344,7 @@ class _Comparison:
         involved = np.abs(probe.matrix).max(axis=(0, 2)) > 0.0
         return [int(row) for row in np.flatnonzero(holds.all(axis=0) & involved)]
 
-    def _enough(self, probe: _Sample, true: Sequence[int]) -> list[int]:
+    def _enough(self, probe: Sample, true: Sequence[int]) -> list[int]:
         """k equations that determine all accelerations, the true ones first; fewer if there are not so many."""
         others = [row for row in range(self.spec.size) if row not in true]
         others.sort(key=self._standing)
@@ -345,7 +365,7 @@ class _Comparison:
             return 1
         return 2 if len(keys) > 1 else 3
 
-    def _incomplete(self, probe: _Sample, rows: Sequence[int]) -> None:
+    def _incomplete(self, probe: Sample, rows: Sequence[int]) -> None:
         """Names the joints whose accelerations the spec leaves open."""
         matrix = probe.matrix[0, list(rows)]
         _, sizes, directions = np.linalg.svd(matrix) if rows else (None, np.zeros(0), np.eye(self.k))
@@ -360,7 +380,7 @@ class _Comparison:
 
     # ------------------------------------------------------------------ comparing
 
-    def _shares(self, sample: _Sample, rows: Sequence[int]) -> FloatArray:
+    def _shares(self, sample: Sample, rows: Sequence[int]) -> FloatArray:
         """(k,) largest difference at the states, as a share of the largest generalised force there."""
         matrix, offset = sample.matrix[:, rows], sample.offset[:, rows]
         size = np.abs(matrix).max(axis=2)
@@ -377,29 +397,50 @@ class _Comparison:
 
     def _compare_terms(self, rows: Sequence[int], agree: bool) -> None:
         """Entry by entry: mass matrix, bias, forces."""
-        sample = self._sample(_TABLES)
-        terms, spec, model = self._tables(sample, rows)
-        equations = [self.spec.dynamic[row] for row in rows]
+        sample, equations = self._sample(_TABLES), [self.spec.dynamic[row] for row in rows]
+        places = [equation.relation.span.location for equation in equations]
+        joint_maps = self.spec.joint_map(sample.state)[0]
+        names = [self._line(m) for m in range(len(self.spec.auxiliaries))]
+        tables = TakingApart(self.model, self._at, sample, rows, joint_maps, names).tables()
+        self._note_together(tables, places)
+        if tables is None:
+            if not agree:
+                self._report([], places)
+            return
+        terms, spec, model = tables.terms, tables.spec, tables.model
         maps = None
         order = [e.relation.coordinate for e in equations]
         if sorted(order) == sorted(self.spec.coordinates):
             by_coordinate = [order.index(name) for name in self.spec.coordinates]
             spec = spec[:, by_coordinate]
-            maps = self._maps
+            maps = joint_maps
         table = matched(spec, model, terms, maps)
         self._hold(sample, table, model)
         shares = np.abs(table - model) / scales(model, table, terms)[:, None, :]
-        for kind in (MASS, STATIC, PRODUCT, DAMPING, FORCE):
+        for kind in (MASS, STATIC, TOGETHER, PRODUCT, DAMPING, FORCE):
             columns = [column for column, term in enumerate(terms) if term.kind == kind]
             if columns:
                 self._metric(f"{kind}, entry by entry", "all joints", float(shares[:, :, columns].max()))
         found = differences(table, model, terms, self.model.joints)
         found = dry_friction_named(found, table[..., self.k], model[..., self.k], self.model)
+        found = static_forces_named(found, tables, table[..., self.k] - model[..., self.k], self.model)
         if agree and not found:
             return
-        self._report(found, [equations[k].relation.span.location for k in range(len(equations))])
+        self._report(found, places)
 
-    def _hold(self, sample: _Sample, table: FloatArray, model: FloatArray) -> None:
+    def _note_together(self, tables: Tables | None, places: Sequence[str]) -> None:
+        """Says what was not taken apart, and why."""
+        if tables is not None and tables.at_rest:
+            return
+        how = "are not taken apart term by term"
+        if tables is not None:
+            how = "are taken apart without those of velocities, which stay with the static forces"
+        self.report.notes.append(
+            f"the equations of motion at {', '.join(dict.fromkeys(places))} {how} ({self.spec.phase}): they have no "
+            "value at rest, or without forces; a division by a speed may be the reason"
+        )
+
+    def _hold(self, sample: Sample, table: FloatArray, model: FloatArray) -> None:
         """Give the model what of the spec's forces in loops and gears it can give; its table is changed in place."""
         first = table.shape[2] - len(self.spec.auxiliaries)
         for column in (first + m for m in self.reactions):
@@ -419,50 +460,6 @@ class _Comparison:
         note = f"the equations of motion that were compared stand at {where}"
         if note not in self.report.notes:
             self.report.notes.append(note)
-
-    def _tables(self, base: _Sample, rows: Sequence[int]) -> tuple[list[Term], FloatArray, FloatArray]:
-        """Both sides taken apart at the positions of some states: (S, k, C) tables and their columns."""
-        x, k, joints = base.state.x, self.k, self.model.joints
-        still = State(x, np.zeros_like(x), np.zeros_like(base.state.z))
-        self._maps = self.spec.joint_map(still)[0]
-        back = np.linalg.inv(self._maps)
-
-        def sides(velocity: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-            """What is left of either side without accelerations, (S, k) each, at joint velocities (k,)."""
-            at = self._at(State(x, back @ velocity, np.broadcast_to(z, base.state.z.shape)))
-            assert at is not None
-            return at.offset[:, rows], at.bias - at.force
-
-        rest = np.zeros(len(self.spec.auxiliaries))
-        zero = sides(np.zeros(k), rest)
-        static = "static force (gravity and springs)" if self.model.has_springs else "gravity"
-        terms = [Term(MASS, "", joint) for joint in joints] + [Term(STATIC, static)]
-        spec = [*np.moveaxis(base.matrix[:, rows], 2, 0), zero[0]]
-        model = [*np.moveaxis(base.mass, 2, 0), zero[1]]
-
-        def column(kind: str, words: str, pair: Sequence[FloatArray]) -> None:
-            terms.append(Term(kind, words))
-            spec.append(pair[0])
-            model.append(pair[1])
-
-        unit = np.eye(k)
-        ahead = [sides(unit[j], rest) for j in range(k)]
-        back_ = [sides(-unit[j], rest) for j in range(k)]
-        for j, name in enumerate(joints):
-            even = [0.5 * (a + b) - z for a, b, z in zip(ahead[j], back_[j], zero)]
-            odd = [0.5 * (a - b) for a, b in zip(ahead[j], back_[j])]
-            column(PRODUCT, f"velocity product {name}'^2", even)
-            column(DAMPING, f"damping by {name}'", odd)
-            for other in range(j):
-                both = sides(unit[j] + unit[other], rest)
-                cross = [c - a - b + z for c, a, b, z in zip(both, ahead[j], ahead[other], zero)]
-                column(PRODUCT, f"velocity product {joints[other]}'*{name}'", cross)
-        for m in range(len(self.spec.auxiliaries)):
-            pull = rest.copy()
-            pull[m] = _FORCE
-            given = [(b - a) / _FORCE for a, b in zip(sides(np.zeros(k), pull), zero)]
-            column(FORCE, f"force of {self._line(m)}", given)
-        return terms, np.stack(spec, axis=2), np.stack(model, axis=2)
 
     def _line(self, auxiliary: int) -> str:
         """The replay lines that an auxiliary drives, or its own name."""
@@ -485,21 +482,6 @@ def _rank(rows: FloatArray) -> int:
     size = np.abs(rows).max(axis=2, keepdims=True)
     scaled = np.divide(rows, size, out=np.zeros_like(rows), where=size > 0.0)
     return int(np.median(np.linalg.matrix_rank(scaled, tol=1e-9)))
-
-
-def _first(sample: _Sample, count: int) -> _Sample:
-    """The first ``count`` states of a sample."""
-    state = State(sample.state.x[:count], sample.state.v[:count], sample.state.z[:count])
-    return _Sample(
-        state,
-        sample.q[:count],
-        sample.qd[:count],
-        sample.matrix[:count],
-        sample.offset[:count],
-        sample.mass[:count],
-        sample.bias[:count],
-        sample.force[:count],
-    )
 
 
 __all__ = ["EquationReport", "check_equations"]

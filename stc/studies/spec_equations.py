@@ -73,6 +73,7 @@ class SpecEquations:
         dynamic: the dynamic equations.
         laws: those that restrict auxiliaries.
         skipped: equations with second derivatives that are not linear in them, or that reach to other frames.
+        stepping: equations without derivatives that tie what moves to its values at other frames.
     """
 
     def __init__(
@@ -98,6 +99,7 @@ class SpecEquations:
         self.forces = [resolved(problem, body, phase.first) for body in forces]
         self.coordinates = _variables(self.joints)
         self.skipped: list[Equation] = []
+        self.stepping: list[Equation] = []
         self.dynamic: list[Equation] = []
         laws: list[Equation] = []
         for equation in phase.equations:
@@ -114,8 +116,11 @@ class SpecEquations:
         top = [k for k in keys if k.order >= 2 or (k.order >= 1 and k.name not in own)]
         elsewhere = any((k.scale, k.shift) != (1, 0) for k in keys)
         if not top:
+            handed = {k.name for body in self.forces for k in symbols(body) if isinstance(k, VariableRef)}
             if keys and not elsewhere:
                 laws.append(equation)
+            elif any(k.shift for k in keys if k.name not in handed):
+                self.stepping.append(equation)  # a force that is held over some frames is no motion
         elif elsewhere or any(k.order > 2 for k in keys) or not is_linear(equation.body, top):
             self.skipped.append(equation)
         else:

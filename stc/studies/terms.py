@@ -26,6 +26,9 @@ _TRIALS = 200
 
 MASS, STATIC, PRODUCT, DAMPING, FORCE = "mass matrix", "static force", "velocity product", "damping", "force"
 
+#: Instead of the three in the middle, where these cannot be told apart.
+TOGETHER = "static force and what velocities add"
+
 
 @dataclass(frozen=True, slots=True)
 class Term:

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from stc.validate.certificate.blame import rank
 from stc.validate.metrics import Metric
 
-#: Metrics of the solver's answer, of the equations as such, and of the ground, by how their names begin.
+#: Metrics of the solver's answer, of the equations as such, of what in these an impulse depends on, and of the ground,
+#: by how their names begin.
 _SOLVER = ("constraint violation", "KKT residual")
 _EQUATIONS = (
     "equations of motion",
@@ -22,6 +23,7 @@ _EQUATIONS = (
     "damping",
     "force, entry",
 )
+_IMPULSIVE = ("mass matrix", "force, entry")
 _GROUND = ("contact", "penetration", "slip", "normal", "external")
 
 #: Metrics that the distance of the frames is in.
@@ -51,7 +53,12 @@ _TRUNCATION = (
 
 
 def next_steps(
-    metrics: Sequence[Metric], compared: bool, more_frames: str = "", causes: Sequence[str] = ()
+    metrics: Sequence[Metric],
+    compared: bool,
+    more_frames: str = "",
+    causes: Sequence[str] = (),
+    *,
+    refused: bool = False,
 ) -> list[str]:
     """What to do about the metrics that failed, the first thing first; nothing where none did.
 
@@ -60,13 +67,16 @@ def next_steps(
         compared: whether the spec's equations of motion were compared with the model's.
         more_frames: how to take more frames, such as ``--set n=120``; "" where that cannot be said in a word.
         causes: steps for what is known to be wrong besides measurements, which more frames would not cure either.
+        refused: whether the equations cannot be compared, which a note tells the reason of.
     """
     found: dict[str, None] = {}
     fine = _fine_enough(metrics)
     failed = sorted((metric for metric in metrics if metric.verdict == "fail"), key=rank)
-    wrong = False
+    wrong, unequal = False, _impulses_differ(failed)
     for metric in failed:
-        step = _cause(metric, compared, differ=wrong)
+        if unequal and metric.name.startswith("unexplained impulse"):
+            continue
+        step = _cause(metric, compared, refused, differ=wrong)
         wrong = wrong or bool(step)
         if not step and not wrong and not causes:
             step = _contacts(metric) if fine else _effect(metric, more_frames)
@@ -99,7 +109,17 @@ def _contacts(metric: Metric) -> str:
     return ""
 
 
-def _cause(metric: Metric, compared: bool, differ: bool) -> str:
+def _impulses_differ(failed: Sequence[Metric]) -> bool:
+    """Whether equations of motion are wrong in what tells the impulse of a jump: its mass or the share of a force.
+
+    Wrong gravity, say, gives no impulse. Where no terms were compared any of them may be what is wrong.
+    """
+    wrong = [metric for metric in failed if metric.name.startswith(_EQUATIONS)]
+    terms = [metric for metric in wrong if not metric.name.startswith("equations of motion")]
+    return any(metric.name.startswith(_IMPULSIVE) for metric in terms) or bool(wrong and not terms)
+
+
+def _cause(metric: Metric, compared: bool, refused: bool, differ: bool) -> str:
     """A step for what is wrong with the statement itself, "" for metrics of another kind."""
     name = metric.name
     if name.startswith(_SOLVER):
@@ -126,6 +146,12 @@ def _cause(metric: Metric, compared: bool, differ: bool) -> str:
             return (
                 "the equations are right: check that the joint, actuator, apply and set lines under replay: name the "
                 "variables meant, then solve with a smaller --tolerance"
+            )
+        if refused:
+            return (
+                "check by hand the equations of motion, which cannot be compared with the model's here (the note says "
+                "why): masses and inertias, ratios and signs in the joint lines under replay:, and that its actuator "
+                "and apply lines name all that acts"
             )
         return (
             "check the forces: `--equations` compares the equations of motion term by term, and the "

@@ -39,6 +39,7 @@ class Certificate:
         report: the validation's measurements.
         replays: what was simulated.
         equations: the comparison of the equations of motion, where it was made.
+        refused: why it could not be made, where that was tried.
         further: measurements of others, such as the observed order of convergence.
         faults: what is wrong besides measurements, one line each: the spec has changed since, for one.
         more_frames: what takes twice the frames, such as ``--set n=120``, from whoever can read the spec.
@@ -51,6 +52,7 @@ class Certificate:
     further: Sequence[Metric] = ()
     faults: list[str] = field(default_factory=list)
     more_frames: str = ""
+    refused: str = ""
 
     @property
     def metrics(self) -> list[Metric]:
@@ -96,13 +98,15 @@ class Certificate:
         if self.passed or self.solution.status != "optimal" or self.faults:
             return []
         found = causes.steps(self.replays.setup)
-        return advice.next_steps(self.metrics, self.equations is not None, self.more_frames, found)
+        compared, refused = self.equations is not None, bool(self.refused)
+        return advice.next_steps(self.metrics, compared, self.more_frames, found, refused=refused)
 
     @property
     def notes(self) -> list[str]:
         """What a reader should know besides."""
         equations = self.equations.notes if self.equations is not None else []
-        return list(dict.fromkeys([*self.report.notes, *equations]))
+        refused = [f"the equations of motion are not compared: {self.refused}"] if self.refused else []
+        return list(dict.fromkeys([*self.report.notes, *refused, *equations]))
 
     def facts(self) -> list[tuple[str, str]]:
         """What produced the numbers: label and text."""
