@@ -5,7 +5,8 @@ means over short windows: MuJoCo's contacts are soft and bounce, so that at an i
 with a velocity jump are left out, where its impulse would count as a force.  Right after a touchdown the forces
 oscillate where the solved ones do not, so that the median of the differences and their 90th percentile are judged and
 not the largest.  Differences are shares of the whole force: a part of it that is nothing has no scale of its own.  A
-solved force must also press, and lie in the cone that the model's friction allows.
+solved force must also press, and lie in the cone that the model's friction allows, at every node; under what slides
+it must be the friction.
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate import limits
-from stc.validate.contact_meter import ContactMeter, contact_velocity, touchable, touching, welded
+from stc.validate.contact_meter import ContactMeter, touchable, welded
+from stc.validate.contact_nodes import NodeForces, nearest_node, node_forces, nodes_of
 from stc.validate.impacts import jumping_frames
 from stc.validate.metrics import FloatArray, Metric
 from stc.validate.replay import Replay
 from stc.validate.setup import Setup
+from stc.validate.sliding import Sliding, sliding
 
 if TYPE_CHECKING:
     import mujoco
@@ -33,14 +36,8 @@ _PRESSED = 1e-3
 #: Forces below this share of the largest solved one count as none.
 _NOTHING = 1e-9
 
-#: A body slides that moves faster than this over what it touches, in m/s.
-_SLIDES = 1e-3
-
 #: Weights that rise and fall take so many frame steps at least.
 _RISING = 6
-
-#: Normals whose product is below this differ.
-_SAME_DIRECTION = 0.999
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +54,11 @@ class ContactForces:
         friction: (n+1,) sliding friction of what the body touches in the solved pose, or else in the replay's, the
             largest at each frame; NaN at frames without a contact.
         normal: (n+1, 3) the direction in which the contacts press on the body; NaN where there are none or several.
-        slides: (n+1,) whether the body slides with friction in the solved motion, a force acting.
+        slides: (n+1,) whether the body slides in the solved motion and has its friction.
         size: of the body, in m: what a force is multiplied by to be compared with a torque.
+        at_nodes: the solved force and what the body touches at all nodes; None for the frames, after jumps.
+        sliding: how the body slides at the nodes, where it does.
+        swings: (n+1,) whether its contacts' velocities swing from node to node, and with them what answers them.
     """
 
     body: str
@@ -71,6 +71,14 @@ class ContactForces:
     normal: FloatArray
     slides: FloatArray
     size: float
+    at_nodes: NodeForces | None = None
+    sliding: Sliding | None = None
+    swings: FloatArray | None = None
+
+    @property
+    def judged(self) -> NodeForces:
+        """The forces that must press and stay within the friction."""
+        return self.at_nodes or NodeForces(self.time, self.force, self.force, self.friction, self.normal)
 
     @property
     def force(self) -> FloatArray:
@@ -80,7 +88,7 @@ class ContactForces:
 
     def scale(self, part: str) -> float:
         """What a difference in a part is a share of, in N or N m: the largest solved force; its torque; 0 without."""
-        force = float(np.linalg.norm(self.force, axis=1).max(initial=0.0))
+        force = float(np.linalg.norm(self.judged.force, axis=1).max(initial=0.0))
         if part in _PARTS[:3]:
             return force
         torques = [np.abs(values).max(initial=0.0) for name, values in self.solved.items() if name[0] == "m"]
@@ -97,7 +105,11 @@ def contact_forces(setup: Setup, motion: Replay, meter: ContactMeter) -> list[Co
     """
     if not meter.columns:
         return []
-    seen = _Seen(setup, motion, meter)
+    wide, nodes = touchable(setup.model()), nodes_of(setup, motion)
+    seen = node_forces(setup, wide, nodes, meter.columns)
+    slid = sliding(setup, wide, nodes, {body: at_nodes.force for body, at_nodes in seen.items()})
+    nearest = nearest_node(nodes, setup.solution.n + 1)
+    wrenches = _wrenches(setup, motion, meter)
     # Simpson's rule, exact for the parabolas through frame, midpoint and frame.
     weights = np.array([1.0, 4.0, 1.0]) / 6.0
     steps = np.diff(setup.solution.time)
@@ -113,9 +125,7 @@ def contact_forces(setup: Setup, motion: Replay, meter: ContactMeter) -> list[Co
             part: np.sum([setup.contact.channels[line].after for line in lines], axis=0)
             for part, lines in parts.items()
         }
-        # What only comes near the ground does not slide on it.
-        size = np.linalg.norm([values for part, values in after.items() if part[0] == "f"], axis=0)
-        slides = seen.slides[body] & (size > _PRESSED * np.max(size, initial=0.0))
+        slides = slid[body].right[nearest]
         windows = windows_of(setup.solution.time, jumping_frames(setup), slides)
         found = np.where(broken[:, None], np.nan, meter.impulses[body])
         solved = np.array([[step[lines].sum() for lines in parts.values()] for step in solved_steps])
@@ -124,13 +134,16 @@ def contact_forces(setup: Setup, motion: Replay, meter: ContactMeter) -> list[Co
                 setup.compiled.body(body).name or str(body),
                 setup.solution.time,
                 after,
-                {part: seen.wrenches[body][:, _PARTS.index(part)] for part in parts},
+                {part: wrenches[body][:, _PARTS.index(part)] for part in parts},
                 {part: windows @ solved[:, column] for column, part in enumerate(parts)},
                 {part: windows @ found[:, _PARTS.index(part)] for part in parts},
-                seen.friction[body],
-                seen.normals[body],
+                seen[body].friction[nearest],
+                seen[body].normal[nearest],
                 slides,
                 _size(setup.compiled, body),
+                seen[body],
+                slid[body],
+                slid[body].swings[nearest],
             )
         )
     return forces
@@ -183,64 +196,31 @@ def _size(model: mujoco.MjModel, body: int) -> float:
     return max(reach) if reach else float(np.sqrt(model.body_inertia[body].max() / mass)) if mass else 0.0
 
 
-class _Seen:
-    """What the contacts are at the frames.
+def _wrenches(setup: Setup, motion: Replay, meter: ContactMeter) -> dict[int, FloatArray]:
+    """Per body (n+1, 6) force and torque about its origin, in the world, in the replay; NaN where that broke down."""
+    import mujoco
 
-    Attributes:
-        wrenches: per body (n+1, 6) force and torque about the body's origin, along the world's axes, in the replay.
-        friction: per body (n+1,) the largest sliding friction.
-        normals: per body (n+1, 3) the common direction of its contacts.
-        slides: per body (n+1,) whether it slides over something with friction in the solved motion.
-    """
-
-    def __init__(self, setup: Setup, motion: Replay, meter: ContactMeter) -> None:
-        import mujoco
-
-        model, wide = setup.model(), touchable(setup.model())
-        data, posed = mujoco.MjData(model), mujoco.MjData(wide)
-        n, bodies = setup.solution.n, list(meter.columns)
-        self.wrenches = {body: np.full((n + 1, 6), np.nan) for body in bodies}
-        self.friction = {body: np.full(n + 1, np.nan) for body in bodies}
-        self.normals = {body: np.full((n + 1, 3), np.nan) for body in bodies}
-        self.slides = {body: np.zeros(n + 1, dtype=bool) for body in bodies}
-        for frame in range(n + 1):
-            if not np.all(np.isfinite(motion.positions[frame])):
-                break
-            data.qpos[:], data.qvel[:] = motion.positions[frame], motion.velocities[frame]
-            part = "after" if frame < n else "before"
-            data.ctrl[setup.controls.addresses] = setup.controls.at(part, frame)
-            setup.applied.apply(model, data, setup.applied.at(part, frame))
-            mujoco.mj_forward(model, data)
-            for solved in (True, False):
-                posed.qpos[:], posed.qvel[:] = motion.positions[frame], motion.velocities[frame]
-                if solved:
-                    setup.reference.put(posed, setup.reference.at(part, frame)[:2])
-                mujoco.mj_fwdPosition(wide, posed)
-                for body in bodies:
-                    if not np.isfinite(self.friction[body][frame]):
-                        self._look(wide, posed, body, frame)
-            for body in bodies:
-                self.wrenches[body][frame] = meter.wrench(model, data, body)
-
-    def _look(self, model: mujoco.MjModel, data: mujoco.MjData, body: int, frame: int) -> None:
-        """Take friction and direction of the contacts of one body."""
-        found = list(touching(model, data, welded(model, body)))
-        if found:
-            self.friction[body][frame] = max(friction for _, _, friction in found)
-            normals = [axes[0] for _, axes, _ in found]
-            if min(float(normals[0] @ other) for other in normals) > _SAME_DIRECTION:
-                self.normals[body][frame] = normals[0]
-        self.slides[body][frame] = any(
-            friction > 0.0 and np.linalg.norm(axes[1:] @ contact_velocity(model, data, number)) > _SLIDES
-            for number, axes, friction in found
-        )
+    model, n = setup.model(), setup.solution.n
+    data = mujoco.MjData(model)
+    found = {body: np.full((n + 1, 6), np.nan) for body in meter.columns}
+    for frame in range(n + 1):
+        if not np.all(np.isfinite(motion.positions[frame])):
+            break
+        data.qpos[:], data.qvel[:] = motion.positions[frame], motion.velocities[frame]
+        part = "after" if frame < n else "before"
+        data.ctrl[setup.controls.addresses] = setup.controls.at(part, frame)
+        setup.applied.apply(model, data, setup.applied.at(part, frame))
+        mujoco.mj_forward(model, data)
+        for body, wrenches in found.items():
+            wrenches[frame] = meter.wrench(model, data, body)
+    return found
 
 
 def contact_force_metrics(forces: list[ContactForces]) -> list[Metric]:
     """How much of the model's friction the solved forces use, and how near MuJoCo's forces come to them."""
     metrics = []
     for one in forces:
-        metrics += _cone_metrics(one)
+        metrics += [*_cone_metrics(one), *_sliding_metrics(one)]
         acting = _acting(one)
         for name, share, limit in (
             ("median", 0.5, limits.CONTACT_FORCE),
@@ -268,22 +248,25 @@ def _acting(one: ContactForces) -> FloatArray:
 
 def _cone_metrics(one: ContactForces) -> list[Metric]:
     """Whether the solved forces press, and with how much of the friction; where contacts tell how."""
-    # Where the replay touches a frame earlier or later than the solution, the nearest frame tells.
-    told = np.flatnonzero(np.isfinite(one.normal[:, 0]))
+    # Where the replay touches a frame earlier or later than the solution, the nearest node tells.
+    seen = one.judged
+    told = np.flatnonzero(np.isfinite(seen.normal[:, 0]))
     largest = one.scale("fx")
     if not len(told) or not largest > 0.0:
         return []
-    frames = np.arange(len(one.time))
-    nearest = told[np.argmin(np.abs(frames[:, None] - told), axis=1)]
+    nearest = told[np.argmin(np.abs(seen.time[:, None] - seen.time[told]), axis=1)]
     # Where it touches in several directions at once, any mixture of them may press.
-    known = np.isfinite(one.normal[:, 0]) | ~np.isfinite(one.friction)
-    normal, friction = one.normal[nearest], one.friction[nearest]
-    press = np.sum(one.force * normal, axis=1)
-    tangent = np.linalg.norm(one.force - press[:, None] * normal, axis=1)
-    pull = abs(float(np.min(press[known], initial=0.0))) / largest
+    known = np.isfinite(seen.normal[:, 0]) | ~np.isfinite(seen.friction)
+    normal, friction = seen.normal[nearest], seen.friction[nearest]
+    pull = abs(float(np.min(np.sum(seen.force * normal, axis=1)[known], initial=0.0))) / largest
+    press = np.sum(seen.lasting * normal, axis=1)
+    tangent = np.linalg.norm(seen.lasting - press[:, None] * normal, axis=1)
     pressed = known & (press > _PRESSED * largest)
     with np.errstate(divide="ignore", invalid="ignore"):
-        slip = np.where(tangent > _NOTHING * largest, tangent / (friction * press), 0.0)[pressed]
+        slip = np.where(tangent > _NOTHING * largest, tangent / (friction * press), 0.0)
+    # A mean over a step before a jump is what the steps before have left, with their rounding.
+    mean = np.any(seen.lasting != seen.force, axis=1)
+    slip = np.where(mean & (slip <= 1.0 + limits.FRICTION_MISSING), np.minimum(slip, 1.0), slip)[pressed]
     subject = f"body {one.body}"
     return [
         Metric(
@@ -295,3 +278,11 @@ def _cone_metrics(one: ContactForces) -> list[Metric]:
         ),
         Metric("contact force, solved one pulls", subject, pull, "share", limits.CONTACT_PULL),
     ]
+
+
+def _sliding_metrics(one: ContactForces) -> list[Metric]:
+    """How far the body slides with another force than its friction; nothing where it does not slide."""
+    if one.sliding is None or not one.sliding.slides.any():
+        return []
+    way, limit = one.sliding.way_without, limits.SLID_WITHOUT_FRICTION
+    return [Metric("friction missing, way slid without it", f"body {one.body}", way, "m", limit)]

@@ -147,7 +147,7 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
 
     first, last = solution.force_frames or (0, solution.n)
     at_nodes, between = np.zeros(model.nv), np.zeros(model.nv)
-    for part, index in _nodes(first, last, solution.method):
+    for part, index in places_of(first, last, solution.method):
         state, control = setup.reference.at(part, index), setup.controls.at(part, index)
         rest = None if untied is None else untied.at(part, index)
         at_nodes = np.maximum(at_nodes, residual(state, control, outer.at(part, index), rest))
@@ -188,8 +188,8 @@ def _without_dry_friction(force: FloatArray, velocity: FloatArray, loss: FloatAr
     return np.asarray(force - friction)
 
 
-def _nodes(first: int, last: int, method: str) -> list[tuple[str, int]]:
-    """Sides of frames and midpoints: what lies before the first frame or after the last one is left out."""
+def places_of(first: int, last: int, method: str) -> list[tuple[str, int]]:
+    """The nodes of a method: sides of frames and midpoints, none before the first frame or after the last one."""
     found = [("after", k) for k in range(first, max(last, first + 1))]
     found += [("before", k) for k in range(first + 1, last + 1)]
     if method == "hermite-simpson":

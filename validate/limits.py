@@ -146,6 +146,15 @@ FLIGHT: Final[ByMethod] = {"hermite-simpson": 5e-3, "trapezoidal": 1e-1, "centra
 FRICTION_CONE: Final = 1.0 + 1e-6
 CONTACT_PULL: Final = 1e-6
 
+#: Where a contact slides, the solved force is its friction up to this share of it, as MuJoCo's must be in the median.
+#: At the nodes it has no truncation error; a coefficient that is less wrong shows in the replay.  In a step that ends
+#: in a jump of the forces so much more friction than the model's may be used in the mean.
+FRICTION_MISSING: Final = 2e-2
+
+#: A body may slide so many m with another force than its friction: no farther than joints may be off however small the
+#: motion is, so that what stops or turns within a step, or starts from a smoothed friction, is not blamed for it.
+SLID_WITHOUT_FRICTION: Final = 1e-3
+
 #: Largest part of the solved contact forces that the contact points of the model cannot give, as the same share.
 CONTACT_FIT: Final = 1e-3
 

@@ -230,7 +230,7 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
     unjudged = _unjudged(setup, metrics)
     if unjudged:
         replays.notes.append(f"not judged: {', '.join(unjudged)}, as {_why_not(setup)}")
-    beyond = beyond_contacts(setup, motion.positions)
+    beyond = beyond_contacts(setup, motion)
     if beyond is not None:
         metrics.append(
             Metric("contact force that no contact gives", "all contacts", beyond, "share", limits.CONTACT_FIT)
@@ -338,9 +338,10 @@ def _corrected(replays: Replays, tracked: Replay) -> FloatArray:
     """(m,) the integral of the feedback's absolute value per actuator.
 
     Where a body slides, its bounces make the friction flicker, and the feedback with it: there the means over the
-    windows count that the contact forces are compared in.
+    windows count that the contact forces are compared in; and where a wheel rolls whose speed swings from node to node.
     """
-    slides = np.any([one.slides for one in replays.ground], axis=0) if replays.ground else np.zeros(1)
+    unsteady = [flags for one in replays.ground for flags in (one.slides, one.swings) if flags is not None]
+    slides = np.any(unsteady, axis=0) if unsteady else np.zeros(1)
     if not slides.any() or tracked.broke_at is not None:
         return tracked.feedback
     time = replays.setup.solution.time

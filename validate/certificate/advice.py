@@ -26,6 +26,10 @@ _EQUATIONS = (
 _IMPULSIVE = ("mass matrix", "force, entry")
 _GROUND = ("contact", "penetration", "slip", "normal", "external")
 
+#: What is left of all contact forces together, and what is said of them one by one: that explains it.
+_FIT = "contact force that no contact gives"
+_SINGLE_FORCES = ("friction used", "contact force, solved one pulls")
+
 #: Metrics that the distance of the frames is in.
 _STEP = (
     "residual between",
@@ -52,11 +56,21 @@ _TRUNCATION = (
 )
 
 
+#: What is said of a body that slides without its friction, before it is said how much that has.
+FRICTION_STEP = (
+    "state the friction of the model where a body slides, all of it and against its way (-mu*N*v/|v|), or that it "
+    "stays or rolls where friction holds it"
+)
+
+
 def next_steps(
     metrics: Sequence[Metric],
     compared: bool,
     more_frames: str = "",
     causes: Sequence[str] = (),
+    details: Sequence[str] = (),
+    contacts: Sequence[str] = (),
+    swings: Sequence[str] = (),
     *,
     refused: bool = False,
 ) -> list[str]:
@@ -67,23 +81,31 @@ def next_steps(
         compared: whether the spec's equations of motion were compared with the model's.
         more_frames: how to take more frames, such as ``--set n=120``; "" where that cannot be said in a word.
         causes: steps for what is known to be wrong besides measurements, which more frames would not cure either.
+        details: steps that say more than the one they begin with, and replace it.
+        contacts: steps for what is known of the model's contacts, where these give other forces than the solved ones.
+        swings: steps for forces that swing from node to node: as those of right motions may, they come last and where
+            contact forces are wrong or nothing else is.
         refused: whether the equations cannot be compared, which a note tells the reason of.
     """
     found: dict[str, None] = {}
     fine = _fine_enough(metrics)
     failed = sorted((metric for metric in metrics if metric.verdict == "fail"), key=rank)
     wrong, unequal = False, _impulses_differ(failed)
+    explained = any(metric.name.startswith(_SINGLE_FORCES) for metric in failed)
     for metric in failed:
         if unequal and metric.name.startswith("unexplained impulse"):
             continue
-        step = _cause(metric, compared, refused, differ=wrong)
+        told = explained and metric.name.startswith(_FIT)
+        step = "" if told else _cause(metric, compared, refused, differ=wrong)
         wrong = wrong or bool(step)
-        if not step and not wrong and not causes:
-            step = _contacts(metric) if fine else _effect(metric, more_frames)
         if step:
-            found[step] = None
+            found.update(dict.fromkeys([one for one in details if one.startswith(step)] or [step]))
+        elif not wrong and not causes:
+            step = _contacts(metric) if fine else _effect(metric, more_frames)
+            found.update(dict.fromkeys(contacts if contacts and fine and step else [step] if step else []))
     # Off the ground and on it the step is the same one, with more to say of it there.
-    found = dict.fromkeys([*causes, *found]) if failed else {}
+    last = swings if not wrong or any(metric.name.startswith("contact force") for metric in failed) else ()
+    found = dict.fromkeys([*causes, *found, *last]) if failed else {}
     return [step for step in found if not any(one != step and one.startswith(step) for one in found)]
 
 
@@ -164,6 +186,14 @@ def _cause(metric: Metric, compared: bool, refused: bool, differ: bool) -> str:
         )
     if name.startswith("contact force, solved one pulls"):
         return "state that the contact force presses, f >= 0: no contact of the model pulls"
+    if name.startswith(_FIT):
+        return (
+            "state what the contacts that touch in the solved pose can give, each of which presses: the centre of "
+            "pressure stays on the sole, -l*fz <= my <= l*fz, the force at every point is >= 0, and moments have the "
+            "arms of the forces; what needs no contact is handed over with an `apply` line"
+        )
+    if name.startswith("friction missing"):
+        return FRICTION_STEP
     if name.startswith("friction used"):
         return (
             "state less friction in the spec than the model has, or give the model more with "

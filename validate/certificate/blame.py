@@ -29,6 +29,9 @@ _CAUSES = (
     "momentum in flight",
     "angular momentum",
     "friction used",
+    "contact force, solved one pulls",
+    "friction missing",
+    "contact force that no contact gives",
 )
 _EFFECTS = (
     "residual between",

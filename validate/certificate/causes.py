@@ -70,14 +70,17 @@ def _node_values(frames: FloatArray, mid: FloatArray | None) -> FloatArray:
 
 
 def steps(setup: Setup) -> list[str]:
-    """What to do about these, one line each."""
-    found = [
+    """What to do about joints beyond their limits, one line each."""
+    return [
         f"{line}: state that limit in the spec, or give the model's joint another range"
         for line in beyond_limits(setup)
     ]
-    found += [
+
+
+def swing_steps(setup: Setup) -> list[str]:
+    """What to do about forces that swing, one line each: right motions have them as well."""
+    return [
         f"{line}, which no contact of the model follows: weigh its change in the objective "
         "(such as 1e-6*fz'^2), or state the forces of bodies at rest by fewer unknowns"
         for line in swinging_forces(setup)
     ]
-    return found

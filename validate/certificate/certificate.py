@@ -11,7 +11,7 @@ from stc.atomic import replacing
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate import limits
-from stc.validate.certificate import advice, blame, causes, table
+from stc.validate.certificate import advice, blame, causes, contact_causes, table
 from stc.validate.certificate.staleness import stale
 from stc.validate.metrics import Metric
 from stc.validate.report import Report
@@ -97,9 +97,17 @@ class Certificate:
         """What to do about a motion that failed, one line for each kind of failure; empty where it passed."""
         if self.passed or self.solution.status != "optimal" or self.faults:
             return []
-        found = causes.steps(self.replays.setup)
-        compared, refused = self.equations is not None, bool(self.refused)
-        return advice.next_steps(self.metrics, compared, self.more_frames, found, refused=refused)
+        setup = self.replays.setup
+        return advice.next_steps(
+            self.metrics,
+            self.equations is not None,
+            self.more_frames,
+            [*causes.steps(setup), *contact_causes.causes(self.replays)],
+            contact_causes.friction_steps(self.replays),
+            contact_causes.contact_steps(self.replays),
+            causes.swing_steps(setup),
+            refused=bool(self.refused),
+        )
 
     @property
     def notes(self) -> list[str]:

@@ -1,0 +1,88 @@
+"""What is known about the contact forces of a motion that fails, beyond what was measured, and what to do about it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.validate import limits
+from stc.validate.certificate.advice import FRICTION_STEP
+from stc.validate.contact import missing_contacts
+from stc.validate.contact_meter import TOUCHES, touchable, touching, welded
+from stc.validate.contact_nodes import nodes_of, pose
+
+if TYPE_CHECKING:
+    from stc.validate.contact_forces import ContactForces
+    from stc.validate.verdict import Replays
+
+#: Of the largest value of a line, so much at least is a force that something has to give.
+_ACTS = 1e-3
+
+
+def causes(replays: Replays) -> list[str]:
+    """Steps for contact lines that nothing in the model gives."""
+    return [
+        f"contact {line} acts where nothing touches, so that nothing in the model gives it: hand over with an `apply` "
+        "line what needs no contact, or give the model what touches there, or the joint the limit that it stops at"
+        for line in given_by_nothing(replays)
+    ]
+
+
+def friction_steps(replays: Replays) -> list[str]:
+    """Steps for bodies that slide with another friction than the model's, with both."""
+    return [step for one in replays.ground if (step := _friction(one))]
+
+
+def given_by_nothing(replays: Replays) -> list[str]:
+    """Contact lines whose body never touches anything while they act; on joints without a limit, nothing at all."""
+    import mujoco
+
+    setup = replays.setup
+    model, nodes = touchable(setup.model()), nodes_of(setup, replays.open_loop)
+    data, found = mujoco.MjData(model), []
+    if not nodes or missing_contacts(setup):  # which is said by itself
+        return []
+    values = np.abs([node.forces for node in nodes])
+    for column, line in enumerate(setup.contact.lines):
+        force = values[:, column]
+        kind, name = line.path[0], line.path[1]
+        if not force.any() or (kind == "joint" and model.jnt_limited[model.joint(name).id]):
+            continue
+        bodies = []
+        if kind != "joint":
+            bodies = [int(model.site_bodyid[model.site(name).id] if kind == "site" else model.body(name).id)]
+
+        def touches(row: int, bodies: list[int] = bodies) -> bool:
+            pose(setup, model, data, nodes[row], bodies)
+            if bodies:
+                return any(touching(model, data, welded(model, bodies[0])))
+            return any(contact.dist <= TOUCHES for contact in data.contact)
+
+        if not any(touches(int(row)) for row in np.flatnonzero(force > _ACTS * force.max())):
+            found.append(line.name)
+    return found
+
+
+def _friction(one: ContactForces) -> str:
+    """A step for a body that slides with another friction than the model's, "" for others."""
+    if one.sliding is None or one.sliding.way_without <= limits.SLID_WITHOUT_FRICTION:
+        return ""
+    seen, at = one.judged, one.sliding.slides & ~one.sliding.right
+    press = np.sum(seen.force * seen.normal, axis=1)
+    across = np.linalg.norm(seen.force - press[:, None] * seen.normal, axis=1)
+    known = at & (press > 0.0)
+    if not known.any():
+        return ""
+    stated, model = np.median(across[known] / press[known]), np.median(seen.friction[known])
+    return f"{FRICTION_STEP}; body {one.body} has {stated:.3g} times its normal force, its contacts have {model:.3g}"
+
+
+def contact_steps(replays: Replays) -> list[str]:
+    """What to change in the contacts of the model where these give other forces than the solved ones."""
+    return [
+        f"body {one.body} slides off the axes of the model's friction cone, which is a pyramid that brakes along one "
+        'of them: give the model <option cone="elliptic"/>, whose friction is against the way'
+        for one in replays.ground
+        if one.sliding is not None and one.sliding.off_axes
+    ]

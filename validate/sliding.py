@@ -1,0 +1,185 @@
+"""Whether what slides has its friction: Coulomb's, all of it, against the way that each contact point slides.
+
+A force inside the friction cone holds what stands.  Under what slides the friction is no longer free: it is the whole
+of what the normal force allows, against the velocity.  A contact that slides has therefore one ray where one that holds
+has a cone, and the solved forces of a node are fitted with these: contacts share a force, points of a body that turns
+slide in different ways and a wheel that rolls holds, without any of it being asked for.  MuJoCo's pyramidal cone gives
+its friction along the axis that slides faster, which counts as well as Coulomb's there.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.records import dataclass
+from stc.validate import limits
+from stc.validate.contact_cones import ContactFit
+from stc.validate.contact_meter import TOUCHES, contact_jacobian, welded
+from stc.validate.contact_nodes import Node, pose, step_integrals
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from stc.validate.metrics import FloatArray
+    from stc.validate.setup import Setup
+
+#: A contact slides that moves faster than this, in m/s ...
+_SLIDES = 1e-3
+
+#: ... and than this share of what the joints' speeds would make without cancelling one another: where a point is held
+#: by several joints, as that of a wheel that rolls, its speed is zero up to the truncation error of the steps.
+_CANCELLED = 5e-3
+
+#: Of the largest force on a body, so much at least takes part: what only comes near the ground does not slide on it.
+_PRESSED = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Sliding:
+    """How a body slides at m nodes.
+
+    Attributes:
+        slides: (m,) whether it slides with friction, a force acting.
+        swings: (m,) whether its velocity there is as large, but swings from node to node and leads nowhere.
+        missing: (m,) the part of the solved force that sliding does not give, as a share of its friction.
+        way_without: how far it slides with another force than its friction, in m.
+        off_axes: whether the model's cone is a pyramid and it slides where that gives another friction than Coulomb's.
+    """
+
+    slides: np.ndarray
+    swings: np.ndarray
+    missing: FloatArray
+    way_without: float
+    off_axes: bool
+
+    @property
+    def right(self) -> np.ndarray:
+        """(m,) whether it slides and has its friction."""
+        return self.slides & (self.missing <= limits.FRICTION_MISSING)
+
+
+def sliding(
+    setup: Setup, model: mujoco.MjModel, nodes: list[Node], forces: dict[int, FloatArray]
+) -> dict[int, Sliding]:
+    """How bodies slide at the nodes of a motion.
+
+    Args:
+        setup: the motion.
+        model: its model, which finds contacts a little before they touch.
+        nodes: of the motion.
+        forces: per body (m, 3) the solved force on it.
+    """
+    fit, found = ContactFit(setup), {}
+    largest, levers, integrals = fit.largest(), fit.least_levers(), step_integrals(setup, nodes)
+    for body, force in forces.items():
+        size = np.linalg.norm(force, axis=1)
+        velocity, whole, missing = np.zeros((len(nodes), 3)), np.zeros(len(nodes)), np.zeros(len(nodes))
+        differ = np.zeros(len(nodes), dtype=bool)
+        for row in np.flatnonzero(size > _PRESSED * size.max(initial=0.0)):
+            pose(setup, model, fit.data, nodes[row], [body])
+            moving = _moving(model, fit.data, welded(model, body))
+            if moving:
+                fastest = max(moving.values(), key=lambda one: float(np.linalg.norm(one.velocity)))
+                velocity[row], whole[row] = fastest.velocity, fastest.whole
+            rays = {number: one.rays for number, one in moving.items() if one.fast}
+            if rays:
+                missing[row] = _missing(fit, nodes[row], rays, levers, largest)
+                differ[row] = any(_differ(edges) for edges in rays.values())
+        # Where a point is held at the nodes alone its velocity may swing from one to the next: it goes nowhere.
+        way = np.linalg.norm(integrals @ velocity, axis=1)
+        goes = way > np.maximum(_SLIDES * integrals.sum(axis=1), _CANCELLED * (integrals @ whole))
+        speed = np.linalg.norm(velocity, axis=1)
+        fast = speed > np.maximum(_SLIDES, _CANCELLED * whole)
+        slides = fast & np.any(integrals[goes] > 0.0, axis=0)
+        wrong = integrals @ (speed * (slides & (missing > limits.FRICTION_MISSING)))
+        shares = wrong / np.maximum(integrals @ speed, np.finfo(float).tiny)
+        way_without, off_axes = float(way[goes] @ shares[goes]), bool(np.any(differ & slides))
+        found[body] = Sliding(slides, fast & ~slides, missing, way_without, off_axes)
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Moving:
+    """A contact with friction: its velocity across its normal (3,) along the world's axes, and what it may give.
+
+    Attributes:
+        velocity: in m/s.
+        whole: what the joints' speeds would make of it without cancelling one another, in m/s.
+        rays: (k, 3) edges of the forces that sliding gives, along the contact's own axes.
+    """
+
+    velocity: FloatArray
+    whole: float
+    rays: FloatArray
+
+    @property
+    def fast(self) -> bool:
+        """Whether it slides, as far as the one instant tells."""
+        return float(np.linalg.norm(self.velocity)) > max(_SLIDES, _CANCELLED * self.whole)
+
+
+def _moving(model: mujoco.MjModel, data: mujoco.MjData, bodies: set[int]) -> dict[int, _Moving]:
+    """The contacts of some bodies that have friction and are not quite at rest, by their numbers."""
+    import mujoco
+
+    pyramidal = model.opt.cone == int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
+    found = {}
+    for number, contact in enumerate(data.contact):
+        own = [geom >= 0 and int(model.geom_bodyid[geom]) in bodies for geom in contact.geom]
+        friction = np.array(contact.friction[:2])
+        if contact.dist > TOUCHES or contact.dim < 2 or not any(own) or not np.all(friction > 0.0):
+            continue
+        tangents = np.array(contact.frame).reshape(3, 3)[1:]
+        across = tangents @ contact_jacobian(model, data, number)[0]
+        velocity = across @ data.qvel
+        if velocity.any():
+            whole = float(np.linalg.norm(np.abs(across) @ np.abs(data.qvel)))
+            found[number] = _Moving(velocity @ tangents, whole, _rays(friction, velocity, pyramidal))
+    return found
+
+
+def _rays(friction: FloatArray, velocity: FloatArray, pyramidal: bool) -> FloatArray:
+    """(k, 3) the forces of a contact that slides, per unit of its normal force, along its axes: those between them too.
+
+    Args:
+        friction: (2,) coefficients along the tangents.
+        velocity: (2,) of the second geom along them, in m/s.
+        pyramidal: whether the cone is one.
+    """
+    # Most power is lost: on the ellipse of the frictions where its normal is the velocity ...
+    round_cone = friction**2 * velocity / np.linalg.norm(friction * velocity)
+    found = [[1.0, *-round_cone]]
+    if pyramidal:  # ... on the pyramid at a corner.
+        axis = int(np.argmax(friction * np.abs(velocity)))
+        found.append([1.0, *(-friction * np.sign(velocity) * (np.arange(2) == axis))])
+    return np.array(found)
+
+
+def _differ(rays: FloatArray) -> bool:
+    """Whether the forces (k, 3) that a sliding contact may have are told apart."""
+    spread = float(np.linalg.norm(np.ptp(rays[:, 1:], axis=0)))
+    return spread > limits.FRICTION_MISSING * float(np.linalg.norm(rays[0, 1:]))
+
+
+def _missing(
+    fit: ContactFit, node: Node, rays: dict[int, FloatArray], levers: FloatArray, largest: float
+) -> float:
+    """What the forces of sliding leave of the solved ones where cones would leave less, as a share of the friction."""
+    from scipy.optimize import nnls
+
+    edges, owners, reach = fit.edges(rays)
+    levers = np.maximum(levers, reach)
+    force, free = fit.force(node) / (levers * largest), fit.free()
+
+    def fitted(given: list[FloatArray]) -> tuple[float, FloatArray]:
+        columns = np.array([*given, *free]).T / levers[:, None]
+        lengths = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
+        shares = nnls(columns / lengths, force)[0]
+        return float(np.abs(columns / lengths @ shares - force).max()), shares / lengths
+
+    left, shares = fitted(edges)
+    slips = np.array([float(np.linalg.norm(rays[k][0, 1:])) if k in rays else 0.0 for k in owners])
+    friction = float(shares[: len(slips)] @ slips)
+    return max(left - fitted(fit.edges()[0])[0], 0.0) / max(friction, _PRESSED)
