@@ -26,9 +26,11 @@ from stc.validate.linearisation import growth, linearised
 from stc.validate.metrics import FloatArray, Metric, drift
 from stc.validate.model import file_hash
 from stc.validate.momentum import momentum_metrics
+from stc.validate.position_jumps import position_jumps
 from stc.validate.replay import Replay, replay, time_step_for
 from stc.validate.report import Report
 from stc.validate.setup import Setup, prepare
+from stc.validate.solved_pose import equality_metrics, limit_metrics
 from stc.validate.statements import StatementCheck, statement_metrics
 from stc.validate.tracking import Feedback, contact_effort, proportional, regulator, strengths
 from stc.validate.untied import unknown_forces, untied_motion
@@ -222,6 +224,9 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
         # What an unstable phase makes of rounding does not shrink with the motion.
         drifts = _drifts("external drift", setup, replays.external, limits.EXTERNAL_DRIFT, of_extent=False)
         metrics += [metric for metric in drifts if metric.limit is not None]
+    metrics += position_jumps(setup)
+    metrics += limit_metrics(setup)
+    metrics += equality_metrics(setup)
     metrics += _physics_metrics(setup, inverse)
     metrics += statement_metrics(statements, solution.method)
     metrics += momentum_metrics(setup)
@@ -407,6 +412,9 @@ def _physics_metrics(setup: Setup, inverse: InverseDynamics | None) -> list[Metr
         if outside is not None:
             name = "unexplained impulse, pulls or slips beyond friction"
             metrics.append(Metric(name, "all contacts", outside, "share", limits.IMPULSE_CONE))
+        if jumps.unfounded is not None:
+            name = "unexplained impulse, no contact point gives it"
+            metrics.append(Metric(name, "all contacts", jumps.unfounded, "share", limits.CONTACT_FIT))
         if energy is not None:
             metrics.append(Metric("energy at velocity jumps", "motion", energy.jumps, "J"))
     return metrics

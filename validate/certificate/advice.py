@@ -50,8 +50,22 @@ _TRUNCATION = (
 )
 
 
+#: What comes before more frames where the residual is not judged.
+_UNJUDGED = (
+    "the inverse-dynamics residual is not judged here, so that wrong equations cannot be told from coarse frames: tie "
+    "the model's other joints where the spec knows them, or see with --order whether the drift falls as frames are "
+    "added; if it does not, the equations are wrong"
+)
+
+
 def next_steps(
-    metrics: Sequence[Metric], compared: bool, more_frames: str = "", causes: Sequence[str] = ()
+    metrics: Sequence[Metric],
+    compared: bool,
+    more_frames: str = "",
+    causes: Sequence[str] = (),
+    *,
+    clamped: bool = False,
+    unjudged: bool = False,
 ) -> list[str]:
     """What to do about the metrics that failed, the first thing first; nothing where none did.
 
@@ -60,21 +74,38 @@ def next_steps(
         compared: whether the spec's equations of motion were compared with the model's.
         more_frames: how to take more frames, such as ``--set n=120``; "" where that cannot be said in a word.
         causes: steps for what is known to be wrong besides measurements, which more frames would not cure either.
+        clamped: whether the model cuts solved controls off, which explains a residual.
+        unjudged: whether the residual could not be judged, so that wrong equations look like coarse frames.
     """
     found: dict[str, None] = {}
     fine = _fine_enough(metrics)
     failed = sorted((metric for metric in metrics if metric.verdict == "fail"), key=rank)
     wrong = False
+    explained = _explained(failed, clamped)
     for metric in failed:
+        if metric.name.startswith(explained):
+            continue
         step = _cause(metric, compared, differ=wrong)
         wrong = wrong or bool(step)
-        if not step and not wrong and not causes:
+        if not step and not wrong:
             step = _contacts(metric) if fine else _effect(metric, more_frames)
+            if step and unjudged and not fine:
+                found[_UNJUDGED] = None
+            step = "" if causes else step
         if step:
             found[step] = None
     # Off the ground and on it the step is the same one, with more to say of it there.
     found = dict.fromkeys([*causes, *found]) if failed else {}
     return [step for step in found if not any(one != step and one.startswith(step) for one in found)]
+
+
+def _explained(failed: Sequence[Metric], clamped: bool) -> tuple[str, ...]:
+    """Beginnings of the names of metrics that need no step of their own, as a step for something else cures them."""
+    found = ["inverse-dynamics"] if clamped else []
+    if any(metric.name.startswith(("jump of position", "equality broken")) for metric in failed):
+        # The momentum of one pose is not that of another, nor are forces those of a mechanism that comes apart.
+        found += ["unexplained impulse", "inverse-dynamics"]
+    return tuple(found)
 
 
 def _fine_enough(metrics: Sequence[Metric]) -> bool:
@@ -104,6 +135,16 @@ def _cause(metric: Metric, compared: bool, differ: bool) -> str:
     name = metric.name
     if name.startswith(_SOLVER):
         return "solve it more exactly: a smaller --tolerance, such as 1e-10"
+    if name.startswith("jump of position"):
+        return (
+            "state that the position does not jump, such as after(x) = before(x), or take it out of `jumps:`; where a "
+            "coordinate counts on from another turn, let the joint line have the angle without the jump"
+        )
+    if name.startswith("equality broken"):
+        return (
+            "make the joint lines under replay: satisfy the model's equality: look at signs and ratios, and at where "
+            "the model has its joints at zero"
+        )
     if name.startswith(_EQUATIONS):
         return (
             "make the spec's equations and the model the same, beginning with the term named first: mend one of them, "
@@ -113,6 +154,12 @@ def _cause(metric: Metric, compared: bool, differ: bool) -> str:
         return (
             "state that an impulse presses and stays within the friction of the model: along the normal it is >= 0, "
             "across it at most friction times that"
+        )
+    if name.startswith("unexplained impulse, no contact point"):
+        return (
+            "let an impulse come from where the model touches: move the jump to the frame of the touch and the body "
+            "onto what it strikes, keep moments within what its contact points give, and at a joint's stop let the "
+            "impulse push away from it"
         )
     if name.startswith("unexplained impulse"):
         return (
