@@ -33,6 +33,7 @@ from stc.validate.setup import Setup, prepare
 from stc.validate.solved_pose import equality_metrics, limit_metrics
 from stc.validate.statements import StatementCheck, statement_metrics
 from stc.validate.tracking import Feedback, contact_effort, proportional, regulator, strengths
+from stc.validate.unmentioned_contacts import unmentioned_contacts
 from stc.validate.untied import unknown_forces, untied_motion
 from stc.validate.warnings import caught_warnings
 
@@ -53,6 +54,7 @@ class Replays:
         tracked_by: ``LQR``, ``PD`` or "".
         external: open loop with the solved contact forces in place of the model's contacts; None without any.
         ground: the contact forces, solved and as MuJoCo found them in the open-loop replay.
+        touching: geoms that touch where the spec has no contact, in words.
         notes: what was noticed on the way.
     """
 
@@ -63,6 +65,7 @@ class Replays:
     tracked_by: str = ""
     external: Replay | None = None
     ground: list[ContactForces] = field(default_factory=list)
+    touching: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
@@ -166,6 +169,8 @@ def run_replays(
     if found.open_loop.broke_at is not None:
         found.notes.append(f"the simulation left all bounds by t = {found.open_loop.broke_at:g} s")
     setup.untied, setup.unknown = untied_motion(setup, found.open_loop.path)
+    found.touching, strays = unmentioned_contacts(setup, found.open_loop)
+    found.notes += [*found.touching, *strays]
     if tracked:
         _track(found, time_step, integrator)
     if len(setup.contact):
@@ -182,8 +187,9 @@ def steering(setup: Setup) -> tuple[float | None, list[Feedback]]:
     """
     error_growth = None
     laws: list[Feedback | None] = []
-    # With contact forces from outside the linear map is that of the motion between impacts.
-    maps = linearised(setup, external=bool(len(setup.contact))) if setup.solution.n else None
+    # With contact forces from outside the linear map is that of the motion between impacts.  Contacts that the spec
+    # does not speak of take no part either: what a bounce off them makes of small errors excuses nothing.
+    maps = linearised(setup, external=True) if setup.solution.n else None
     if maps is not None:
         error_growth = growth(maps, setup.reference.velocities)
         if not len(setup.contact) and setup.all_tied:

@@ -87,7 +87,8 @@ class Certificate:
         if self.passed and self.report.unjudged:
             text += f"; not judged: {', '.join(self.report.unjudged)}"
         if not self.passed and not self.findings:
-            text = "; ".join([text, *causes.beyond_limits(self.replays.setup)])
+            setup = self.replays.setup
+            text = "; ".join([text, *causes.beyond_limits(setup), *causes.clamped_controls(setup)])
         return text
 
     @property
@@ -95,8 +96,15 @@ class Certificate:
         """What to do about a motion that failed, one line for each kind of failure; empty where it passed."""
         if self.passed or self.solution.status != "optimal" or self.faults:
             return []
-        found = causes.steps(self.replays.setup)
-        return advice.next_steps(self.metrics, self.equations is not None, self.more_frames, found)
+        found = causes.steps(self.replays.setup, self.replays.touching)
+        return advice.next_steps(
+            self.metrics,
+            self.equations is not None,
+            self.more_frames,
+            found,
+            clamped=bool(causes.clamped_controls(self.replays.setup)),
+            unjudged="inverse-dynamics residual" in self.report.unjudged,
+        )
 
     @property
     def notes(self) -> list[str]:
