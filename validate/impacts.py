@@ -4,6 +4,7 @@ A jump of velocity by dv takes the generalised impulse M dv.  Actuators and appl
 none; impulses come through the contacts that the spec names.  What no combination of these can give is an
 error.  So is an impulse that pulls, or that lies outside the friction cones of the contacts that the model has in
 that place: a least-squares fit without negative shares of the cones' edges tells how much of it is.
+Whether the contact points give it with its moments, and that there are some, is :mod:`stc.validate.impulse_fit`'s.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from stc.records import dataclass
 from stc.validate.contact_meter import touchable, touching, welded
 from stc.validate.dynamics import SmoothDynamics
+from stc.validate.impulse_fit import LEAST_IMPULSE, ImpulseFit
 
 if TYPE_CHECKING:
     from stc.validate.metrics import FloatArray
@@ -39,12 +41,14 @@ class VelocityJumps:
         scale: largest generalised momentum at these frames.
         outside: largest impulse in the same units that the named contacts give only by pulling or beyond the model's
             friction; None where the model touches nothing in these places.
+        unfounded: largest part of an impulse, as a share of it, that no contact point gives; None where nothing tells.
     """
 
     frames: list[int]
     residual: FloatArray
     scale: float
     outside: float | None
+    unfounded: float | None = None
 
     @property
     def share(self) -> FloatArray:
@@ -69,7 +73,8 @@ def velocity_jumps(setup: Setup) -> VelocityJumps | None:
         return None
     reference = setup.reference
     dynamics = SmoothDynamics(setup.model(contacts=False))
-    places = _Places(setup)
+    places, fit = _Places(setup), ImpulseFit(setup)
+    shares: list[tuple[float, float]] = []
     worst, scale = np.zeros(setup.compiled.nv), 0.0
     outside: float | None = None
     position = dynamics.data.qpos.copy()
@@ -88,10 +93,15 @@ def velocity_jumps(setup: Setup) -> VelocityJumps | None:
             if cones is not None:
                 # What contacts cannot give at all is told by the residual, and not told again.
                 outside = max(outside or 0.0, _left_over(cones, given))
+            share = fit.beyond(frame, position, given, directions)
+            if share is not None:
+                shares.append((float(np.abs(given).max()), share))
             impulse = impulse - given
         worst = np.maximum(worst, np.abs(impulse))
         scale = max(scale, float(np.abs(mass @ old).max()), float(np.abs(mass @ new).max()))
-    return VelocityJumps(frames, worst[reference.velocities], scale, outside)
+    # The form of an impulse that is nothing but rounding says nothing.
+    told = [share if size > LEAST_IMPULSE * scale else 0.0 for size, share in shares]
+    return VelocityJumps(frames, worst[reference.velocities], scale, outside, max(told, default=None))
 
 
 def jumping_frames(setup: Setup) -> list[int]:

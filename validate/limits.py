@@ -7,6 +7,7 @@ error shows in the figure: hermite-simpson is of fourth order in the step, trape
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 ByMethod = dict[str, float]
@@ -23,6 +24,11 @@ def of_extent(most: float, share: float, extent: float, floor: float) -> float:
         floor: what is allowed however small the motion is.
     """
     return min(most, max(share * extent, floor))
+
+
+def left_by_solver(violation: float) -> float:
+    """What a solver's largest scaled violation leaves in a position, in m or rad; 0 where no solver tells."""
+    return VIOLATIONS_IN_A_POSITION * violation if math.isfinite(violation) else 0.0
 
 
 # --- the solver's answer -------------------------------------------------------------------------------------
@@ -137,6 +143,17 @@ VELOCITY_JUMP: Final = 1e-9
 
 #: Largest part of an impulse that contacts give only by pulling or beyond the model's friction, as the same share.
 IMPULSE_CONE: Final = 1e-6
+
+#: Largest jump of a position at a frame, as a share of the motion's extent, of 1 m or rad at least: twice what doubles
+#: make of the largest unknowns.
+POSITION_JUMP: Final = 1e-9
+
+#: A position may be off by so many times the solver's largest scaled violation: a joint may be a sum of some unknowns.
+VIOLATIONS_IN_A_POSITION: Final = 10.0
+
+#: A joint may be beyond the range that the model has for it by so much, in m or rad, besides what the solver and the
+#: method leave: a bound that is rounded to seven digits.
+BEYOND_RANGE: Final = 1e-6
 
 #: Largest departure from the conservation of momentum in flight, as a share of the momentum that moves.
 FLIGHT: Final[ByMethod] = {"hermite-simpson": 5e-3, "trapezoidal": 1e-1, "central": 1e-1}

@@ -171,6 +171,19 @@ def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
     return [name for name in found if name]
 
 
+def joint_titles(model: mujoco.MjModel) -> list[str]:
+    """What each joint is called, in the model's order: its name, or the body that it moves."""
+    import mujoco
+
+    found = []
+    for joint in range(model.njnt):
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
+        body = int(model.jnt_bodyid[joint])
+        of = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or f"number {body}"
+        found.append(name or f"that of body {of}")
+    return found
+
+
 def _count(model: mujoco.MjModel, kind: str) -> int:
     arrays = {
         "actuator": model.actuator_trntype,

@@ -19,6 +19,7 @@ from stc.validate.model import (
     find_actuator,
     find_joint,
     find_model,
+    joint_titles,
     load_model,
     names_of,
     tied_joints,
@@ -94,8 +95,8 @@ class Setup:
         if self.solution.status != "optimal":
             notes.append(f"the solution is not optimal: {self.solution.status}")
         tied = {tie.name for tie in self.ties}
-        loose = [name for name in names_of(self.compiled, "joint") if name not in tied]
-        if loose or len(self.ties) < self.compiled.njnt:
+        loose = [name for name in joint_titles(self.compiled) if name not in tied]
+        if loose:
             notes.append(
                 f"joints not tied to the spec start at rest where the model has them: {', '.join(loose)}"
             )

@@ -18,6 +18,7 @@ import numpy as np
 
 from stc.validate import limits
 from stc.validate.metrics import FloatArray
+from stc.validate.model import joint_titles
 from stc.validate.progress import steps
 
 if TYPE_CHECKING:
@@ -263,8 +264,6 @@ def _constraints(setup: Setup, path: FloatArray, free: np.ndarray) -> tuple[bool
         constrained |= bool(on_free.any())
         both = on_free & touched[:, tied].any(axis=1)
         coupled[free] |= touched[both][:, free].any(axis=0)
-    names = [
-        mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, int(model.dof_jntid[dof])) or "without a name"
-        for dof in np.flatnonzero(coupled)
-    ]
+    titles = joint_titles(model)
+    names = [titles[model.dof_jntid[dof]] for dof in np.flatnonzero(coupled)]
     return constrained, list(dict.fromkeys(names))

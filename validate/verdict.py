@@ -26,11 +26,14 @@ from stc.validate.linearisation import growth, linearised
 from stc.validate.metrics import FloatArray, Metric, drift
 from stc.validate.model import file_hash
 from stc.validate.momentum import momentum_metrics
+from stc.validate.position_jumps import position_jumps
 from stc.validate.replay import Replay, replay, time_step_for
 from stc.validate.report import Report
 from stc.validate.setup import Setup, prepare
+from stc.validate.solved_pose import equality_metrics, limit_metrics
 from stc.validate.statements import StatementCheck, statement_metrics
 from stc.validate.tracking import Feedback, contact_effort, proportional, regulator, strengths
+from stc.validate.unmentioned_contacts import unmentioned_contacts
 from stc.validate.untied import unknown_forces, untied_motion
 from stc.validate.warnings import caught_warnings
 
@@ -51,6 +54,7 @@ class Replays:
         tracked_by: ``LQR``, ``PD`` or "".
         external: open loop with the solved contact forces in place of the model's contacts; None without any.
         ground: the contact forces, solved and as MuJoCo found them in the open-loop replay.
+        touching: geoms that touch where the spec has no contact, in words.
         notes: what was noticed on the way.
     """
 
@@ -61,6 +65,7 @@ class Replays:
     tracked_by: str = ""
     external: Replay | None = None
     ground: list[ContactForces] = field(default_factory=list)
+    touching: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
@@ -164,6 +169,8 @@ def run_replays(
     if found.open_loop.broke_at is not None:
         found.notes.append(f"the simulation left all bounds by t = {found.open_loop.broke_at:g} s")
     setup.untied, setup.unknown = untied_motion(setup, found.open_loop.path)
+    found.touching, strays = unmentioned_contacts(setup, found.open_loop)
+    found.notes += [*found.touching, *strays]
     if tracked:
         _track(found, time_step, integrator)
     if len(setup.contact):
@@ -180,8 +187,9 @@ def steering(setup: Setup) -> tuple[float | None, list[Feedback]]:
     """
     error_growth = None
     laws: list[Feedback | None] = []
-    # With contact forces from outside the linear map is that of the motion between impacts.
-    maps = linearised(setup, external=bool(len(setup.contact))) if setup.solution.n else None
+    # With contact forces from outside the linear map is that of the motion between impacts.  Contacts that the spec
+    # does not speak of take no part either: what a bounce off them makes of small errors excuses nothing.
+    maps = linearised(setup, external=True) if setup.solution.n else None
     if maps is not None:
         error_growth = growth(maps, setup.reference.velocities)
         if not len(setup.contact) and setup.all_tied:
@@ -222,6 +230,9 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
         # What an unstable phase makes of rounding does not shrink with the motion.
         drifts = _drifts("external drift", setup, replays.external, limits.EXTERNAL_DRIFT, of_extent=False)
         metrics += [metric for metric in drifts if metric.limit is not None]
+    metrics += position_jumps(setup)
+    metrics += limit_metrics(setup)
+    metrics += equality_metrics(setup)
     metrics += _physics_metrics(setup, inverse)
     metrics += statement_metrics(statements, solution.method)
     metrics += momentum_metrics(setup)
@@ -408,6 +419,9 @@ def _physics_metrics(setup: Setup, inverse: InverseDynamics | None) -> list[Metr
         if outside is not None:
             name = "unexplained impulse, pulls or slips beyond friction"
             metrics.append(Metric(name, "all contacts", outside, "share", limits.IMPULSE_CONE))
+        if jumps.unfounded is not None:
+            name = "unexplained impulse, no contact point gives it"
+            metrics.append(Metric(name, "all contacts", jumps.unfounded, "share", limits.CONTACT_FIT))
         if energy is not None:
             metrics.append(Metric("energy at velocity jumps", "motion", energy.jumps, "J"))
     return metrics

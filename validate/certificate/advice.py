@@ -62,6 +62,13 @@ FRICTION_STEP = (
     "stays or rolls where friction holds it"
 )
 
+#: What comes before more frames where the residual is not judged.
+_UNJUDGED = (
+    "the inverse-dynamics residual is not judged here, so that wrong equations cannot be told from coarse frames: tie "
+    "the model's other joints where the spec knows them, or see with --order whether the drift falls as frames are "
+    "added; if it does not, the equations are wrong"
+)
+
 
 def next_steps(
     metrics: Sequence[Metric],
@@ -73,6 +80,8 @@ def next_steps(
     swings: Sequence[str] = (),
     *,
     refused: bool = False,
+    clamped: bool = False,
+    unjudged: bool = False,
 ) -> list[str]:
     """What to do about the metrics that failed, the first thing first; nothing where none did.
 
@@ -86,27 +95,44 @@ def next_steps(
         swings: steps for forces that swing from node to node: as those of right motions may, they come last and where
             contact forces are wrong or nothing else is.
         refused: whether the equations cannot be compared, which a note tells the reason of.
+        clamped: whether the model cuts solved controls off, which explains a residual.
+        unjudged: whether the residual could not be judged, so that wrong equations look like coarse frames.
     """
     found: dict[str, None] = {}
     fine = _fine_enough(metrics)
     failed = sorted((metric for metric in metrics if metric.verdict == "fail"), key=rank)
-    wrong, unequal = False, _impulses_differ(failed)
-    explained = any(metric.name.startswith(_SINGLE_FORCES) for metric in failed)
+    wrong = False
+    explained = _explained(failed, clamped)
     for metric in failed:
-        if unequal and metric.name.startswith("unexplained impulse"):
+        if metric.name.startswith(explained):
             continue
-        told = explained and metric.name.startswith(_FIT)
-        step = "" if told else _cause(metric, compared, refused, differ=wrong)
+        step = _cause(metric, compared, refused, differ=wrong)
         wrong = wrong or bool(step)
         if step:
             found.update(dict.fromkeys([one for one in details if one.startswith(step)] or [step]))
-        elif not wrong and not causes:
+        elif not wrong:
             step = _contacts(metric) if fine else _effect(metric, more_frames)
-            found.update(dict.fromkeys(contacts if contacts and fine and step else [step] if step else []))
+            if step and unjudged and not fine:
+                found[_UNJUDGED] = None
+            if step and not causes:
+                found.update(dict.fromkeys(contacts if contacts and fine else [step]))
     # Off the ground and on it the step is the same one, with more to say of it there.
     last = swings if not wrong or any(metric.name.startswith("contact force") for metric in failed) else ()
     found = dict.fromkeys([*causes, *found, *last]) if failed else {}
     return [step for step in found if not any(one != step and one.startswith(step) for one in found)]
+
+
+def _explained(failed: Sequence[Metric], clamped: bool) -> tuple[str, ...]:
+    """Beginnings of the names of metrics that need no step of their own, as a step for something else cures them."""
+    found = ["inverse-dynamics"] if clamped else []
+    if _impulses_differ(failed):
+        found.append("unexplained impulse")
+    if any(metric.name.startswith(_SINGLE_FORCES) for metric in failed):
+        found.append(_FIT)
+    if any(metric.name.startswith(("jump of position", "equality broken")) for metric in failed):
+        # The momentum of one pose is not that of another, nor are forces those of a mechanism that comes apart.
+        found += ["unexplained impulse", "inverse-dynamics"]
+    return tuple(found)
 
 
 def _fine_enough(metrics: Sequence[Metric]) -> bool:
@@ -146,6 +172,16 @@ def _cause(metric: Metric, compared: bool, refused: bool, differ: bool) -> str:
     name = metric.name
     if name.startswith(_SOLVER):
         return "solve it more exactly: a smaller --tolerance, such as 1e-10"
+    if name.startswith("jump of position"):
+        return (
+            "state that the position does not jump, such as after(x) = before(x), or take it out of `jumps:`; where a "
+            "coordinate counts on from another turn, let the joint line have the angle without the jump"
+        )
+    if name.startswith("equality broken"):
+        return (
+            "make the joint lines under replay: satisfy the model's equality: look at signs and ratios, and at where "
+            "the model has its joints at zero"
+        )
     if name.startswith(_EQUATIONS):
         return (
             "make the spec's equations and the model the same, beginning with the term named first: mend one of them, "
@@ -155,6 +191,12 @@ def _cause(metric: Metric, compared: bool, refused: bool, differ: bool) -> str:
         return (
             "state that an impulse presses and stays within the friction of the model: along the normal it is >= 0, "
             "across it at most friction times that"
+        )
+    if name.startswith("unexplained impulse, no contact point"):
+        return (
+            "let an impulse come from where the model touches: move the jump to the frame of the touch and the body "
+            "onto what it strikes, keep moments within what its contact points give, and at a joint's stop let the "
+            "impulse push away from it"
         )
     if name.startswith("unexplained impulse"):
         return (

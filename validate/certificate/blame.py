@@ -16,6 +16,9 @@ from stc.validate.metrics import Metric
 _CAUSES = (
     "constraint violation",
     "KKT residual",
+    "jump of position",
+    "equality broken",
+    "joint beyond",
     "equations of motion",
     "mass matrix",
     "static force",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stc.validate.metrics import FloatArray
+from stc.validate.solved_pose import beyond_range
 
 if TYPE_CHECKING:
     from stc.validate.setup import Setup
@@ -21,19 +23,28 @@ _SWINGS, _SHARE = 8, 0.02
 
 def beyond_limits(setup: Setup) -> list[str]:
     """Which joints the solution takes beyond the limits that the model has, in words."""
-    model, found = setup.compiled, []
+    found = []
     for tie in setup.ties:
-        joint = int(model.dof_jntid[tie.velocity])
-        if not model.jnt_limited[joint]:
-            continue
-        values = np.concatenate([tie.line.value.before, tie.line.value.after])
-        lower, upper = model.jnt_range[joint]
-        ends = ((lower, values.min(), lower - values.min()), (upper, values.max(), values.max() - upper))
-        for bound, end, beyond in ends:
-            if beyond > _TOUCHES:
-                found.append(
-                    f"joint {tie.name} goes to {end:.4g} {tie.unit}, its limit in the model is {bound:.4g} {tie.unit}"
-                )
+        beyond, end, bound = beyond_range(setup, tie) or (0.0, 0.0, 0.0)
+        if beyond > _TOUCHES:
+            found.append(
+                f"joint {tie.name} goes to {end:.4g} {tie.unit}, its limit in the model is {bound:.4g} {tie.unit}"
+            )
+    return found
+
+
+def clamped_controls(setup: Setup) -> list[str]:
+    """Which solved controls the model cuts off, in words."""
+    model, found = setup.compiled, []
+    clamped = setup.controls.beyond_range(model)
+    for name, index, channel in zip(setup.controls.names, setup.controls.actuators, setup.controls.channels):
+        if name in clamped:
+            values = np.concatenate([channel.before, channel.after])
+            lower, upper = model.actuator_ctrlrange[index]
+            end = values.min() if lower - values.min() > values.max() - upper else values.max()
+            found.append(
+                f"the control of {name} goes to {end:.4g}, the model clamps it to {lower:.4g} ... {upper:.4g}"
+            )
     return found
 
 
@@ -69,12 +80,26 @@ def _node_values(frames: FloatArray, mid: FloatArray | None) -> FloatArray:
     return found
 
 
-def steps(setup: Setup) -> list[str]:
-    """What to do about joints beyond their limits, one line each."""
-    return [
+def steps(setup: Setup, touching: Sequence[str] = ()) -> list[str]:
+    """What to do about these, one line each.
+
+    Args:
+        setup: the motion.
+        touching: geoms that touch where the spec has no contact, in words.
+    """
+    found = [
         f"{line}: state that limit in the spec, or give the model's joint another range"
         for line in beyond_limits(setup)
     ]
+    found += [
+        f"{line}: state that bound in the spec, or give the model's actuator another ctrlrange"
+        for line in clamped_controls(setup)
+    ]
+    found += [
+        f"{line}: keep them apart, or state the force between them and hand it over with `contact` lines under replay:"
+        for line in touching
+    ]
+    return found
 
 
 def swing_steps(setup: Setup) -> list[str]:

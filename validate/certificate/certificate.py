@@ -89,7 +89,8 @@ class Certificate:
         if self.passed and self.report.unjudged:
             text += f"; not judged: {', '.join(self.report.unjudged)}"
         if not self.passed and not self.findings:
-            text = "; ".join([text, *causes.beyond_limits(self.replays.setup)])
+            setup = self.replays.setup
+            text = "; ".join([text, *causes.beyond_limits(setup), *causes.clamped_controls(setup)])
         return text
 
     @property
@@ -102,11 +103,13 @@ class Certificate:
             self.metrics,
             self.equations is not None,
             self.more_frames,
-            [*causes.steps(setup), *contact_causes.causes(self.replays)],
+            [*causes.steps(setup, self.replays.touching), *contact_causes.causes(self.replays)],
             contact_causes.friction_steps(self.replays),
             contact_causes.contact_steps(self.replays),
             causes.swing_steps(setup),
             refused=bool(self.refused),
+            clamped=bool(causes.clamped_controls(setup)),
+            unjudged="inverse-dynamics residual" in self.report.unjudged,
         )
 
     @property

@@ -48,7 +48,16 @@ _SECTIONS: Sequence[tuple[str, tuple[str, ...]]] = (
     ),
     (
         "Physics, instant by instant",
-        ("inverse-dynamics", "residual between", "energy", "momentum", "angular"),
+        (
+            "jump of position",
+            "joint beyond",
+            "equality broken",
+            "inverse-dynamics",
+            "residual between",
+            "energy",
+            "momentum",
+            "angular",
+        ),
     ),
     ("Contacts and impacts", ("contact", "friction", "unexplained impulse", "normal", "penetration", "slip")),
     ("Replay, forces alone", ("open-loop", "growth")),

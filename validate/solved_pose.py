@@ -1,0 +1,170 @@
+"""Poses that the model forbids: joints beyond the ends of their ranges, equalities that the solved joints break.
+
+Neither shows in the inverse dynamics, which leaves out what a joint limit and an equality give, and MuJoCo's own are
+springs that yield: a replay may come near a pose that no such mechanism has.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.validate import limits
+from stc.validate.metrics import FloatArray, Metric
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from stc.validate.model import Tie
+    from stc.validate.setup import Setup
+
+#: Of each step of the second-order methods the position is off by this times the step's square and what the
+#: acceleration changes by in it.
+_TRUNCATION = 1.0 / 12.0
+
+#: A row of an equality that moves an untied coordinate by less than this depends on the tied ones alone.
+_NOTHING = 1e-12
+
+
+def beyond_range(setup: Setup, tie: Tie) -> tuple[float, float, float] | None:
+    """How far a joint goes beyond its range at the nodes, at most, where, and which end of the range that is.
+
+    Returns:
+        The distance, 0 or less within the range, the joint's value and the range's end, in m or rad; None where the
+        model has no such limit.
+    """
+    import mujoco
+
+    model = setup.compiled
+    joint = int(model.dof_jntid[tie.velocity])
+    if not model.jnt_limited[joint] or model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
+        return None
+    value = tie.line.value
+    values = np.concatenate([value.before, value.after, [] if value.mid is None else value.mid])
+    lower, upper = (float(bound) for bound in model.jnt_range[joint])
+    least, most = float(values.min()), float(values.max())
+    return max((lower - least, least, lower), (most - upper, most, upper))
+
+
+def limit_metrics(setup: Setup) -> list[Metric]:
+    """How far each tied joint goes beyond its range at the nodes; for information where a line states its stop."""
+    lines = [*setup.applied.lines, *setup.contact.lines]
+    # A stop that yields lets the joint go as far as its force, which the spec states, takes.
+    stated = {line.path[1] for line in lines if line.path[0] == "joint"}
+    found = []
+    for tie in setup.ties:
+        beyond = beyond_range(setup, tie)
+        if beyond is not None:
+            limit = None if tie.name in stated else _allowed(setup, tie)
+            name = "joint beyond its range"
+            found.append(Metric(name, f"joint {tie.name}", max(beyond[0], 0.0), tie.unit, limit))
+    return found
+
+
+def _allowed(setup: Setup, tie: Tie) -> float:
+    """How far beyond its range a joint may be: rounding of a stated bound, the solver's error, the method's own."""
+    solution = setup.solution
+    left = limits.BEYOND_RANGE + limits.left_by_solver(solution.violation)
+    acceleration = tie.line.acceleration
+    if solution.method == "hermite-simpson" or acceleration is None or not solution.n:
+        return left
+    changes = np.ptp(np.concatenate([acceleration.before, acceleration.after]))
+    error = _TRUNCATION * float(np.diff(solution.time).max()) ** 2 * float(changes)
+    return left + min(error, limits.OPEN_LOOP_DRIFT[solution.method])
+
+
+def equality_metrics(setup: Setup) -> list[Metric]:
+    """How far each equality of the model is from holding at the frames, where the spec tells the pose it is about."""
+    import mujoco
+
+    model = setup.model(contacts=False)
+    if not model.neq:
+        return []
+    data = mujoco.MjData(model)
+    loose = np.setdiff1d(np.arange(model.nv), setup.reference.velocities)
+    # Where constraints act on untied joints that move, the motion that they are given is a guess.
+    unknown = loose if setup.untied is None else setup.untied.free
+    worst: dict[tuple[int, str], float] = {}
+    hidden: set[int] = set()
+    for frame in range(setup.solution.n + 1):
+        part = "after" if frame < setup.solution.n else "before"
+        if setup.untied is not None:
+            setup.untied.put(data, setup.untied.at(part, frame))
+        setup.reference.put(data, setup.reference.at(part, frame)[:2])
+        mujoco.mj_fwdPosition(model, data)
+        for index, rows in _rows(data).items():
+            if len(unknown) and _moves(model, data, rows, unknown):
+                hidden.add(index)
+            for unit, value in _broken(model, index, data.efc_pos[rows]):
+                worst[index, unit] = max(worst.get((index, unit), 0.0), value)
+    method = setup.solution.method
+    limit = limits.of_extent(
+        limits.OPEN_LOOP_DRIFT[method],
+        limits.DRIFT_SHARE[method],
+        setup.reference.extent,
+        limits.DRIFT_FLOOR[method],
+    )
+    return [
+        Metric("equality broken in the solved pose", _title(model, index), value, unit, limit)
+        for (index, unit), value in worst.items()
+        if index not in hidden
+    ]
+
+
+def _rows(data: mujoco.MjData) -> dict[int, np.ndarray]:
+    """The rows of each active equality among the constraints."""
+    import mujoco
+
+    rows = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
+    return {int(index): rows[data.efc_id[rows] == index] for index in np.unique(data.efc_id[rows])}
+
+
+def _moves(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray, dofs: np.ndarray) -> bool:
+    """Whether rows of the constraints depend on some coordinates."""
+    import mujoco
+
+    unit, found = np.zeros(data.nefc), np.zeros(model.nv)
+    for row in rows:
+        unit[row] = 1.0
+        mujoco.mj_mulJacTVec(model, data, found, unit)
+        unit[row] = 0.0
+        if np.abs(found[dofs]).max(initial=0.0) > _NOTHING:
+            return True
+    return False
+
+
+def _broken(model: mujoco.MjModel, index: int, gaps: FloatArray) -> list[tuple[str, float]]:
+    """Units and sizes of what is broken of an equality, from its rows."""
+    import mujoco
+
+    kinds = mujoco.mjtEq
+    kind = int(model.eq_type[index])
+    if kind == int(kinds.mjEQ_WELD):
+        # The axis of the rotation times the sine of half its angle, weighted.
+        weight = float(model.eq_data[index, 10]) or 1.0
+        sine = min(float(np.linalg.norm(gaps[3:])) / weight, 1.0)
+        return [("m", float(np.linalg.norm(gaps[:3]))), ("rad", 2.0 * float(np.arcsin(sine)))]
+    if kind == int(kinds.mjEQ_JOINT):
+        hinge = int(mujoco.mjtJoint.mjJNT_HINGE)
+        unit = "rad" if int(model.jnt_type[model.eq_obj1id[index]]) == hinge else "m"
+        return [(unit, float(np.abs(gaps).max()))]
+    return [("m", float(np.linalg.norm(gaps)))]
+
+
+def _title(model: mujoco.MjModel, index: int) -> str:
+    """What an equality is called: its name, or what it joins."""
+    import mujoco
+
+    name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index)
+    if name:
+        return f"equality {name}"
+    kinds, objects = mujoco.mjtEq, mujoco.mjtObj
+    joins = {int(kinds.mjEQ_JOINT): objects.mjOBJ_JOINT, int(kinds.mjEQ_TENDON): objects.mjOBJ_TENDON}
+    kind = joins.get(int(model.eq_type[index]), int(model.eq_objtype[index]))
+    ends = [
+        mujoco.mj_id2name(model, kind, int(end)) or f"number {int(end)}"
+        for end in (model.eq_obj1id[index], model.eq_obj2id[index])
+        if end >= 0
+    ]
+    return f"equality {index} ({' and '.join(ends)})"
