@@ -91,15 +91,15 @@ class Judgement:
 
         A barrier that holds a point off many bounds leaves each of them a product too small to count: together they do.
         So do slopes that are too small to count where variables are large, which those of quadratic programs may be, or
-        have become so.
+        have become so, and all errors where the objective was divided by much, as one that is steep at a far start.
         """
         form = outcome.form
         assert isinstance(form, ScaledProblem)
         doubtful = outcome.end is End.STUCK or form.objective_factor < 1.0
         if not doubtful:
             size = np.abs(outcome.x)
-            slopes = outcome.error * float(size.sum(where=form.quadratic_program or size > LARGE))
-            doubtful = slopes > LARGEST_GAIN * form.objective_scale * max(
+            far = float(size.sum(where=form.quadratic_program or size > LARGE))
+            doubtful = outcome.error * max(1.0, far) > LARGEST_GAIN * form.objective_scale * max(
                 1.0, abs(self.assess(point).objective)
             )
         return doubtful and self.may_gain(point)
