@@ -316,6 +316,7 @@ class _Solve:
         if outcome.end is End.UNBOUNDED:
             return self._with_feasible_points(outcome)
         before: float | None = None
+        refused = False  # a solution but for what it may gain
         for _ in range(RESCALINGS):
             if outcome.end not in (End.CONVERGED, End.STUCK):
                 return outcome
@@ -333,7 +334,7 @@ class _Solve:
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
                 judged = self.judgement.assess(point)
                 confirmed = self.judgement.confirms(point, outcome.y)
-                if confirmed and not self.judgement.stalled_short(outcome, point):
+                if confirmed and not self.judgement.stalled_short(outcome, point, refused):
                     outcome.end = End.CONVERGED
                     return outcome
             # What is a solution but for what it may gain is gone on from, once.
@@ -343,9 +344,10 @@ class _Solve:
                 if same and not outcome.early and not self.judgement.may_gain(point):
                     outcome.end = End.CONVERGED
                 return outcome
+            refused = confirmed
             before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None
             form = self.rescalings.scaled_anew(form, point.x, form.objective_factor)
-            outcome = self.rescalings.on_from(form, point, Tactics())
+            outcome = self.rescalings.on_from(form, point, Tactics(), self.judgement.share_of_error(point))
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome

@@ -79,6 +79,43 @@ def test_a_fit_by_least_absolute_deviations_does_not_profit_from_large_data(offs
     assert found.objective == pytest.approx(known.fun, rel=1e-6)
 
 
+def _shifted(seed: int, by: float) -> Quadratic:
+    """A random convex quadratic program whose variables are all ``by`` farther up or down; the same but for that, and
+    for a constant in the objective."""
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(4, 15)), int(rng.integers(2, 12))
+    matrix = rng.normal(size=(m, n)) * (rng.random((m, n)) < 0.7)
+    point, root = 10.0 * rng.normal(size=n), rng.normal(size=(n // 2, n))
+    value, curvature = matrix @ point, 10.0 ** rng.uniform(-3.0, 3.0) * root.T @ root
+    row, bound = rng.integers(0, 3, m), rng.integers(0, 4, n)  # an equation, one limit, the other; none
+    y = np.where(row == 1, -1.0, 1.0) * 10.0 ** rng.uniform(-3.0, 2.0, m)
+    z = np.select([bound == 0, bound == 1], [-1.0, 1.0], 0.0) * 10.0 ** rng.uniform(-3.0, 2.0, n)
+    gradient = -(curvature @ point + matrix.T @ y + z)  # all of these are active
+    away = np.where(np.arange(n) % 2, by, -by)
+    program = Quadratic(
+        gradient - curvature @ away,
+        curvature,
+        matrix,
+        (
+            np.where(row == 2, -np.inf, value) + matrix @ away,
+            np.where(row == 1, np.inf, value) + matrix @ away,
+        ),
+        (np.where(bound == 0, point, -np.inf) + away, np.where(bound == 1, point, np.inf) + away),
+    )
+    program.x0 = 10.0 * rng.normal(size=n) + away
+    return program
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("by", [1e5, 1e6])
+def test_quadratic_programs_do_not_depend_on_the_origin(seed: int, by: float) -> None:
+    """The objective is as large as the constant makes it, so that a millionth of it would be much near the origin."""
+    near, far = _shifted(seed, 0.0), _shifted(seed, by)
+    known, found = minimize(near), minimize(far)
+    assert known.status == found.status == "optimal"
+    assert found.objective == pytest.approx(far.values(known.x + (far.x0 - near.x0))[0], rel=1e-8)
+
+
 def test_bounds_give_way_in_their_own_units() -> None:
     """A slack that matters little to its row is measured in large units; a billionth of these is too much of it."""
     nlp = SymbolicProgram(
