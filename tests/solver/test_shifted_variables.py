@@ -128,3 +128,25 @@ def test_bounds_give_way_in_their_own_units() -> None:
     assert form.x_scale[2] > 1e6
     given_way = (nlp.x_lower - form.lower[: nlp.n] * form.x_scale)[2]
     assert 0.0 < given_way < Options().feasibility_tolerance
+
+
+#: A point goes round a bump between walls.
+WALLS = """
+constants: n = 60, T = 10, h = T/n, far = FAR, way = 10, most = 1, height = 4;
+variables: x, y, u, w;
+method: trapezoidal;
+guess: x = far + way*i/n; y = far;
+constraints: [0,n]: x'' = u; y'' = w; -most <= u <= most; -most <= w <= most;
+  y >= far + height - (x - far - way/2)^2; far - 1 <= x <= far + way + 1; far - 1 <= y <= far + 10;
+  [0]: x = far; y = far; x'; y';
+  [n]: x = far + way; y = far; x'; y';
+objective: [0,n]: integral(u^2 + w^2);
+"""
+
+
+@pytest.mark.parametrize("far", [1e5, 6.378e6])
+def test_a_motion_far_from_the_origin(far: float) -> None:
+    """Beside coordinates of the size of the earth, walls give way no more than beside those of a room."""
+    near, there = (stc.load(WALLS.replace("FAR", f"{v}")).solve() for v in (0, far))
+    assert near.status == there.status == "optimal"
+    assert there.objective == pytest.approx(near.objective, rel=1e-6)
