@@ -16,6 +16,8 @@ __all__ = ["Judgement", "Point"]
 
 LARGEST_MULTIPLIER = 1e12
 LARGEST_GAIN = 1e-6
+SAFELY, LEAST_SHARE = 0.1, 1e-4
+"""Of an error that leaves too much to gain: it falls less evenly than that, and not below rounding errors."""
 ROUNDING = 1e-12
 STEEP = 1e-3
 """The largest error of a slope that may be one of rounding."""
@@ -86,20 +88,22 @@ class Judgement:
         left = slopes_left(self.nlp, point.x, point.y, judged.bound_multipliers)
         return not left.any() and self.gain(point) <= ROUNDING
 
-    def stalled_short(self, outcome: Outcome, point: Point) -> bool:
+    def stalled_short(self, outcome: Outcome, point: Point, again: bool = False) -> bool:
         """Whether the iteration stalled where the objective may still gain, or ended where a lighter one does not tell.
 
         A barrier that holds a point off many bounds leaves each of them a product too small to count: together they do.
         So do slopes that are too small to count where variables are large, which those of quadratic programs may be, or
-        have become so.
+        have become so, and all errors where the objective was divided by much, as one that is steep at a far start.
+        A point that was gone on to for such a reason is asked ``again``: a small error does not tell what relaxed
+        bounds owe.
         """
         form = outcome.form
         assert isinstance(form, ScaledProblem)
-        doubtful = outcome.end is End.STUCK or form.objective_factor < 1.0
+        doubtful = again or outcome.end is End.STUCK or form.objective_factor < 1.0
         if not doubtful:
             size = np.abs(outcome.x)
-            slopes = outcome.error * float(size.sum(where=form.quadratic_program or size > LARGE))
-            doubtful = slopes > LARGEST_GAIN * form.objective_scale * max(
+            far = float(size.sum(where=form.quadratic_program or size > LARGE))
+            doubtful = outcome.error * max(1.0, far) > LARGEST_GAIN * form.objective_scale * max(
                 1.0, abs(self.assess(point).objective)
             )
         return doubtful and self.may_gain(point)
@@ -107,6 +111,15 @@ class Judgement:
     def may_gain(self, point: Point) -> bool:
         """Whether the objective may gain there what counts, of all products together."""
         return self.gain(point) > LARGEST_GAIN
+
+    def share_of_error(self, point: Point) -> float:
+        """What may be left of an error for the conditions as stated to hold, and the gain not to count."""
+        most = self.options.unscaled_tolerance
+        left = (
+            most / max(most, self.assess(point).optimality),
+            LARGEST_GAIN / max(LARGEST_GAIN, self.gain(point)),
+        )
+        return max(SAFELY * min(left), LEAST_SHARE) if min(left) < 1.0 else 1.0
 
     def gain(self, point: Point) -> float:
         """What it may, relative to the objective, or to 1 where that is less."""

@@ -131,10 +131,12 @@ class Rescalings:
         larger = self.scaled_anew(form, x0, form.objective_factor, small_too=True)
         return self.attempts.cold(larger, x0, self.options)
 
-    def on_from(self, form: ScaledProblem, point: Point, tactics: Tactics) -> Outcome:
-        """On from a point of the problem as stated that is nearly a solution, in the scale of ``form``."""
+    def on_from(self, form: ScaledProblem, point: Point, tactics: Tactics, share: float = 1.0) -> Outcome:
+        """On from a point of the problem as stated that is nearly a solution, in the scale of ``form``, to such a
+        share of the usual tolerance."""
         it = warm_iterate(form, point.x / form.x_scale, form.scaled_multipliers(point.y))
-        return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=tactics)
+        options = replace(self.options, tolerance=share * self.options.tolerance)
+        return optimise(form, it, WARM_BARRIER, options, self.monitor, tactics=tactics)
 
     def in_own_units(self, outcome: Outcome, settle: Callable[[Outcome], Outcome]) -> Outcome | None:
         """On from a solution whose objective is small, multiplied such that it is not, as the variables are.

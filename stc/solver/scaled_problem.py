@@ -41,6 +41,8 @@ WEAK, WEAKEST = 1e-4, 1e-10
 UNEVEN = 0.1
 """The same where rows of the usual scale have not led to a solution."""
 RELAXATION, SMALLEST_BOUND = 1e-9, 1e-3
+ROUNDED = 64 * 2.0**-52
+"""The least part of a bound that it is widened by: enough for the gap to be a number of several digits."""
 TINY = 1e-4
 """Where no variable is larger, nor may be, it is for the units."""
 ORDINARY = (1e-2, 1e3)  # magnitudes of variables that are left alone
@@ -106,11 +108,11 @@ class ScaledProblem(Formulation):
         row_lower, row_upper = nlp.row_lower * self.row_scale, nlp.row_upper * self.row_scale
         self.true_x = (lower, upper)
         self.true_rows = (row_lower, row_upper)
-        below, above = _relaxed(lower, upper)
+        below, above = _relaxed(lower, upper, 1.0 / self.x_scale)
         start = x0 / self.x_scale
         below = below if self._is_defined(np.where(np.isfinite(below), below, start)) else lower
         above = above if self._is_defined(np.where(np.isfinite(above), above, start)) else upper
-        self._set_bounds(below, above, *_relaxed(row_lower, row_upper))
+        self._set_bounds(below, above, *_relaxed(row_lower, row_upper, self.row_scale))
         self.stated_limits = (
             *_limits(self.true_rows, (nlp.row_lower, nlp.row_upper), 1.0 / self.row_scale),
             *_limits(self.true_x, (nlp.x_lower, nlp.x_upper), self.x_scale),
@@ -147,7 +149,7 @@ class ScaledProblem(Formulation):
     def _choose_scales(self, x0: Floats, small_too: bool, weak_below: float) -> None:
         nlp = self.nlp
         span = nlp.x_upper - nlp.x_lower
-        magnitude = np.abs(x0)
+        magnitude = np.minimum(np.abs(x0), np.where(span > 0.0, np.maximum(span, 1.0), np.inf))
         narrow = np.isfinite(span) & (span > 0) & (span < ORDINARY[0])
         wide = magnitude > ORDINARY[1]
         if small_too or _are_tiny(nlp, x0):
@@ -288,18 +290,21 @@ def _factors(gradients: Floats, nearby: Floats) -> Floats:
     return factors
 
 
-def _hair(bound: Floats) -> Floats:
-    """What bounds are widened by; one that is 0 says nothing of its size."""
-    return RELAXATION * np.where(bound == 0.0, 1.0, np.maximum(np.abs(bound), SMALLEST_BOUND))
+def _hair(bound: Floats, unit: Floats) -> Floats:
+    """What bounds are widened by, in which ``unit`` is one as stated; one that is 0 says nothing of its size."""
+    size = np.abs(bound)
+    hair = np.where(size == 0.0, 1.0, np.clip(size, SMALLEST_BOUND, 1.0))
+    return np.maximum(RELAXATION * np.minimum(hair, unit), ROUNDED * size)
 
 
-def _relaxed(lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
+def _relaxed(lower: Floats, upper: Floats, unit: Floats) -> tuple[Floats, Floats]:
     """Inequalities widened by a hair, so that a strict interior exists even where they imply equalities.
 
     Those of variables stay where functions are undefined beyond them.  Small limits are widened by less: one of 1e-7
-    that gives way by 1e-9 may be worth a per cent of the objective.
+    that gives way by 1e-9 may be worth a per cent of the objective.  Large ones are not widened by more: what shifts a
+    bound from 1 to 1e7 does not make what it holds back any larger.
     """
     open_ = lower < upper
-    below = np.where(open_, lower - _hair(lower), lower)
-    above = np.where(open_, upper + _hair(upper), upper)
+    below = np.where(open_, lower - _hair(lower, unit), lower)
+    above = np.where(open_, upper + _hair(upper, unit), upper)
     return np.where(np.isfinite(lower), below, lower), np.where(np.isfinite(upper), above, upper)

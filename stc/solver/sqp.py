@@ -42,6 +42,8 @@ RESCALINGS = 3
 UNCHANGED = 1e-9
 LARGE_MULTIPLIER = 1e6
 DISPROOF = 0.1
+NO_LESS = 0.99
+"""Of the smallest sum of violations: iterations end within so much of it."""
 SEVERAL = 0.25
 """The share of the variables that are small, where that may be for the units."""
 GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
@@ -127,6 +129,7 @@ class _Solve:
         self.form: ScaledProblem | None = None
         self._followed: Floats | None = None  # the last other start that was a solution, on fewer frames
         self._least: Outcome | None = None  # of a search for a feasible point from the guess
+        self._missed: Outcome | None = None  # the last violation that is the smallest of all
         self.judgement = Judgement(nlp, options)
         self.attempts = Attempts(nlp, options, self.monitor, self.judgement)
         self.rescalings = Rescalings(self.attempts)
@@ -319,8 +322,10 @@ class _Solve:
         if outcome.end is End.UNBOUNDED:
             return self._with_feasible_points(outcome)
         before: float | None = None
+        refused = False  # a solution but for what it may gain
         for _ in range(RESCALINGS):
             if outcome.end not in (End.CONVERGED, End.STUCK):
+                self._missed = outcome if self._is_proof(outcome) else self._missed
                 return outcome
             form = outcome.form
             assert isinstance(form, ScaledProblem)
@@ -336,7 +341,7 @@ class _Solve:
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
                 judged = self.judgement.assess(point)
                 confirmed = self.judgement.confirms(point, outcome.y)
-                if confirmed and not self.judgement.stalled_short(outcome, point):
+                if confirmed and not self.judgement.stalled_short(outcome, point, refused):
                     outcome.end = End.CONVERGED
                     return outcome
             # What is a solution but for what it may gain is gone on from, once.
@@ -346,9 +351,10 @@ class _Solve:
                 if same and not outcome.early and not self.judgement.may_gain(point):
                     outcome.end = End.CONVERGED
                 return outcome
+            refused = confirmed
             before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None
             form = self.rescalings.scaled_anew(form, point.x, form.objective_factor)
-            outcome = self.rescalings.on_from(form, point, Tactics())
+            outcome = self.rescalings.on_from(form, point, Tactics(), self.judgement.share_of_error(point))
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome
@@ -372,10 +378,11 @@ class _Solve:
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         if outcome.end is End.UNBOUNDED:
             return self._result(Status.UNBOUNDED, point.x, point.y)
-        if outcome.end is End.STATIONARY_VIOLATION and self._feasible() is None:
-            assert isinstance(outcome.form, ScaledProblem)
-            y = outcome.y * outcome.form.row_scale
-            if not self._falls(point, y, outcome.form.row_scale):
+        missed = self._least_missed(outcome)
+        if missed is not None:
+            assert isinstance(missed.form, ScaledProblem)
+            point, y = self.judgement.stated(missed), missed.y * missed.form.row_scale
+            if not self._falls(point, y, missed.form.row_scale):
                 return self._result(
                     Status.INFEASIBLE, between(point.x, self.nlp.x_lower, self.nlp.x_upper), y
                 )
@@ -387,6 +394,28 @@ class _Solve:
         """The best point seen, (n,), if it is feasible."""
         best = self.monitor.best
         return best[2] if best is not None and self.judgement.is_met(best[2], best[0]) else None
+
+    def _least_missed(self, outcome: Outcome) -> Outcome | None:
+        """The stationary violation that tells that the rows cannot be met, or None."""
+        if outcome.end is End.STATIONARY_VIOLATION and self._feasible() is None:
+            return outcome
+        for missed in (outcome, self._missed):
+            if missed is not None and self._is_proof(missed) and self._is_as_large(missed):
+                return missed
+        return None
+
+    def _is_as_large(self, missed: Outcome) -> bool:
+        """Whether the violation of the best point is as large as the smallest that there is, all rows together: spread
+        over many it may be below the tolerance in each."""
+        from stc.solver.violation_descent import weighted_violations
+
+        form, best = missed.form, self.monitor.best
+        assert isinstance(form, ScaledProblem)
+        point = self.judgement.stated(missed)
+        if best is None or self.judgement.is_met(point.x, self.judgement.assess(point).violation):
+            return False
+        _, least = weighted_violations(self.nlp, point.x, form.row_scale)
+        return weighted_violations(self.nlp, best[2], form.row_scale)[1] >= NO_LESS * least
 
     def _falls(self, point: Point, y: Floats, weights: Floats) -> bool:
         """Whether a violation that seems to be stationary, with multipliers ``y`` (m,), falls; the point where it is

@@ -12,7 +12,7 @@ import numpy as np
 from stc.solver.nlp import NLP, Floats
 from stc.solver.residuals import signed_violations
 
-__all__ = ["nearer_point"]
+__all__ = ["nearer_point", "weighted_violations"]
 
 STEEP = 1e-2
 """Slope of a variable, relative to the sum of the magnitudes of its terms, that rounding errors do not leave."""
@@ -31,7 +31,7 @@ def nearer_point(nlp: NLP, x: Floats, y: Floats, weights: Floats) -> Floats | No
             minimum of it.
         weights: of the rows' violations, (m,).
     """
-    off, total = _violations(nlp, x, weights)
+    off, total = weighted_violations(nlp, x, weights)
     _, jac, _ = nlp.derivatives(x, np.zeros(nlp.m), 0.0)
     if not np.isfinite(total) or not np.isfinite(jac).all():
         return None
@@ -46,12 +46,12 @@ def nearer_point(nlp: NLP, x: Floats, y: Floats, weights: Floats) -> Floats | No
     step[steep] = -wanted[steep] / square[steep]
     for share in SHARES:
         new = np.clip(x + share * step, nlp.x_lower, nlp.x_upper)
-        if _violations(nlp, new, weights)[1] < FALLEN * total:
+        if weighted_violations(nlp, new, weights)[1] < FALLEN * total:
             return new
     return None
 
 
-def _violations(nlp: NLP, x: Floats, weights: Floats) -> tuple[Floats, float]:
+def weighted_violations(nlp: NLP, x: Floats, weights: Floats) -> tuple[Floats, float]:
     """The signed violation of each row, (m,), positive above its upper bound, and the weighted sum of their sizes."""
     r = nlp.values(x)[1]
     off = signed_violations(nlp, r)

@@ -89,3 +89,22 @@ def test_an_attempt_out_of_steps_is_no_solution() -> None:
     terms = [f"{value} - (x1 + x2*exp(-{10 * k}*x4) + x3*exp(-{10 * k}*x5))" for k, value in enumerate(data)]
     solution = _solved(_squares(terms), [0.502364, 1.63514, -1.07117, 0.0997299, -0.0176337])
     assert solution.status != "optimal" or solution.objective == pytest.approx(5.46489e-5, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        [1.0, 1.0, 1.0],
+        [0.0, 74557.47927, 1.0],
+        [21.5443469, 464.158883, 1.0],
+        [1e5, 0.0, 1.0],
+        [0.0, 3e3, 1.0],
+    ],
+)
+def test_what_is_left_to_gain_is_asked_for_where_a_far_start_makes_the_objective_light(
+    start: list[float],
+) -> None:
+    """``x y = 0`` and ``x + y >= 1`` leave ``x^2 + y^2`` at least 1."""
+    solution = _solved("x1^2 + x2^2 + (x3 - x1*x2)^2", start, "0 <= x1 complements x2 >= 0; x1 + x2 >= 1")
+    assert solution.status == "optimal"
+    assert solution.objective == pytest.approx(1.0, abs=1e-5)

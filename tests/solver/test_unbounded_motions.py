@@ -53,7 +53,7 @@ def test_a_limit_alone_says_nothing_of_that() -> None:
 
 
 def test_nor_does_one_near_a_solution_to_which_the_objective_fell() -> None:
-    model = stc.load(SPEC.format(rule="central"), most=1e6)
+    model = stc.load(SPEC.format(rule="central"), most=1e5)
     solved = model.solve(max_iterations=400)
     assert solved.status == "optimal"
     history = []
