@@ -93,7 +93,9 @@ def _search(numbered: Numbered, graph: tuple[Int32s, Int32s], level: Int32s, par
     return parts
 
 
-def _operations(stage: Int64s, part: Int32s, parts: int, first: Int32s, second: Int32s) -> NDArray[np.float64]:
+def _operations(
+    stage: Int64s, part: Int32s, parts: int, first: Int32s, second: Int32s
+) -> NDArray[np.float64]:
     """What the elimination of each part takes, about, (parts,)."""
     kept, stage = np.unique(stage, return_inverse=True)
     count = kept.size
@@ -104,7 +106,7 @@ def _operations(stage: Int64s, part: Int32s, parts: int, first: Int32s, second: 
     load = np.cumsum(np.bincount(entry, minlength=count) - np.append(0, width[:-1])).astype(np.float64)
     of_stage = np.zeros(count, dtype=np.int64)
     of_stage[stage] = part
-    return np.bincount(of_stage, width * load**2, minlength=parts)
+    return np.bincount(of_stage, width * load**2, minlength=parts).astype(np.float64)
 
 
 @native

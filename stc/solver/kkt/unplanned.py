@@ -57,7 +57,10 @@ def list_rows(
     members: i64, who: i32s, waiting: i64, queue: i32s, slot: i32s, stride: i64, window: f64s, count: i64,
     listed: i32s, surplus_count: i64, surplus: i32s, rows: i32s,
 ) -> i64:  # fmt: skip
-    """List the planned slots of a group, and those others that members are coupled with; how many there are."""
+    """List the planned slots of a group, and those others that members are coupled with; how many there are.
+
+    The lists given increase, and so does the result.
+    """
     total = 0
     taken = 0
     for e in range(surplus_count):
