@@ -19,7 +19,8 @@ MADE, TALLY = 0, 1
 STRAYING = 0.5
 #: ... and by so many entries for a rejected pivot.
 REJECTION = 25
-#: In the account of a system: what matrices have cost beyond the plan, what they may, entries and stages of the plan.
+#: In the account of a system: what matrices have cost beyond the plan, what they may, entries and stages of the plan,
+#: the latter counted several times where straying costs little.
 WASTED, ALLOWANCE, ENTRIES, STAGES, ACCOUNT = 0, 1, 2, 3, 4
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import FrontalKKT
+from stc.solver.kkt.levels import narrower_stages
 from stc.solver.kkt.planned import PlannedKKT
 from stc.solver.kkt.segments import Numbered, Segmentation, find_segments, number_stages
 from stc.solver.nlp import Ints
@@ -68,6 +69,9 @@ def new_system(
     couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
     stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
     numbered = number_stages(couplings, stage, held)
+    narrower = narrower_stages(couplings, numbered) if numbered is not None else None
+    if narrower is not None:
+        stage, numbered = narrower, number_stages(couplings, narrower, held)
     if numbered is not None:
         # Each family is loaded where it is needed: hardly a process needs both.
         dense = suits_chain(couplings, numbered)

@@ -58,6 +58,9 @@ REFINEMENTS = 10
 PLANNING = 80_000
 ORDERING = 1000
 ARRANGING = 50
+#: In a window of more slots an order costs more in proportion, since all of a row is looked at for each pivot; stages
+#: that stray cost less, since columns are searched once and subtracted many times (measured up to 1200 slots).
+WIDE_WINDOW = 220
 #: A system taken over from an earlier solve counts as one that has been planned so often: its plan came from matrices
 #: like those to come, and the first ones of a solve, which are unlike them, are no reason for another one.
 SETTLED = 3
@@ -398,7 +401,7 @@ class FrontalKKT(ByCopies):
     def _open_account(self) -> None:
         """Begin to count what matrices cost beyond the plan."""
         assert self._plan is not None
-        self.account[:] = 0.0, self._planning_cost(), self._plan.nnz, self._staging.stages
+        self.account[:] = 0.0, self._planning_cost(), self._plan.nnz, self._staging.stages * self._width()
 
     def _planning_cost(self) -> float:
         """What may be wasted with a plan before the next one: more each time, since some matrices suit none.
@@ -406,8 +409,13 @@ class FrontalKKT(ByCopies):
         The first plan comes from matrices of the beginning, often unlike all later ones.
         """
         assert self._plan is not None
-        cost = PLANNING + ORDERING * self._plan.ordered + ARRANGING * (self.n + self.m)
+        ordering = ORDERING * self._width() * self._plan.ordered
+        cost = PLANNING + ordering + ARRANGING * (self.n + self.m)
         return cost * 0.5 * self._plans_made**2
+
+    def _width(self) -> float:
+        """How many times as wide as an ordinary one the window is, at least 1."""
+        return max(1.0, self._staging.window / WIDE_WINDOW)
 
     def _use(self, arrangement: Arrangement) -> None:
         """Adopt an arrangement of the entries."""

@@ -57,14 +57,24 @@ def list_rows(
     members: i64, who: i32s, waiting: i64, queue: i32s, slot: i32s, stride: i64, window: f64s, count: i64,
     listed: i32s, surplus_count: i64, surplus: i32s, rows: i32s,
 ) -> i64:  # fmt: skip
-    """List the planned slots of a group, and those others that members are coupled with; how many there are."""
-    for k in range(count):
-        rows[k] = listed[k]
-    total = count
+    """List the planned slots of a group, and those others that members are coupled with; how many there are.
+
+    The lists given increase, and so does the result.
+    """
+    total = 0
+    taken = 0
     for e in range(surplus_count):
         if _coupled(surplus[e], members, who, slot, stride, window) > 0:
-            _insert(total, surplus[e], rows)
+            while taken < count and listed[taken] < surplus[e]:
+                rows[total] = listed[taken]
+                taken += 1
+                total += 1
+            rows[total] = surplus[e]
             total += 1
+    while taken < count:
+        rows[total] = listed[taken]
+        taken += 1
+        total += 1
     for place in range(waiting):
         own = slot[queue[place]]
         member = own < 0
