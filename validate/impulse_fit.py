@@ -164,7 +164,8 @@ def _around(across: FloatArray) -> FloatArray:
         across: (2, nv) generalised impulse of a unit impulse along either axis across its normal.
     """
     _, sizes, ways = np.linalg.svd(across, full_matrices=False)
-    if sizes[1] <= _FLAT * sizes[0]:
+    # A model with one coordinate has one way across.
+    if len(sizes) < 2 or sizes[1] <= _FLAT * sizes[0]:
         return np.array([sizes[0] * ways[0], -sizes[0] * ways[0]])
     angles = 2.0 * np.pi * np.arange(_EDGES) / _EDGES
     return np.stack([np.cos(angles), np.sin(angles)], axis=1) @ across / np.cos(np.pi / _EDGES)

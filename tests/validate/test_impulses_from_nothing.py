@@ -113,3 +113,24 @@ def test_a_stop_pushes_away_from_itself(tmp_path: Path, height: float, change: f
 def test_where_no_geom_can_touch_that_is_told_alone(tmp_path: Path) -> None:
     solution = jumps_at(tmp_path, 5, (0.0, 1.0, 0.0), contact='contype="0" conaffinity="0"')
     assert unfounded(solution) is None
+
+
+#: A ball on one slide, on a floor with friction.
+BALL = """<mujoco><option timestep="0.001"/><worldbody><geom type="plane" size="5 5 0.1"/>
+  <body name="ball" pos="0 0 0.1"><inertial pos="0 0 0" mass="1" diaginertia="0.004 0.004 0.004"/>
+    <joint name="z" type="slide" axis="{axis}"/><geom type="sphere" size="0.1"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("axis", ["0 0 1", "0.6 0 0.8"])
+@pytest.mark.parametrize(("height", "possible"), [(0.0, True), (0.4, False)])
+def test_a_model_may_have_one_coordinate(tmp_path: Path, axis: str, height: float, possible: bool) -> None:
+    (tmp_path / "box.xml").write_text(BALL.format(axis=axis))
+    time = np.linspace(0, 0.1, 6)
+    nothing = nodes("trapezoidal", time, lambda t: 0 * t)
+    position = nodes("trapezoidal", time, lambda t: height + 0 * t)
+    before, after = np.zeros(6), np.zeros(6)
+    before[0] = -1.0
+    replay = [ReplayChannel("joint", ("z",), position, Channel(before, after), nothing)]
+    replay.append(ReplayChannel("contact", ("body", "ball", "fz"), nothing))
+    found = unfounded(solution_of("trapezoidal", time, {}, replay, model="box.xml", directory=str(tmp_path)))
+    assert found == pytest.approx(0.0 if possible else 1.0, abs=1e-9)
