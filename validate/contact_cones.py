@@ -161,8 +161,9 @@ class ContactFit:
             axes = np.array(contact.frame).reshape(3, 3)
             moves, turns = (axes @ part for part in contact_jacobian(model, data, number))
             reach = np.maximum(reach, np.abs(moves).max(axis=0))
-            slip, spin, *roll = ((1.0 + widened) * contact.friction[k] for k in (0, 2, 3, 4))
-            forces = moves[0] + slip * around @ moves[1:] if contact.dim > 1 else moves[:1]
+            # Of a <pair> the two directions across the normal may have friction of their own.
+            slips, (spin, *roll) = np.split((1.0 + widened) * np.array(contact.friction), [2])
+            forces = moves[0] + (around * slips) @ moves[1:] if contact.dim > 1 else moves[:1]
             if slid is not None and number in slid:
                 forces = slid[number] @ moves
             # A moment about each axis that the contact has friction about, as if there were no other friction.

@@ -147,8 +147,9 @@ def _edges(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[FloatArray]
         axes = np.array(contact.frame).reshape(3, 3)
         moves, turns = (axes @ part for part in contact_jacobian(model, data, number))
         reach = np.maximum(reach, np.abs(moves).max(axis=0))
-        slip, spin, *roll = (contact.friction[k] for k in (0, 2, 3, 4))
-        edges = moves[0] + slip * _around(moves[1:]) if contact.dim > 1 else moves[:1]
+        # Of a <pair> the two directions across the normal may have friction of their own.
+        slips, (spin, *roll) = np.split(np.array(contact.friction), [2])
+        edges = moves[0] + _around(slips[:, None] * moves[1:]) if contact.dim > 1 else moves[:1]
         # A moment about each axis that the contact has friction about, as if there were no other friction.
         for axis, share in enumerate((spin, *roll)[: {4: 1, 6: 3}.get(int(contact.dim), 0)]):
             moment = share * turns[axis]
@@ -158,10 +159,10 @@ def _edges(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[FloatArray]
 
 
 def _around(across: FloatArray) -> FloatArray:
-    """(k, nv) corners around all that unit impulses across a contact give, exactly where it moves in a plane only.
+    """(k, nv) corners around all that the friction of a contact gives, exactly where it moves in a plane only.
 
     Args:
-        across: (2, nv) generalised impulse of a unit impulse along either axis across its normal.
+        across: (2, nv) generalised impulse of the friction along either axis across its normal.
     """
     _, sizes, ways = np.linalg.svd(across, full_matrices=False)
     # A model with one coordinate has one way across.
