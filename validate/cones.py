@@ -95,8 +95,9 @@ def cone_edges(
         axes = np.array(contact.frame).reshape(3, 3)
         moves, turns = (axes @ part for part in contact_jacobian(model, data, number))
         reach = np.maximum(reach, np.abs(moves).max(axis=0))
-        slip, spin, *roll = ((1.0 + widened) * contact.friction[k] for k in (0, 2, 3, 4))
-        forces = moves[0] + slip * _around(moves[1:]) if contact.dim > 1 else moves[:1]
+        # Of a <pair> the two directions across the normal may have friction of their own.
+        slips, (spin, *roll) = np.split((1.0 + widened) * np.array(contact.friction), [2])
+        forces = moves[0] + _around(slips[:, None] * moves[1:]) if contact.dim > 1 else moves[:1]
         if slid is not None and number in slid:
             forces = slid[number] @ moves
         # A moment about each axis that the contact has friction about, as if there were no other friction.
@@ -109,13 +110,14 @@ def cone_edges(
 
 
 def _around(across: FloatArray) -> FloatArray:
-    """(k, nv) corners around all that unit forces across a contact give, exactly where it moves in a plane only.
+    """(k, nv) corners around all that the friction of a contact gives, exactly where it moves in a plane only.
 
     Args:
-        across: (2, nv) generalised force of a unit force along either axis across its normal.
+        across: (2, nv) generalised force of the friction along either axis across its normal.
     """
     _, sizes, ways = np.linalg.svd(across, full_matrices=False)
-    if sizes[1] <= _FLAT * sizes[0]:
+    # A model with one coordinate has one way across.
+    if len(sizes) < 2 or sizes[1] <= _FLAT * sizes[0]:
         return np.array([sizes[0] * ways[0], -sizes[0] * ways[0]])
     angles = 2.0 * np.pi * np.arange(_EDGES) / _EDGES
     return np.stack([np.cos(angles), np.sin(angles)], axis=1) @ across / np.cos(np.pi / _EDGES)

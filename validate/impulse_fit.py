@@ -2,8 +2,8 @@
 
 What :mod:`stc.validate.contact_cones` asks of forces, at the frames where velocities jump: the generalised impulse of
 all ``contact`` lines is fitted by what presses within its friction where the model touches in that pose.  A joint at a
-stop of its range gets an impulse away from it.  Inside the motion the replay judges bodies that touch nothing; at
-its first and last frame no replay goes through the jump, and what touches nothing gives nothing.
+stop of its range gets an impulse away from it, and so does a tendon.  Inside the motion the replay judges bodies that
+touch nothing; at its first and last frame no replay goes through the jump, and what touches nothing gives nothing.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ class ImpulseFit:
         import mujoco
 
         self._setup, self._touching = setup, TouchingModel(setup)
+        margin = self._touching.model.tendon_margin
+        margin[:] = np.maximum(margin, TOUCHES)
         self._equalities = Equalities(setup.model())
         model = self._touching.model
         self._stops = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
@@ -64,7 +66,7 @@ class ImpulseFit:
         data.qpos[:] = position
         mujoco.mj_fwdPosition(model, data)
         edges, _, reach = cone_edges(model, data)
-        stopped = self._from_stops(position, directions)
+        stopped = self._from_stops(position, directions) + self._from_tendons()
         inside = 0 < frame < self._setup.solution.n
         if inside and not edges and not stopped:
             return None
@@ -90,3 +92,14 @@ class ImpulseFit:
             if upper - value <= TOUCHES:
                 found.append(-directions[:, column])
         return found
+
+    def _from_tendons(self) -> list[FloatArray]:
+        """(nv,) what tendons at an end of their range give: a rope that is taut pulls."""
+        import mujoco
+
+        model, data = self._touching.model, self._touching.data
+        rows = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON))
+        found = np.zeros((len(rows), model.nv))
+        for row, force in zip(rows, found):
+            mujoco.mj_mulJacTVec(model, data, force, np.eye(data.nefc)[row])
+        return list(found)
