@@ -125,9 +125,10 @@ class Attempts:
 
         The free choice may lead round a solution for ever: where objectives bend sharply at zero, or durations of
         several phases are free. Where the held one finds none either, the first attempt goes on. Where all is convex
-        there are quicker ways out.
+        there are quicker ways out, and where few steps are left, as on fewer frames, there is no time for both.
         """
-        if convex or not form.gaps:
+        few = self.monitor.limit - self.monitor.iterations < GAINING + HELD
+        if convex or few or not form.gaps:
             return self.barrier(form, x0, tactics)
         outcome = self.barrier(form, x0, replace(tactics, gaining=GAINING))
         if not outcome.idle:
