@@ -30,7 +30,7 @@ FEWER = 2
 """Brief restorations of the later attempts."""
 WIDEST, LESS_WIDE, NARROWED = 3.0, 1.0, 350
 """How much wider limits are at first, in distances between them, and the iterations that it may take to narrow them."""
-GAINING, HELD = 80, 800
+GAINING, HELD = 120, 800
 """The steps in which the free choice is to make the error a tenth of what it was, and those that the other one is given
 where it does not."""
 CLOSE = 0.1
