@@ -42,7 +42,8 @@ def touching(
     """The contacts of some bodies.
 
     Yields:
-        The contact's number; (3, 3) its axes, row by row, the first pressing on the bodies; its sliding friction.
+        The contact's number; (3, 3) its axes, row by row, the first pressing on the bodies; its sliding
+            friction, the larger one where a <pair> has two.
     """
     for number in range(data.ncon):
         contact = data.contact[number]
@@ -52,7 +53,7 @@ def touching(
         for geom, sign in ((contact.geom[0], -1.0), (contact.geom[1], 1.0)):
             if geom >= 0 and int(model.geom_bodyid[geom]) in bodies:
                 axes = sign * np.array(contact.frame).reshape(3, 3)
-                yield number, axes, float(contact.friction[0]) if contact.dim > 1 else 0.0
+                yield number, axes, float(contact.friction[:2].max()) if contact.dim > 1 else 0.0
 
 
 def contact_jacobian(

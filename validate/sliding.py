@@ -4,7 +4,8 @@ A force inside the friction cone holds what stands.  Under what slides the frict
 of what the normal force allows, against the velocity.  A contact that slides has therefore one ray where one that holds
 has a cone, and the solved forces of a node are fitted with these: contacts share a force, points of a body that turns
 slide in different ways and a wheel that rolls holds, without any of it being asked for.  MuJoCo's pyramidal cone gives
-its friction along the axis that slides faster, which counts as well as Coulomb's there.
+its friction along the axis that slides faster, which counts as well as Coulomb's there.  A contact of ``condim`` 4 or 6
+that turns while it slides shares its elliptic cone between friction and moments, which counts as well.
 """
 
 from __future__ import annotations
@@ -83,10 +84,10 @@ def sliding(
             if moving:
                 fastest = max(moving.values(), key=lambda one: float(np.linalg.norm(one.velocity)))
                 velocity[row], whole[row] = fastest.velocity, fastest.whole
-            rays = {number: one.rays for number, one in moving.items() if one.fast}
-            if rays:
-                missing[row] = _missing(fit, nodes[row], rays, levers, largest)
-                differ[row] = any(_differ(edges) for edges in rays.values())
+            fast = {number: one for number, one in moving.items() if one.fast}
+            if fast:
+                missing[row] = _missing(fit, nodes[row], fast, levers, largest)
+                differ[row] = any(_differ(one.rays) for one in fast.values())
         # Where a point is held at the nodes alone its velocity may swing from one to the next: it goes nowhere.
         way = np.linalg.norm(integrals @ velocity, axis=1)
         goes = way > np.maximum(_SLIDES * integrals.sum(axis=1), _CANCELLED * (integrals @ whole))
@@ -108,11 +109,13 @@ class _Moving:
         velocity: in m/s.
         whole: what the joints' speeds would make of it without cancelling one another, in m/s.
         rays: (k, 3) edges of the forces that sliding gives, along the contact's own axes.
+        turning: (nv,) generalised force per unit normal force where it turns as well; None without such friction.
     """
 
     velocity: FloatArray
     whole: float
     rays: FloatArray
+    turning: FloatArray | None
 
     @property
     def fast(self) -> bool:
@@ -132,12 +135,31 @@ def _moving(model: mujoco.MjModel, data: mujoco.MjData, bodies: set[int]) -> dic
         if contact.dist > TOUCHES or contact.dim < 2 or not any(own) or not np.all(friction > 0.0):
             continue
         tangents = np.array(contact.frame).reshape(3, 3)[1:]
-        across = tangents @ contact_jacobian(model, data, number)[0]
+        moves, turns = contact_jacobian(model, data, number)
+        across = tangents @ moves
         velocity = across @ data.qvel
         if velocity.any():
             whole = float(np.linalg.norm(np.abs(across) @ np.abs(data.qvel)))
-            found[number] = _Moving(velocity @ tangents, whole, _rays(friction, velocity, pyramidal))
+            rays = _rays(friction, velocity, pyramidal)
+            turning = None if pyramidal else _turning(contact, moves, turns, data.qvel)
+            found[number] = _Moving(velocity @ tangents, whole, rays, turning)
     return found
+
+
+def _turning(
+    contact: mujoco.MjContact, moves: FloatArray, turns: FloatArray, rate: FloatArray
+) -> FloatArray | None:
+    """(nv,) what a contact gives that has friction about axes too, per unit normal force; None where it has none.
+
+    Most power is lost, as in :func:`_rays`, with friction in as many directions as its ``condim`` has.
+    """
+    if contact.dim < 4:
+        return None
+    axes = np.array(contact.frame).reshape(3, 3)
+    normal, *ways = np.concatenate([axes @ moves, axes @ turns])[: contact.dim]
+    friction = np.array(contact.friction[: contact.dim - 1])
+    velocity = np.array(ways) @ rate
+    return np.asarray(normal - friction**2 * velocity / np.linalg.norm(friction * velocity) @ np.array(ways))
 
 
 def _rays(friction: FloatArray, velocity: FloatArray, pyramidal: bool) -> FloatArray:
@@ -164,12 +186,14 @@ def _differ(rays: FloatArray) -> bool:
 
 
 def _missing(
-    fit: ContactFit, node: Node, rays: dict[int, FloatArray], levers: FloatArray, largest: float
+    fit: ContactFit, node: Node, fast: dict[int, _Moving], levers: FloatArray, largest: float
 ) -> float:
     """What the forces of sliding leave of the solved ones where cones would leave less, as a share of the friction."""
     from scipy.optimize import nnls
 
-    edges, owners, reach = fit.edges(rays)
+    edges, owners, reach = fit.edges({number: one.rays for number, one in fast.items()})
+    turning = {number: one.turning for number, one in fast.items() if one.turning is not None}
+    edges, owners = [*edges, *turning.values()], [*owners, *turning]
     levers = np.maximum(levers, reach)
     force, free = fit.force(node) / (levers * largest), fit.free()
 
@@ -180,6 +204,6 @@ def _missing(
         return float(np.abs(columns / lengths @ shares - force).max()), shares / lengths
 
     left, shares = fitted(edges)
-    slips = np.array([float(np.linalg.norm(rays[k][0, 1:])) if k in rays else 0.0 for k in owners])
+    slips = np.array([float(np.linalg.norm(fast[k].rays[0, 1:])) if k in fast else 0.0 for k in owners])
     friction = float(shares[: len(slips)] @ slips)
     return max(left - fitted(fit.edges()[0])[0], 0.0) / max(friction, _PRESSED)

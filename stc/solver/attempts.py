@@ -30,7 +30,7 @@ FEWER = 2
 """Brief restorations of the later attempts."""
 WIDEST, LESS_WIDE, NARROWED = 3.0, 1.0, 350
 """How much wider limits are at first, in distances between them, and the iterations that it may take to narrow them."""
-GAINING, HELD = 80, 800
+GAINING, HELD = 120, 800
 """The steps in which the free choice is to make the error a tenth of what it was, and those that the other one is given
 where it does not."""
 CLOSE = 0.1
@@ -125,9 +125,10 @@ class Attempts:
 
         The free choice may lead round a solution for ever: where objectives bend sharply at zero, or durations of
         several phases are free. Where the held one finds none either, the first attempt goes on. Where all is convex
-        there are quicker ways out.
+        there are quicker ways out, and where few steps are left, as on fewer frames, there is no time for both.
         """
-        if convex or not form.gaps:
+        few = self.monitor.limit - self.monitor.iterations < GAINING + HELD
+        if convex or few or not form.gaps:
             return self.barrier(form, x0, tactics)
         outcome = self.barrier(form, x0, replace(tactics, gaining=GAINING))
         if not outcome.idle:

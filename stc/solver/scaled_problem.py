@@ -96,6 +96,7 @@ class ScaledProblem(Formulation):
         self.n, self.m = nlp.n, nlp.m
         self.x_scale = np.ones(self.n)
         self.row_scale = np.ones(self.m)
+        self._row_unit = np.ones(self.m)  # one as stated, scaled, but for steep rows
         self.objective_scale = 1.0
         self._set_pattern(nlp.jac_rows, nlp.jac_cols, nlp.hess_rows, nlp.hess_cols)
         self._held_user = nlp.x_lower == nlp.x_upper
@@ -112,7 +113,7 @@ class ScaledProblem(Formulation):
         start = x0 / self.x_scale
         below = below if self._is_defined(np.where(np.isfinite(below), below, start)) else lower
         above = above if self._is_defined(np.where(np.isfinite(above), above, start)) else upper
-        self._set_bounds(below, above, *_relaxed(row_lower, row_upper, self.row_scale))
+        self._set_bounds(below, above, *_relaxed(row_lower, row_upper, self._row_unit))
         self.stated_limits = (
             *_limits(self.true_rows, (nlp.row_lower, nlp.row_upper), 1.0 / self.row_scale),
             *_limits(self.true_x, (nlp.x_lower, nlp.x_upper), self.x_scale),
@@ -170,6 +171,9 @@ class ScaledProblem(Formulation):
             np.maximum(sizes, np.abs(bound), out=sizes, where=np.isfinite(bound))
         sizes *= self.row_scale
         large = (sizes > LARGEST_BOUND) & (nlp.row_lower < nlp.row_upper)
+        # A steep row is not widened by less: two that meet would leave room for rounding errors alone.
+        self._row_unit = np.maximum(self.row_scale, 1.0)
+        self._row_unit[large] *= LARGEST_BOUND / sizes[large]
         self.row_scale[large] *= LARGEST_BOUND / sizes[large]
 
     def _choose_function_scales(self, x0: Floats) -> Floats:

@@ -82,3 +82,11 @@ objective: [0]: x^2 + y^2 - 3*x;
     assert found.status == "optimal"
     assert np.allclose([found["x"][0], found["y"][0]], [1.0, 0.0], atol=1e-7)
     assert not any(tactics.gaining for tactics, _ in made)
+
+
+def test_few_steps_are_left_to_one_attempt(made, monkeypatch):
+    """A motion on fewer frames is given 150 iterations: a second attempt would end before it got anywhere."""
+    monkeypatch.setattr(attempts, "GAINING", 2)
+    assert stc.load(SPEC).solve(max_iterations=150).status == "optimal"
+    ((tactics, outcome),) = made
+    assert not tactics.gaining and outcome.end is End.CONVERGED

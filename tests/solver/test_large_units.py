@@ -136,3 +136,19 @@ def test_where_the_objective_is_light_errors_get_smaller_until_nothing_is_left_t
     seed: int, decades: float
 ) -> None:
     test_quadratic_programs_do_not_depend_on_units(seed, decades)
+
+
+@pytest.mark.parametrize("factor", [1e4, 1e5, 1e6, 1e8])
+def test_two_inequalities_that_make_an_equation_may_be_large(factor: float) -> None:
+    """What lies between them is narrow in any unit: 1e-9 of one row as stated would be less than rounding leaves."""
+    spec = f"""
+    constants: n = 0;
+    parameters: x, y;
+    guess: x = 3; y = 1;
+    constraints: [0]: {factor}*(x - y) <= 0; {factor}*(y - x) <= 0; x + y >= 1000;
+    objective: [0]: (x - 1)^2 + y;
+    """
+    found = stc.load(spec).solve()
+    assert found.status == "optimal"
+    assert found.objective == pytest.approx(249501.0, rel=1e-8)
+    assert found.iterations < 60

@@ -113,3 +113,61 @@ def test_a_stop_pushes_away_from_itself(tmp_path: Path, height: float, change: f
 def test_where_no_geom_can_touch_that_is_told_alone(tmp_path: Path) -> None:
     solution = jumps_at(tmp_path, 5, (0.0, 1.0, 0.0), contact='contype="0" conaffinity="0"')
     assert unfounded(solution) is None
+
+
+#: A ball on one slide, on a floor with friction.
+BALL = """<mujoco><option timestep="0.001"/><worldbody><geom type="plane" size="5 5 0.1"/>
+  <body name="ball" pos="0 0 0.1"><inertial pos="0 0 0" mass="1" diaginertia="0.004 0.004 0.004"/>
+    <joint name="z" type="slide" axis="{axis}"/><geom type="sphere" size="0.1"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("axis", ["0 0 1", "0.6 0 0.8"])
+@pytest.mark.parametrize(("height", "possible"), [(0.0, True), (0.4, False)])
+def test_a_model_may_have_one_coordinate(tmp_path: Path, axis: str, height: float, possible: bool) -> None:
+    (tmp_path / "box.xml").write_text(BALL.format(axis=axis))
+    time = np.linspace(0, 0.1, 6)
+    nothing = nodes("trapezoidal", time, lambda t: 0 * t)
+    position = nodes("trapezoidal", time, lambda t: height + 0 * t)
+    before, after = np.zeros(6), np.zeros(6)
+    before[0] = -1.0
+    replay = [ReplayChannel("joint", ("z",), position, Channel(before, after), nothing)]
+    replay.append(ReplayChannel("contact", ("body", "ball", "fz"), nothing))
+    found = unfounded(solution_of("trapezoidal", time, {}, replay, model="box.xml", directory=str(tmp_path)))
+    assert found == pytest.approx(0.0 if possible else 1.0, abs=1e-9)
+
+
+#: A weight on a rope that hangs from 2 m above, 1 m long.
+ROPE = """<mujoco><worldbody><geom type="plane" size="5 5 0.1"/><site name="top" pos="0 0 2"/>
+  <body name="b" pos="0 0 1"><inertial pos="0 0 0" mass="1" diaginertia="0.004 0.004 0.004"/>
+    <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/><site name="ring"/></body>
+  </worldbody><tendon><spatial limited="true" range="0 1"><site site="top"/><site site="ring"/></spatial></tendon>
+  </mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("place", "change", "possible"),
+    [
+        ((0.0, 0.0), (0.0, 1.0), True),
+        ((0.0, 0.0), (0.0, -1.0), False),
+        ((0.0, 0.1), (0.0, 1.0), False),
+        ((0.6, 0.2), (-0.6, 0.8), True),
+        ((0.6, 0.2), (0.6, 0.8), False),
+    ],
+)
+def test_a_taut_rope_pulls(
+    tmp_path: Path, place: tuple[float, float], change: tuple[float, float], possible: bool
+) -> None:
+    (tmp_path / "box.xml").write_text(ROPE)
+    time = np.linspace(0, 0.1, 6)
+    nothing = nodes("trapezoidal", time, lambda t: 0 * t)
+    replay = []
+    for name, start, jump in zip("xz", place, change):
+        position = nodes("trapezoidal", time, lambda t, start=start: start + 0 * t)
+        rate = np.zeros(6)
+        rate[5] = jump
+        replay.append(ReplayChannel("joint", (name,), position, Channel(np.zeros(6), rate), nothing))
+    replay += [ReplayChannel("contact", ("joint", name), nothing) for name in "xz"]
+    found = unfounded(solution_of("trapezoidal", time, {}, replay, model="box.xml", directory=str(tmp_path)))
+    assert found is not None
+    assert (found < 1e-9) == possible
+    assert (found > 1e-1) != possible

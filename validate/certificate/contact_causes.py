@@ -35,7 +35,7 @@ def friction_steps(replays: Replays) -> list[str]:
 
 
 def given_by_nothing(replays: Replays) -> list[str]:
-    """Contact lines whose body never touches anything while they act; on joints without a limit, nothing at all."""
+    """Contact lines whose body never touches anything while they act; on joints that no limit or rope holds, none."""
     import mujoco
 
     setup = replays.setup
@@ -47,7 +47,9 @@ def given_by_nothing(replays: Replays) -> list[str]:
     for column, line in enumerate(setup.contact.lines):
         force = values[:, column]
         kind, name = line.path[0], line.path[1]
-        if not force.any() or (kind == "joint" and model.jnt_limited[model.joint(name).id]):
+        # What holds a joint may be a rope, too.
+        stops = kind == "joint" and (model.jnt_limited[model.joint(name).id] or model.tendon_limited.any())
+        if not force.any() or stops:
             continue
         bodies = []
         if kind != "joint":
