@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.validate.contact_meter import TOUCHES, contact_jacobian, touchable, touching, welded
+from stc.validate.contact_meter import TOUCHES, body_of_line, contact_jacobian, touchable, touching, welded
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -59,8 +59,7 @@ class TouchingModel:
             if kind == "joint":
                 self.joints[column] = int(model.joint(name).id)
             else:
-                body = model.body(name).id if kind == "body" else model.site_bodyid[model.site(name).id]
-                self.wholes[column] = welded(model, int(body))
+                self.wholes[column] = welded(model, body_of_line(model, kind, name))
 
     def is_in_the_air(self, column: int) -> bool:
         """Whether the body of a line touches nothing in this pose."""

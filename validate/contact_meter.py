@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 TOUCHES = 1e-3
 
 
+def body_of_line(model: mujoco.MjModel, kind: str, name: str) -> int:
+    """The body that a line on a ``body`` or ``site`` of that name acts on."""
+    return int(model.site_bodyid[model.site(name).id] if kind == "site" else model.body(name).id)
+
+
 def welded(model: mujoco.MjModel, body: int) -> set[int]:
     """The bodies that move as one with a body, itself among them; of what is fixed to the world the body alone."""
     whole = int(model.body_weldid[body])
@@ -97,8 +102,7 @@ class ContactMeter:
             kind, *rest = line.path
             if kind not in ("body", "site"):
                 continue
-            index = int((model.site if kind == "site" else model.body)(rest[0]).id)
-            own = int(model.site_bodyid[index]) if kind == "site" else index
+            own = body_of_line(model, kind, rest[0])
             body = next((known for known in self.columns if own in welded(model, known)), own)
             self.columns.setdefault(body, {}).setdefault(rest[1], []).append(column)
             if kind == "site" or own != body:

@@ -85,7 +85,7 @@ def nodes_of(setup: Setup, motion: Replay) -> list[Node]:
     first, last = solution.force_frames or (0, solution.n)
 
     lines = setup.contact.channels
-    ends = np.any([line.before != line.after for line in lines], axis=0) if lines else jumps & False
+    ends = np.any([line.before != line.after for line in lines], axis=0) if lines else np.zeros_like(jumps)
 
     def node(part: str, index: int) -> Node:
         forces = lasting = setup.contact.at(part, index)

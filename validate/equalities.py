@@ -46,10 +46,16 @@ class Equalities:
         self.data.qpos[:] = position
         mujoco.mj_fwdPosition(self.model, self.data)
         rows = np.flatnonzero(self.data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
-        found = np.zeros((len(rows), self.model.nv))
-        unit = np.zeros(self.data.nefc)
-        for direction, row in zip(found, rows, strict=True):
-            unit[row] = 1.0
-            mujoco.mj_mulJacTVec(self.model, self.data, direction, unit)
-            unit[row] = 0.0
-        return found.T
+        return constraint_rows(self.model, self.data, rows).T
+
+
+def constraint_rows(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray) -> FloatArray:
+    """(k, nv) the generalised force of a unit force along each of some rows of the active constraints."""
+    import mujoco
+
+    found, unit = np.zeros((len(rows), model.nv)), np.zeros(data.nefc)
+    for force, row in zip(found, rows, strict=True):
+        unit[row] = 1.0
+        mujoco.mj_mulJacTVec(model, data, force, unit)
+        unit[row] = 0.0
+    return found

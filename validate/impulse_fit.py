@@ -16,7 +16,7 @@ from stc.validate import limits
 from stc.validate.cones import TouchingModel, cone_edges, left_over
 from stc.validate.contact import can_touch
 from stc.validate.contact_meter import TOUCHES
-from stc.validate.equalities import Equalities
+from stc.validate.equalities import Equalities, constraint_rows
 
 if TYPE_CHECKING:
     from stc.validate.metrics import FloatArray
@@ -99,7 +99,4 @@ class ImpulseFit:
 
         model, data = self._touching.model, self._touching.data
         rows = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON))
-        found = np.zeros((len(rows), model.nv))
-        for row, force in zip(rows, found):
-            mujoco.mj_mulJacTVec(model, data, force, np.eye(data.nefc)[row])
-        return list(found)
+        return list(constraint_rows(model, data, rows))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.validate import limits
+from stc.validate.equalities import constraint_rows
 from stc.validate.metrics import FloatArray, Metric
 
 if TYPE_CHECKING:
@@ -57,8 +58,8 @@ def limit_metrics(setup: Setup) -> list[Metric]:
         beyond = beyond_range(setup, tie)
         if beyond is not None:
             limit = None if tie.name in stated else _allowed(setup, tie)
-            name = "joint beyond its range"
-            found.append(Metric(name, f"joint {tie.name}", max(beyond[0], 0.0), tie.unit, limit))
+            beyond_by = max(beyond[0], 0.0)
+            found.append(Metric("joint beyond its range", f"joint {tie.name}", beyond_by, tie.unit, limit))
     return found
 
 
@@ -122,16 +123,7 @@ def _rows(data: mujoco.MjData) -> dict[int, np.ndarray]:
 
 def _moves(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray, dofs: np.ndarray) -> bool:
     """Whether rows of the constraints depend on some coordinates."""
-    import mujoco
-
-    unit, found = np.zeros(data.nefc), np.zeros(model.nv)
-    for row in rows:
-        unit[row] = 1.0
-        mujoco.mj_mulJacTVec(model, data, found, unit)
-        unit[row] = 0.0
-        if np.abs(found[dofs]).max(initial=0.0) > _NOTHING:
-            return True
-    return False
+    return bool(np.abs(constraint_rows(model, data, rows)[:, dofs]).max(initial=0.0) > _NOTHING)
 
 
 def _broken(model: mujoco.MjModel, index: int, gaps: FloatArray) -> list[tuple[str, float]]:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.validate import limits
+from stc.validate.equalities import constraint_rows
 from stc.validate.metrics import FloatArray
 from stc.validate.model import joint_titles
 from stc.validate.progress import steps
@@ -253,13 +254,7 @@ def _constraints(setup: Setup, path: FloatArray, free: np.ndarray) -> tuple[bool
         mujoco.mj_fwdPosition(model, data)
         if not data.nefc:
             continue
-        rows = np.zeros((data.nefc, model.nv))
-        unit = np.zeros(data.nefc)
-        for row in range(data.nefc):
-            unit[row] = 1.0
-            mujoco.mj_mulJacTVec(model, data, rows[row], unit)
-            unit[row] = 0.0
-        touched = rows != 0.0
+        touched = constraint_rows(model, data, np.arange(data.nefc)) != 0.0
         on_free = touched[:, free].any(axis=1)
         constrained |= bool(on_free.any())
         both = on_free & touched[:, tied].any(axis=1)

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.validate import limits
 from stc.validate.metrics import FloatArray
 from stc.validate.solved_pose import beyond_range
 
 if TYPE_CHECKING:
     from stc.validate.setup import Setup
-
-#: A joint that goes no farther than this beyond its end stop, in m or rad, touches it.
-_TOUCHES = 1e-6
 
 #: A force swings from node to node where it goes up and down for so many nodes, each time by more than this share of
 #: its largest value.
@@ -26,7 +24,7 @@ def beyond_limits(setup: Setup) -> list[str]:
     found = []
     for tie in setup.ties:
         beyond, end, bound = beyond_range(setup, tie) or (0.0, 0.0, 0.0)
-        if beyond > _TOUCHES:
+        if beyond > limits.BEYOND_RANGE:
             found.append(
                 f"joint {tie.name} goes to {end:.4g} {tie.unit}, its limit in the model is {bound:.4g} {tie.unit}"
             )

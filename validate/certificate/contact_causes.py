@@ -9,7 +9,7 @@ import numpy as np
 from stc.validate import limits
 from stc.validate.certificate.advice import FRICTION_STEP
 from stc.validate.contact import missing_contacts
-from stc.validate.contact_meter import TOUCHES, touchable, touching, welded
+from stc.validate.contact_meter import TOUCHES, body_of_line, touchable, touching, welded
 from stc.validate.contact_nodes import nodes_of, pose
 
 if TYPE_CHECKING:
@@ -51,9 +51,7 @@ def given_by_nothing(replays: Replays) -> list[str]:
         stops = kind == "joint" and (model.jnt_limited[model.joint(name).id] or model.tendon_limited.any())
         if not force.any() or stops:
             continue
-        bodies = []
-        if kind != "joint":
-            bodies = [int(model.site_bodyid[model.site(name).id] if kind == "site" else model.body(name).id)]
+        bodies = [] if kind == "joint" else [body_of_line(model, kind, name)]
 
         def touches(row: int, bodies: list[int] = bodies) -> bool:
             pose(setup, model, data, nodes[row], bodies)
