@@ -103,7 +103,7 @@ def resolved(problem: Problem, body: Expr, first: int) -> Expr:
                 if jumps and key.name != "h":
                     holding = [p for p in holding if not p.range.first < p.range.last == first] or holding
                 if holding:
-                    changes[key] = time_derivative(holding[-1].body, key.order)
+                    changes[key] = time_derivative(holding[-1].body, key.order, problem.rotations)
             elif isinstance(key, VariableRef) and key.side:
                 changes[key] = sym(replace(key, side=""))
         if not changes:

@@ -189,6 +189,18 @@ class Jump:
 
 
 @dataclass(frozen=True, slots=True)
+class Rotation:
+    """An orientation as a unit quaternion (w, x, y, z), and the angular velocity in the turned frame that changes it.
+
+    All seven are names of variables.  The quaternion's time derivative is q (0, w) / 2 and no unknown of its own
+    (:mod:`stc.rates`); the transcription ties both, and keeps the norm (:mod:`stc.transcription.rotations`).
+    """
+
+    quaternion: tuple[str, str, str, str]
+    velocity: tuple[str, str, str]
+
+
+@dataclass(frozen=True, slots=True)
 class ReplayChannel:
     """One line of ``replay:``: ``kind path = body;`` with kind joint, actuator, apply, contact, compare or set."""
 
@@ -207,6 +219,7 @@ class Problem:
     again, changing any other does not.  ``step`` is the time from a frame to the next, in constants,
     parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared, and
     ``model_span`` where the model is named.
+    ``rotations`` are the orientations among the variables.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
     others, which occur in no other expression by name.
     """
@@ -231,3 +244,4 @@ class Problem:
     warnings: Sequence[Diagnostic] = field(default_factory=list)
     macros: Mapping[str, Expr] = field(default_factory=dict)
     model_span: Span | None = None
+    rotations: Sequence[Rotation] = ()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
-from stc.problem import DefinitionRef, TimeRef, VariableRef
+from stc.problem import DefinitionRef, Rotation, TimeRef, VariableRef
 from stc.symbolic.differentiate import total_derivative
 from stc.symbolic.expr import ONE, ZERO, Expr, substitute, sym, symbols
 
@@ -20,10 +21,44 @@ def rate(key: object) -> Expr:
     return ONE if isinstance(key, TimeRef) else ZERO
 
 
-def time_derivative(e: Expr, order: int) -> Expr:
-    """The total time derivative of the given order, by the chain rule."""
+def rate_with(rotations: Iterable[Rotation]) -> Callable[[object], Expr]:
+    """As :func:`rate`, where some variables are components of unit quaternions: their rate is q (0, w) / 2."""
+    turning = {name: (rotation, k) for rotation in rotations for k, name in enumerate(rotation.quaternion)}
+    if not turning:
+        return rate
+
+    def rate_of(key: object) -> Expr:
+        if isinstance(key, VariableRef) and key.name in turning and key.order == 0:
+            rotation, component = turning[key.name]
+            q = [sym(replace(key, name=name)) for name in rotation.quaternion]
+            w = [sym(replace(key, name=name)) for name in rotation.velocity]
+            return 0.5 * quaternion_product(q, [ZERO, *w])[component]
+        return rate(key)
+
+    return rate_of
+
+
+def quaternion_product(a: Sequence[Expr], b: Sequence[Expr]) -> list[Expr]:
+    """The product a b of two quaternions (w, x, y, z)."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return [
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    ]
+
+
+def time_derivative(e: Expr, order: int, rotations: Iterable[Rotation] = ()) -> Expr:
+    """The total time derivative of the given order, by the chain rule.
+
+    Args:
+        rotations: the orientations of the problem that ``e`` belongs to.
+    """
+    of_symbol = rate_with(rotations)
     for _ in range(order):
-        e = total_derivative(e, rate)
+        e = total_derivative(e, of_symbol)
     return e
 
 

@@ -38,7 +38,8 @@ def derivative_orders(problem: Problem) -> dict[str, dict[int, Place]]:
                     found.setdefault(key.name, {}).setdefault(key.order, place)
                 elif isinstance(key, DefinitionRef) and key not in seen:
                     seen.add(key)
-                    waiting += [time_derivative(p.body, key.order) for p in problem.definitions[key.name]]
+                    pieces = problem.definitions[key.name]
+                    waiting += [time_derivative(p.body, key.order, problem.rotations) for p in pieces]
 
     for relation in problem.relations:
         note(relation.body, (relation.span.start, relation.span.end))

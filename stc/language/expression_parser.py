@@ -188,11 +188,12 @@ class ExpressionParser:
         node: syntax.Expression
         if kind == "name":
             self.advance()
-            name = self.token_text(at)
-            if self.kind == "(":
-                node = self.call(at, name)
+            if self.kind == ".":
+                node = self.path(at)
+            elif self.kind == "(":
+                node = self.call(at, self.token_text(at))
             else:
-                node = syntax.Name(starts[at], ends[at], name)
+                node = syntax.Name(starts[at], ends[at], self.token_text(at))
         elif kind == "number":
             value = float(self.token_text(at))
             if math.isinf(value):
@@ -204,6 +205,8 @@ class ExpressionParser:
         elif kind == "(":
             self.advance()
             node = self.expression()
+            if self.kind == "," and not self.decimal_hint(self.at):
+                node = self.vector(at, node)
             if self.kind != ")":
                 self.fail_unclosed(at, ")")
             self.advance()
@@ -242,6 +245,28 @@ class ExpressionParser:
             if kinds[sign] == "-":
                 node = syntax.Negate(starts[sign], ends[self.at - 1], node)
         return node
+
+    def path(self, at: int) -> syntax.Name:
+        """The path of a thing of the model, of which the first word, at token ``at``, has been read."""
+        parts = [self.token_text(at)]
+        while self.kind == ".":
+            self.advance()
+            if self.kind not in ("name", "string", "*"):
+                hint = "a path is words with dots between them, as in `joint.knee`; others stand in quotes"
+                raise self.fail(f"expected a name after `.`, found {self.described()}", hint)
+            text = self.token_text(self.at)
+            plain = self.kind != "string" or not text[1:-1].isidentifier()
+            parts.append(text if plain else text[1:-1])
+            self.advance()
+        return syntax.Name(self.starts[at], self.ends[self.at - 1], ".".join(parts))
+
+    def vector(self, opening: int, first: syntax.Expression) -> syntax.Vector:
+        """The rest of a vector, of which the first component has been read."""
+        items = [first]
+        while self.kind == ",":
+            self.advance()
+            items.append(self.expression())
+        return syntax.Vector(self.starts[opening], self.ends[min(self.at, len(self.ends) - 1)], items)
 
     def call(self, at: int, name: str) -> syntax.Expression:
         opening = self.at

@@ -18,7 +18,19 @@ from stc.language.expression_parser import (
 )
 from stc.language.lexer import Tokens, tokenize
 from stc.language.statements import statement_text
-from stc.language.words import COMPLEMENTS, MAXIMISING, METHODS, REPLAY_KINDS, SECTION_SYNONYMS, SECTIONS
+from stc.language.words import (
+    COMPLEMENTS,
+    KEYFRAME,
+    MAXIMISING,
+    METHODS,
+    POSE_WORDS,
+    REPLAY_KINDS,
+    SECTION_SYNONYMS,
+    SECTIONS,
+)
+
+#: What may follow the name of a pose.
+_POSE_OPTIONS = ("mirrored", "grounded", "turned")
 
 
 def parse(source: Source) -> syntax.SpecTree:
@@ -155,8 +167,6 @@ class _Parser(ExpressionParser):
         if not kind.supported:
             message = f"this version of stc has no `{name}:` section yet"
             hint = "write its equations under `constraints:`"
-            if name == "model":
-                hint = 'a model to replay in is named under `replay:`, as in `model = "cart.xml";`'
             self.diagnostics.error(message, start, name_end, hint)
             self.skip_to_head()
             return None
@@ -270,8 +280,13 @@ class _Parser(ExpressionParser):
     def parameters_statement(self, into: list[syntax.Statement]) -> None:
         self.declarations(into, "parameter", False)
 
+    def name_or_path(self, what: str) -> syntax.Name:
+        """A name, or the path of a thing of the model."""
+        name = self.name(what)
+        return self.path(self.at - 1) if self.kind == "." else name
+
     def assignment(self, into: list[syntax.Statement], what: str, hint: str) -> None:
-        name = self.name(f"the name of a {what}")
+        name = self.name_or_path(f"the name of a {what}")
         if self.kind in ("prime", "["):
             raise self.fail(f"expected `=` after `{name.name}`, found {self.described()}", hint)
         self.expect("=", f"`=` after `{name.name}`")
@@ -284,6 +299,10 @@ class _Parser(ExpressionParser):
         self.assignment(into, "definition", "a definition is a plain name")
 
     def guess_statement(self, into: list[syntax.Statement]) -> None:
+        if self.pose_at_hand():
+            into.append(self.pose())
+            self.end_statement("the pose")
+            return
         hint = "derivatives start from differences of the guessed values; frames go into a header before it"
         self.assignment(into, "guess", hint)
 
@@ -298,12 +317,65 @@ class _Parser(ExpressionParser):
         return syntax.Relation(start, self.ends[self.at - 1], operands, operators)
 
     def constraints_statement(self, into: list[syntax.Statement]) -> None:
+        if self.pose_at_hand():
+            into.append(self.pose())
+            self.end_statement("the pose")
+            return
         found = self.relation()
         if self.kind == "name" and self.token_text(self.at) == COMPLEMENTS:
             into += self.complementarity(found)
             return
         self.end_statement("the constraint")
         into.append(found)
+
+    def pose_at_hand(self) -> bool:
+        """Whether a pose is what comes: the name of one alone, or with what can be said of poses only."""
+        if self.kind != "name":
+            return False
+        following = self.at + 1
+        while self.kinds[following] == "." and self.kinds[following + 1] in ("name", "string"):
+            following += 2
+        path = following > self.at + 1
+        first = self.token_text(self.at)
+        if path and first != KEYFRAME:
+            return False
+        kind = self.kinds[following]
+        if kind == "name":
+            return self.token_text(following) in _POSE_OPTIONS
+        of_pose = path or first in POSE_WORDS
+        return of_pose and (kind == ";" or (kind == "+" and self.kinds[following + 1] == "("))
+
+    def pose(self) -> syntax.Pose:
+        """``keyframe.stand + (D, 0, 0) turned pi about z grounded``, in any order."""
+        start = self.starts[self.at]
+        found = syntax.Pose(start, start, self.name_or_path("the name of a pose, as in `keyframe.stand`"))
+        while True:
+            word = self.token_text(self.at) if self.kind == "name" else self.kind
+            if word == "+":
+                self.advance()
+                shift = self.expression()
+                if not isinstance(shift, syntax.Vector):
+                    hint = "write three components in parentheses, as in `keyframe.stand + (0.5, 0, 0)`"
+                    self.diagnostics.error("a pose is moved by a vector", shift.start, shift.end, hint)
+                    raise Misread
+                found.shift = shift
+            elif word in ("mirrored", "grounded"):
+                self.advance()
+                if word == "mirrored":
+                    found.mirrored = True
+                else:
+                    found.grounded = True
+            elif word == "turned":
+                self.advance()
+                found.angle = self.expression()
+                if self.kind != "name" or self.token_text(self.at) != "about":
+                    raise self.fail(f"expected `about` and an axis, found {self.described()}", "as in `about z`")
+                self.advance()
+                found.axis = self.factor()
+            else:
+                break
+        found.end = self.ends[self.at - 1]
+        return found
 
     def complementarity(self, one: syntax.Relation) -> list[syntax.Relation]:
         """``0 <= a complements b >= 0``: both relations, and one of what they have to spare is nothing."""
@@ -334,8 +406,35 @@ class _Parser(ExpressionParser):
         self.end_statement("the Lagrangian")
         into.append(found)
 
+    def model_statement(self, into: list[syntax.Statement]) -> None:
+        start = self.starts[self.at]
+        path = self.string('the name of a model file in quotes, as in `model: "robot.xml";`')
+        without: list[syntax.Name] = []
+        if self.kind == "name" and self.token_text(self.at) == "without":
+            self.advance()
+            without.append(self.name("what to leave out of the model, as in `without fluid`"))
+            while self.kind == ",":
+                self.advance()
+                without.append(self.name("what to leave out of the model, as in `without fluid`"))
+        into.append(syntax.ModelFile(start, self.ends[self.at - 1], path, without))
+        self.end_statement("the model")
+
+    def poses_statement(self, into: list[syntax.Statement]) -> None:
+        name = self.name("the name of a pose, as in `crouch = keyframe.stand, joint.knee = 1.9;`")
+        self.expect("=", f"`=` after `{name.name}`")
+        pose = self.pose()
+        changes: list[syntax.Assignment] = []
+        while self.kind == ",":
+            self.advance()
+            of = self.name_or_path("a coordinate, as in `joint.knee = 1.9`")
+            self.expect("=", f"`=` after `{of.name}`")
+            value = self.expression()
+            changes.append(syntax.Assignment(of.start, self.ends[self.at - 1], of, value))
+        into.append(syntax.PoseDefinition(name.start, self.ends[self.at - 1], name, pose, changes))
+        self.end_statement("the pose")
+
     def forces_statement(self, into: list[syntax.Statement]) -> None:
-        name = self.name("the name of a coordinate, as in `q: u - c*q';`")
+        name = self.name_or_path("the name of a coordinate, as in `q: u - c*q';`")
         self.expect(":", f"`:` after `{name.name}`")
         value = self.expression()
         found = syntax.Assignment(name.start, self.ends[self.at - 1], name, value)
@@ -370,13 +469,17 @@ class _Parser(ExpressionParser):
 
     def contact_place(self, name: syntax.Name) -> syntax.ContactPlace:
         at: list[syntax.Expression] = []
+        on: syntax.Name | None = None
+        if self.kind == "name" and self.token_text(self.at) == "on":
+            self.advance()
+            on = self.name_or_path("a surface of the model, as in `on geom.box`")
         if self.kind == "name" and self.token_text(self.at) == "at":
             self.advance()
             at.append(self.expression())
             while self.kind == "," and len(at) < 3:
                 self.advance()
                 at.append(self.expression())
-        found = syntax.ContactPlace(name.start, self.ends[self.at - 1], name, at)
+        found = syntax.ContactPlace(name.start, self.ends[self.at - 1], name, at, on)
         self.end_statement("the place of the contact")
         return found
 

@@ -68,6 +68,8 @@ def _bare(node: syntax.Expression) -> tuple[str, int]:
         return f"{node.function}({', '.join(_text(a, _SUM) for a in node.arguments)})", _ATOM
     if isinstance(node, syntax.Prime):
         return _text(node.operand, _ATOM) + "'" * node.order, _ATOM
+    if isinstance(node, syntax.Vector):
+        return f"({', '.join(_text(item, _SUM) for item in node.items)})", _ATOM
     return f"{_text(node.operand, _ATOM)}[{_text(node.index, _SUM)}]", _ATOM
 
 
@@ -93,16 +95,32 @@ def show_statement(node: syntax.Statement) -> str:
     if isinstance(node, syntax.MethodChoice):
         return node.name + ";"
     if isinstance(node, syntax.ModelFile):
-        return f'model = "{node.path}";'
+        without = f" without {', '.join(name.name for name in node.without)}" if node.without else ""
+        return f'model = "{node.path}"{without};'
     if isinstance(node, syntax.ContactDeclaration):
         pose = ", ".join(show_expression(part) for part in node.pose)
         options = [n.name if v is None else f"{n.name} = {show_expression(v)}" for n, v in node.options]
         return ", ".join([f"{node.name.name} = {node.kind.name}({pose})", *options]) + ";"
     if isinstance(node, syntax.ContactPlace):
         at = ", ".join(show_expression(place) for place in node.at)
-        return f"{node.name.name} at {at};" if at else f"{node.name.name};"
+        on = "" if node.on is None else f" on {node.on.name}"
+        return f"{node.name.name}{on} at {at};" if at else f"{node.name.name}{on};"
+    if isinstance(node, syntax.Pose):
+        return _pose(node) + ";"
+    if isinstance(node, syntax.PoseDefinition):
+        changes = [f", {change.name.name} = {show_expression(change.value)}" for change in node.changes]
+        return f"{node.name.name} = {_pose(node.pose)}{''.join(changes)};"
     path = ".".join(part if part.isidentifier() else f'"{part}"' for part in node.path)
     return f"{node.kind} {path} = {show_expression(node.value)};"
+
+
+def _pose(node: syntax.Pose) -> str:
+    text = node.base.name + " mirrored" * node.mirrored
+    if node.shift is not None:
+        text += f" + {show_expression(node.shift)}"
+    if node.angle is not None and node.axis is not None:
+        text += f" turned {show_expression(node.angle)} about {show_expression(node.axis)}"
+    return text + " grounded" * node.grounded
 
 
 def show_syntax(tree: syntax.SpecTree) -> str:
@@ -118,6 +136,8 @@ def show_syntax(tree: syntax.SpecTree) -> str:
             texts = [show_statement(statement) for statement in block.statements]
             if section.kind == "forces":
                 texts = [text.replace(" =", ":", 1) for text in texts]
+            if section.kind == "model":
+                texts = [text.removeprefix("model = ") for text in texts]
             if block.statements and isinstance(block.statements[0], syntax.Declaration):
                 valued = any(" = " in text for text in texts)
                 texts = (",\n" + indent if valued else ", ").join(texts).splitlines()

@@ -34,7 +34,11 @@ class Number(Node):
 
 @dataclass(slots=True)
 class Name(Node):
-    """A name: of a constant, variable, parameter or definition, or a reserved one."""
+    """A name: of a constant, variable, parameter or definition, a reserved one, or the path of a thing of the model.
+
+    A path is held as it is written without blanks, with quotes only around parts that are no plain words:
+    ``joint.knee``, ``joint."left/hip"``, ``joint.*``.
+    """
 
     name: str
 
@@ -92,7 +96,14 @@ class Index(Node):
     index: Expression
 
 
-Expression: TypeAlias = Number | Name | Negate | Sum | Product | Power | Call | Prime | Index
+@dataclass(slots=True)
+class Vector(Node):
+    """``(x, y, z)``: a displacement or an axis of a pose; nothing else takes one."""
+
+    items: list[Expression]
+
+
+Expression: TypeAlias = Number | Name | Negate | Sum | Product | Power | Call | Prime | Index | Vector
 
 
 def parts(node: Expression) -> list[Expression]:
@@ -107,6 +118,8 @@ def parts(node: Expression) -> list[Expression]:
         return [node.base, node.exponent]
     if isinstance(node, Index):
         return [node.operand, node.index]
+    if isinstance(node, Vector):
+        return node.items
     return node.arguments if isinstance(node, Call) else []
 
 
@@ -171,9 +184,34 @@ class MethodChoice(Node):
 
 @dataclass(slots=True)
 class ModelFile(Node):
-    """``model = "file.xml";`` in `replay:`."""
+    """``model = "file.xml";`` in `replay:`; as a section, ``"file.xml" without fluid, muscles;``."""
 
     path: str
+    without: list[Name] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Pose(Node):
+    """``keyframe.stand + (D, 0, 0);``, ``periodic mirrored;``, ``keyframe.land turned 2*pi about z;``.
+
+    ``base`` is a pose's name, `rest` or `periodic`; ``shift`` what is added to it; ``angle`` and ``axis`` a turn.
+    """
+
+    base: Name
+    mirrored: bool = False
+    grounded: bool = False
+    shift: Vector | None = None
+    angle: Expression | None = None
+    axis: Expression | None = None
+
+
+@dataclass(slots=True)
+class PoseDefinition(Node):
+    """``crouch = keyframe.stand, joint.knee = 1.9;`` in `poses:`."""
+
+    name: Name
+    pose: Pose
+    changes: list[Assignment]
 
 
 @dataclass(slots=True)
@@ -197,10 +235,14 @@ class ContactDeclaration(Node):
 
 @dataclass(slots=True)
 class ContactPlace(Node):
-    """``sole at x, z, angle;`` in `contact:`; any number of them may be given, from the left."""
+    """``sole at x, z, angle;`` in `contact:`; any number of them may be given, from the left.
+
+    ``on`` is the path of the surface in ``FL on geom.box at x, y;``.
+    """
 
     name: Name
     at: list[Expression]
+    on: Name | None = None
 
 
 @dataclass(slots=True)
@@ -221,6 +263,8 @@ Statement: TypeAlias = (
     | Channel
     | ContactDeclaration
     | ContactPlace
+    | Pose
+    | PoseDefinition
 )
 
 

@@ -32,7 +32,8 @@ SECTIONS: dict[str, SectionKind] = {
     "replay": SectionKind("lines that tie the spec to a MuJoCo model"),
     "lagrangian": SectionKind("one expression", ranged=True),
     "forces": SectionKind("`name: expression;`", ranged=True),
-    "model": SectionKind("the name of a MuJoCo model", supported=False),
+    "model": SectionKind("the name of a MuJoCo model, as in `\"robot.xml\";`"),
+    "poses": SectionKind("`name = keyframe.stand, joint.knee = 1.9;`", declares=True),
     "contact": SectionKind("what touches the ground, and when", ranged=True),
 }
 
@@ -64,6 +65,10 @@ METHODS = ("central", "trapezoidal", "hermite-simpson")
 
 #: Kinds of line in `replay:` besides `model = "file.xml";`.
 REPLAY_KINDS = ("joint", "actuator", "apply", "contact", "compare", "set")
+
+#: What a pose may be besides the name of one, and what its names begin with.
+POSE_WORDS = ("rest", "periodic")
+KEYFRAME = "keyframe"
 
 #: Words that look like functions but belong to the language.
 OPERATORS = {"integral": 1, "before": 1, "after": 1}

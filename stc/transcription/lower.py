@@ -20,6 +20,7 @@ from stc.records import dataclass
 from stc.symbolic.expr import Expr, substitute, sum_of, sym, symbols
 from stc.transcription.grid import Grid, IntArray, Nodes
 from stc.transcription.layout import Layout
+from stc.transcription.rotations import without_angular_accelerations
 from stc.transcription.schemes import difference, stencil_reach
 from stc.transcription.steps import Steps
 
@@ -44,7 +45,7 @@ class DataRef:
 
 
 def definition_value(problem: Problem, ref: DefinitionRef, piece: int) -> Expr:
-    body = time_derivative(problem.definitions[ref.name][piece].body, ref.order)
+    body = time_derivative(problem.definitions[ref.name][piece].body, ref.order, problem.rotations)
     return one_sided(body, ref.side) if ref.side else body
 
 
@@ -129,6 +130,8 @@ class Lowering:
         """
         result = []
         for expanded, at in self.expand(body, nodes):
+            if self.central and self.problem.rotations:
+                expanded = without_angular_accelerations(expanded, self.problem.rotations)
             refs = [k for k in symbols(expanded) if isinstance(k, VariableRef)]
             keep = np.ones(len(at), bool)
             if any(r.scale != 0 and (r.scale, r.shift) != (1, 0) for r in refs):

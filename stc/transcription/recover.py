@@ -94,9 +94,14 @@ class Recovery:
         for name, order, before, after, middle in self.layout.slots():
             mid = self.x[middle] if len(middle) else None
             found[name, order] = Channel(self.x[before], self.x[after], mid)
+        turning = {name for rotation in self.problem.rotations for name in rotation.quaternion}
+        for name in turning:
+            rate = self.rate(sym(VariableRef(name)))
+            if rate is not None:
+                found[name, 1] = rate
         if self.grid.method == "central" and self.grid.n > 0:
             for name in self.problem.variables:
-                for order in (1, 2):
+                for order in (1,) if name in turning else (1, 2):
                     body = sym(VariableRef(name, order))
                     channel = self.channel(body)
                     if np.isfinite(channel.before).any():
@@ -133,7 +138,7 @@ class Recovery:
 
     def rate(self, body: Expr, order: int = 1) -> Channel | None:
         """A total time derivative of an expression at every node; None where an unknown of it is missing."""
-        slope = time_derivative(body, order)
+        slope = time_derivative(body, order, self.problem.rotations)
         for key in symbols(slope):
             if (
                 isinstance(key, VariableRef)

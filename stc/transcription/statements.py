@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.errors import Diagnostic, SpecError
-from stc.problem import ObjectiveTerm, ParameterRef, Problem, Relation, VariableRef
+from stc.problem import FrameRange, ObjectiveTerm, ParameterRef, Problem, Relation, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import derivative
 from stc.symbolic.expr import ZERO, Expr, substitute, sum_of, sym, symbols
 from stc.transcription.grid import Grid, IntArray, Nodes, join
 from stc.transcription.lower import DataRef, Lowering, groups
+from stc.transcription.rotations import norm_row, rotation_links, velocity_rows
 from stc.transcription.schemes import link_nodes, links, quadrature, sum_weights
 
 LINK = -1
@@ -120,6 +121,7 @@ class Sorter:
             SpecError: a statement is left without any frame to hold on.
         """
         self._links()
+        self._rotations()
         for number, relation in enumerate(self.problem.relations):
             self._relation(number, relation)
         for number, term in enumerate(self.problem.objective):
@@ -141,6 +143,23 @@ class Sorter:
                 for order in range(top):
                     for body in links(self.grid.method, name, order, h):
                         self._add_row(body, ZERO, ZERO, where, LINK, f"link of {name}{chr(39) * order}")
+
+    def _rotations(self) -> None:
+        """Unit norms at all nodes, and the ties between orientations and angular velocities."""
+        everywhere = self.grid.nodes(FrameRange(0, self.grid.n))
+        for rotation in self.problem.rotations:
+            of = f"{rotation.quaternion[0]} to {rotation.quaternion[3]}"
+            self._add_row(norm_row(rotation), ZERO, ZERO, everywhere, LINK, f"unit norm of {of}")
+            if self.grid.n == 0:
+                continue
+            if self.grid.method == "central":
+                for body in velocity_rows(rotation):
+                    for lowered, nodes in self.lowering.lower(body, everywhere):
+                        self._add_row(lowered, ZERO, ZERO, nodes, LINK, f"angular velocity of {of}")
+                continue
+            for h, where in self.lowering.link_groups(link_nodes(self.grid)):
+                for body in rotation_links(self.grid.method, rotation, h):
+                    self._add_row(body, ZERO, ZERO, where, LINK, f"link of {of}")
 
     def _relation(self, number: int, relation: Relation) -> None:
         parts = self.lowering.lower(relation.body, self.grid.nodes(relation.range))
