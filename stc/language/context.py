@@ -13,6 +13,7 @@ from stc.language.definitions import Definitions, collect_definitions, runs
 from stc.language.diagnostics import Diagnostics
 from stc.language.expressions import ExpressionBuilder
 from stc.language.frames import Frames
+from stc.language.model.scope import ModelScope, each_of
 from stc.language.names import collect_names
 from stc.language.positions import Positions
 from stc.problem import ConstantRef, DefinitionRef, FrameRange, IndexRef, Jump, TimeRef
@@ -39,6 +40,9 @@ class Context:
         self.definitions: Definitions = collect_definitions(tree, self.table, diagnostics)
         self.positions = Positions(self.table, self.constants, self.definitions.unranged(), diagnostics)
         self.builder = ExpressionBuilder(self.table, self.constants, self.positions, diagnostics)
+        self.model = tree.model if isinstance(tree.model, ModelScope) else None
+        if self.model is not None:
+            self.builder.use_model(self.model)
         self.n = self.constants.n if self.constants.n is not None else 0
         self.everywhere = FrameRange(0, self.n)
         self.time_is_fixed = True
@@ -65,10 +69,18 @@ class Context:
         that there was a mistake."""
         for block in self.tree.blocks(section):
             where = self.range(block)
-            for statement in block.statements:
-                if isinstance(statement, kind):
-                    self.builder.poisoned = False
-                    yield block, where, statement
+            for found in block.statements:
+                for statement in self._each(found):
+                    if isinstance(statement, kind):
+                        self.builder.poisoned = False
+                        yield block, where, statement
+
+    def _each(self, statement: syntax.Statement) -> Iterator[syntax.Statement]:
+        """A statement as it is; one in which `joint.*` stands, for each joint in turn."""
+        if self.model is None or not isinstance(statement, syntax.Relation | syntax.Assignment):
+            yield statement
+            return
+        yield from each_of(statement, self.model)
 
     def is_fixed(self, e: Expr) -> bool:
         """Whether an expression is made of constants, ``i`` and a ``t`` that no unknown changes."""

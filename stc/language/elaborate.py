@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import PurePath
+from typing import TYPE_CHECKING
 
 from stc.errors import Span, SpecError, UsageError
 from stc.language import checks, syntax
@@ -30,6 +31,9 @@ from stc.problem import (
     VariableRef,
 )
 from stc.symbolic.expr import Expr, symbols
+
+if TYPE_CHECKING:
+    from stc.language.model.assembly import ModelStatements
 
 #: Kinds of replay line whose path has several parts, each with an example.
 _LONG_PATHS = {
@@ -70,7 +74,8 @@ def elaborate_with_recovery(
             f"there is no method `{method}`",
             did_you_mean(method, METHODS) or f"methods are {', '.join(METHODS)}",
         )
-    if any(section.kind == "contact" for section in tree.sections):
+    has_model = any(section.kind == "model" for section in tree.sections)
+    if not has_model and any(section.kind == "contact" for section in tree.sections):
         from stc.language.contact import without_contacts
 
         tree = without_contacts(tree, overrides, diagnostics)
@@ -86,6 +91,11 @@ class _Elaborator(Context):
         diagnostics: Diagnostics,
     ) -> None:
         super().__init__(tree, overrides, diagnostics)
+        self.model_statements: ModelStatements | None = None
+        if self.model is not None:
+            from stc.language.model.assembly import ModelStatements
+
+            self.model_statements = ModelStatements(self, self.model)
         self.method = self._method(method)
         self.relations = Relations(self.builder, self.is_fixed)
         self.objective = Objective(self.builder, self.definitions.unranged())
@@ -95,10 +105,16 @@ class _Elaborator(Context):
         self.set_motion(self.method, jumps)
         define(self, self.objective.holds_integral)
         step = work_out_step(self)
+        if self.model_statements is not None:
+            self.model_statements.complete()
         relations = [*equations_of_motion(self), *self._constraints()]
         objective = self._objective()
         guesses = self._guesses()
         model_file, replay = self._replay()
+        if self.model_statements is not None and not self.diagnostics.error_count:
+            relations = [*self.model_statements.relations({}), *relations]
+            objective = [*objective, *self.model_statements.objective()]
+            guesses = [*self.model_statements.guesses(), *guesses]
         if self.diagnostics.error_count:
             return None
         problem = Problem(
@@ -109,7 +125,7 @@ class _Elaborator(Context):
             n=self.n,
             method=self.method,
             variables=self.table.of_kind("variable"),
-            parameters=self.table.of_kind("parameter"),
+            parameters=[*self.table.of_kind("parameter"), *self._impulses()],
             step=step,
             step_span=self._step_span(),
             definitions=self.builder.pieces,
@@ -121,10 +137,15 @@ class _Elaborator(Context):
             model_span=None if model_file is None else self.span(model_file),
             replay=replay,
             macros=self.builder.macros,
+            rotations=[] if self.model is None else self.model.rotations,
         )
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
         return problem
+
+    def _impulses(self) -> list[str]:
+        """Parameters that the model's contacts bring."""
+        return [] if self.model_statements is None else self.model_statements.contacts.landings()
 
     def _step_span(self) -> Span | None:
         """Where the spec says what the step is."""
@@ -151,7 +172,8 @@ class _Elaborator(Context):
                         f"the method is `{chosen.name}` already, on line {line}",
                         "keep one of them",
                     )
-        return given or (chosen.name if chosen is not None else "central")
+        default = "central" if self.model is None else "hermite-simpson"
+        return given or (chosen.name if chosen is not None else default)
 
     def _jumps(self) -> list[Jump]:
         found: dict[tuple[int, str, int], Jump] = {}
@@ -174,6 +196,9 @@ class _Elaborator(Context):
                         continue
                     for frame in range(where.first, where.last + 1):
                         found.setdefault((frame, *named), Jump(frame, *named, self.span(quantity)))
+        if self.model_statements is not None:
+            for jump in self.model_statements.jumps():
+                found.setdefault((jump.frame, jump.name, jump.order), jump)
         return sorted(found.values(), key=lambda jump: (jump.frame, jump.span.start))
 
     def _jump_quantity(self, node: syntax.Expression) -> tuple[str, int] | None:
@@ -200,6 +225,10 @@ class _Elaborator(Context):
 
     def _constraints(self) -> list[Relation]:
         found: list[Relation] = []
+        for _, where, pose in self.statements("constraints", syntax.Pose):
+            if self._has_model(pose) and where is not None:
+                assert self.model_statements is not None
+                found += self.model_statements.pose(pose, where)
         for _, where, statement in self.statements("constraints", syntax.Relation):
             bounded = self.relations.split(statement)
             if self.builder.poisoned or where is None:
@@ -214,6 +243,13 @@ class _Elaborator(Context):
                         message, statement.start, statement.end, "it is true or false as it is"
                     )
         return found
+
+    def _has_model(self, pose: syntax.Pose) -> bool:
+        """Whether poses mean something; else that is noted."""
+        if self.model_statements is None and "model" not in self.tree.damaged:
+            hint = 'poses are those of a model: name it, as in `model: "robot.xml";`'
+            self.error(pose, f"`{pose.base.name}` is not declared", hint)
+        return self.model_statements is not None
 
     def _objective(self) -> list[ObjectiveTerm]:
         found: list[ObjectiveTerm] = []
@@ -237,6 +273,10 @@ class _Elaborator(Context):
 
     def _guesses(self) -> list[Guess]:
         found: list[Guess] = []
+        for _, where, pose in self.statements("guess", syntax.Pose):
+            if self._has_model(pose) and where is not None:
+                assert self.model_statements is not None and self.model_statements.poses is not None
+                found += self.model_statements.poses.guesses(pose, where)
         for _, where, statement in self.statements("guess", syntax.Assignment):
             body = self.builder.build(statement.value)
             name = statement.name.name
@@ -301,6 +341,10 @@ class _Elaborator(Context):
                         self.error(statement, message, "each may be tied to one expression")
                     else:
                         channels[(channel.kind, *channel.path)] = channel
+        if self.model_statements is not None and self.model is not None:
+            for channel in self.model_statements.replay() if not self.diagnostics.error_count else ():
+                channels.setdefault((channel.kind, *channel.path), channel)
+            model = model or self.model.statement
         if channels and model is None and not self.diagnostics.error_count:
             first = next(iter(channels.values())).span
             self.diagnostics.error(

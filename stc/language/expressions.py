@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stc.language import syntax
 from stc.language.constants import Constants
@@ -25,7 +25,7 @@ from stc.problem import (
     TimeRef,
     VariableRef,
 )
-from stc.rates import one_sided, rate
+from stc.rates import one_sided, rate, rate_with
 from stc.symbolic.differentiate import total_derivative
 from stc.symbolic.expr import (
     FUNCTIONS,
@@ -46,6 +46,10 @@ from stc.symbolic.expr import (
     sym,
     symbols,
 )
+
+if TYPE_CHECKING:
+    from stc.language.model.paths import Paths
+    from stc.language.model.scope import ModelScope
 
 #: Looks like a function, unless a spec declares something of that name.
 MOMENTUM = "momentum"
@@ -89,6 +93,8 @@ class ExpressionBuilder:
         self._leaves: dict[str, Expr] = {"pi": PI, "t": TIME, "i": INDEX}
         self.derivatives: dict[Expr, Expr] = {}
         self._rates: dict[Expr, Expr] = {}
+        self._rate = rate
+        self.paths: Paths | None = None
         self._build: dict[type, Callable[[Any], Expr]] = {
             syntax.Number: self._number,
             syntax.Name: self._name,
@@ -99,6 +105,7 @@ class ExpressionBuilder:
             syntax.Call: self._call,
             syntax.Prime: self._prime,
             syntax.Index: self._index,
+            syntax.Vector: self._vector,
         }
 
     def build(self, node: syntax.Expression) -> Expr:
@@ -110,6 +117,13 @@ class ExpressionBuilder:
         self.diagnostics.error(message, node.start, node.end, hint)
         self.poisoned = True
         return UNKNOWN
+
+    def use_model(self, model: ModelScope) -> None:
+        """From now on paths name the things of a model, and its quaternions turn with angular velocities."""
+        from stc.language.model.paths import Paths
+
+        self.paths = Paths(model, self.derivatives)
+        self._rate = rate_with(model.rotations)
 
     def rename_as_pieces(self, name: str, pieces: list[DefinitionPiece]) -> None:
         """From now on a definition is known by its pieces, no longer by one value."""
@@ -158,12 +172,15 @@ class ExpressionBuilder:
 
     def _undeclared(self, node: syntax.Name) -> Expr:
         name = node.name
-        self.poisoned = True
+        before, self.poisoned = self.poisoned, True
         if name == "inf":
             hint = "leave a bound out where there is none"
             return self.fail(node, "`inf` may only stand alone, as a bound", hint)
         if name in FUNCTIONS or name in OPERATORS:
             return self.fail(node, f"the function `{name}` has no arguments", f"write `{name}(...)`")
+        if "." in name or (self.paths is not None and self.paths.is_word(name)):
+            self.poisoned = before
+            return self._path(node)
         if name not in self.constants.reported and name not in self.constants.damaged and name != "n":
             self.constants.reported.add(name)
             known = [*self.table.entries, *RESERVED, "n", "h"]
@@ -175,6 +192,23 @@ class ExpressionBuilder:
             )
             return self.fail(node, f"`{name}` is not declared", hint)
         return UNKNOWN
+
+    def _path(self, node: syntax.Name) -> Expr:
+        """A thing of the model."""
+        if self.paths is None:
+            hint = 'name the model under `model:`, as in `model: "robot.xml";`'
+            return self.fail(node, f"`{node.name}` is a path of a model, and the spec has none", hint)
+        from stc.language.model.paths import PathError
+
+        try:
+            found = self._leaves[node.name] = self.paths.resolve(node.name)
+        except PathError as error:
+            return self.fail(node, error.message, error.hint)
+        return found
+
+    def _vector(self, node: syntax.Vector) -> Expr:
+        hint = "state each component by itself; a vector moves a pose, as in `keyframe.stand + (0.5, 0, 0)`"
+        return self.fail(node, "an expression is a number, not a vector", hint)
 
     # ------------------------------------------------------------- arithmetic
 
@@ -294,12 +328,17 @@ class ExpressionBuilder:
 
     def rate(self, e: Expr) -> Expr:
         """The first time derivative, of what nobody has written down."""
-        return total_derivative(e, rate, self._rates)
+        return total_derivative(e, self._rate, self._rates)
 
     def _prime(self, node: syntax.Prime) -> Expr:
         operand, order = node.operand, node.order
         if isinstance(operand, syntax.Name) and self.table.kind(operand.name) == "variable":
             name = operand.name
+            if self.paths is not None and self.paths.is_orientation(name):
+                if order > 1:
+                    hint = "write angular accelerations, as in `joint.NAME.wx'`"
+                    return self.fail(node, "a quaternion has no second derivative of its own", hint)
+                return self.derivative(sym(VariableRef(name)), order)
             self.table.entries[name].used = True
             if order > MAX_ORDER:
                 return self.fail(node, f"time derivatives go up to order {MAX_ORDER}")

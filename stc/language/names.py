@@ -47,7 +47,7 @@ class NameTable:
 
 
 def collect_names(spec: syntax.SpecTree, diagnostics: Diagnostics) -> NameTable:
-    """The table of all names that the sections of a spec declare; clashes are noted."""
+    """The table of all names that the sections of a spec declare, and its model's; clashes are noted."""
     table = NameTable()
     for section in spec.sections:
         kind = KINDS.get(section.kind)
@@ -59,6 +59,12 @@ def collect_names(spec: syntax.SpecTree, diagnostics: Diagnostics) -> NameTable:
                     _declare(table, diagnostics, statement.name, kind, statement.value)
                 elif isinstance(statement, syntax.Assignment):
                     _declare(table, diagnostics, statement.name, kind, None)
+    if any(section.kind == "model" for section in spec.sections):
+        from stc.language.model.scope import model_of
+
+        model = model_of(spec, diagnostics)
+        if model is not None:
+            model.declare(table)
     return table
 
 

@@ -369,7 +369,9 @@ class _Parser(ExpressionParser):
                 self.advance()
                 found.angle = self.expression()
                 if self.kind != "name" or self.token_text(self.at) != "about":
-                    raise self.fail(f"expected `about` and an axis, found {self.described()}", "as in `about z`")
+                    raise self.fail(
+                        f"expected `about` and an axis, found {self.described()}", "as in `about z`"
+                    )
                 self.advance()
                 found.axis = self.factor()
             else:

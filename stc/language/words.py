@@ -32,7 +32,7 @@ SECTIONS: dict[str, SectionKind] = {
     "replay": SectionKind("lines that tie the spec to a MuJoCo model"),
     "lagrangian": SectionKind("one expression", ranged=True),
     "forces": SectionKind("`name: expression;`", ranged=True),
-    "model": SectionKind("the name of a MuJoCo model, as in `\"robot.xml\";`"),
+    "model": SectionKind('the name of a MuJoCo model, as in `"robot.xml";`'),
     "poses": SectionKind("`name = keyframe.stand, joint.knee = 1.9;`", declares=True),
     "contact": SectionKind("what touches the ground, and when", ranged=True),
 }

@@ -1,0 +1,605 @@
+"""Scheduled contact in three dimensions: what the `contact:` section of a spec with a model stands for.
+
+A contact is a place of the model (``point(site.FL)``, ``foot(geom.sole)``, ``pin(site.grip)``) that stands on a surface
+over some ranges of frames.  While it stands its acceleration is zero, and its force, a variable along the world's axes,
+is within its cone: for a point the cone of Coulomb's friction; for the sole of a foot the cone of wrenches that a
+rectangle can transmit, with the centre of pressure inside and friction against turning (Caron, Pham and Nakamura 2015).
+While it does not stand it has no force, and keeps clear of the surface.  Position and velocity are fixed where a phase
+begins; the later frames follow from the acceleration.  Where it lands at speed an impulse within the same cone stops it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+
+from stc.language import syntax
+from stc.language.context import Context
+from stc.language.diagnostics import did_you_mean
+from stc.language.model.paths import PathError, Paths, parts_of
+from stc.language.model.scope import FORCES, ModelScope
+from stc.language.model.surfaces import Surface, floor, surface_of
+from stc.mechanism.impact import impact
+from stc.mechanism.mechanism import index_of
+from stc.mechanism.newton_euler import Wrench
+from stc.mechanism.tree import Frame
+from stc.mechanism.vectors import ORIGIN, Vector, cross, dot, minus, plus, scaled, vector
+from stc.problem import (
+    DefinitionRef,
+    FrameRange,
+    Guess,
+    IndexRef,
+    Jump,
+    ParameterRef,
+    Relation,
+    ReplayChannel,
+    VariableRef,
+)
+from stc.records import dataclass, field
+from stc.symbolic.expr import ONE, ZERO, Expr, div, mul, neg, num, sub, sym
+
+OPTIONS = ("friction", "clearance", "landing", "speed", "soft")
+#: How high above a straight way a contact is carried in the middle of its flight, in m, where nothing is said.
+CLEARANCE = 0.01
+
+#: Share of the weight by which friction may exceed its cone where a contact bears nothing.
+NEGLIGIBLE = 1e-4
+
+
+@dataclass(slots=True)
+class Phase:
+    """Frames on which a contact stands.
+
+    Attributes:
+        frames: those.
+        statement: the line of the section.
+        surface: what it stands on.
+        place: the coordinates along the surface's two axes where they are given, and for a foot its yaw.
+        landing: counts the impacts of this contact from 1; 0 where none begins the phase.
+    """
+
+    frames: FrameRange
+    statement: syntax.ContactPlace
+    surface: Surface
+    place: list[Expr]
+    landing: int = 0
+
+
+@dataclass(slots=True)
+class Contact:
+    """One declared contact.
+
+    Attributes:
+        frame: its place in the model: of a sphere the centre.
+        radius: of a sphere that rolls, else 0.
+        half: half lengths of a sole along its own axes.
+    """
+
+    name: str
+    kind: str
+    statement: syntax.ContactDeclaration
+    path: tuple[str, ...]
+    frame: Frame
+    radius: float = 0.0
+    half: tuple[float, float] = (0.0, 0.0)
+    options: dict[str, Expr] = field(default_factory=dict)
+    phases: list[Phase] = field(default_factory=list)
+
+    @property
+    def forces(self) -> list[str]:
+        """The names of its force variables."""
+        return [f"{self.name}_{part}" for part in FORCES[self.kind]]
+
+    def impulses(self, phase: Phase) -> list[str]:
+        """The names of the parameters with which a phase begins."""
+        return [
+            f"{self.name}_{part.replace('f', 'j').replace('m', 'i')}{phase.landing}"
+            for part in FORCES[self.kind]
+        ]
+
+
+def _declarations(tree: syntax.SpecTree) -> list[syntax.ContactDeclaration]:
+    return [
+        statement
+        for block in tree.blocks("contact")
+        for statement in block.statements
+        if isinstance(statement, syntax.ContactDeclaration)
+    ]
+
+
+class Contacts:
+    """All contacts of a spec with a model.
+
+    Frames are known from the start; options and places once the definitions are.
+    """
+
+    def __init__(self, context: Context, scope: ModelScope, paths: Paths) -> None:
+        self.context, self.scope, self.paths = context, scope, paths
+        self.contacts: dict[str, Contact] = {}
+        for statement in _declarations(context.tree):
+            self._declare(statement)
+        for block in context.tree.blocks("contact"):
+            where = context.range(block)
+            for statement in block.statements:
+                if isinstance(statement, syntax.ContactPlace) and where is not None:
+                    self._schedule(statement, where, block.header is not None)
+        for contact in self.contacts.values():
+            self._order(contact)
+
+    # ------------------------------------------------------------------ reading
+
+    def _declare(self, statement: syntax.ContactDeclaration) -> None:
+        kind = statement.kind.name
+        if kind not in FORCES:
+            hint = did_you_mean(kind, FORCES) or "kinds of contact are `point`, `foot` and `pin`"
+            self.context.error(statement.kind, f"there is no contact `{kind}`", hint)
+            return
+        for option, _ in statement.options:
+            if option.name not in OPTIONS:
+                hint = did_you_mean(option.name, OPTIONS) or f"options are {', '.join(OPTIONS)}"
+                self.context.error(option, f"a contact has no option `{option.name}`", hint)
+        where = statement.pose[0]
+        if len(statement.pose) != 1 or not isinstance(where, syntax.Name | syntax.Call):
+            hint = (
+                f"name a place of the model, as in `{kind}({'geom.sole' if kind == 'foot' else 'site.FL'})`"
+            )
+            self.context.error(statement, f"`{kind}` takes one place", hint)
+            return
+        try:
+            found = self._placed(statement, kind, where)
+        except PathError as error:
+            self.context.error(where, error.message, error.hint)
+            return
+        self.contacts[statement.name.name] = found
+
+    def _placed(self, statement: syntax.ContactDeclaration, kind: str, where: syntax.Expression) -> Contact:
+        """A contact at its place.
+
+        Raises:
+            PathError: the place cannot be that of a contact.
+        """
+        name = statement.name.name
+        if isinstance(where, syntax.Call):
+            frame, path = self.point(where)
+            return Contact(name, kind, statement, path, frame)
+        assert isinstance(where, syntax.Name)
+        of, *rest = parts_of(where.name)
+        if of not in ("site", "geom", "body") or len(rest) != 1:
+            raise PathError(f"`{where.name}` is no place of the model", "write `site.NAME` or `geom.NAME`")
+        frame = self.paths.frame(of, rest[0])
+        if of != "geom":
+            if kind == "foot":
+                raise PathError("a foot stands on the face of a box", "write `foot(geom.NAME)`")
+            return Contact(name, kind, statement, (of, rest[0]), frame)
+        index = index_of(self.scope.mechanism.geoms, rest[0])
+        assert index is not None
+        geom = self.scope.mechanism.geoms[index]
+        if kind == "foot":
+            if geom.kind != "box":
+                raise PathError(
+                    f"the geom `{rest[0]}` is a {geom.kind}, not a box",
+                    "the sole of a foot is the lower face of a box",
+                )
+            x, y, z = geom.size
+            sole = self.scope.dynamics.tree.frame(geom.body, _moved(geom.pos, geom.quat, -z), geom.quat)
+            return Contact(name, kind, statement, (of, rest[0]), sole, half=(x, y))
+        if geom.kind != "sphere":
+            raise PathError(
+                f"the geom `{rest[0]}` is a {geom.kind}, which touches at no one point",
+                "put a site where it touches, or write `point(body.NAME, x, y, z)`",
+            )
+        return Contact(name, kind, statement, (of, rest[0]), frame, radius=geom.size[0])
+
+    def point(self, call: syntax.Call) -> tuple[Frame, tuple[str, ...]]:
+        """The frame of ``point(body.NAME, x, y, z)``, and the path of its body.
+
+        Raises:
+            PathError: that is not what is written.
+        """
+        body, *at = call.arguments
+        numbers = [self.context.constants.value_of(part) for part in at]
+        if (
+            call.function != "point"
+            or not isinstance(body, syntax.Name)
+            or len(numbers) != 3
+            or None in numbers
+        ):
+            raise PathError("a point in a body is `point(body.NAME, x, y, z)`", "x, y and z are constants")
+        of, *rest = parts_of(body.name)
+        if of != "body" or len(rest) != 1:
+            raise PathError(f"`{body.name}` is no body", "a point in a body is `point(body.NAME, x, y, z)`")
+        index = index_of(self.scope.mechanism.bodies, rest[0])
+        self.paths.frame(of, rest[0])  # tells of a name that is not there
+        assert index is not None
+        return self.scope.dynamics.point(index, [float(x or 0.0) for x in numbers]), ("body", rest[0])
+
+    def _schedule(self, statement: syntax.ContactPlace, where: FrameRange, ranged: bool) -> None:
+        contact = self.contacts.get(statement.name.name)
+        if contact is None:
+            if (
+                statement.name.name not in self.context.tree.damaged
+                and not self.context.diagnostics.error_count
+            ):
+                hint = (
+                    did_you_mean(statement.name.name, list(self.contacts))
+                    or "declare it, as in `FL = point(site.FL);`"
+                )
+                self.context.error(statement.name, f"there is no contact `{statement.name.name}`", hint)
+            return
+        if not ranged:
+            self.context.error(
+                statement, "a contact stands on a range of frames", "write `[a, b]:` before it"
+            )
+            return
+        try:
+            surface = floor(self.scope) if statement.on is None else surface_of(self.scope, statement.on.name)
+        except PathError as error:
+            self.context.error(statement.on or statement, error.message, error.hint)
+            return
+        contact.phases.append(Phase(where, statement, surface, []))
+
+    def _order(self, contact: Contact) -> None:
+        contact.phases.sort(key=lambda phase: phase.frames.first)
+        for before, after in pairwise(contact.phases):
+            if after.frames.first <= before.frames.last:
+                message = f"`{contact.name}` stands already on {before.frames}"
+                self.context.error(after.statement, message, "its ranges may not overlap")
+        soft = any(option.name == "soft" for option, _ in contact.statement.options)
+        landed = 0
+        for phase in contact.phases:
+            if phase.frames.first > 0 and not soft:
+                landed += 1
+                phase.landing = landed
+
+    def landings(self) -> list[str]:
+        """The names of all impulses, parameters of the problem."""
+        return [name for c in self.contacts.values() for p in c.phases if p.landing for name in c.impulses(p)]
+
+    def complete(self) -> None:
+        """Work out options and places, which definitions may be part of."""
+        for contact in self.contacts.values():
+            for option, value in contact.statement.options:
+                if value is not None:
+                    contact.options[option.name] = self._built(value)
+            contact.options.setdefault("clearance", num(CLEARANCE))
+            if "friction" not in contact.options:
+                contact.options["friction"] = num(self._friction(contact))
+            for phase in contact.phases:
+                most = {"point": 2, "foot": 3, "pin": 3}[contact.kind]
+                if len(phase.statement.at) > most:
+                    self.context.error(
+                        phase.statement, f"the place of `{contact.name}` has at most {most} numbers"
+                    )
+                phase.place = [self._built(part) for part in phase.statement.at[:most]]
+
+    def _built(self, node: syntax.Expression) -> Expr:
+        self.context.builder.poisoned = False
+        return self.context.builder.build(node)
+
+    def _friction(self, contact: Contact) -> float:
+        """Of the pair of geoms, as MuJoCo combines it: the larger of the two."""
+        ours = 0.0
+        if contact.path[0] == "geom":
+            index = index_of(self.scope.mechanism.geoms, contact.path[1])
+            ours = 0.0 if index is None else self.scope.mechanism.geoms[index].friction[0]
+        surfaces = [phase.surface.friction for phase in contact.phases]
+        return max([ours, *surfaces], default=1.0)
+
+    # ------------------------------------------------------------------- forces
+
+    def wrenches(self) -> list[Wrench]:
+        """The forces of all contacts on the model."""
+        return [
+            wrench
+            for contact in self.contacts.values()
+            for wrench in self._wrench(contact, _variables(contact.forces))
+        ]
+
+    def _wrench(
+        self, contact: Contact, parts: Sequence[Expr], surface: Surface | None = None
+    ) -> Iterator[Wrench]:
+        """The wrench of force variables at a contact's place."""
+        force: Vector = (parts[0], parts[1], parts[2])
+        torque: Vector = (parts[3], parts[4], parts[5]) if len(parts) > 3 else ORIGIN
+        if contact.radius:
+            down = (surface or (contact.phases[0].surface if contact.phases else floor(self.scope))).normal
+            torque = plus(torque, cross(vector([-contact.radius * part for part in down]), force))
+        yield Wrench(contact.frame, force, torque)
+
+    def drives(self) -> list[str]:
+        """What may jump where a contact begins or ends: controls."""
+        return self.scope.controls
+
+    def jumps(self) -> list[Jump]:
+        """Controls may jump where a contact ends or begins, the other contacts' forces too, velocities at an impact."""
+        found: dict[tuple[int, str, int], Jump] = {}
+        everything = [force for contact in self.contacts.values() for force in contact.forces]
+        for contact in self.contacts.values():
+            for phase in contact.phases:
+                span = self.context.span(phase.statement)
+                first, last = phase.frames.first, phase.frames.last
+                names = [(name, 0) for name in self.drives()]
+                if first > 0:
+                    jumping = [*names, *((force, 0) for force in everything)]
+                    if phase.landing:
+                        jumping += self._speeds()
+                    for name, order in jumping:
+                        found.setdefault((first, name, order), Jump(first, name, order, span))
+                if last < self.context.n:
+                    # Pressure and friction fade until a foot lifts off; what holds a pin can let go at once.
+                    others = [
+                        f
+                        for c in self.contacts.values()
+                        if c.kind == "pin" or not _ends(c, last)
+                        for f in c.forces
+                    ]
+                    for name, order in [*names, *((force, 0) for force in others)]:
+                        found.setdefault((last, name, order), Jump(last, name, order, span))
+        return list(found.values())
+
+    def _speeds(self) -> Iterator[tuple[str, int]]:
+        for one in self.scope.coordinates:
+            yield from ((name, 1) for name in one.positions)
+            if one.rotation is not None:
+                yield from ((name, 0) for name in one.rotation.velocity)
+
+    # --------------------------------------------------------------- statements
+
+    def relations(self) -> Iterator[Relation]:
+        """Cones, flights and landings; what holds a standing contact is chosen by :mod:`stc.language.model.assembly`."""
+        for contact in self.contacts.values():
+            forces = _variables(contact.forces)
+            for phase in contact.phases:
+                yield from self._cone(contact, phase, forces, phase.frames)
+                if phase.landing and "speed" in contact.options:
+                    most = contact.options["speed"]
+                    where = FrameRange(phase.frames.first, phase.frames.first, phase.frames.span)
+                    for rate in self.velocities(contact, phase, "before"):
+                        text = f"{contact.name} lands at no more than its speed"
+                        yield Relation(rate, neg(most), most, where, self.context.span(phase.statement), text)
+            for before, after in pairwise([None, *contact.phases, None]):
+                yield from self._flight(contact, before, after)
+
+    def _flight(self, contact: Contact, before: Phase | None, after: Phase | None) -> Iterator[Relation]:
+        """No force, and room below, between two phases, before the first, or after the last."""
+        first = 0 if before is None else before.frames.last
+        last = self.context.n if after is None else after.frames.first
+        phase = after or before
+        if phase is None or first == last:
+            return
+        span = self.context.span(phase.statement)
+        for name in contact.forces:
+            body = sym(VariableRef(name))
+            yield Relation(body, ZERO, ZERO, FrameRange(first, last), span, f"{name} = 0 in flight")
+        if contact.kind == "pin":
+            return
+        low, high = first + (before is not None), last - (after is not None)
+        if low > high:
+            return
+        room: Expr = ZERO
+        if before is not None and after is not None:
+            share = div(sub(sym(IndexRef()), num(float(first))), num(float(last - first)))
+            arch = mul(mul(share, share), mul(sub(ONE, share), sub(ONE, share)))
+            room = mul(mul(num(16.0), contact.options["clearance"]), arch)
+        for height in self._heights(contact, phase.surface):
+            text = f"{contact.name} is clear of the {phase.surface.name} in flight"
+            yield Relation(sub(height, room), ZERO, None, FrameRange(low, high), span, text)
+
+    def _heights(self, contact: Contact, surface: Surface) -> Iterator[Expr]:
+        """Distances from a surface: of a point or sphere, or of the corners of a sole."""
+        at = self.paths.place(contact.frame)[0]
+        if contact.kind != "foot":
+            yield sub(surface.height(at), num(contact.radius))
+            return
+        axes = self.scope.dynamics.kinematics.axes_of(contact.frame)
+        for x in (-contact.half[0], contact.half[0]):
+            for y in (-contact.half[1], contact.half[1]):
+                corner = plus(at, tuple([axes[k][0] * x + axes[k][1] * y for k in range(3)]))  # type: ignore[arg-type]
+                yield surface.height(corner)
+
+    def positions(self, contact: Contact, phase: Phase) -> list[Expr]:
+        """What is 0 where a contact stands at its place."""
+        at = self.paths.place(contact.frame)[0]
+        surface = phase.surface
+        found = [sub(surface.height(at), num(contact.radius))]
+        place = phase.place
+        if contact.kind == "pin":
+            return [sub(part, place[k]) for k, part in enumerate(at) if k < len(place)]
+        found += [sub(part, place[k]) for k, part in enumerate(surface.along(at)) if k < len(place)]
+        if contact.kind == "foot":
+            axes = self.scope.dynamics.kinematics.axes_of(contact.frame)
+            upright: Vector = (axes[0][2], axes[1][2], axes[2][2])
+            found += [dot(vector(tangent), upright) for tangent in surface.tangents]
+            if len(place) > 2:
+                ahead: Vector = (axes[0][0], axes[1][0], axes[2][0])
+                x, y = [dot(vector(tangent), ahead) for tangent in surface.tangents]
+                # The yaw of the sole's long axis within the surface.
+                from stc.symbolic.expr import call
+
+                found.append(sub(mul(y, call("cos", place[2])), mul(x, call("sin", place[2]))))
+        return found
+
+    def velocities(self, contact: Contact, phase: Phase, side: str = "") -> list[Expr]:
+        """The velocity of what touches, along the surface's axes; of a foot its angular velocity too."""
+        _, velocity, _ = self.paths.place(contact.frame)
+        turning = self.paths.turning(contact.frame)[0]
+        return self._on_side(self._of_contact(contact, phase, velocity, turning), side)
+
+    def accelerations(self, contact: Contact, phase: Phase) -> list[Expr]:
+        """The rates of :meth:`velocities`."""
+        _, _, acceleration = self.paths.place(contact.frame)
+        turning = self.paths.turning(contact.frame)[1]
+        return self._of_contact(contact, phase, acceleration, turning)
+
+    @staticmethod
+    def _of_contact(contact: Contact, phase: Phase, moved: Vector, turned: Vector) -> list[Expr]:
+        normal = phase.surface.normal
+        if contact.radius:
+            moved = plus(moved, cross(turned, vector([-contact.radius * part for part in normal])))
+        if contact.kind == "pin":
+            return list(moved)
+        found = [dot(vector(axis), moved) for axis in (*phase.surface.tangents, normal)]
+        return found + list(turned) if contact.kind == "foot" else found
+
+    @staticmethod
+    def _on_side(bodies: Sequence[Expr], side: str) -> list[Expr]:
+        from stc.rates import one_sided
+
+        return [one_sided(body, side) for body in bodies] if side else list(bodies)
+
+    def _cone(
+        self, contact: Contact, phase: Phase, parts: Sequence[Expr], where: FrameRange, what: str = "force"
+    ) -> Iterator[Relation]:
+        """No pulling and friction; for a foot the cone of wrenches of its sole."""
+        if contact.kind == "pin":
+            return
+        surface, friction = phase.surface, contact.options["friction"]
+        force: Vector = (parts[0], parts[1], parts[2])
+        up = dot(vector(surface.normal), force)
+        span = self.context.span(contact.statement)
+        yield Relation(up, ZERO, None, where, span, f"{contact.name} pushes ({what})")
+        if contact.kind == "point":
+            along = [dot(vector(tangent), force) for tangent in surface.tangents]
+            # A force of no account may be beyond the cone: at its apex, where feet lift off, it has no inside.
+            spare = num((NEGLIGIBLE * self.scope.weight) ** 2)
+            within = sub(
+                mul(mul(friction, friction), mul(up, up)) + spare, along[0] * along[0] + along[1] * along[1]
+            )
+            yield Relation(within, ZERO, None, where, span, f"{contact.name} does not slip ({what})")
+            return
+        axes = self.scope.dynamics.kinematics.axes_of(contact.frame)
+        columns: list[Vector] = [(axes[0][k], axes[1][k], axes[2][k]) for k in (0, 1)]
+        along = [dot(column, force) for column in columns]
+        torque: Vector = (parts[3], parts[4], parts[5])
+        tip, tilt = [dot(column, torque) for column in columns]
+        turn = dot(vector(surface.normal), torque)
+        for body, text in sole_cone(along, up, (tip, tilt, turn), contact.half, friction):
+            yield Relation(body, ZERO, None, where, span, f"{contact.name} {text} ({what})")
+
+    def anchors(self) -> Iterator[tuple[Contact, Phase, list[Expr], list[Expr]]]:
+        """Of every phase what fixes its place, and its velocity, at its first frame: both are 0 there."""
+        for contact in self.contacts.values():
+            for phase in contact.phases:
+                side = "after" if phase.landing else ""
+                yield contact, phase, self.positions(contact, phase), self.velocities(contact, phase, side)
+
+    def impacts(self) -> Iterator[Relation]:
+        """Where something lands: impulses within their cones, and the balance of every momentum."""
+        landing: dict[int, list[tuple[Contact, Phase]]] = {}
+        for contact in self.contacts.values():
+            for phase in contact.phases:
+                if phase.landing:
+                    landing.setdefault(phase.frames.first, []).append((contact, phase))
+        for frame, ones in sorted(landing.items()):
+            where = FrameRange(frame, frame)
+            wrenches: list[Wrench] = []
+            for contact, phase in ones:
+                parts: list[Expr] = [sym(ParameterRef(name)) for name in contact.impulses(phase)]
+                wrenches += self._wrench(contact, parts, phase.surface)
+                yield from self._cone(contact, phase, parts, where, "impulse")
+            span = self.context.span(ones[0][1].statement)
+            change: list[Expr] = []
+            for name, order in self._speeds():
+                after, before = (sym(VariableRef(name, order, 1, 0, side)) for side in ("after", "before"))
+                change.append(sub(after, before))
+            for row in impact(self.scope.dynamics, change, wrenches):
+                yield Relation(row, ZERO, ZERO, where, span, "momentum at the impact")
+
+    def prices(self) -> Iterator[tuple[Expr, Phase]]:
+        """What the speed of landing costs."""
+        for contact in self.contacts.values():
+            for phase in contact.phases:
+                if phase.landing and "landing" in contact.options:
+                    speeds = self.velocities(contact, phase, "before")[:3]
+                    total = speeds[0] * speeds[0] + speeds[1] * speeds[1] + speeds[2] * speeds[2]
+                    yield mul(contact.options["landing"], total), phase
+
+    # -------------------------------------------------------- guesses and replay
+
+    def guesses(self) -> Iterator[Guess]:
+        """Every standing contact bears an equal share of the weight."""
+        weight = self.scope.weight
+        bearing = [c for c in self.contacts.values() if c.kind != "pin"]
+        for contact in bearing:
+            for phase in contact.phases:
+                for frame in range(phase.frames.first, phase.frames.last + 1):
+                    count = sum(p.frames.first <= frame <= p.frames.last for c in bearing for p in c.phases)
+                    where = FrameRange(frame, min(frame + 1, phase.frames.last))
+                    yield Guess(
+                        contact.forces[2],
+                        num(weight / max(1, count)),
+                        where,
+                        self.context.span(phase.statement),
+                    )
+
+    def flights(self) -> list[tuple[int, int]]:
+        """First and last frames of the stretches on which nothing stands, between others on which something does."""
+        ends = sorted((p.frames.first, p.frames.last) for c in self.contacts.values() for p in c.phases)
+        found, reached = [], None
+        for first, last in ends:
+            if reached is not None and first > reached:
+                found.append((reached, first))
+            reached = last if reached is None else max(reached, last)
+        return found
+
+    def replay_lines(self) -> Iterator[ReplayChannel]:
+        """What the model's own contacts should supply."""
+        for contact in self.contacts.values():
+            span = self.context.span(contact.statement)
+            for part, name in zip(FORCES[contact.kind], contact.forces, strict=True):
+                yield ReplayChannel("contact", (*contact.path, part), sym(VariableRef(name)), span)
+
+
+def sole_cone(
+    along: Sequence[Expr],
+    up: Expr,
+    turning: tuple[Expr, Expr, Expr],
+    half: tuple[float, float],
+    friction: Expr,
+) -> Iterator[tuple[Expr, str]]:
+    """What is not negative of a wrench that a rectangular sole can transmit (Caron, Pham and Nakamura 2015).
+
+    Args:
+        along: tangential forces along the sole's axes.
+        up: normal force.
+        turning: moments about the sole's two axes and its normal, about its middle.
+        half: half lengths of the sole.
+        friction: coefficient; friction is a pyramid along the sole's axes.
+    """
+    tip, tilt, turn = turning
+    x, y = num(half[0]), num(half[1])
+    for part in along:
+        for sign in (1.0, -1.0):
+            yield sub(mul(friction, up), mul(num(sign), part)), "does not slip"
+    for moment, reach in ((tip, y), (tilt, x)):
+        for sign in (1.0, -1.0):
+            yield sub(mul(reach, up), mul(num(sign), moment)), "has its pressure inside the sole"
+    most = mul(mul(friction, num(half[0] + half[1])), up)
+    for sign in (1.0, -1.0):
+        # sign * turn <= most - abs(y fx + sign friction tip) - abs(x fy + sign friction tilt)
+        s = num(sign)
+        first = mul(y, along[0]) + mul(mul(s, friction), tip)
+        second = mul(x, along[1]) + mul(mul(s, friction), tilt)
+        for p in (1.0, -1.0):
+            for q in (1.0, -1.0):
+                yield sub(sub(most, mul(s, turn)), num(p) * first + num(q) * second), "does not turn"
+
+
+def _ends(contact: Contact, frame: int) -> bool:
+    """Whether a phase of a contact ends at a frame."""
+    return any(phase.frames.last == frame for phase in contact.phases)
+
+
+def _variables(names: Sequence[str]) -> list[Expr]:
+    return [sym(VariableRef(name)) for name in names]
+
+
+def _moved(pos: Sequence[float], quat: Sequence[float], along: float) -> Vector:
+    """A place moved along the z axis of a frame."""
+    from stc.mechanism.tree import rotation
+
+    axis = rotation(quat)[:, 2]
+    return vector([p + along * a for p, a in zip(pos, axis, strict=True)])
+
+
+__all__ = ["Contact", "Contacts", "Phase", "sole_cone"]

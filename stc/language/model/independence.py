@@ -1,0 +1,125 @@
+"""Which rows of contacts and poses say something that the others do not.
+
+A pose that is pinned where a contact begins says where the contact is; two contacts of one rigid body say the same about
+part of its motion; and the pose at the end of a phase is in part what the contact has held since its beginning.  Rows
+that follow from others leave no unique multipliers, and on a grid they contradict each other by the discretisation error.
+They are found from Jacobians at a pose, and never reach the solver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.language.model.scope import ModelScope
+from stc.problem import ConstantRef, VariableRef
+from stc.symbolic.expr import Expr, evaluate_all, symbols
+
+#: What is left of a unit row beside others, below which it counts as one of their combinations.
+DEPENDENT = 1e-6
+
+Matrix = NDArray[np.float64]
+
+
+class Point:
+    """A configuration at which rows are looked at.
+
+    Args:
+        values: of all coordinates, by variable.
+        constants: of the spec.
+    """
+
+    def __init__(
+        self, scope: ModelScope, values: Mapping[str, float], constants: Mapping[str, float]
+    ) -> None:
+        self.scope = scope
+        self.known: dict[object, float] = {ConstantRef(name): value for name, value in constants.items()}
+        self.known.update({VariableRef(name): value for name, value in values.items()})
+
+    def numbers(self, bodies: Sequence[Expr]) -> Matrix:
+        """The values of functions of the configuration."""
+        return np.array([float(value) for value in self._evaluated(bodies, {})])
+
+    def jacobian(self, rates: Sequence[Expr]) -> Matrix:
+        """How functions that are linear in the velocities change with each: (rows, nv)."""
+        unit = np.eye(self.scope.mechanism.n_freedoms)
+        velocities: dict[object, Matrix] = {}
+        at = 0
+        for one in self.scope.coordinates:
+            turning = one.rotation.velocity if one.rotation is not None else ()
+            for key in (
+                *(VariableRef(name, 1) for name in one.positions),
+                *(VariableRef(name) for name in turning),
+            ):
+                velocities[key] = unit[at]
+                at += 1
+        rows = self._evaluated(rates, velocities)
+        return np.array([np.broadcast_to(np.asarray(row, float), (at,)) for row in rows]).reshape(
+            len(rates), at
+        )
+
+    def _evaluated(self, bodies: Sequence[Expr], velocities: Mapping[object, Matrix]) -> list[Matrix]:
+        values: dict[object, object] = {}
+        for key in {key for body in bodies for key in symbols(body)}:
+            plain = VariableRef(key.name, key.order) if isinstance(key, VariableRef) else key
+            values[key] = velocities.get(plain, self.known.get(plain, 0.0))
+        return list(evaluate_all(list(bodies), values))
+
+
+def independent(rows: Matrix, given: Matrix) -> list[int]:
+    """The rows, in their order, that are no combinations of given ones and of those before."""
+    basis = _orthonormal(given)
+    kept = []
+    for index, row in enumerate(rows):
+        rest = _rest(row, basis)
+        size = float(np.linalg.norm(rest))
+        if size > DEPENDENT * max(1.0, float(np.linalg.norm(row))):
+            basis = np.vstack([basis, _rest(rest / size, basis)])
+            kept.append(index)
+    return kept
+
+
+def pins_to_keep(given: Matrix, pinned: Sequence[int]) -> list[int]:
+    """Of the degrees of freedom that a pose pins those that given rows leave free, the best determined first.
+
+    Args:
+        given: rows that hold already, (k, nv).
+        pinned: degrees of freedom.
+    """
+    basis = _orthonormal(given)
+    free = np.eye(basis.shape[1])[list(pinned)]
+    free = free - free @ basis.T @ basis
+    kept: list[int] = []
+    while True:
+        sizes = np.linalg.norm(free, axis=1)
+        if not len(sizes) or sizes.max() < np.sqrt(DEPENDENT):
+            return sorted(kept)
+        best = int(np.argmax(sizes))
+        kept.append(pinned[best])
+        direction = free[best] / sizes[best]
+        free = free - np.outer(free @ direction, direction)
+        free[best] = 0.0
+
+
+def _orthonormal(rows: Matrix) -> Matrix:
+    basis = np.zeros((0, rows.shape[1]))
+    for row in rows:
+        rest = _rest(row, basis)
+        size = float(np.linalg.norm(rest))
+        if size > DEPENDENT * max(1.0, float(np.linalg.norm(row))):
+            basis = np.vstack([basis, rest / size])
+    return basis
+
+
+def _rest(row: Matrix, basis: Matrix) -> Matrix:
+    """What of a row is no combination of orthonormal ones; taken away twice, for rounding."""
+    for _ in range(2):
+        row = row - (row @ basis.T) @ basis
+    return row
+
+
+def stacked(matrices: Iterable[Matrix], width: int) -> Matrix:
+    """Matrices above one another; none makes an empty one."""
+    return np.vstack([np.zeros((0, width)), *matrices])

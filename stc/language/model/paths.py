@@ -1,0 +1,164 @@
+"""Paths of a model's things as expressions: ``body.torso.x``, ``site.foot.vz``, ``com.torso.x`` and their like."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from stc.language.diagnostics import did_you_mean
+from stc.language.model.scope import ModelScope, quoted
+from stc.mechanism.mechanism import index_of
+from stc.mechanism.tree import Frame
+from stc.mechanism.vectors import Vector
+from stc.symbolic.expr import Expr, mul, sum_of
+
+_PART = re.compile(r'"[^"]*"|[^."]+')
+_AXES = {"x": 0, "y": 1, "z": 2}
+
+#: What the paths of places end with, besides the axes.
+PLACE_FIELDS = ("x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz", "xaxis", "yaxis", "zaxis")
+#: Words that stand alone.
+WORDS = ("effort", "power")
+#: First words of paths that are no variables.
+KINDS = ("body", "site", "geom")
+
+
+def parts_of(path: str) -> list[str]:
+    """The parts of a path, without quotes."""
+    return [part.strip('"') for part in _PART.findall(path)]
+
+
+class PathError(Exception):
+    """A path names nothing that the model has; ``hint`` says what it does have."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message, self.hint = message, hint
+
+
+class Paths:
+    """Makes expressions of paths.
+
+    Attributes:
+        derivatives: time derivatives of the places and velocities that have been asked for, which recursions along the
+            tree give with fewer operations than the chain rule would.
+    """
+
+    def __init__(self, scope: ModelScope, derivatives: dict[Expr, Expr]) -> None:
+        self.scope = scope
+        self.derivatives = derivatives
+        self._known: dict[str, Expr] = {}
+
+    def is_word(self, name: str) -> bool:
+        """Whether a plain name is a word that the model gives a meaning."""
+        return name in WORDS
+
+    def is_orientation(self, name: str) -> bool:
+        """Whether a variable is a component of a quaternion."""
+        return any(name in rotation.quaternion for rotation in self.scope.rotations)
+
+    def resolve(self, path: str) -> Expr:
+        """The expression of a path that is no variable.
+
+        Raises:
+            PathError: there is no such thing, or it has no such field.
+        """
+        if path not in self._known:
+            kind, *rest = parts_of(path)
+            if kind in WORDS and not rest:
+                self._known[path] = self._word(kind)
+                return self._known[path]
+            if kind == "actuator" and len(rest) == 2 and rest[1] == "force":
+                self._known[path] = self._actuator_force(rest[0])
+                return self._known[path]
+            if kind not in KINDS or not rest:
+                raise PathError(f"`{path}` is nothing of the model", self._what_there_is(kind))
+            frame = self.frame(kind, rest[0])
+            self._known[path] = self._field(path, frame, rest[1:])
+        return self._known[path]
+
+    def frame(self, kind: str, name: str) -> Frame:
+        """The frame of a body, site or geom.
+
+        Raises:
+            PathError: there is none of that name.
+        """
+        mechanism, dynamics = self.scope.mechanism, self.scope.dynamics
+        things = {"body": mechanism.bodies, "site": mechanism.sites, "geom": mechanism.geoms}[kind]
+        index = index_of(things, name)
+        if index is None:
+            names = [thing.name for thing in things if thing.name]
+            hint = (
+                did_you_mean(name, names) or f"its {kind}s are {', '.join(quoted(one) for one in names[:12])}"
+            )
+            raise PathError(f"the model has no {kind} `{name}`", hint)
+        frames = {"body": dynamics.tree.frames, "site": dynamics.sites, "geom": dynamics.geoms}[kind]
+        return frames[index]
+
+    def place(self, frame: Frame) -> tuple[Vector, Vector, Vector]:
+        """Place, velocity and acceleration of a frame's origin in the world; each is the derivative of the one before."""
+        kinematics = self.scope.dynamics.kinematics
+        at, velocity = kinematics.place_of(frame), kinematics.velocity_of(frame)
+        acceleration = kinematics.acceleration_of(frame)
+        for lower, higher in ((at, velocity), (velocity, acceleration)):
+            for e, rate in zip(lower, higher, strict=True):
+                if e.args:
+                    self.derivatives.setdefault(e, rate)
+        return at, velocity, acceleration
+
+    def turning(self, frame: Frame) -> tuple[Vector, Vector]:
+        """Angular velocity and acceleration of a frame, in the world."""
+        kinematics = self.scope.dynamics.kinematics
+        rate, acceleration = kinematics.rate_of(frame), kinematics.turning_of(frame)
+        for e, change in zip(rate, acceleration, strict=True):
+            if e.args:
+                self.derivatives.setdefault(e, change)
+        return rate, acceleration
+
+    def _field(self, path: str, frame: Frame, rest: Sequence[str]) -> Expr:
+        field = rest[0] if rest else ""
+        if len(rest) == 1 and field in _AXES:
+            return self.place(frame)[0][_AXES[field]]
+        if len(rest) == 1 and field[:1] == "v" and field[1:] in _AXES:
+            return self.place(frame)[1][_AXES[field[1:]]]
+        if len(rest) == 1 and field[:1] == "w" and field[1:] in _AXES:
+            return self.turning(frame)[0][_AXES[field[1:]]]
+        if len(rest) == 2 and field in ("xaxis", "yaxis", "zaxis") and rest[1] in _AXES:
+            axes = self.scope.dynamics.kinematics.axes_of(frame)
+            return axes[_AXES[rest[1]]][_AXES[field[0]]]
+        what = f"`{path}` has no field `{'.'.join(rest)}`" if rest else f"`{path}` is no number"
+        hint = did_you_mean(field, PLACE_FIELDS) if rest else ""
+        raise PathError(
+            what, hint or f"write one of {', '.join(f'`.{one}`' for one in PLACE_FIELDS[:9])} after it"
+        )
+
+    def _word(self, word: str) -> Expr:
+        """`effort`: the sum of the squared forces that actuators give to joints; `power`: of these times velocity."""
+        dynamics = self.scope.dynamics
+        terms = []
+        for line, force in zip(dynamics.lines, dynamics.actuator_forces, strict=True):
+            if word == "power":
+                terms.append(mul(line.rate, force))
+            else:
+                given = line.geared(force).moments.values() if line.moments else [force]
+                terms += [mul(part, part) for part in given]
+        return sum_of(terms)
+
+    def _actuator_force(self, name: str) -> Expr:
+        index = index_of(self.scope.mechanism.actuators, name)
+        if index is None:
+            raise PathError(f"the model has no actuator `{name}`", self._what_there_is("actuator"))
+        return self.scope.dynamics.actuator_forces[index]
+
+    def _what_there_is(self, kind: str) -> str:
+        known = [*KINDS, "joint", "actuator", "keyframe"]
+        if kind == "joint":
+            names = [name for found in self.scope.coordinates for name in found.names]
+        elif kind == "actuator":
+            names = self.scope.controls
+        else:
+            return did_you_mean(kind, known) or f"paths begin with {', '.join(f'`{one}.`' for one in known)}"
+        return f"it has {', '.join(f'`{name}`' for name in names[:12])}" if names else f"it has no {kind}s"
+
+
+__all__ = ["KINDS", "PathError", "Paths", "parts_of"]

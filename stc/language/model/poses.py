@@ -1,0 +1,278 @@
+"""Poses: what `keyframe.stand`, `rest` and `periodic` say, as relations between coordinates and as guesses.
+
+A pose gives every coordinate a value: an expression of constants, so that a displacement may be a constant of the spec.
+An orientation r is stated by three rows, those of the vector part of conj(r) q: q and -q are the same pose, and the
+norm of q has a row already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from stc.language import syntax
+from stc.language.context import Context
+from stc.language.diagnostics import did_you_mean
+from stc.language.model.scope import Coordinates, ModelScope, quoted
+from stc.language.words import KEYFRAME
+from stc.problem import FrameRange, Guess, Relation, VariableRef
+from stc.rates import quaternion_product
+from stc.records import dataclass
+from stc.symbolic.expr import ZERO, Expr, call, mul, neg, num, sub, sym
+
+#: Values of coordinates by the names of their variables, angular velocities left out.
+Values = dict[str, Expr]
+
+
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """One row that a pose stands for: of which degree of freedom, and what is 0.
+
+    Attributes:
+        dof: the degree of freedom that the row fixes, by its address.
+        velocity: whether it is one of velocities.
+        body: what is 0.
+        text: how it reads.
+    """
+
+    dof: int
+    velocity: bool
+    body: Expr
+    text: str
+
+
+class Poses:
+    """The poses that a spec may name: keyframes of the model, and those of its `poses:` section."""
+
+    def __init__(self, context: Context, scope: ModelScope) -> None:
+        self.context = context
+        self.scope = scope
+        self.named: dict[str, Values] = {}
+        for keyframe in scope.mechanism.keyframes:
+            if keyframe.name:
+                path = f"{KEYFRAME}.{quoted(keyframe.name)}"
+                self.named[path] = self._of_coordinates([num(value) for value in keyframe.qpos])
+        for block in context.tree.blocks("poses"):
+            for statement in block.statements:
+                if isinstance(statement, syntax.PoseDefinition):
+                    self._define(statement)
+
+    def _of_coordinates(self, q: Sequence[Expr]) -> Values:
+        found: Values = {}
+        for one in self.scope.coordinates:
+            names = [*one.positions, *(one.rotation.quaternion if one.rotation else ())]
+            found.update(zip(names, q[one.joint.qpos : one.joint.qpos + len(names)], strict=True))
+        return found
+
+    def _define(self, statement: syntax.PoseDefinition) -> None:
+        values = self.values(statement.pose)
+        if values is None:
+            return
+        values = dict(values)
+        for change in statement.changes:
+            name = change.name.name
+            if name not in values:
+                hint = (
+                    did_you_mean(name, list(values))
+                    or "a pose gives values to coordinates, as in `joint.knee`"
+                )
+                self.context.error(change.name, f"`{name}` is no coordinate of the model", hint)
+                continue
+            self.context.builder.poisoned = False
+            value = self.context.builder.build(change.value)
+            if self.context.builder.poisoned:
+                continue
+            if not self.context.is_fixed(value):
+                self.context.error(change.value, "a pose is made of constants")
+                continue
+            values[name] = value
+        self.named[statement.name.name] = values
+        self.named[f"{KEYFRAME}.{statement.name.name}"] = values
+
+    # ------------------------------------------------------------------ values
+
+    def values(self, pose: syntax.Pose) -> Values | None:
+        """The value of every coordinate in a pose; None after a mistake, which is noted."""
+        values = self.named.get(pose.base.name)
+        if values is None:
+            known = list(self.named)
+            hint = did_you_mean(pose.base.name, known) or (
+                f"there are {', '.join(f'`{name}`' for name in known)}"
+                if known
+                else "the model has no keyframes"
+            )
+            self.context.error(pose.base, f"there is no pose `{pose.base.name}`", hint)
+            return None
+        if pose.mirrored:
+            self.context.error(pose, "only `periodic` can be mirrored")
+            return None
+        if pose.shift is not None:
+            values = self._moved(values, pose.shift)
+        if values is not None and pose.angle is not None:
+            values = self._turned(values, pose)
+        return values
+
+    def _moved(self, values: Values, shift: syntax.Vector) -> Values | None:
+        """Values with the root moved by a vector."""
+        moves = self.displacement(shift)
+        return (
+            None if moves is None else {**values, **{name: values[name] + by for name, by in moves.items()}}
+        )
+
+    def displacement(self, shift: syntax.Vector) -> Values | None:
+        """What each coordinate of the root changes by when everything is moved by a vector; None after a mistake."""
+        if len(shift.items) != 3:
+            self.context.error(shift, f"a displacement has three components, not {len(shift.items)}")
+            return None
+        along = []
+        for item in shift.items:
+            self.context.builder.poisoned = False
+            along.append(self.context.builder.build(item))
+            if self.context.builder.poisoned:
+                return None
+        root = self.scope.coordinates[0] if self.scope.coordinates else None
+        if root is not None and root.joint.kind == "free":
+            return dict(zip(root.positions, along, strict=True))
+        moves: Values = {}
+        for axis, by in zip(range(3), along, strict=True):
+            if by is ZERO:
+                continue
+            slide = self._root_slide(axis)
+            if slide is None:
+                hint = "its root has neither a free joint nor a slide along that axis"
+                self.context.error(shift, f"the model cannot be moved along {'xyz'[axis]}", hint)
+                return None
+            name, sign = slide
+            moves[name] = by if sign > 0 else neg(by)
+        return moves
+
+    def _root_slide(self, axis: int) -> tuple[str, float] | None:
+        """The root's slide along an axis of the world, and its direction."""
+        for one in self.scope.coordinates:
+            body = self.scope.mechanism.bodies[one.joint.body]
+            upright = abs(abs(body.quat[0]) - 1.0) < 1e-12
+            if one.joint.kind == "slide" and body.parent == 0 and upright:
+                along = one.joint.axis[axis]
+                if abs(abs(along) - 1.0) < 1e-9:
+                    return one.positions[0], along
+        return None
+
+    def _turned(self, values: Values, pose: syntax.Pose) -> Values | None:
+        """Values with the root's orientation turned about an axis of the world."""
+        assert pose.angle is not None and pose.axis is not None
+        root = self.scope.coordinates[0] if self.scope.coordinates else None
+        if root is None or root.rotation is None:
+            self.context.error(pose, "only a model with a free or ball joint at its root can be turned")
+            return None
+        self.context.builder.poisoned = False
+        angle = self.context.builder.build(pose.angle)
+        axis = self._axis(pose.axis)
+        if self.context.builder.poisoned or axis is None:
+            return None
+        half = mul(num(0.5), angle)
+        turn = [call("cos", half), *(mul(call("sin", half), num(part)) for part in axis)]
+        names = root.rotation.quaternion
+        turned = quaternion_product(turn, [values[name] for name in names])
+        return {**values, **dict(zip(names, turned, strict=True))}
+
+    def _axis(self, node: syntax.Expression) -> list[float] | None:
+        if isinstance(node, syntax.Name) and node.name in ("x", "y", "z"):
+            return [float(node.name == axis) for axis in "xyz"]
+        numbers = (
+            [self.context.constants.value_of(item) for item in node.items]
+            if isinstance(node, syntax.Vector)
+            else []
+        )
+        parts = [number for number in numbers if number is not None]
+        length = sum(part**2 for part in parts) ** 0.5
+        if len(parts) != 3 or not length:
+            self.context.error(node, "an axis is `x`, `y`, `z` or three constants, as in `(0, 1, 1)`")
+            return None
+        return [part / length for part in parts]
+
+    # --------------------------------------------------------------- relations
+
+    def rows(self, pose: syntax.Pose) -> list[Stated] | None:
+        """What a pose, or `rest`, says of a frame; None after a mistake, which is noted."""
+        if pose.base.name == "rest":
+            return list(self.at_rest())
+        if pose.base.name == "periodic":
+            return self._periodic(pose)
+        values = self.values(pose)
+        return None if values is None else list(self.at(values))
+
+    def at(self, values: Values) -> Iterator[Stated]:
+        """The rows of a pose."""
+        for one in self.scope.coordinates:
+            for k, name in enumerate(one.positions):
+                yield Stated(
+                    one.joint.dof + k, False, sub(sym(VariableRef(name)), values[name]), f"{name} of the pose"
+                )
+            if one.rotation is not None:
+                reference = [values[name] for name in one.rotation.quaternion]
+                turned = _difference(reference, [sym(VariableRef(name)) for name in one.rotation.quaternion])
+                first = one.joint.dof + len(one.positions)
+                for k, body in enumerate(turned):
+                    yield Stated(first + k, False, body, f"orientation of joint {one.joint.name} of the pose")
+
+    def at_rest(self) -> Iterator[Stated]:
+        """The rows of zero velocity."""
+        for one in self.scope.coordinates:
+            for k, velocity in enumerate(_velocities(one)):
+                yield Stated(one.joint.dof + k, True, sym(velocity), f"{velocity} = 0")
+
+    def _periodic(self, pose: syntax.Pose) -> list[Stated] | None:
+        """The last frame like the first, but for a displacement."""
+        moves: Values | None = {}
+        if pose.shift is not None:
+            moves = self.displacement(pose.shift)
+        if moves is None:
+            return None
+        n = self.context.n
+        found = []
+        for one in self.scope.coordinates:
+            for k, name in enumerate(one.positions):
+                change = sub(sym(VariableRef(name, 0, 0, n)), sym(VariableRef(name, 0, 0, 0)))
+                found.append(
+                    Stated(one.joint.dof + k, False, sub(change, moves.get(name, ZERO)), f"{name} periodic")
+                )
+            if one.rotation is not None:
+                names = one.rotation.quaternion
+                ends = [[sym(VariableRef(name, 0, 0, at)) for name in names] for at in (0, n)]
+                first = one.joint.dof + len(one.positions)
+                for k, body in enumerate(_difference(*ends)):
+                    found.append(
+                        Stated(first + k, False, body, f"orientation of joint {one.joint.name} periodic")
+                    )
+            for k, velocity in enumerate(_velocities(one)):
+                ends = [sym(replace(velocity, scale=0, shift=at)) for at in (0, n)]
+                found.append(Stated(one.joint.dof + k, True, sub(ends[1], ends[0]), f"{velocity} periodic"))
+        return found
+
+    def guesses(self, pose: syntax.Pose, where: FrameRange) -> list[Guess]:
+        """A pose as the starting values of all coordinates on some frames."""
+        values = self.values(pose)
+        if values is None:
+            return []
+        span = self.context.span(pose)
+        return [Guess(name, value, where, span) for name, value in values.items()]
+
+    def relations(self, pose: syntax.Pose, where: FrameRange) -> list[Relation]:
+        """As :meth:`rows`, as relations of the problem."""
+        rows = self.rows(pose)
+        span = self.context.span(pose)
+        return [Relation(row.body, ZERO, ZERO, where, span, row.text) for row in rows or []]
+
+
+def _velocities(one: Coordinates) -> list[VariableRef]:
+    """The velocities of a joint, in the order of ``qvel``."""
+    turning = one.rotation.velocity if one.rotation is not None else ()
+    return [*(VariableRef(name, 1) for name in one.positions), *(VariableRef(name) for name in turning)]
+
+
+def _difference(reference: Sequence[Expr], q: Sequence[Expr]) -> list[Expr]:
+    """The vector part of conj(reference) q: half the sine of the turn between them, along its axis."""
+    return quaternion_product([reference[0], *(neg(part) for part in reference[1:])], q)[1:]
+
+
+__all__ = ["Poses", "Stated"]

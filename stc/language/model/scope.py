@@ -1,0 +1,262 @@
+"""The model of a spec: read once, its coordinates and controls declared as variables, its numbers as constants."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from stc import models
+from stc.errors import StcError
+from stc.language import syntax
+from stc.language.diagnostics import Diagnostics, did_you_mean
+from stc.language.names import Entry, NameTable
+from stc.mechanism.dynamics import Dynamics
+from stc.mechanism.kinematics import Motion
+from stc.mechanism.mechanism import Joint, Mechanism
+from stc.mechanism.numbers import Numbers
+from stc.mechanism.read import read_model
+from stc.problem import ConstantRef, Rotation, VariableRef
+from stc.records import dataclass
+from stc.symbolic.expr import Expr, num, sym
+
+S = TypeVar("S", bound=syntax.Node)
+
+QUATERNION = ("qw", "qx", "qy", "qz")
+VELOCITY = ("wx", "wy", "wz")
+
+
+def quoted(part: str) -> str:
+    """A part of a path, in quotes where it is no plain word."""
+    return part if part.isidentifier() else f'"{part}"'
+
+
+def path_of(kind: str, name: str, *more: str) -> str:
+    """The path of a thing of the model, as the language writes it."""
+    return ".".join([kind, quoted(name), *more])
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinates:
+    """The variables of one joint.
+
+    Attributes:
+        joint: the joint.
+        positions: those that are differentiated as they are: of a hinge, a slide, or a free joint's place.
+        rotation: orientation and angular velocity of a free or ball joint.
+    """
+
+    joint: Joint
+    positions: tuple[str, ...]
+    rotation: Rotation | None
+
+    @property
+    def names(self) -> list[str]:
+        """All variables, in the order of ``qpos`` and then angular velocities."""
+        turning = self.rotation
+        return [*self.positions, *(() if turning is None else (*turning.quaternion, *turning.velocity))]
+
+
+def coordinates_of(joint: Joint) -> Coordinates:
+    """What the variables of a joint are called."""
+    if joint.kind in ("hinge", "slide"):
+        return Coordinates(joint, (path_of("joint", joint.name),), None)
+    w, x, y, z = [path_of("joint", joint.name, part) for part in QUATERNION]
+    p, q, r = [path_of("joint", joint.name, part) for part in VELOCITY]
+    places = ("x", "y", "z") if joint.kind == "free" else ()
+    positions = tuple([path_of("joint", joint.name, part) for part in places])
+    return Coordinates(joint, positions, Rotation((w, x, y, z), (p, q, r)))
+
+
+class _InPlace(Numbers):
+    """Derived numbers stand in expressions as they are: the kernels evaluate what holds no unknown once."""
+
+    def derive(self, e: Expr, *name: str) -> Expr:
+        return e
+
+
+class ModelScope:
+    """A model as a spec sees it.
+
+    Attributes:
+        statement: where the spec names it.
+        path: the file.
+        contact_forces: the names of the forces of the spec's contacts, each with what declares it.
+        mechanism: its numbers.
+        coordinates: the variables of each joint, in the model's order.
+        controls: the variables of actuators, in the model's order.
+        dynamics: its mechanics as expressions of the spec's variables.
+        constants: the model's own values of the numbers that are symbols, by path.
+    """
+
+    def __init__(
+        self,
+        statement: syntax.ModelFile,
+        path: Path,
+        mechanism: Mechanism,
+        contact_forces: Iterable[tuple[str, syntax.Node]] = (),
+    ) -> None:
+        self.statement = statement
+        self.contact_forces = list(contact_forces)
+        self.path = path
+        self.mechanism = mechanism
+        self.coordinates = [coordinates_of(joint) for joint in mechanism.joints]
+        self.controls = [path_of("actuator", actuator.name) for actuator in mechanism.actuators]
+        numbers = _InPlace(_settable, lambda path: sym(ConstantRef(_text(path))))
+        self.dynamics = Dynamics(
+            mechanism, self._motion(), [sym(VariableRef(name)) for name in self.controls], (), numbers
+        )
+        self.constants = {_text(path): value for path, value in numbers.values.items()}
+
+    @property
+    def weight(self) -> float:
+        """Of everything, in N, with the model's own numbers."""
+        pull = sum(part * part for part in self.mechanism.options.gravity) ** 0.5
+        return pull * sum(body.mass for body in self.mechanism.bodies)
+
+    @property
+    def rotations(self) -> list[Rotation]:
+        """All orientations among the coordinates."""
+        return [found.rotation for found in self.coordinates if found.rotation is not None]
+
+    def _motion(self) -> Motion:
+        """The motion in terms of the spec's variables: (nq,), (nv,), (nv,)."""
+        q: list[Expr] = []
+        v: list[Expr] = []
+        a: list[Expr] = []
+        for found in self.coordinates:
+            q += [sym(VariableRef(name)) for name in found.positions]
+            v += [sym(VariableRef(name, 1)) for name in found.positions]
+            a += [sym(VariableRef(name, 2)) for name in found.positions]
+            if found.rotation is not None:
+                q += [sym(VariableRef(name)) for name in found.rotation.quaternion]
+                v += [sym(VariableRef(name)) for name in found.rotation.velocity]
+                a += [sym(VariableRef(name, 1)) for name in found.rotation.velocity]
+        return Motion(q, v, a)
+
+    def declare(self, table: NameTable) -> None:
+        """Add the model's variables and constants to a table; names that the spec declares win."""
+        start, end = self.statement.start, self.statement.end
+        named = [(name, "variable") for found in self.coordinates for name in found.names]
+        named += [(name, "variable") for name in self.controls]
+        for name, kind in named:
+            table.entries.setdefault(name, Entry(name, kind, start, end, None, True))
+        for name, node in self.contact_forces:
+            table.entries.setdefault(name, Entry(name, "variable", node.start, node.end, None, True))
+        for name, value in self.constants.items():
+            literal = syntax.Number(start, end, value)
+            table.entries.setdefault(name, Entry(name, "constant", start, end, literal, True))
+
+    def starred(self, star: str) -> list[str]:
+        """What ``joint.*`` (hinges and slides) or ``actuator.*`` stands for."""
+        if star == "joint.*":
+            return [found.positions[0] for found in self.coordinates if found.rotation is None]
+        return self.controls if star == "actuator.*" else []
+
+
+def model_of(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | None:
+    """The model that a spec names, read once; None where it names none, or after a mistake, which is noted."""
+    if isinstance(tree.model, ModelScope):
+        return tree.model
+    statements = [
+        s for block in tree.blocks("model") for s in block.statements if isinstance(s, syntax.ModelFile)
+    ]
+    if not statements:
+        return None
+    first = statements[0]
+    for other in statements[1:]:
+        line = tree.source.position(first.start)[0]
+        diagnostics.error(f'the model is "{first.path}" already, on line {line}', other.start, other.end)
+    path = _find(first, tree, diagnostics)
+    if path is None:
+        return None
+    try:
+        tree.model = found = ModelScope(first, path, read_model(path), declared_names(tree))
+    except StcError as error:
+        diagnostics.error(str(error), first.start, first.end)
+        return None
+    return found
+
+
+def each_of(statement: S, scope: ModelScope) -> Iterator[S]:
+    """A statement once for each thing that a path with a star in it stands for; as it is where there is none."""
+    stars = {name for name in _names_in(statement) if name.endswith(".*")}
+    if not stars:
+        yield statement
+        return
+    for star in sorted(stars):
+        for name in scope.starred(star):
+            yield _renamed(statement, star, name)
+
+
+def _names_in(node: object) -> Iterator[str]:
+    if isinstance(node, syntax.Name):
+        yield node.name
+    elif isinstance(node, syntax.Node):
+        for part in node.__dataclass_fields__:
+            yield from _names_in(getattr(node, part))
+    elif isinstance(node, list | tuple):
+        for each in node:
+            yield from _names_in(each)
+
+
+def _renamed(node: Any, star: str, name: str) -> Any:
+    """A copy of a piece of syntax with another name in a star's place."""
+    if isinstance(node, list):
+        return [_renamed(each, star, name) for each in node]
+    if isinstance(node, tuple):
+        return tuple([_renamed(each, star, name) for each in node])
+    if isinstance(node, syntax.Name):
+        return replace(node, name=name) if node.name == star else node
+    if isinstance(node, syntax.Node):
+        parts = {part: _renamed(getattr(node, part), star, name) for part in node.__dataclass_fields__}
+        return replace(node, **parts)
+    return node
+
+
+#: What the forces of each kind of contact are called.
+FORCES = {
+    "point": ("fx", "fy", "fz"),
+    "pin": ("fx", "fy", "fz"),
+    "foot": ("fx", "fy", "fz", "mx", "my", "mz"),
+}
+
+
+def declared_names(tree: syntax.SpecTree) -> Iterator[tuple[str, syntax.ContactDeclaration]]:
+    """The names of all force variables of contacts, each with what declares it."""
+    for block in tree.blocks("contact"):
+        for statement in block.statements:
+            if isinstance(statement, syntax.ContactDeclaration):
+                for part in FORCES.get(statement.kind.name, ()):
+                    yield f"{statement.name.name}_{part}", statement
+
+
+def _find(statement: syntax.ModelFile, tree: syntax.SpecTree, diagnostics: Diagnostics) -> Path | None:
+    """The file of a model: an absolute path, one beside the spec, or a bundled model."""
+    folder = Path(tree.source.path).parent if tree.source.path else Path()
+    beside = folder / statement.path
+    if beside.is_file():
+        return beside
+    bundled = models.locate(statement.path)
+    if bundled is not None:
+        return bundled
+    known = [file.name for file in sorted(folder.glob("*.xml"))] + list(models.names())
+    hint = (
+        did_you_mean(statement.path, known) or "it is looked for beside the spec and among the bundled ones"
+    )
+    diagnostics.error(f"there is no model `{statement.path}`", statement.start, statement.end, hint)
+    return None
+
+
+def _settable(path: tuple[str, ...]) -> bool:
+    """Which numbers stay inputs of the compiled program."""
+    return path[0] == "option" or path[-1] == "mass"
+
+
+def _text(path: Iterable[str]) -> str:
+    kind, name, *more = path
+    return ".".join([kind, quoted(name), *more])
+
+
+__all__ = ["Coordinates", "ModelScope", "coordinates_of", "model_of", "path_of", "quoted"]

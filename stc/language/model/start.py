@@ -1,0 +1,138 @@
+"""Where a motion of a model starts from: the way between its pinned poses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from stc.language.context import Context
+from stc.language.model.poses import Values
+from stc.language.model.scope import Coordinates, ModelScope
+from stc.problem import ConstantRef, FrameRange, Guess, IndexRef
+from stc.rates import quaternion_product
+from stc.symbolic.expr import Expr, div, evaluate, mul, num, sub, sym
+
+
+def way_between(
+    context: Context, scope: ModelScope, known: Mapping[int, Values], flights: Sequence[tuple[int, int]]
+) -> Iterator[Guess]:
+    """Starting values of all coordinates: from one pinned pose to the next, the shortest turn between orientations.
+
+    Where nothing touches anything the root is thrown up so that it comes down when something does.
+
+    Args:
+        known: pinned poses by frame.
+        flights: first and last frames of stretches without contact.
+    """
+    span = context.span(scope.statement)
+    frames = sorted(known)
+    if not frames:
+        reference = _reference(scope)
+        frames, known = [0], {0: reference}
+    for one in scope.coordinates:
+        for name in one.positions:
+            yield from _straight(name, [(frame, known[frame][name]) for frame in frames], context)
+        if one.rotation is not None:
+            yield from _turning(one, [(frame, known[frame]) for frame in frames], context)
+    root = scope.coordinates[0] if scope.coordinates else None
+    if root is not None and root.joint.kind == "free":
+        height = root.positions[2]
+        for first, last in flights:
+            index = sym(IndexRef())
+            arch = mul(sub(index, num(float(first))), sub(num(float(last)), index))
+            pull = num(-0.5 * scope.mechanism.options.gravity[2])
+            thrown = mul(mul(pull, mul(context.builder.step, context.builder.step)), arch)
+            before, after = (
+                max([f for f in frames if f <= first], default=frames[0]),
+                min([f for f in frames if f >= last], default=frames[-1]),
+            )
+            base = _between(before, known[before][height], after, known[after][height])
+            yield Guess(height, base + thrown, FrameRange(first, last), span)
+
+
+def _reference(scope: ModelScope) -> Values:
+    found: Values = {}
+    for one in scope.coordinates:
+        names = [*one.positions, *(one.rotation.quaternion if one.rotation else ())]
+        found.update({name: num(value) for name, value in zip(names, one.joint.reference, strict=True)})
+    return found
+
+
+def _between(first: int, a: Expr, last: int, b: Expr) -> Expr:
+    """A straight line over frames."""
+    if first == last:
+        return a
+    share = div(sub(sym(IndexRef()), num(float(first))), num(float(last - first)))
+    return a + mul(share, sub(b, a))
+
+
+def _stretches(places: Sequence[tuple[int, object]], n: int) -> Iterator[tuple[int, int]]:
+    """Numbers of neighbouring places, the first and the last one alone where the motion goes on beyond them."""
+    if places[0][0] > 0 or len(places) == 1:
+        yield 0, 0
+    yield from pairwise(range(len(places)))
+    if places[-1][0] < n and len(places) > 1:
+        yield len(places) - 1, len(places) - 1
+
+
+def _range(places: Sequence[tuple[int, object]], a: int, b: int, n: int) -> FrameRange:
+    if a != b:
+        return FrameRange(places[a][0], places[b][0])
+    if len(places) == 1:
+        return FrameRange(0, n)
+    return FrameRange(0, places[0][0]) if a == 0 else FrameRange(places[a][0], n)
+
+
+def _straight(name: str, places: Sequence[tuple[int, Expr]], context: Context) -> Iterator[Guess]:
+    assert context.model is not None
+    span = context.span(context.model.statement)
+    for a, b in _stretches(places, context.n):
+        body = _between(places[a][0], places[a][1], places[b][0], places[b][1])
+        yield Guess(name, body, _range(places, a, b, context.n), span)
+
+
+def _turning(one: Coordinates, places: Sequence[tuple[int, Values]], context: Context) -> Iterator[Guess]:
+    """The turn between orientations at a steady rate, for the quaternion and the angular velocity."""
+    assert one.rotation is not None and context.model is not None
+    span = context.span(context.model.statement)
+    constants = {ConstantRef(k): v for k, v in context.constants.values.items() if v is not None}
+    ends = [
+        np.array([float(evaluate(values[name], constants)) for name in one.rotation.quaternion])
+        for _, values in places
+    ]
+    for k in range(1, len(ends)):  # the nearer of the two quaternions of the same pose
+        if ends[k] @ ends[k - 1] < 0:
+            ends[k] = -ends[k]
+    for a, b in _stretches(places, context.n):
+        where = _range(places, a, b, context.n)
+        half = math.acos(min(1.0, max(-1.0, float(ends[a] @ ends[b]))))
+        if half < 1e-9:
+            bodies: list[Expr] = [num(float(part)) for part in ends[a]]
+            rates: list[Expr] = [num(0.0)] * 3
+        else:
+            first, last = places[a][0], places[b][0]
+            share = div(sub(sym(IndexRef()), num(float(first))), num(float(last - first)))
+            from stc.symbolic.expr import call
+
+            left = call("sin", mul(num(half), sub(num(1.0), share)))
+            right = call("sin", mul(num(half), share))
+            scale = 1.0 / math.sin(half)
+            bodies = [
+                mul(num(scale * float(p)), left) + mul(num(scale * float(q)), right)
+                for p, q in zip(ends[a], ends[b], strict=True)
+            ]
+            turn = quaternion_product(
+                [num(float(part)) for part in ends[a] * np.array([1, -1, -1, -1])],
+                [num(float(q)) for q in ends[b]],
+            )[1:]
+            steps = mul(context.builder.step, num(float(last - first)))
+            rates = [div(mul(num(2.0 * half * scale), part), steps) for part in turn]
+        yield from (
+            Guess(name, body, where, span) for name, body in zip(one.rotation.quaternion, bodies, strict=True)
+        )
+        yield from (
+            Guess(name, body, where, span) for name, body in zip(one.rotation.velocity, rates, strict=True)
+        )

@@ -1,0 +1,79 @@
+"""What a model states by itself: equations of motion, bounds, and the lines by which MuJoCo repeats the motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+
+from stc.language.context import Context
+from stc.language.model.paths import parts_of
+from stc.language.model.scope import ModelScope
+from stc.mechanism.newton_euler import Wrench
+from stc.problem import ConstantRef, Relation, ReplayChannel, VariableRef
+from stc.symbolic.expr import ZERO, Expr, num, sum_of, sym
+
+
+def equations_of_motion(
+    context: Context, scope: ModelScope, wrenches: Iterable[Wrench], forces: dict[int, list[Expr]]
+) -> list[Relation]:
+    """The row of each degree of freedom.
+
+    Args:
+        wrenches: forces of contacts on bodies.
+        forces: what the spec adds, by degree of freedom.
+    """
+    rows = scope.dynamics.residual(wrenches, {dof: sum_of(found) for dof, found in forces.items()})
+    span = context.span(scope.statement)
+    found = []
+    for one in scope.coordinates:
+        turning = one.rotation.velocity if one.rotation is not None else ()
+        for dof, name in zip(one.joint.dofs, (*one.positions, *turning), strict=True):
+            text = f"equation of motion of {name}"
+            found.append(Relation(rows[dof], ZERO, ZERO, context.everywhere, span, text, name))
+    return found
+
+
+def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
+    """Ranges of joints and controls as bounds, ranges of forces as rows, where the model says limited."""
+    where, span = context.everywhere, context.span(scope.statement)
+
+    def between(body: Expr, ends: Sequence[float], text: str) -> Relation:
+        lower, upper = [num(end) if math.isfinite(end) else None for end in ends]
+        return Relation(body, lower, upper, where, span, text)
+
+    for one in scope.coordinates:
+        joint = one.joint
+        if not joint.limited:
+            continue
+        if one.rotation is None:
+            name = one.positions[0]
+            yield between(sym(VariableRef(name)), joint.range, f"range of {name}")
+        elif joint.kind == "ball":
+            # The angle from the reference is 2 acos(abs(qw)): a bound of qw^2, whichever sign the quaternion has.
+            real = sym(VariableRef(one.rotation.quaternion[0]))
+            least = math.cos(0.5 * min(joint.range[1], math.pi)) ** 2
+            yield Relation(real * real, num(least), None, where, span, f"range of joint {joint.name}")
+    for actuator, name, force in zip(
+        scope.mechanism.actuators, scope.controls, scope.dynamics.actuator_forces, strict=True
+    ):
+        if actuator.control_limited:
+            yield between(sym(VariableRef(name)), actuator.control_range, f"range of {name}")
+        if actuator.force_limited:
+            yield between(force, actuator.force_range, f"range of the force of {name}")
+
+
+def replay_lines(context: Context, scope: ModelScope) -> Iterator[ReplayChannel]:
+    """Where each joint starts, what drives each actuator, and the numbers of the model that are constants."""
+    span = context.span(scope.statement)
+    for one in scope.coordinates:
+        for name in one.names:
+            _, *path = parts_of(name)
+            yield ReplayChannel("joint", tuple(path), sym(VariableRef(name)), span)
+    for name in scope.controls:
+        _, *path = parts_of(name)
+        yield ReplayChannel("actuator", tuple(path), sym(VariableRef(name)), span)
+    for name in scope.constants:
+        yield ReplayChannel("set", tuple(parts_of(name)), sym(ConstantRef(name)), span)
+
+
+__all__ = ["bounds", "equations_of_motion", "replay_lines"]

@@ -1,0 +1,118 @@
+"""The surfaces that contacts stand on: planes of the model, and faces of boxes that nothing moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stc.language.model.paths import PathError, parts_of
+from stc.language.model.scope import ModelScope, quoted
+from stc.mechanism.mechanism import Geom, index_of
+from stc.mechanism.tree import rotation
+from stc.mechanism.vectors import Vector, dot, vector
+from stc.records import dataclass
+from stc.symbolic.expr import Expr, num, sub
+
+Axis = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """A plane in the world.
+
+    Attributes:
+        name: what messages call it.
+        normal, tangents: unit vectors.
+        origin: where coordinates along it begin.
+        friction: sliding friction of its geom.
+    """
+
+    name: str
+    normal: Axis
+    tangents: tuple[Axis, Axis]
+    origin: Axis
+    friction: float
+
+    def height(self, at: Vector) -> Expr:
+        """The distance of a place from the plane."""
+        return sub(dot(vector(self.normal), at), num(float(np.dot(self.normal, self.origin))))
+
+    def along(self, at: Vector) -> tuple[Expr, Expr]:
+        """The coordinates of a place along the plane's axes."""
+        x, y = self.tangents
+        return (
+            sub(dot(vector(x), at), num(float(np.dot(x, self.origin)))),
+            sub(dot(vector(y), at), num(float(np.dot(y, self.origin)))),
+        )
+
+
+def floor(scope: ModelScope) -> Surface:
+    """The model's first plane that faces upwards and nothing moves; the plane z = 0 where there is none."""
+    for geom in scope.mechanism.geoms:
+        if geom.kind == "plane" and _is_fixed(scope, geom):
+            turn, at = _pose(scope, geom)
+            if turn[2, 2] > 0.5:
+                # Coordinates along the floor are those of the world where it is level.
+                level = abs(turn[2, 2] - 1.0) < 1e-12
+                origin = np.array([0.0, 0.0, at[2]]) if level else at
+                return _surface(geom.name or "floor", np.eye(3) if level else turn, origin, geom.friction[0])
+    return _surface("floor", np.eye(3), np.zeros(3), 1.0)
+
+
+def surface_of(scope: ModelScope, path: str) -> Surface:
+    """The surface of a geom: a plane, or the face of a box that looks up most.
+
+    Raises:
+        PathError: there is no such geom, it moves, or it has no flat face.
+    """
+    kind, *rest = parts_of(path)
+    names = [geom.name for geom in scope.mechanism.geoms if geom.name]
+    if kind != "geom" or len(rest) != 1:
+        raise PathError(
+            f"`{path}` is no surface", f"write one of {', '.join(f'`geom.{quoted(n)}`' for n in names[:8])}"
+        )
+    index = index_of(scope.mechanism.geoms, rest[0])
+    if index is None:
+        raise PathError(f"the model has no geom `{rest[0]}`", f"its geoms are {', '.join(names[:12])}")
+    geom = scope.mechanism.geoms[index]
+    if not _is_fixed(scope, geom):
+        raise PathError(f"the geom `{rest[0]}` moves", "contacts stand on what is fixed in the world")
+    if geom.kind not in ("plane", "box"):
+        raise PathError(
+            f"the geom `{rest[0]}` is a {geom.kind}", "contacts stand on planes and on faces of boxes"
+        )
+    turn, at = _pose(scope, geom)
+    if geom.kind == "box":
+        upwards = int(np.argmax(np.abs(turn[2])))
+        sign = 1.0 if turn[2, upwards] > 0 else -1.0
+        normal = sign * turn[:, upwards]
+        at = at + geom.size[upwards] * normal
+        ahead = turn[:, (upwards + 1) % 3] if upwards != 2 else turn[:, 0]
+        turn = np.array([ahead, np.cross(normal, ahead), normal]).T
+    return _surface(rest[0], turn, at, geom.friction[0])
+
+
+def _is_fixed(scope: ModelScope, geom: Geom) -> bool:
+    return scope.dynamics.tree.frames[geom.body].segment < 0
+
+
+def _pose(scope: ModelScope, geom: Geom) -> tuple[np.ndarray, np.ndarray]:
+    """Axes, as columns, and place of a geom that nothing moves."""
+    turn, at = np.eye(3), np.zeros(3)
+    chain = []
+    body = geom.body
+    while body:
+        chain.append(scope.mechanism.bodies[body])
+        body = scope.mechanism.bodies[body].parent
+    for one in reversed(chain):
+        at = at + turn @ np.array(one.pos)
+        turn = turn @ rotation(one.quat)
+    return turn @ rotation(geom.quat), at + turn @ np.array(geom.pos)
+
+
+def _surface(name: str, turn: np.ndarray, origin: np.ndarray, friction: float) -> Surface:
+    def axis(k: int) -> Axis:
+        x, y, z = [0.0 if abs(part) < 1e-15 else float(part) for part in turn[:, k]]
+        return x, y, z
+
+    x, y, z = [float(part) for part in origin]
+    return Surface(name, axis(2), (axis(0), axis(1)), (x, y, z), friction)
