@@ -219,7 +219,8 @@ class Problem:
     again, changing any other does not.  ``step`` is the time from a frame to the next, in constants,
     parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared, and
     ``model_span`` where the model is named.
-    ``rotations`` are the orientations among the variables.
+    ``rotations`` are the orientations among the variables, and ``of_model`` tells whether a model has brought the
+    equations of motion.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
     others, which occur in no other expression by name.
     """
@@ -245,3 +246,4 @@ class Problem:
     macros: Mapping[str, Expr] = field(default_factory=dict)
     model_span: Span | None = None
     rotations: Sequence[Rotation] = ()
+    of_model: bool = False

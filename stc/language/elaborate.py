@@ -138,6 +138,7 @@ class _Elaborator(Context):
             replay=replay,
             macros=self.builder.macros,
             rotations=[] if self.model is None else self.model.rotations,
+            of_model=self.model is not None,
         )
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from stc.mechanism import passive
 from stc.mechanism.dynamics import Dynamics
 from stc.mechanism.kinematics import Kinematics, Motion
-from stc.mechanism.newton_euler import Wrench, inverse_dynamics
-from stc.mechanism.passive import Forces
+from stc.mechanism.forces import Forces, Wrench
+from stc.mechanism.newton_euler import inverse_dynamics
 from stc.mechanism.vectors import ORIGIN
 from stc.symbolic.expr import ZERO, Expr, sub
 
 
-def impact(dynamics: Dynamics, change: Sequence[Expr], impulses: Iterable[Wrench]) -> list[Expr]:
+def impact(dynamics: Dynamics, change: Sequence[Expr], impulses: Forces) -> list[Expr]:
     """What is 0 on every degree of freedom where impulses change the velocities: M change - J^T impulses.
 
     These are the equations of motion of an instant in which nothing turns yet: accelerations stand for the changes,
@@ -24,16 +24,14 @@ def impact(dynamics: Dynamics, change: Sequence[Expr], impulses: Iterable[Wrench
     change
         Velocities after the impact less those before, in the order of ``qvel``.
     impulses
-        With the dynamics' own frames.
+        On the dynamics' own frames and degrees of freedom.
     """
     still = [ZERO] * len(change)
     kinematics = Kinematics(dynamics.tree, Motion(dynamics.motion.q, still, change), ORIGIN)
-    given = Forces(wrenches=list(impulses))
-    given.include(
-        passive.drive_inertia(
-            kinematics, dynamics.numbers, dynamics.tendons, [gear[0] for gear in dynamics.gears]
-        )
-    )
+    given = Forces()
+    given.include(impulses)
+    gears = [gear[0] for gear in dynamics.gears]
+    given.include(passive.drive_inertia(kinematics, dynamics.numbers, dynamics.tendons, gears))
     found = inverse_dynamics(kinematics, given.wrenches)
     for dof, force in given.on_dofs.items():
         found[dof] = sub(found[dof], force)

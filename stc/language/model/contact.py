@@ -19,9 +19,9 @@ from stc.language.diagnostics import did_you_mean
 from stc.language.model.paths import PathError, Paths, parts_of
 from stc.language.model.scope import FORCES, ModelScope
 from stc.language.model.surfaces import Surface, floor, surface_of
+from stc.mechanism.forces import Forces, Wrench
 from stc.mechanism.impact import impact
 from stc.mechanism.mechanism import index_of
-from stc.mechanism.newton_euler import Wrench
 from stc.mechanism.tree import Frame
 from stc.mechanism.vectors import ORIGIN, Vector, cross, dot, minus, plus, scaled, vector
 from stc.problem import (
@@ -502,7 +502,7 @@ class Contacts:
             for name, order in self._speeds():
                 after, before = (sym(VariableRef(name, order, 1, 0, side)) for side in ("after", "before"))
                 change.append(sub(after, before))
-            for row in impact(self.scope.dynamics, change, wrenches):
+            for row in impact(self.scope.dynamics, change, Forces(wrenches=wrenches)):
                 yield Relation(row, ZERO, ZERO, where, span, "momentum at the impact")
 
     def prices(self) -> Iterator[tuple[Expr, Phase]]:

@@ -135,14 +135,9 @@ class Paths:
     def _word(self, word: str) -> Expr:
         """`effort`: the sum of the squared forces that actuators give to joints; `power`: of these times velocity."""
         dynamics = self.scope.dynamics
-        terms = []
-        for line, force in zip(dynamics.lines, dynamics.actuator_forces, strict=True):
-            if word == "power":
-                terms.append(mul(line.rate, force))
-            else:
-                given = line.geared(force).moments.values() if line.moments else [force]
-                terms += [mul(part, part) for part in given]
-        return sum_of(terms)
+        given = dynamics.actuation()
+        others = given if word == "effort" else dynamics.motion.v
+        return sum_of([mul(one, other) for one, other in zip(given, others, strict=True)])
 
     def _actuator_force(self, name: str) -> Expr:
         index = index_of(self.scope.mechanism.actuators, name)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from stc.language.context import Context
 from stc.language.model.paths import parts_of
 from stc.language.model.scope import ModelScope
-from stc.mechanism.newton_euler import Wrench
+from stc.mechanism.forces import Wrench
 from stc.problem import ConstantRef, Relation, ReplayChannel, VariableRef
 from stc.symbolic.expr import ZERO, Expr, num, sum_of, sym
 
@@ -47,11 +47,11 @@ def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
             continue
         if one.rotation is None:
             name = one.positions[0]
-            yield between(sym(VariableRef(name)), joint.range, f"range of {name}")
+            yield between(sym(VariableRef(name)), joint.bounds, f"range of {name}")
         elif joint.kind == "ball":
             # The angle from the reference is 2 acos(abs(qw)): a bound of qw^2, whichever sign the quaternion has.
             real = sym(VariableRef(one.rotation.quaternion[0]))
-            least = math.cos(0.5 * min(joint.range[1], math.pi)) ** 2
+            least = math.cos(0.5 * min(joint.bounds[1], math.pi)) ** 2
             yield Relation(real * real, num(least), None, where, span, f"range of joint {joint.name}")
     for actuator, name, force in zip(
         scope.mechanism.actuators, scope.controls, scope.dynamics.actuator_forces, strict=True
