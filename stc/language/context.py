@@ -43,6 +43,8 @@ class Context:
         self.model = tree.model if isinstance(tree.model, ModelScope) else None
         if self.model is not None:
             self.builder.use_model(self.model)
+        else:
+            self.builder.model_is_missing = any(tree.blocks("model"))
         self.n = self.constants.n if self.constants.n is not None else 0
         self.everywhere = FrameRange(0, self.n)
         self.time_is_fixed = True

@@ -16,7 +16,7 @@ from stc.language import checks, syntax
 from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
-from stc.language.mechanics import equations_of_motion
+from stc.language.mechanics import equations_of_motion, forces_on_coordinates
 from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
@@ -112,7 +112,7 @@ class _Elaborator(Context):
         guesses = self._guesses()
         model_file, replay = self._replay()
         if self.model_statements is not None and not self.diagnostics.error_count:
-            relations = [*self.model_statements.relations({}), *relations]
+            relations = [*self.model_statements.relations(forces_on_coordinates(self)), *relations]
             objective = [*objective, *self.model_statements.objective()]
             guesses = [*self.model_statements.guesses(), *guesses]
         if self.diagnostics.error_count:
@@ -247,7 +247,7 @@ class _Elaborator(Context):
 
     def _has_model(self, pose: syntax.Pose) -> bool:
         """Whether poses mean something; else that is noted."""
-        if self.model_statements is None and "model" not in self.tree.damaged:
+        if self.model_statements is None and not any(self.tree.blocks("model")):
             hint = 'poses are those of a model: name it, as in `model: "robot.xml";`'
             self.error(pose, f"`{pose.base.name}` is not declared", hint)
         return self.model_statements is not None
@@ -276,7 +276,8 @@ class _Elaborator(Context):
         found: list[Guess] = []
         for _, where, pose in self.statements("guess", syntax.Pose):
             if self._has_model(pose) and where is not None:
-                assert self.model_statements is not None and self.model_statements.poses is not None
+                assert self.model_statements is not None
+                assert self.model_statements.poses is not None
                 found += self.model_statements.poses.guesses(pose, where)
         for _, where, statement in self.statements("guess", syntax.Assignment):
             body = self.builder.build(statement.value)

@@ -95,6 +95,7 @@ class ExpressionBuilder:
         self._rates: dict[Expr, Expr] = {}
         self._rate = rate
         self.paths: Paths | None = None
+        self.model_is_missing = False
         self._build: dict[type, Callable[[Any], Expr]] = {
             syntax.Number: self._number,
             syntax.Name: self._name,
@@ -195,6 +196,9 @@ class ExpressionBuilder:
 
     def _path(self, node: syntax.Name) -> Expr:
         """A thing of the model."""
+        if self.paths is None and self.model_is_missing:
+            self.poisoned = True  # that the model cannot be read has been told
+            return UNKNOWN
         if self.paths is None:
             hint = 'name the model under `model:`, as in `model: "robot.xml";`'
             return self.fail(node, f"`{node.name}` is a path of a model, and the spec has none", hint)

@@ -43,6 +43,14 @@ def momentum_name(coordinate: str) -> str:
 
 def equations_of_motion(context: Context) -> list[Relation]:
     """The rows that all Lagrangians of a spec stand for; mistakes are noted in the context."""
+    if context.model is not None:
+        for block in context.tree.blocks("lagrangian"):
+            for statement in block.statements:
+                hint = "forces that the model does not have are added under `forces:`, as in `joint.knee: -k*joint.knee;`"
+                context.error(
+                    statement, "a spec with a model has no Lagrangian: the model brings its equations", hint
+                )
+        return []
     everywhere = _forces(context)
     found: list[Relation] = []
     momenta: dict[str, list[DefinitionPiece]] = {}
@@ -76,6 +84,25 @@ def equations_of_motion(context: Context) -> list[Relation]:
             found.append(Relation(row, ZERO, ZERO, where, context.span(energies[0]), text, name))
     context.builder.momenta = {name: _momentum(context, name, pieces) for name, pieces in momenta.items()}
     _check_forces(context, set(momenta))
+    return found
+
+
+def forces_on_coordinates(context: Context) -> dict[str, list[Expr]]:
+    """What `forces:` adds to the equations of a model, by the coordinate that it acts on."""
+    found = _forces(context)
+    for name in [*found, *context.table.of_kind("variable")]:
+        if force_name(name) in context.builder.pieces:
+            found.setdefault(name, []).append(sym(DefinitionRef(force_name(name))))
+    known = {name for one in context.model.coordinates for name in one.freedoms} if context.model else set()
+    for block in context.tree.blocks("forces"):
+        for statement in block.statements:
+            if isinstance(statement, syntax.Assignment) and statement.name.name not in known:
+                name = statement.name.name
+                if context.table.kind(name) == "variable":
+                    hint = did_you_mean(name, known) or "forces act on joints, as in `joint.knee: ...;`"
+                    context.error(
+                        statement.name, f"this force acts on nothing: `{name}` is no coordinate", hint
+                    )
     return found
 
 

@@ -83,6 +83,8 @@ def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
         raise NotANumber(node, "a time derivative has no fixed value")
     if isinstance(node, syntax.Index):
         raise NotANumber(node, "the value at a frame is not known before solving")
+    if isinstance(node, syntax.Vector):
+        raise NotANumber(node, "a vector is no number")
     raise NotANumber(node, f"`{node.function}` cannot stand here")
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from stc.mechanism import passive
 from stc.mechanism.dynamics import Dynamics
+from stc.mechanism.forces import Forces
 from stc.mechanism.kinematics import Kinematics, Motion
-from stc.mechanism.forces import Forces, Wrench
 from stc.mechanism.newton_euler import inverse_dynamics
 from stc.mechanism.vectors import ORIGIN
 from stc.symbolic.expr import ZERO, Expr, sub

@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
 from stc.language import syntax
 from stc.language.context import Context
-from stc.language.model.contact import Contact, Contacts, Phase
+from stc.language.model.contact import Contacts
+from stc.language.model.holdings import Equalities, Holding
 from stc.language.model.independence import Matrix, Point, independent, pins_to_keep, stacked
 from stc.language.model.poses import Poses, Stated, Values
-from stc.language.model.start import way_between
 from stc.language.model.scope import ModelScope
-from stc.language.model.statements import bounds, equations_of_motion, replay_lines
+from stc.language.model.start import way_between
+from stc.language.model.statements import (
+    activations,
+    bounds,
+    equations_of_motion,
+    own_forces,
+    replay_lines,
+)
 from stc.problem import ConstantRef, FrameRange, Guess, Jump, ObjectiveTerm, Relation, ReplayChannel
 from stc.records import dataclass, field
 from stc.symbolic.expr import ZERO, Expr, evaluate
@@ -43,6 +51,7 @@ class ModelStatements:
         assert context.builder.paths is not None
         self.context, self.scope, self.paths = context, scope, context.builder.paths
         self.contacts = Contacts(context, scope, self.paths)
+        self.equalities = Equalities(context, scope)
         self.pinned: dict[int, Pinned] = {}
         self.periodic: list[tuple[Stated, syntax.Pose, FrameRange]] = []
         self.poses: Poses | None = None
@@ -54,7 +63,7 @@ class ModelStatements:
     def complete(self) -> None:
         """Once the definitions are known: options of contacts, poses."""
         self.contacts.complete()
-        self.poses = Poses(self.context, self.scope)
+        self.poses = Poses(self.context, self.scope, self.contacts.heights)
 
     def pose(self, statement: syntax.Pose, where: FrameRange) -> list[Relation]:
         """The rows of a pose under `constraints:`; those of a single frame wait for :meth:`relations`."""
@@ -73,10 +82,15 @@ class ModelStatements:
             pinned.statement = statement
         return []
 
-    def relations(self, forces: Mapping[int, list[Expr]]) -> Iterator[Relation]:
-        """Everything that the model states; ``forces`` are what the spec adds, by degree of freedom."""
+    def relations(self, given: Mapping[str, list[Expr]]) -> Iterator[Relation]:
+        """Everything that the model states; ``given`` are forces that the spec adds, by the coordinate's variable."""
         context, contacts = self.context, self.contacts
-        yield from equations_of_motion(context, self.scope, contacts.wrenches(), dict(forces))
+        forces = self.equalities.forces()
+        forces.wrenches += contacts.wrenches()
+        for dof, force in own_forces(self.scope, given):
+            forces.push(dof, force)
+        yield from equations_of_motion(context, self.scope, forces)
+        yield from activations(context, self.scope)
         yield from bounds(context, self.scope)
         yield from contacts.relations()
         yield from contacts.impacts()
@@ -108,20 +122,16 @@ class ModelStatements:
 
 
 class _Independence:
-    """Leaves out rows of contacts and poses that others imply."""
+    """Leaves out rows of contacts, equality constraints and poses that others imply."""
 
     def __init__(self, statements: ModelStatements) -> None:
         self.s = statements
-        self.context, self.scope, self.contacts = statements.context, statements.scope, statements.contacts
+        self.context, self.scope = statements.context, statements.scope
+        self.holdings = [*statements.equalities.holdings(), *statements.contacts.holdings()]
         self.width = statements.scope.mechanism.n_freedoms
         self.numbers = {k: v for k, v in self.context.constants.values.items() if v is not None}
-        self._points: dict[object, Point] = {}
+        self._points: dict[int, Point] = {}
         self._generic: Point | None = None
-
-    def _point(self, values: Values) -> Point:
-        known = {ConstantRef(name): value for name, value in self.numbers.items()}
-        numbers = {name: float(evaluate(body, known)) for name, body in values.items()}
-        return Point(self.scope, numbers, self.numbers)
 
     @property
     def generic(self) -> Point:
@@ -140,116 +150,117 @@ class _Independence:
         return self._generic
 
     def _at(self, frame: int) -> Point:
+        """The pinned pose of a frame, or the generic one."""
         pinned = self.s.pinned.get(frame)
         if pinned is None or pinned.values is None:
             return self.generic
         if frame not in self._points:
-            self._points[frame] = self._point(pinned.values)
+            known: dict[Any, float] = {ConstantRef(name): value for name, value in self.numbers.items()}
+            numbers = {name: float(evaluate(body, known)) for name, body in pinned.values.items()}
+            self._points[frame] = Point(self.scope, numbers, self.numbers)
         return self._points[frame]
 
     def _unit(self, dofs: Sequence[int]) -> Matrix:
         return np.eye(self.width)[list(dofs)]
 
-    def _standing(self, frame: int, begun: bool) -> list[tuple[Contact, Phase]]:
-        """Contacts that stand at a frame, the earliest first; ``begun``: before it."""
+    def _holding(self, frame: int, begun: bool) -> list[Holding]:
+        """What holds at a frame, the earliest first; ``begun``: what has begun before it."""
         found = [
-            (contact, phase)
-            for contact in self.contacts.contacts.values()
-            for phase in contact.phases
-            if phase.frames.first <= frame <= phase.frames.last
-            and not (begun and phase.frames.first == frame)
+            one
+            for one in self.holdings
+            if one.frames.first <= frame <= one.frames.last and not (begun and one.frames.first == frame)
         ]
-        return sorted(found, key=lambda one: one[1].frames.first)
+        return sorted(found, key=lambda one: one.frames.first)
 
     # ----------------------------------------------------------- accelerations
 
     def standing(self) -> Iterator[Relation]:
-        """Zero accelerations of standing contacts; of several on one rigid body those that say different things."""
-        known: dict[tuple[int, ...], dict[int, list[int]]] = {}
-        frames: dict[int, list[tuple[int, tuple[int, ...]]]] = {}
-        phases = [(c, p) for c in self.contacts.contacts.values() for p in c.phases]
+        """Zero accelerations of what holds; of several on one rigid body those that say different things."""
+        known: dict[tuple[int, ...], list[list[int]]] = {}
+        frames: dict[int, list[tuple[int, list[int]]]] = {id(one): [] for one in self.holdings}
         for frame in range(self.context.n + 1):
-            standing = self._standing(frame, begun=False)
-            key = tuple([id(phase) for _, phase in standing])
+            holding = self._holding(frame, begun=False)
+            key = tuple([id(one) for one in holding])
             if key not in known:
-                known[key] = self._kept(standing)
-            for _, phase in standing:
-                frames.setdefault(id(phase), []).append((frame, tuple(known[key][id(phase)])))
-        for contact, phase in phases:
-            bodies = self.contacts.accelerations(contact, phase)
-            span = self.context.span(phase.statement)
-            for rows, run in groupby(frames.get(id(phase), []), key=lambda one: one[1]):
+                known[key] = self._kept(holding)
+            for one, kept in zip(holding, known[key], strict=True):
+                frames[id(one)].append((frame, kept))
+        for one in self.holdings:
+            for rows, run in groupby(frames[id(one)], key=lambda part: part[1]):
                 numbers = [frame for frame, _ in run]
                 where = FrameRange(numbers[0], numbers[-1])
                 for index in rows:
-                    text = f"{contact.name} stands: its acceleration is zero"
-                    yield Relation(bodies[index], ZERO, ZERO, where, span, text)
+                    text = f"{one.name} holds: its acceleration is zero"
+                    yield Relation(one.accelerations[index], ZERO, ZERO, where, one.span, text)
 
-    def _kept(self, standing: Sequence[tuple[Contact, Phase]]) -> dict[int, list[int]]:
+    def _kept(self, holding: Sequence[Holding]) -> list[list[int]]:
         given = stacked([], self.width)
-        found = {}
-        for contact, phase in standing:
-            rows = self.generic.jacobian(self.contacts.velocities(contact, phase))
-            found[id(phase)] = kept = independent(rows, given)
+        found = []
+        for one in holding:
+            rows = self.generic.jacobian(one.velocities)
+            kept = independent(rows, given)
             given = np.vstack([given, rows[kept]])
+            found.append(kept)
         return found
 
     # ------------------------------------------------------ places and velocities
 
     def anchors(self) -> Iterator[Relation]:
-        """What fixes places and velocities where phases begin, beside what is pinned or stands there already."""
-        periodic = bool(self.s.periodic)
+        """What fixes places and velocities where something begins to hold, beside what is pinned or holds already."""
         placed: dict[int, Matrix] = {}
         moving: dict[int, Matrix] = {}
-        for contact, phase, positions, velocities in self.contacts.anchors():
-            frame = phase.frames.first
-            if periodic and frame == 0 and self._stands_at_end(contact):
-                continue  # the last frame's phase has fixed them
-            point, span = self._at(frame), self.context.span(phase.statement)
-            where = FrameRange(frame, frame)
+        for one in self.holdings:
+            frame = one.frames.first
+            if self.s.periodic and frame == 0 and self._held_at_end(one):
+                continue  # what has fixed it there holds here, too
+            point, where = self._at(frame), FrameRange(frame, frame)
             if frame not in placed:
-                begun = [self._velocity_rows(one, point) for one in self._standing(frame, begun=True)]
+                begun = [point.jacobian(other.velocities) for other in self._holding(frame, begun=True)]
                 pinned = self.s.pinned.get(frame, Pinned())
                 placed[frame] = stacked([*begun, self._unit(pinned.dofs(False))], self.width)
                 moving[frame] = stacked([*begun, self._unit(pinned.dofs(True))], self.width)
-            rates = [self.context.builder.derivative(body, 1) for body in positions]
             for bodies, rows, given, text in (
-                (positions, point.jacobian(rates), placed, "stands at its place"),
-                (velocities, point.jacobian(velocities), moving, "stands still"),
+                (one.places, self._rates(one, point), placed, "holds its place"),
+                (one.starts, point.jacobian(one.starts), moving, "holds still"),
             ):
                 kept = independent(rows, given[frame])
                 for index in kept:
-                    yield Relation(bodies[index], ZERO, ZERO, where, span, f"{contact.name} {text}")
+                    yield Relation(bodies[index], ZERO, ZERO, where, one.span, f"{one.name} {text}")
                 given[frame] = np.vstack([given[frame], rows[kept]])
-            self._check_place(contact, phase, positions, point)
+            self._check_place(one, point)
 
-    def _stands_at_end(self, contact: Contact) -> bool:
-        return any(phase.frames.last == self.context.n and phase.frames.first > 0 for phase in contact.phases)
+    def _rates(self, one: Holding, point: Point) -> Matrix:
+        """How the places that are held change with the coordinates."""
+        return point.jacobian([self.context.builder.derivative(body, 1) for body in one.places])
 
-    def _velocity_rows(self, one: tuple[Contact, Phase], point: Point) -> Matrix:
-        return point.jacobian(self.contacts.velocities(*one))
+    def _held_at_end(self, one: Holding) -> bool:
+        """Whether the same contact holds at the last frame in a later phase."""
+        return any(
+            other.name == one.name and other.frames.first > 0 and other.frames.last == self.context.n
+            for other in self.holdings
+        )
 
-    def _check_place(self, contact: Contact, phase: Phase, positions: Sequence[Expr], point: Point) -> None:
+    def _check_place(self, one: Holding, point: Point) -> None:
         """A pinned pose has its contacts on their surfaces."""
-        pinned = self.s.pinned.get(phase.frames.first)
-        if pinned is None or pinned.statement is None or pinned.values is None:
+        pinned = self.s.pinned.get(one.frames.first)
+        if one.height is None or pinned is None or pinned.statement is None or pinned.values is None:
             return
-        off = point.numbers(positions[:1])[0] if contact.kind != "pin" else 0.0
+        off = float(point.numbers([one.height])[0])
         if abs(off) > OFF_SURFACE:
             where = "above" if off > 0 else "below"
-            message = f"`{contact.name}` is {abs(off):.4g} m {where} the {phase.surface.name} in this pose"
+            message = f"`{one.name}` is {abs(off):.4g} m {where} the {one.surface} in this pose"
             hint = f"let it stand at another frame, or write `{pinned.statement.base.name} grounded`"
             self.context.error(pinned.statement, message, hint)
 
     # ----------------------------------------------------------------- poses
 
     def pins(self) -> Iterator[Relation]:
-        """The rows of pinned poses, but for those that standing contacts imply."""
+        """The rows of pinned poses, but for those that follow from what has been held since before."""
         for frame, pinned in sorted(self.s.pinned.items()):
-            standing = self._standing(frame, begun=True)
+            holding = self._holding(frame, begun=True)
             point = self._at(frame)
-            held = stacked([self._held(one, point) for one in standing], self.width)
-            still = stacked([self._velocity_rows(one, point) for one in standing], self.width)
+            held = stacked([self._held(one, point) for one in holding], self.width)
+            still = stacked([point.jacobian(one.velocities) for one in holding], self.width)
             keep = {
                 False: set(pins_to_keep(held, pinned.dofs(False))),
                 True: set(pins_to_keep(still, pinned.dofs(True))),
@@ -259,11 +270,9 @@ class _Independence:
                     where = FrameRange(frame, frame)
                     yield Relation(row.body, ZERO, ZERO, where, self.context.span(statement), row.text)
 
-    def _held(self, one: tuple[Contact, Phase], point: Point) -> Matrix:
-        """How the places that a contact has held since its phase began change with the coordinates."""
-        contact, phase = one
-        begin = self.s.pinned.get(phase.frames.first)
-        if contact.kind == "pin" or (begin is not None and begin.values is not None):
-            return self._velocity_rows(one, point)
-        rates = [self.context.builder.derivative(body, 1) for body in self.contacts.positions(contact, phase)]
-        return point.jacobian(rates)
+    def _held(self, one: Holding, point: Point) -> Matrix:
+        """How the places that have been held since something began change with the coordinates."""
+        begin = self.s.pinned.get(one.frames.first)
+        if one.whole or (begin is not None and begin.values is not None):
+            return point.jacobian(one.velocities)
+        return self._rates(one, point)

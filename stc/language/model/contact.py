@@ -10,12 +10,13 @@ begins; the later frames follow from the acceleration.  Where it lands at speed 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from stc.language import syntax
 from stc.language.context import Context
 from stc.language.diagnostics import did_you_mean
+from stc.language.model.holdings import Holding
 from stc.language.model.paths import PathError, Paths, parts_of
 from stc.language.model.scope import FORCES, ModelScope
 from stc.language.model.surfaces import Surface, floor, surface_of
@@ -23,9 +24,8 @@ from stc.mechanism.forces import Forces, Wrench
 from stc.mechanism.impact import impact
 from stc.mechanism.mechanism import index_of
 from stc.mechanism.tree import Frame
-from stc.mechanism.vectors import ORIGIN, Vector, cross, dot, minus, plus, scaled, vector
+from stc.mechanism.vectors import ORIGIN, Vector, cross, dot, plus, vector
 from stc.problem import (
-    DefinitionRef,
     FrameRange,
     Guess,
     IndexRef,
@@ -120,9 +120,9 @@ class Contacts:
             self._declare(statement)
         for block in context.tree.blocks("contact"):
             where = context.range(block)
-            for statement in block.statements:
-                if isinstance(statement, syntax.ContactPlace) and where is not None:
-                    self._schedule(statement, where, block.header is not None)
+            for found in block.statements:
+                if isinstance(found, syntax.ContactPlace) and where is not None:
+                    self._schedule(found, where, block.header is not None)
         for contact in self.contacts.values():
             self._order(contact)
 
@@ -476,12 +476,25 @@ class Contacts:
         for body, text in sole_cone(along, up, (tip, tilt, turn), contact.half, friction):
             yield Relation(body, ZERO, None, where, span, f"{contact.name} {text} ({what})")
 
-    def anchors(self) -> Iterator[tuple[Contact, Phase, list[Expr], list[Expr]]]:
-        """Of every phase what fixes its place, and its velocity, at its first frame: both are 0 there."""
+    def holdings(self) -> Iterator[Holding]:
+        """Every phase of every contact as something that is held."""
         for contact in self.contacts.values():
             for phase in contact.phases:
-                side = "after" if phase.landing else ""
-                yield contact, phase, self.positions(contact, phase), self.velocities(contact, phase, side)
+                height = None
+                if contact.kind != "pin":
+                    height = self.positions(contact, phase)[0]
+                yield Holding(
+                    name=contact.name,
+                    frames=phase.frames,
+                    span=self.context.span(phase.statement),
+                    places=self.positions(contact, phase),
+                    starts=self.velocities(contact, phase, "after" if phase.landing else ""),
+                    velocities=self.velocities(contact, phase),
+                    accelerations=self.accelerations(contact, phase),
+                    whole=contact.kind == "pin",
+                    height=height,
+                    surface=phase.surface.name,
+                )
 
     def impacts(self) -> Iterator[Relation]:
         """Where something lands: impulses within their cones, and the balance of every momentum."""
@@ -531,6 +544,16 @@ class Contacts:
                         where,
                         self.context.span(phase.statement),
                     )
+
+    def heights(self) -> list[Expr]:
+        """The distance of every place of contact from the floor."""
+        ground = floor(self.scope)
+        return [
+            height
+            for one in self.contacts.values()
+            if one.kind != "pin"
+            for height in self._heights(one, ground)
+        ]
 
     def flights(self) -> list[tuple[int, int]]:
         """First and last frames of the stretches on which nothing stands, between others on which something does."""

@@ -48,11 +48,7 @@ class Point:
         velocities: dict[object, Matrix] = {}
         at = 0
         for one in self.scope.coordinates:
-            turning = one.rotation.velocity if one.rotation is not None else ()
-            for key in (
-                *(VariableRef(name, 1) for name in one.positions),
-                *(VariableRef(name) for name in turning),
-            ):
+            for key in one.rates:
                 velocities[key] = unit[at]
                 at += 1
         rows = self._evaluated(rates, velocities)

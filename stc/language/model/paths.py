@@ -65,17 +65,50 @@ class Paths:
         """
         if path not in self._known:
             kind, *rest = parts_of(path)
-            if kind in WORDS and not rest:
-                self._known[path] = self._word(kind)
-                return self._known[path]
-            if kind == "actuator" and len(rest) == 2 and rest[1] == "force":
-                self._known[path] = self._actuator_force(rest[0])
-                return self._known[path]
-            if kind not in KINDS or not rest:
-                raise PathError(f"`{path}` is nothing of the model", self._what_there_is(kind))
-            frame = self.frame(kind, rest[0])
-            self._known[path] = self._field(path, frame, rest[1:])
+            self._known[path] = self._quantity(path, kind, rest)
         return self._known[path]
+
+    def _quantity(self, path: str, kind: str, rest: Sequence[str]) -> Expr:
+        dynamics = self.scope.dynamics
+        if kind in WORDS and not rest:
+            return self._word(kind)
+        if kind == "actuator" and len(rest) == 2 and rest[1] == "force":
+            return self._actuator_force(rest[0])
+        if kind == "com" and len(rest) in (1, 2):
+            body = self._body(rest[0]) if len(rest) == 2 else 0
+            return self._centre(path, body, rest[-1])
+        if kind in ("momentum", "angular") and len(rest) in (1, 2) and rest[-1] in _AXES:
+            body = self._body(rest[0]) if len(rest) == 2 else 0
+            whole = dynamics.momentum if kind == "momentum" else dynamics.angular_momentum
+            return whole(body)[_AXES[rest[-1]]]
+        if kind == "energy" and len(rest) == 1 and rest[0] in ("kinetic", "potential"):
+            return dynamics.kinetic_energy() if rest[0] == "kinetic" else dynamics.potential_energy()
+        if kind not in KINDS or not rest:
+            raise PathError(f"`{path}` is nothing of the model", self._what_there_is(kind))
+        return self._field(path, self.frame(kind, rest[0]), rest[1:])
+
+    def _body(self, name: str) -> int:
+        self.frame("body", name)  # tells of a name that is not there
+        return index_of(self.scope.mechanism.bodies, name) or 0
+
+    def _centre(self, path: str, body: int, field: str) -> Expr:
+        """A field of the centre of mass of a body and all that hangs on it."""
+        dynamics = self.scope.dynamics
+        at, velocity = dynamics.centre_of_mass(body), dynamics.centre_velocity(body)
+        for e, rate in zip(at, velocity, strict=True):
+            if e.args:
+                self.derivatives.setdefault(e, rate)
+        if field in _AXES:
+            return at[_AXES[field]]
+        if field[:1] == "v" and field[1:] in _AXES:
+            return velocity[_AXES[field[1:]]]
+        raise PathError(
+            f"`{path}` has no field `{field}`", "a centre of mass has `.x .y .z` and `.vx .vy .vz`"
+        )
+
+    def point_field(self, frame: Frame, text: str, rest: Sequence[str]) -> Expr:
+        """A field of a point fixed in a body."""
+        return self._field(text, frame, rest)
 
     def frame(self, kind: str, name: str) -> Frame:
         """The frame of a body, site or geom.
@@ -84,10 +117,14 @@ class Paths:
             PathError: there is none of that name.
         """
         mechanism, dynamics = self.scope.mechanism, self.scope.dynamics
-        things = {"body": mechanism.bodies, "site": mechanism.sites, "geom": mechanism.geoms}[kind]
-        index = index_of(things, name)
+        things: dict[str, list[str]] = {
+            "body": [body.name for body in mechanism.bodies],
+            "site": [site.name for site in mechanism.sites],
+            "geom": [geom.name for geom in mechanism.geoms],
+        }
+        index = things[kind].index(name) if name in things[kind] else None
         if index is None:
-            names = [thing.name for thing in things if thing.name]
+            names = [one for one in things[kind] if one]
             hint = (
                 did_you_mean(name, names) or f"its {kind}s are {', '.join(quoted(one) for one in names[:12])}"
             )
@@ -146,7 +183,7 @@ class Paths:
         return self.scope.dynamics.actuator_forces[index]
 
     def _what_there_is(self, kind: str) -> str:
-        known = [*KINDS, "joint", "actuator", "keyframe"]
+        known = [*KINDS, "com", "momentum", "angular", "energy", "joint", "actuator", "keyframe"]
         if kind == "joint":
             names = [name for found in self.scope.coordinates for name in found.names]
         elif kind == "actuator":

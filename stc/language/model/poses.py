@@ -7,18 +7,20 @@ norm of q has a row already.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 from stc.language import syntax
 from stc.language.context import Context
 from stc.language.diagnostics import did_you_mean
-from stc.language.model.scope import Coordinates, ModelScope, quoted
+from stc.language.model.independence import Point
+from stc.language.model.scope import ModelScope, quoted
 from stc.language.words import KEYFRAME
-from stc.problem import FrameRange, Guess, Relation, VariableRef
+from stc.problem import ConstantRef, FrameRange, Guess, Relation, VariableRef
 from stc.rates import quaternion_product
 from stc.records import dataclass
-from stc.symbolic.expr import ZERO, Expr, call, mul, neg, num, sub, sym
+from stc.symbolic.expr import ZERO, Expr, call, evaluate, mul, neg, num, sub, sym
 
 #: Values of coordinates by the names of their variables, angular velocities left out.
 Values = dict[str, Expr]
@@ -42,11 +44,16 @@ class Stated:
 
 
 class Poses:
-    """The poses that a spec may name: keyframes of the model, and those of its `poses:` section."""
+    """The poses that a spec may name: keyframes of the model, and those of its `poses:` section.
 
-    def __init__(self, context: Context, scope: ModelScope) -> None:
+    Attributes:
+        heights: tells how far each place of contact is above the floor.
+    """
+
+    def __init__(self, context: Context, scope: ModelScope, heights: Callable[[], list[Expr]]) -> None:
         self.context = context
         self.scope = scope
+        self.heights = heights
         self.named: dict[str, Values] = {}
         for keyframe in scope.mechanism.keyframes:
             if keyframe.name:
@@ -110,7 +117,35 @@ class Poses:
             values = self._moved(values, pose.shift)
         if values is not None and pose.angle is not None:
             values = self._turned(values, pose)
+        if values is not None and pose.grounded:
+            values = self._grounded(values, pose)
         return values
+
+    def _grounded(self, values: Values, pose: syntax.Pose) -> Values | None:
+        """Values with the root moved until its lowest contact place touches the floor."""
+        constants = {
+            name: value for name, value in self.context.constants.values.items() if value is not None
+        }
+        known: dict[Any, float] = {ConstantRef(name): value for name, value in constants.items()}
+        numbers = {name: float(evaluate(body, known)) for name, body in values.items()}
+        heights = self.heights()
+        if not heights:
+            self.context.error(
+                pose, "nothing touches the floor in this spec", "declare contacts under `contact:`"
+            )
+            return None
+        lowest = float(Point(self.scope, numbers, constants).numbers(heights).min())
+        at = self.context.source.position(pose.start)[0]
+        root = self.scope.coordinates[0] if self.scope.coordinates else None
+        if root is not None and root.joint.kind == "free":
+            name, sign = root.positions[2], 1.0
+        else:
+            slide = self._root_slide(2)
+            if slide is None:
+                self.context.error(pose, f"the model cannot be moved up or down (line {at})")
+                return None
+            name, sign = slide
+        return {**values, name: sub(values[name], num(sign * lowest))}
 
     def _moved(self, values: Values, shift: syntax.Vector) -> Values | None:
         """Values with the root moved by a vector."""
@@ -159,7 +194,8 @@ class Poses:
 
     def _turned(self, values: Values, pose: syntax.Pose) -> Values | None:
         """Values with the root's orientation turned about an axis of the world."""
-        assert pose.angle is not None and pose.axis is not None
+        assert pose.angle is not None
+        assert pose.axis is not None
         root = self.scope.coordinates[0] if self.scope.coordinates else None
         if root is None or root.rotation is None:
             self.context.error(pose, "only a model with a free or ball joint at its root can be turned")
@@ -210,7 +246,7 @@ class Poses:
                 )
             if one.rotation is not None:
                 reference = [values[name] for name in one.rotation.quaternion]
-                turned = _difference(reference, [sym(VariableRef(name)) for name in one.rotation.quaternion])
+                turned = turn_between(reference, [sym(VariableRef(name)) for name in one.rotation.quaternion])
                 first = one.joint.dof + len(one.positions)
                 for k, body in enumerate(turned):
                     yield Stated(first + k, False, body, f"orientation of joint {one.joint.name} of the pose")
@@ -218,7 +254,7 @@ class Poses:
     def at_rest(self) -> Iterator[Stated]:
         """The rows of zero velocity."""
         for one in self.scope.coordinates:
-            for k, velocity in enumerate(_velocities(one)):
+            for k, velocity in enumerate(one.rates):
                 yield Stated(one.joint.dof + k, True, sym(velocity), f"{velocity} = 0")
 
     def _periodic(self, pose: syntax.Pose) -> list[Stated] | None:
@@ -228,6 +264,10 @@ class Poses:
             moves = self.displacement(pose.shift)
         if moves is None:
             return None
+        if pose.mirrored:
+            from stc.language.model.mirror import mirrored_rows
+
+            return mirrored_rows(self.context, self.scope, pose, moves)
         n = self.context.n
         found = []
         for one in self.scope.coordinates:
@@ -238,15 +278,15 @@ class Poses:
                 )
             if one.rotation is not None:
                 names = one.rotation.quaternion
-                ends = [[sym(VariableRef(name, 0, 0, at)) for name in names] for at in (0, n)]
+                start, end = ([sym(VariableRef(name, 0, 0, at)) for name in names] for at in (0, n))
                 first = one.joint.dof + len(one.positions)
-                for k, body in enumerate(_difference(*ends)):
+                for k, body in enumerate(turn_between(start, end)):
                     found.append(
                         Stated(first + k, False, body, f"orientation of joint {one.joint.name} periodic")
                     )
-            for k, velocity in enumerate(_velocities(one)):
-                ends = [sym(replace(velocity, scale=0, shift=at)) for at in (0, n)]
-                found.append(Stated(one.joint.dof + k, True, sub(ends[1], ends[0]), f"{velocity} periodic"))
+            for k, velocity in enumerate(one.rates):
+                before, after = (sym(replace(velocity, scale=0, shift=at)) for at in (0, n))
+                found.append(Stated(one.joint.dof + k, True, sub(after, before), f"{velocity} periodic"))
         return found
 
     def guesses(self, pose: syntax.Pose, where: FrameRange) -> list[Guess]:
@@ -264,15 +304,9 @@ class Poses:
         return [Relation(row.body, ZERO, ZERO, where, span, row.text) for row in rows or []]
 
 
-def _velocities(one: Coordinates) -> list[VariableRef]:
-    """The velocities of a joint, in the order of ``qvel``."""
-    turning = one.rotation.velocity if one.rotation is not None else ()
-    return [*(VariableRef(name, 1) for name in one.positions), *(VariableRef(name) for name in turning)]
-
-
-def _difference(reference: Sequence[Expr], q: Sequence[Expr]) -> list[Expr]:
-    """The vector part of conj(reference) q: half the sine of the turn between them, along its axis."""
+def turn_between(reference: Sequence[Expr], q: Sequence[Expr]) -> list[Expr]:
+    """The vector part of conj(reference) q: the sine of half the turn between them, along its axis. (3,)"""
     return quaternion_product([reference[0], *(neg(part) for part in reference[1:])], q)[1:]
 
 
-__all__ = ["Poses", "Stated"]
+__all__ = ["Poses", "Stated", "Values", "turn_between"]

@@ -13,13 +13,15 @@ from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.names import Entry, NameTable
 from stc.mechanism.dynamics import Dynamics
+from stc.mechanism.equalities import held
 from stc.mechanism.kinematics import Motion
 from stc.mechanism.mechanism import Joint, Mechanism
 from stc.mechanism.numbers import Numbers
 from stc.mechanism.read import read_model
+from stc.mechanism.refusals import KINDS, refusals, without
 from stc.problem import ConstantRef, Rotation, VariableRef
 from stc.records import dataclass
-from stc.symbolic.expr import Expr, num, sym
+from stc.symbolic.expr import Expr, sym
 
 S = TypeVar("S", bound=syntax.Node)
 
@@ -45,11 +47,24 @@ class Coordinates:
         joint: the joint.
         positions: those that are differentiated as they are: of a hinge, a slide, or a free joint's place.
         rotation: orientation and angular velocity of a free or ball joint.
+        friction: dry friction of each degree of freedom, where the joint has any.
     """
 
     joint: Joint
     positions: tuple[str, ...]
     rotation: Rotation | None
+    friction: tuple[str, ...] = ()
+
+    @property
+    def rates(self) -> list[VariableRef]:
+        """The velocities, in the order of ``qvel``."""
+        turning = () if self.rotation is None else self.rotation.velocity
+        return [*(VariableRef(name, 1) for name in self.positions), *(VariableRef(name) for name in turning)]
+
+    @property
+    def freedoms(self) -> list[str]:
+        """The variable that each degree of freedom is called by, in the order of ``qvel``."""
+        return [*self.positions, *(() if self.rotation is None else self.rotation.velocity)]
 
     @property
     def names(self) -> list[str]:
@@ -60,13 +75,19 @@ class Coordinates:
 
 def coordinates_of(joint: Joint) -> Coordinates:
     """What the variables of a joint are called."""
-    if joint.kind in ("hinge", "slide"):
-        return Coordinates(joint, (path_of("joint", joint.name),), None)
-    w, x, y, z = [path_of("joint", joint.name, part) for part in QUATERNION]
-    p, q, r = [path_of("joint", joint.name, part) for part in VELOCITY]
-    places = ("x", "y", "z") if joint.kind == "free" else ()
-    positions = tuple([path_of("joint", joint.name, part) for part in places])
-    return Coordinates(joint, positions, Rotation((w, x, y, z), (p, q, r)))
+    places = {"hinge": ("",), "slide": ("",), "free": ("x", "y", "z"), "ball": ()}[joint.kind]
+    turning = VELOCITY if joint.kind in ("free", "ball") else ()
+
+    def path(*parts: str) -> str:
+        return path_of("joint", joint.name, *filter(None, parts))
+
+    positions = tuple([path(part) for part in places])
+    friction = tuple([path("friction", part) for part in (*places, *turning)]) if joint.frictionloss else ()
+    if not turning:
+        return Coordinates(joint, positions, None, friction)
+    w, x, y, z = [path(part) for part in QUATERNION]
+    p, q, r = [path(part) for part in VELOCITY]
+    return Coordinates(joint, positions, Rotation((w, x, y, z), (p, q, r)), friction)
 
 
 class _InPlace(Numbers):
@@ -85,7 +106,7 @@ class ModelScope:
         contact_forces: the names of the forces of the spec's contacts, each with what declares it.
         mechanism: its numbers.
         coordinates: the variables of each joint, in the model's order.
-        controls: the variables of actuators, in the model's order.
+        controls, activations: the variables of actuators, in the model's order.
         dynamics: its mechanics as expressions of the spec's variables.
         constants: the model's own values of the numbers that are symbols, by path.
     """
@@ -103,9 +124,14 @@ class ModelScope:
         self.mechanism = mechanism
         self.coordinates = [coordinates_of(joint) for joint in mechanism.joints]
         self.controls = [path_of("actuator", actuator.name) for actuator in mechanism.actuators]
+        self.activations = [
+            path_of("actuator", actuator.name, "activation")
+            for actuator in mechanism.actuators
+            for _ in actuator.activations
+        ]
         numbers = _InPlace(_settable, lambda path: sym(ConstantRef(_text(path))))
         self.dynamics = Dynamics(
-            mechanism, self._motion(), [sym(VariableRef(name)) for name in self.controls], (), numbers
+            mechanism, self._motion(), _symbols(self.controls), _symbols(self.activations), numbers
         )
         self.constants = {_text(path): value for path, value in numbers.values.items()}
 
@@ -126,12 +152,12 @@ class ModelScope:
         v: list[Expr] = []
         a: list[Expr] = []
         for found in self.coordinates:
-            q += [sym(VariableRef(name)) for name in found.positions]
+            q += _symbols(found.positions)
             v += [sym(VariableRef(name, 1)) for name in found.positions]
             a += [sym(VariableRef(name, 2)) for name in found.positions]
             if found.rotation is not None:
-                q += [sym(VariableRef(name)) for name in found.rotation.quaternion]
-                v += [sym(VariableRef(name)) for name in found.rotation.velocity]
+                q += _symbols(found.rotation.quaternion)
+                v += _symbols(found.rotation.velocity)
                 a += [sym(VariableRef(name, 1)) for name in found.rotation.velocity]
         return Motion(q, v, a)
 
@@ -139,7 +165,12 @@ class ModelScope:
         """Add the model's variables and constants to a table; names that the spec declares win."""
         start, end = self.statement.start, self.statement.end
         named = [(name, "variable") for found in self.coordinates for name in found.names]
-        named += [(name, "variable") for name in self.controls]
+        named += [(name, "variable") for found in self.coordinates for name in found.friction]
+        named += [(name, "variable") for name in (*self.controls, *self.activations)]
+        for equality in self.mechanism.equalities:
+            if equality.active:
+                parts = held(self.dynamics, equality).names
+                named += [(path_of("equality", equality.name, part), "variable") for part in parts]
         for name, kind in named:
             table.entries.setdefault(name, Entry(name, kind, start, end, None, True))
         for name, node in self.contact_forces:
@@ -172,10 +203,23 @@ def model_of(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | No
     if path is None:
         return None
     try:
-        tree.model = found = ModelScope(first, path, read_model(path), declared_names(tree))
+        mechanism = read_model(path)
     except StcError as error:
         diagnostics.error(str(error), first.start, first.end)
         return None
+    known = [word for word in first.without if word.name in KINDS]
+    for word in first.without:
+        if word not in known:
+            hint = did_you_mean(word.name, KINDS) or f"what can be left out is {', '.join(KINDS)}"
+            diagnostics.error(f"nothing of a model is called `{word.name}`", word.start, word.end, hint)
+    mechanism = without(mechanism, [word.name for word in known])
+    stated = refusals(mechanism)
+    for refusal in stated:
+        hint = f'leave it out knowingly with `model: "{first.path}" without {refusal.kind};`; the verdict will say so'
+        diagnostics.error(f"this model cannot be stated exactly: {refusal}", first.start, first.end, hint)
+    if stated:
+        return None
+    tree.model = found = ModelScope(first, path, mechanism, declared_names(tree))
     return found
 
 
@@ -247,6 +291,10 @@ def _find(statement: syntax.ModelFile, tree: syntax.SpecTree, diagnostics: Diagn
     )
     diagnostics.error(f"there is no model `{statement.path}`", statement.start, statement.end, hint)
     return None
+
+
+def _symbols(names: Iterable[str]) -> list[Expr]:
+    return [sym(VariableRef(name)) for name in names]
 
 
 def _settable(path: tuple[str, ...]) -> bool:

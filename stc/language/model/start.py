@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -96,9 +97,12 @@ def _straight(name: str, places: Sequence[tuple[int, Expr]], context: Context) -
 
 def _turning(one: Coordinates, places: Sequence[tuple[int, Values]], context: Context) -> Iterator[Guess]:
     """The turn between orientations at a steady rate, for the quaternion and the angular velocity."""
-    assert one.rotation is not None and context.model is not None
+    assert one.rotation is not None
+    assert context.model is not None
     span = context.span(context.model.statement)
-    constants = {ConstantRef(k): v for k, v in context.constants.values.items() if v is not None}
+    constants: dict[Any, float] = {
+        ConstantRef(k): v for k, v in context.constants.values.items() if v is not None
+    }
     ends = [
         np.array([float(evaluate(values[name], constants)) for name in one.rotation.quaternion])
         for _, values in places

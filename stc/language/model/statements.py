@@ -3,39 +3,51 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from stc.language.context import Context
 from stc.language.model.paths import parts_of
 from stc.language.model.scope import ModelScope
-from stc.mechanism.forces import Wrench
+from stc.mechanism.forces import Forces
 from stc.problem import ConstantRef, Relation, ReplayChannel, VariableRef
-from stc.symbolic.expr import ZERO, Expr, num, sum_of, sym
+from stc.symbolic.expr import ZERO, Expr, mul, num, sub, sum_of, sym
 
 
-def equations_of_motion(
-    context: Context, scope: ModelScope, wrenches: Iterable[Wrench], forces: dict[int, list[Expr]]
-) -> list[Relation]:
-    """The row of each degree of freedom.
-
-    Args:
-        wrenches: forces of contacts on bodies.
-        forces: what the spec adds, by degree of freedom.
-    """
-    rows = scope.dynamics.residual(wrenches, {dof: sum_of(found) for dof, found in forces.items()})
+def equations_of_motion(context: Context, scope: ModelScope, forces: Forces) -> list[Relation]:
+    """The row of each degree of freedom; ``forces`` are those that the model does not have by itself."""
+    rows = scope.dynamics.residual(forces.wrenches, forces.on_dofs)
     span = context.span(scope.statement)
     found = []
     for one in scope.coordinates:
-        turning = one.rotation.velocity if one.rotation is not None else ()
-        for dof, name in zip(one.joint.dofs, (*one.positions, *turning), strict=True):
+        for dof, name in zip(one.joint.dofs, one.freedoms, strict=True):
             text = f"equation of motion of {name}"
             found.append(Relation(rows[dof], ZERO, ZERO, context.everywhere, span, text, name))
     return found
 
 
+def own_forces(scope: ModelScope, given: Mapping[str, list[Expr]]) -> Iterator[tuple[int, Expr]]:
+    """Forces on single degrees of freedom: dry friction, and those of the spec by the coordinate's variable."""
+    for one in scope.coordinates:
+        for k, (dof, name) in enumerate(zip(one.joint.dofs, one.freedoms, strict=True)):
+            if one.friction:
+                yield dof, sym(VariableRef(one.friction[k]))
+            if name in given:
+                yield dof, sum_of(given[name])
+
+
+def activations(context: Context, scope: ModelScope) -> Iterator[Relation]:
+    """How the states of actuators follow their controls."""
+    span = context.span(scope.statement)
+    for name, rate in zip(scope.activations, scope.dynamics.activation_rates, strict=True):
+        body = sub(sym(VariableRef(name, 1)), rate)
+        yield Relation(body, ZERO, ZERO, context.everywhere, span, f"dynamics of {name}")
+
+
 def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
     """Ranges of joints and controls as bounds, ranges of forces as rows, where the model says limited."""
     where, span = context.everywhere, context.span(scope.statement)
+
+    given = scope.dynamics.actuation()
 
     def between(body: Expr, ends: Sequence[float], text: str) -> Relation:
         lower, upper = [num(end) if math.isfinite(end) else None for end in ends]
@@ -43,6 +55,18 @@ def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
 
     for one in scope.coordinates:
         joint = one.joint
+        for name, rate in zip(one.friction, one.rates, strict=False):
+            # Dry friction takes energy and gives none.
+            yield between(
+                sym(VariableRef(name)), (-joint.frictionloss, joint.frictionloss), f"bound of {name}"
+            )
+            body = mul(sym(VariableRef(name)), sym(rate))
+            yield Relation(body, None, ZERO, where, span, f"{name} acts against the motion")
+        if joint.force_limited:
+            for dof in joint.dofs:
+                yield between(
+                    given[dof], joint.force_range, f"range of the actuators' force on joint {joint.name}"
+                )
         if not joint.limited:
             continue
         if one.rotation is None:
@@ -58,6 +82,9 @@ def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
     ):
         if actuator.control_limited:
             yield between(sym(VariableRef(name)), actuator.control_range, f"range of {name}")
+        for address in actuator.activations if actuator.activation_limited else ():
+            state = scope.activations[address]
+            yield between(sym(VariableRef(state)), actuator.activation_range, f"range of {state}")
         if actuator.force_limited:
             yield between(force, actuator.force_range, f"range of the force of {name}")
 
