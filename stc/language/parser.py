@@ -83,6 +83,19 @@ class _Parser(ExpressionParser):
     def __init__(self, tokens: Tokens, diagnostics: Diagnostics) -> None:
         super().__init__(tokens, diagnostics)
         self.damaged: set[str] = set()
+        self.pose_names = self._pose_names()
+
+    def _pose_names(self) -> set[str]:
+        """The names that `poses:` sections declare, which a statement may consist of."""
+        found: set[str] = set()
+        within = False
+        for index, kind in enumerate(self.kinds[:-1]):
+            if self.section_head_at(index):
+                within = self.token_text(index) == "poses"
+            elif within and kind == "name" and self.kinds[index + 1] == "=":
+                if index and self.kinds[index - 1] in (";", ":"):
+                    found.add(self.token_text(index))
+        return found
 
     def end_statement(self, what: str) -> None:
         """Read the ``;`` after ``what``; where the line ends instead, note that and take it as read."""
@@ -342,7 +355,7 @@ class _Parser(ExpressionParser):
         kind = self.kinds[following]
         if kind == "name":
             return self.token_text(following) in _POSE_OPTIONS
-        of_pose = path or first in POSE_WORDS
+        of_pose = path or first in POSE_WORDS or first in self.pose_names
         return of_pose and (kind == ";" or (kind == "+" and self.kinds[following + 1] == "("))
 
     def pose(self) -> syntax.Pose:

@@ -139,7 +139,9 @@ class Contacts:
                 hint = did_you_mean(option.name, OPTIONS) or f"options are {', '.join(OPTIONS)}"
                 self.context.error(option, f"a contact has no option `{option.name}`", hint)
         where = statement.pose[0]
-        if len(statement.pose) != 1 or not isinstance(where, syntax.Name | syntax.Call):
+        if kind == "point" and len(statement.pose) == 4:
+            where = syntax.Call(statement.kind.start, statement.pose[-1].end, "point", statement.pose)
+        if (len(statement.pose) != 1 and not isinstance(where, syntax.Call)) or not isinstance(where, syntax.Name | syntax.Call):
             hint = (
                 f"name a place of the model, as in `{kind}({'geom.sole' if kind == 'foot' else 'site.FL'})`"
             )

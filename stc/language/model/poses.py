@@ -54,7 +54,10 @@ class Poses:
         self.context = context
         self.scope = scope
         self.heights = heights
-        self.named: dict[str, Values] = {}
+        #: The pose that the model file draws has a name, too.
+        self.named: dict[str, Values] = {
+            f"{KEYFRAME}.reference": self._of_coordinates([num(value) for value in scope.mechanism.start])
+        }
         for keyframe in scope.mechanism.keyframes:
             if keyframe.name:
                 path = f"{KEYFRAME}.{quoted(keyframe.name)}"
@@ -72,10 +75,10 @@ class Poses:
         return found
 
     def _define(self, statement: syntax.PoseDefinition) -> None:
-        values = self.values(statement.pose)
-        if values is None:
+        found = self.values(replace(statement.pose, grounded=False))
+        if found is None:
             return
-        values = dict(values)
+        values = dict(found)
         for change in statement.changes:
             name = change.name.name
             if name not in values:
@@ -93,6 +96,11 @@ class Poses:
                 self.context.error(change.value, "a pose is made of constants")
                 continue
             values[name] = value
+        if statement.pose.grounded:
+            grounded = self._grounded(values, statement.pose)
+            if grounded is None:
+                return
+            values = grounded
         self.named[statement.name.name] = values
         self.named[f"{KEYFRAME}.{statement.name.name}"] = values
 
