@@ -259,6 +259,8 @@ class _Independence:
         for frame, pinned in sorted(self.s.pinned.items()):
             holding = self._holding(frame, begun=True)
             point = self._at(frame)
+            for one in holding if pinned.statement is not None else ():
+                self._check_held(one, frame, pinned.statement)
             held = stacked([self._held(one, point) for one in holding], self.width)
             still = stacked([point.jacobian(one.velocities) for one in holding], self.width)
             keep = {
@@ -269,6 +271,18 @@ class _Independence:
                 if row.dof in keep[row.velocity]:
                     where = FrameRange(frame, frame)
                     yield Relation(row.body, ZERO, ZERO, where, self.context.span(statement), row.text)
+
+    def _check_held(self, one: Holding, frame: int, statement: syntax.Pose | None) -> None:
+        """A pinned pose has what is held where it has been held since before."""
+        begin, point = self.s.pinned.get(one.frames.first), self._at(frame)
+        off = np.abs(point.numbers(one.places)).max(initial=0.0)
+        if one.at and begin is not None and begin.values is not None:
+            moved = point.numbers(one.at) - self._at(one.frames.first).numbers(one.at)
+            off = max(off, float(np.linalg.norm(moved)))
+        if off > OFF_SURFACE and statement is not None:
+            message = f"`{one.name}` is {off:.4g} off its place in this pose, where it holds since frame {one.frames.first}"
+            hint = "let it stand on fewer frames, or state a pose that it fits"
+            self.context.error(statement, message, hint)
 
     def _held(self, one: Holding, point: Point) -> Matrix:
         """How the places that have been held since something began change with the coordinates."""

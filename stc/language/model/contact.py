@@ -141,7 +141,9 @@ class Contacts:
         where = statement.pose[0]
         if kind == "point" and len(statement.pose) == 4:
             where = syntax.Call(statement.kind.start, statement.pose[-1].end, "point", statement.pose)
-        if (len(statement.pose) != 1 and not isinstance(where, syntax.Call)) or not isinstance(where, syntax.Name | syntax.Call):
+        if (len(statement.pose) != 1 and not isinstance(where, syntax.Call)) or not isinstance(
+            where, syntax.Name | syntax.Call
+        ):
             hint = (
                 f"name a place of the model, as in `{kind}({'geom.sole' if kind == 'foot' else 'site.FL'})`"
             )
@@ -494,6 +496,7 @@ class Contacts:
                     velocities=self.velocities(contact, phase),
                     accelerations=self.accelerations(contact, phase),
                     whole=contact.kind == "pin",
+                    at=() if contact.radius else self.paths.place(contact.frame)[0],
                     height=height,
                     surface=phase.surface.name,
                 )

@@ -28,6 +28,7 @@ class Holding:
         starts: what is 0 there of velocities, on the side after an impact where one begins it.
         velocities, accelerations: the same without a side, and its rates.
         whole: whether velocities are the rates of places throughout, so that all of it is fixed from the first frame on.
+        at: the place in the world of what is held fixed there.
         height: the distance from the surface where a contact stands on one.
         surface: what that is called.
     """
@@ -40,6 +41,7 @@ class Holding:
     velocities: list[Expr]
     accelerations: list[Expr]
     whole: bool = False
+    at: tuple[Expr, ...] = ()
     height: Expr | None = None
     surface: str = ""
 

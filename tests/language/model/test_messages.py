@@ -1,0 +1,79 @@
+"""What a user is told of mistakes in specs with a model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import stc
+from stc.errors import SpecError
+
+from .bodies import FEET, load, quadruped
+
+START = "constants: n = 10, T = 1, h = T/n;\n"
+
+CASES = {
+    "joint": ("constraints: [0]: joint.FLx = 1;", "`joint.FLx` is nothing of the model"),
+    "body": ("constraints: body.trank.z >= 0;", "did you mean `trunk`?"),
+    "field": ("constraints: body.trunk.q >= 0;", "has no field `q`"),
+    "pose": ("constraints: [0]: keyframe.sit;", "there is no pose `keyframe.sit`"),
+    "vector": ("constraints: [0]: joint.FLh = (1, 2, 3);", "an expression is a number, not a vector"),
+    "quaternion": ("constraints: [0]: joint.root.qw'' = 0;", "no second derivative of its own"),
+    "lagrangian": ("lagrangian: joint.FLh'^2;", "a spec with a model has no Lagrangian"),
+    "kind": ("contact: FL = hook(site.FL);", "there is no contact `hook`"),
+    "site": ("contact: FL = point(site.F);", "the model has no site `F`"),
+    "two": ("contact: FL = point(site.FL); [0, 5]: FL; [4, 8]: FL;", "stands already on [0, 5]"),
+    "force": ("forces: joint.hip: 3;", "`joint.hip` is not declared"),
+    "mass": ("constants: k = body.nothing.mass;", "is not declared"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_mistake_is_told_with_its_place(tmp_path: Path, name: str) -> None:
+    text, message = CASES[name]
+    with pytest.raises(SpecError) as told:
+        load(tmp_path, quadruped(), START + text).problem()
+    assert message in str(told.value)
+    assert "motion.stc:3:" in str(told.value)
+
+
+def test_a_pose_that_floats_is_told_with_the_distance(tmp_path: Path) -> None:
+    text = f"{START}{FEET} [0, n]: FL; FR; RL; RR;\nconstraints: [0]: keyframe.stand + (0, 0, 0.05); rest;"
+    with pytest.raises(SpecError, match=r"`FL` is 0.05 m above the floor in this pose"):
+        load(tmp_path, quadruped(), text).problem()
+
+
+def test_a_pose_that_moves_what_is_held_is_refused(tmp_path: Path) -> None:
+    text = f"""{START}{FEET} [0, n]: FL; FR; RL; RR;
+constraints: [0]: keyframe.stand; rest; [n]: keyframe.stand + (0.1, 0, 0); rest;"""
+    with pytest.raises(
+        SpecError, match=r"`FL` is 0.1 off its place in this pose, where it holds since frame 0"
+    ):
+        load(tmp_path, quadruped(), text).problem()
+
+
+def test_a_path_needs_a_model(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="is a path of a model, and the spec has none"):
+        stc.load(f"{START}variables: x; constraints: [0]: joint.knee = x;").problem()
+
+
+def test_what_cannot_be_stated_is_named_and_can_be_left_out(tmp_path: Path) -> None:
+    wet = quadruped().replace("<worldbody>", '<option density="1000"/><worldbody>', 1)
+    text = f"{START}constraints: [0]: keyframe.stand; rest;"
+    with pytest.raises(SpecError) as told:
+        load(tmp_path, wet, text).problem()
+    assert "robot.xml:" in str(told.value)
+    assert "without fluid" in str(told.value)
+    (tmp_path / "motion.stc").write_text(f'model: "robot.xml" without fluid;\n{text}', encoding="utf-8")
+    assert stc.load(tmp_path / "motion.stc").problem().of_model
+
+
+def test_a_missing_model_is_told_once(tmp_path: Path) -> None:
+    (tmp_path / "robot.xml").write_text(quadruped(), encoding="utf-8")
+    spec = tmp_path / "motion.stc"
+    spec.write_text('model: "robor.xml";\nconstants: n = 3;\nconstraints: joint.FLh;', encoding="utf-8")
+    with pytest.raises(SpecError) as told:
+        stc.load(spec).problem()
+    assert str(told.value).count("error") == 1
+    assert "did you mean `robot.xml`?" in str(told.value)

@@ -1,0 +1,173 @@
+"""Motions stated by a model obey MuJoCo's equations, and what their pages say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stc.solution import Solution
+
+from .bodies import FEET, load, quadruped, residual
+
+HOP = f"""constants: n = 30, T = 0.8, h = T/n, D = 0.4;
+{FEET}
+  [0, 10]: FL; FR; RL; RR;
+  [20, n]: FL; FR; RL; RR;
+constraints:
+  [0]: keyframe.stand;  rest;
+  [n]: keyframe.stand + (D, 0, 0);  rest;
+objective: [0, n]: integral(effort);
+"""
+
+
+BENT = ", ".join(f"joint.{leg}h = 1, joint.{leg}k = -2" for leg in ("FL", "FR", "RL", "RR"))
+
+
+@pytest.fixture(scope="module")
+def hop(tmp_path_factory: pytest.TempPathFactory) -> Solution:
+    return load(tmp_path_factory.mktemp("hop"), quadruped(), HOP).solve()
+
+
+def test_a_hop_obeys_the_equations_of_mujoco(hop: Solution) -> None:
+    assert hop.status == "optimal"
+    assert hop.method == "hermite-simpson"
+    assert residual(hop, quadruped(), ("FL", "FR", "RL", "RR")) < 1e-9
+
+
+def test_a_hop_ends_in_the_pose_that_is_asked_for(hop: Solution) -> None:
+    assert hop["joint.root.x"][-1] - hop["joint.root.x"][0] == pytest.approx(0.4, abs=1e-3)
+    assert hop["joint.FLh"][-1] == pytest.approx(0.8, abs=1e-2)
+    assert hop["joint.RRk"][0] == pytest.approx(-1.6, abs=1e-12)
+
+
+def test_feet_have_no_force_in_flight_and_stay_in_the_cone(hop: Solution) -> None:
+    for foot in ("FL", "FR", "RL", "RR"):
+        x, y, z = (hop[f"{foot}_f{axis}"] for axis in "xyz")
+        assert np.abs(z[11:20]).max() < 1e-9
+        weight = 9.81 * 13.6
+        assert (np.hypot(x, y) <= 0.7 * z + 1e-3 * weight).all()
+        assert z.min() > -1e-6
+
+
+def test_quaternions_stay_unit(hop: Solution) -> None:
+    norm = sum(hop[f"joint.root.q{part}"] ** 2 for part in "wxyz")
+    assert np.abs(norm - 1.0).max() < 1e-9
+
+
+def test_a_pose_to_pose_motion_with_its_feet_held_keeps_them(tmp_path: Path) -> None:
+    spec = f"""constants: n = 12, T = 0.4, h = T/n;
+    {FEET} [0, n]: FL; FR; RL; RR;
+    poses: crouch = keyframe.stand grounded, {BENT};
+    constraints: [0]: keyframe.stand; rest;  [n]: crouch; rest;
+    objective: [0, n]: integral(effort);"""
+    solution = load(tmp_path, quadruped(), spec).solve()
+    assert solution.status == "optimal"
+    assert solution["joint.root.z"][-1] == pytest.approx(0.426 * np.cos(1.0), abs=1e-4)
+    assert solution["joint.RLk"][-1] == pytest.approx(-2.0, abs=1e-3)
+    assert residual(solution, quadruped(), ("FL", "FR", "RL", "RR")) < 1e-9
+
+
+BOX = """<mujoco><worldbody><body name="box"><freejoint name="root"/>
+  <geom type="box" size=".1 .2 .3" mass="2"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])
+def test_a_thrown_box_flies_along_a_parabola_and_keeps_its_angular_momentum(
+    tmp_path: Path, method: str
+) -> None:
+    spec = f"""constants: n = 40, T = 1, h = T/n;
+    method: {method};
+    constraints:
+      [0]: keyframe.reference; joint.root.x' = 2; joint.root.y'; joint.root.z' = 3;
+           joint.root.wx = 0.5; joint.root.wy = 3; joint.root.wz = 0.4;"""
+    model = load(tmp_path, BOX, spec)
+    solution = model.solve()
+    assert solution.violation < 1e-8
+    t = solution.time
+    assert np.abs(solution["joint.root.x"] - 2 * t).max() < 1e-2
+    assert np.abs(solution["joint.root.z"] - (3 * t - 4.905 * t**2)).max() < 2e-2
+    inertia = 2.0 / 3.0 * np.array([0.2**2 + 0.3**2, 0.1**2 + 0.3**2, 0.1**2 + 0.2**2])
+    momentum = []
+    for k in (1, 20, 39):
+        w, x, y, z = (solution[f"joint.root.q{part}"][k] for part in "wxyz")
+        spin = inertia * [solution[f"joint.root.w{axis}"][k] for axis in "xyz"]
+        turn = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        momentum.append(turn @ spin)
+    spread = np.abs(np.array(momentum) - momentum[0]).max() / np.linalg.norm(momentum[0])
+    assert spread < (1e-5 if method == "hermite-simpson" else 3e-2)
+
+
+BALL = """<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="bob" pos="0 0 1">
+  <joint name="hip" type="ball" damping="0.05"/><geom type="capsule" fromto="0 0 0 .1 0 -.4" size=".03" mass="1"/></body>
+  </worldbody><actuator>
+  <motor name="x" joint="hip" gear="1 0 0"/><motor name="y" joint="hip" gear="0 1 0"/><motor name="z" joint="hip" gear="0 0 1"/>
+  </actuator></mujoco>"""
+
+
+def test_a_ball_joint_turns_where_it_is_told(tmp_path: Path) -> None:
+    spec = """constants: n = 30, T = 1, h = T/n;
+    constraints: [0]: keyframe.reference; rest;  [n]: keyframe.reference turned 2 about (0, 1, 1); rest;
+    objective: [0, n]: integral(effort);"""
+    solution = load(tmp_path, BALL, spec).solve()
+    assert solution.status == "optimal"
+    assert residual(solution, BALL) < 1e-9
+    assert abs(2.0 * np.arccos(abs(solution["joint.hip.qw"][-1]))) == pytest.approx(2.0, abs=1e-9)
+
+
+LOOP = """<mujoco><option gravity="0 0 -9.81"/><worldbody>
+  <body name="a"><joint name="a" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 .3" size=".02" mass="1"/>
+    <body name="b" pos="0 0 .3"><joint name="b" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .4 0 0" size=".02" mass="1"/></body></body>
+  <body name="c" pos=".4 0 0"><joint name="c" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 .3" size=".02" mass="1"/></body>
+  </worldbody><equality><connect name="pin" body1="b" body2="c" anchor=".4 0 0"/></equality>
+  <actuator><motor name="a" joint="a"/></actuator></mujoco>"""
+
+
+def test_a_closed_loop_stays_closed(tmp_path: Path) -> None:
+    spec = """constants: n = 30, T = 0.6, h = T/n;
+    constraints: [0]: keyframe.reference; rest;  [n]: joint.a = 0.7; joint.a';
+    objective: [0, n]: integral(effort);"""
+    solution = load(tmp_path, LOOP, spec).solve()
+    assert solution.status == "optimal"
+    a, b, c = (solution[f"joint.{name}"] for name in "abc")
+    # A parallelogram: the crank and the rocker turn alike, the coupler does not turn.
+    assert np.abs(a - c).max() < 1e-6
+    assert np.abs(a + b).max() < 1e-6
+
+
+STATEFUL = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="x" type="slide" axis="1 0 0" frictionloss="0.2"/>
+  <geom size=".1" mass="1"/></body></worldbody><actuator>
+  <general name="lag" joint="x" dyntype="filter" dynprm="0.1" gainprm="5" ctrlrange="-1 1" ctrllimited="true"/></actuator></mujoco>"""
+
+
+def test_activations_lag_and_dry_friction_only_brakes(tmp_path: Path) -> None:
+    spec = """constants: n = 40, T = 1.5, h = T/n;
+    constraints: [0]: joint.x; joint.x'; actuator.lag.activation;  [n]: joint.x = 1; joint.x';
+    objective: [0, n]: integral(actuator.lag^2);"""
+    solution = load(tmp_path, STATEFUL, spec).solve()
+    assert solution.status == "optimal"
+    act, control = solution["actuator.lag.activation"], solution["actuator.lag"]
+    assert np.abs(solution["actuator.lag.activation'"] - (control - act) / 0.1).max() < 1e-8
+    rub, speed = solution["joint.x.friction"], solution["joint.x'"]
+    assert np.abs(rub).max() <= 0.2 + 1e-8
+    assert (rub * speed).max() < 1e-8
+    assert np.abs(solution["joint.x''"] - 5 * act - rub).max() < 1e-8
+
+
+def test_a_mass_of_the_model_is_a_constant_of_the_spec(tmp_path: Path) -> None:
+    spec = """constants: n = 20, T = 2, h = T/n;
+    constraints: [0]: joint.x; joint.x'; actuator.lag.activation; [n]: joint.x = 1; joint.x';
+    objective: [0, n]: integral(actuator.lag^2);"""
+    model = load(tmp_path, STATEFUL.replace("<body>", '<body name="cart">'), spec)
+    light, heavy = model.solve(), model.solve(constants={"body.cart.mass": 2.0})
+    assert heavy.status == "optimal"
+    assert heavy.objective > 1.5 * light.objective
+    force = 5 * heavy["actuator.lag.activation"] + heavy["joint.x.friction"]
+    assert np.abs(2.0 * heavy["joint.x''"] - force).max() < 1e-8
