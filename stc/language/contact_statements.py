@@ -289,6 +289,11 @@ class Writer:
             ground = _between(before.z, after.z, s)
             if "clearance" in contact.options:
                 ground = _plus(ground, f"16*{contact.options['clearance']}*{s}^2*(1 - {s})^2")
+        # Where it lifts off and lands its height is fixed: a bound there would leave no inside.
+        low, high = first + (before is not None), last - (after is not None)
+        if low > high:
+            return
+        yield f"  [{f'{before.last} + 1' if before else 0}, {f'{after.first} - 1' if after else 'n'}]:"
         ends = [f"{z} {sign} {contact.options['half']}*sin({angle[0]})" for sign in "-+"] if angle else [z]
         for end in ends:
             yield f"    {end} >= {ground};"

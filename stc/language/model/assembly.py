@@ -23,9 +23,19 @@ from stc.language.model.statements import (
     own_forces,
     replay_lines,
 )
-from stc.problem import ConstantRef, FrameRange, Guess, Jump, ObjectiveTerm, Relation, ReplayChannel
+from stc.problem import (
+    ConstantRef,
+    FrameRange,
+    Guess,
+    Jump,
+    ObjectiveTerm,
+    ParameterRef,
+    Relation,
+    ReplayChannel,
+    VariableRef,
+)
 from stc.records import dataclass, field
-from stc.symbolic.expr import ZERO, Expr, evaluate
+from stc.symbolic.expr import ZERO, Expr, evaluate, sym
 
 #: A pinned pose that has a contact farther off its surface than this, in m, is a mistake.
 OFF_SURFACE = 1e-3
@@ -95,6 +105,7 @@ class ModelStatements:
         yield from contacts.relations()
         yield from contacts.impacts()
         independence = _Independence(self)
+        yield from independence.idle_forces()
         yield from independence.standing()
         yield from independence.anchors()
         yield from independence.pins()
@@ -171,6 +182,29 @@ class _Independence:
             if one.frames.first <= frame <= one.frames.last and not (begun and one.frames.first == frame)
         ]
         return sorted(found, key=lambda one: one.frames.first)
+
+    def idle_forces(self) -> Iterator[Relation]:
+        """Parts of contact forces that can do nothing, such as those across the plane of a planar model, are zero."""
+        for contact, parts in self.s.contacts.components():
+            rows = self.generic.jacobian([rate for _, rate in parts])
+            for (name, _), row in zip(parts, rows, strict=True):
+                if not row.any():
+                    span = self.context.span(contact.statement)
+                    yield Relation(
+                        sym(VariableRef(name)),
+                        ZERO,
+                        ZERO,
+                        self.context.everywhere,
+                        span,
+                        f"{name} does nothing",
+                    )
+                    for phase in contact.phases if contact.phases else ():
+                        if phase.landing:
+                            index = contact.forces.index(name)
+                            impulse = sym(ParameterRef(contact.impulses(phase)[index]))
+                            yield Relation(
+                                impulse, ZERO, ZERO, FrameRange(0, 0), span, f"{name} does nothing"
+                            )
 
     # ----------------------------------------------------------- accelerations
 

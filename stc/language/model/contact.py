@@ -36,9 +36,9 @@ from stc.problem import (
     VariableRef,
 )
 from stc.records import dataclass, field
-from stc.symbolic.expr import ONE, ZERO, Expr, div, mul, neg, num, sub, sym
+from stc.symbolic.expr import ONE, ZERO, Expr, div, mul, neg, num, sub, sum_of, sym
 
-OPTIONS = ("friction", "clearance", "landing", "speed", "soft")
+OPTIONS = ("friction", "reach", "clearance", "landing", "speed", "soft")
 #: How high above a straight way a contact is carried in the middle of its flight, in m, where nothing is said.
 CLEARANCE = 0.01
 
@@ -314,6 +314,17 @@ class Contacts:
         """What may jump where a contact begins or ends: controls."""
         return self.scope.controls
 
+    def components(self) -> Iterator[tuple[Contact, list[tuple[str, Expr]]]]:
+        """Of every contact its force variables, each with the velocity that its power is made with."""
+        for contact in self.contacts.values():
+            velocity = self.paths.place(contact.frame)[1]
+            turning = self.paths.turning(contact.frame)[0]
+            if contact.radius:
+                down = vector([-contact.radius * part for part in floor(self.scope).normal])
+                velocity = plus(velocity, cross(turning, down))
+            rates = [*velocity, *turning][: len(contact.forces)]
+            yield contact, list(zip(contact.forces, rates, strict=True))
+
     def jumps(self) -> list[Jump]:
         """Controls may jump where a contact ends or begins, the other contacts' forces too, velocities at an impact."""
         found: dict[tuple[int, str, int], Jump] = {}
@@ -477,7 +488,9 @@ class Contacts:
         torque: Vector = (parts[3], parts[4], parts[5])
         tip, tilt = [dot(column, torque) for column in columns]
         turn = dot(vector(surface.normal), torque)
-        for body, text in sole_cone(along, up, (tip, tilt, turn), contact.half, friction):
+        reach = contact.options.get("reach", ONE)
+        half = mul(reach, num(contact.half[0])), mul(reach, num(contact.half[1]))
+        for body, text in sole_cone(along, up, (tip, tilt, turn), half, friction):
             yield Relation(body, ZERO, None, where, span, f"{contact.name} {text} ({what})")
 
     def holdings(self) -> Iterator[Holding]:
@@ -529,8 +542,15 @@ class Contacts:
             for phase in contact.phases:
                 if phase.landing and "landing" in contact.options:
                     speeds = self.velocities(contact, phase, "before")[:3]
-                    total = speeds[0] * speeds[0] + speeds[1] * speeds[1] + speeds[2] * speeds[2]
-                    yield mul(contact.options["landing"], total), phase
+                    if contact.kind == "foot":  # of its edges
+                        axes = self.scope.dynamics.kinematics.axes_of(contact.frame)
+                        turning = self.paths.turning(contact.frame)[0]
+                        columns: list[Vector] = [(axes[0][k], axes[1][k], axes[2][k]) for k in (1, 0)]
+                        rolls = self._on_side([dot(column, turning) for column in columns], "before")
+                        speeds += [
+                            mul(num(reach), roll) for reach, roll in zip(contact.half, rolls, strict=True)
+                        ]
+                    yield mul(contact.options["landing"], sum_of([speed * speed for speed in speeds])), phase
 
     # -------------------------------------------------------- guesses and replay
 
@@ -582,7 +602,7 @@ def sole_cone(
     along: Sequence[Expr],
     up: Expr,
     turning: tuple[Expr, Expr, Expr],
-    half: tuple[float, float],
+    half: tuple[Expr, Expr],
     friction: Expr,
 ) -> Iterator[tuple[Expr, str]]:
     """What is not negative of a wrench that a rectangular sole can transmit (Caron, Pham and Nakamura 2015).
@@ -595,14 +615,14 @@ def sole_cone(
         friction: coefficient; friction is a pyramid along the sole's axes.
     """
     tip, tilt, turn = turning
-    x, y = num(half[0]), num(half[1])
+    x, y = half
     for part in along:
         for sign in (1.0, -1.0):
             yield sub(mul(friction, up), mul(num(sign), part)), "does not slip"
     for moment, reach in ((tip, y), (tilt, x)):
         for sign in (1.0, -1.0):
             yield sub(mul(reach, up), mul(num(sign), moment)), "has its pressure inside the sole"
-    most = mul(mul(friction, num(half[0] + half[1])), up)
+    most = mul(mul(friction, x + y), up)
     for sign in (1.0, -1.0):
         # sign * turn <= most - abs(y fx + sign friction tip) - abs(x fy + sign friction tilt)
         s = num(sign)
