@@ -256,11 +256,13 @@ def check(spec: Spec, settings: Set = None, method: Method = None, json: Json = 
 @app.command()
 def show(
     spec: Spec,
-    stage: Annotated[str, typer.Option("--stage", metavar="STAGE", help="What to print; `list` names them.")],
+    stage: Annotated[
+        str, typer.Option("--stage", metavar="STAGE", help="What to print; `list` names them.")
+    ] = "problem",
     settings: Set = None,
     method: Method = None,
 ) -> int:
-    """Print what one stage makes of a spec: tokens, syntax, problem, operations, machine code, ..."""
+    """Print what one stage makes of a spec: tokens, syntax, problem, operations, machine code, ...; or what a model has."""
     options = solve_options(settings, method)
     return jobs.show(spec, stage, options)
 
@@ -395,6 +397,9 @@ def list_(json: Json = False) -> int:
 @app.command()
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the spec; NAME.stc is written.")],
+    model: Annotated[
+        str | None, typer.Option("--model", metavar="FILE", help="A MuJoCo model that the spec is to move.")
+    ] = None,
 ) -> int:
     """Write a commented starter spec that solves and validates."""
-    return jobs.new(name)
+    return jobs.new(name, model)

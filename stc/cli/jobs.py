@@ -302,8 +302,11 @@ def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
 
 def show(spec: str, stage: str, options: SolveOptions) -> int:
     """Print one stage of the walk from text to solution."""
-    from stc.cli import stages
+    from stc.cli import model_files, stages
 
+    if model_files.is_model(spec):
+        print(model_files.listing(spec))
+        return GOOD
     if stage == "list":
         rows = [(name, (printer.__doc__ or "").split("\n")[0]) for name, printer in stages.STAGES.items()]
         console.print_table("", rows)
@@ -325,14 +328,14 @@ def list_specs(*, as_json: bool) -> int:
     return GOOD
 
 
-def new(name: str) -> int:
-    """Write the starter spec under a name that is still free."""
+def new(name: str, model: str | None) -> int:
+    """Write a starter spec, of a model if one is named, under a name that is still free."""
     import shlex
 
     from stc import specs
     from stc.cli.starter import write
 
-    path = write(name)
+    path = write(name, model)
     print(f"{path} written; next: stc run {shlex.quote(str(path))}")
     if path.parent == Path() and path.stem in specs.names():
         console.note(f"{path.stem} is a bundled spec too: in this folder that name means {path} from now on")

@@ -61,8 +61,12 @@ replay:
 """
 
 
-def write(name: str) -> Path:
+def write(name: str, model: str | None = None) -> Path:
     """Write the starter spec as ``NAME.stc``; a name may be a path, whose folders are made.
+
+    Args:
+        name: of the spec.
+        model: a model file that it is to move, instead of the particle.
 
     Raises:
         UsageError: the file exists, or the name is none for a spec.
@@ -73,10 +77,16 @@ def write(name: str) -> Path:
         path = path.with_name(path.name + ".stc") if path.name else path
     if path.stem in ("", ".stc") or name.endswith(("/", os.sep)):
         raise UsageError(f"`{name}` is no name for a spec")
+    word = shlex.quote(str(path))
+    text = _TEXT.format(name=path.stem, word=word)
+    if model is not None:
+        from stc.cli.model_files import starter
+
+        text = starter(model, path.stem, word)
     ready_to_write(path, "stc new", tell=False)
     try:
         with path.open("x", encoding="utf-8") as file:
-            file.write(_TEXT.format(name=path.stem, word=shlex.quote(str(path))))
+            file.write(text)
     except FileExistsError:
         raise UsageError(f"`{path}` exists already; nothing was written") from None
     return path
