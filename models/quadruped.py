@@ -64,8 +64,13 @@ def _leg(name: str, ahead: float, aside: float) -> Element:
         "body",
         hinge(f"{name}_hip", axis=(0.0, 1.0, 0.0), range=(-1.5, 3.0)),
         element(
-            "geom", class_="part", type="capsule", material="shell", mass=1.0,
-            fromto=(0.0, 0.0, -0.01, 0.0, 0.0, -THIGH + 0.02), size=(0.024,),
+            "geom",
+            class_="part",
+            type="capsule",
+            material="shell",
+            mass=1.0,
+            fromto=(0.0, 0.0, -0.01, 0.0, 0.0, -THIGH + 0.02),
+            size=(0.024,),
         ),  # fmt: skip
         _drawn("cylinder", "frame", size=(0.042, 0.026), euler=(1.5707963, 0.0, 0.0)),
         _drawn("cylinder", "joint", size=(0.018, 0.030), euler=(1.5707963, 0.0, 0.0)),
@@ -77,8 +82,13 @@ def _leg(name: str, ahead: float, aside: float) -> Element:
         "body",
         hinge(f"{name}_abduction", axis=(1.0, 0.0, 0.0), range=(-0.8, 0.8)),
         element(
-            "geom", class_="part", type="cylinder", material="frame", mass=0.6,
-            size=(0.040, 0.034), euler=(0.0, 1.5707963, 0.0),
+            "geom",
+            class_="part",
+            type="cylinder",
+            material="frame",
+            mass=0.6,
+            size=(0.040, 0.034),
+            euler=(0.0, 1.5707963, 0.0),
         ),  # fmt: skip
         thigh,
         name=f"{name}_shoulder",
@@ -90,9 +100,7 @@ def _trunk() -> Element:
     return element(
         "body",
         element("freejoint", name="root"),
-        element(
-            "geom", class_="part", type="box", material="frame", mass=6.0, size=(0.17, 0.055, 0.045)
-        ),
+        element("geom", class_="part", type="box", material="frame", mass=6.0, size=(0.17, 0.055, 0.045)),
         _drawn("capsule", "shell", fromto=(-0.16, 0.0, 0.02, 0.16, 0.0, 0.02), size=(0.056,)),
         _drawn("ellipsoid", "shell", pos=(0.245, 0.0, 0.035), size=(0.062, 0.046, 0.040)),
         _drawn("ellipsoid", "glass", pos=(0.272, 0.0, 0.045), size=(0.040, 0.036, 0.020)),
@@ -125,7 +133,9 @@ def describe() -> Description:
         [
             element("joint", armature=0.005, damping=0.05),
             element("default", element("geom", contype=0.0, conaffinity=0.0), class_="part"),
-            element("default", element("geom", contype=0.0, conaffinity=0.0, mass=0.0, group=1.0), class_="drawn"),
+            element(
+                "default", element("geom", contype=0.0, conaffinity=0.0, mass=0.0, group=1.0), class_="drawn"
+            ),
             element("default", element("geom", contype=1.0, conaffinity=0.0, **_TOUCHING), class_="foot"),
         ]
     )
