@@ -17,7 +17,7 @@ import numpy as np
 import trimesh
 
 from stc import models, specs
-from stc.models import arm, cart_pole, humanoid, luxo, quadruped
+from stc.models import arm, cart_pole, cat, humanoid, luxo, quadruped
 from stc.models.description import Description
 from stc.models.measures import rewrite, table
 
@@ -27,7 +27,14 @@ SPECS = Path(specs.__file__).resolve().parent
 
 def descriptions() -> list[Description]:
     """All described models."""
-    return [luxo.describe(), arm.describe(), cart_pole.describe(), quadruped.describe(), humanoid.describe()]
+    return [
+        luxo.describe(),
+        arm.describe(),
+        cart_pole.describe(),
+        quadruped.describe(),
+        humanoid.describe(),
+        cat.describe(),
+    ]
 
 
 def outputs(described: Sequence[Description]) -> Iterator[tuple[Path, bytes]]:
