@@ -118,8 +118,28 @@ def _keyframe(name: str, hip: float, knee: float) -> Element:
     return element("key", name=name, qpos=(0.0, 0.0, height, 1.0, 0.0, 0.0, 0.0, *((0.0, hip, knee) * 4)))
 
 
+BOX = (0.5, 0.4, 0.125)
+"""Half lengths of the box that it can jump onto, m; it begins `BEFORE` of the world's origin."""
+BEFORE = 0.35
+
+
+def _box() -> Element:
+    return element(
+        "geom", name="box", type="box", material="frame", size=BOX, pos=(BEFORE + BOX[0], 0.0, BOX[2]),
+        conaffinity=1.0, contype=0.0, **_TOUCHING,
+    )  # fmt: skip
+
+
 def describe() -> Description:
-    """The quadruped as ``quadruped.xml``."""
+    """The quadruped as ``quadruped.xml``, and before a box as ``quadruped_box.xml``."""
+    documents = {
+        "quadruped.xml": _document("A quadruped with twelve motors."),
+        "quadruped_box.xml": _document("A quadruped with twelve motors before a box.", _box()),
+    }
+    return Description("quadruped", {}, documents, {})
+
+
+def _document(what: str, *around: Element) -> str:
     parts = [(leg, part) for leg in LEGS for part in TORQUES]
     motors = [
         element(
@@ -146,11 +166,12 @@ def describe() -> Description:
         stage.camera("side", (0.25, -2.2, 0.55), (0.0, 1.0, -0.12), 38.0),
         stage.camera("portrait", (1.3, -1.5, 0.65), (-0.62, 0.76, -0.22), 38.0),
         stage.floor(0.0, conaffinity=1.0, **_TOUCHING),
+        *around,
         _trunk(),
     )
-    text = document(
+    return document(
         "quadruped",
-        "A quadruped with twelve motors.\n"
+        f"{what}\n"
         "Written by `python -m stc.models.build` from models/quadruped.py: change that file and run it again.",
         element("compiler", angle="radian", autolimits=True),
         stage.options(1e-4, impratio=10.0),
@@ -161,4 +182,3 @@ def describe() -> Description:
         element("actuator", *motors),
         element("keyframe", _keyframe("stand", HIP_ANGLE, KNEE_ANGLE), _keyframe("crouch", 1.15, -2.3)),
     )
-    return Description("quadruped", {}, {"quadruped.xml": text}, {})

@@ -391,14 +391,19 @@ class Contacts:
         low, high = first + (before is not None), last - (after is not None)
         if low > high:
             return
-        room: Expr = ZERO
-        if before is not None and after is not None:
-            share = div(sub(sym(IndexRef()), num(float(first))), num(float(last - first)))
-            arch = mul(mul(share, share), mul(sub(ONE, share), sub(ONE, share)))
-            room = mul(mul(num(16.0), contact.options["clearance"]), arch)
-        for height in self._heights(contact, phase.surface):
+        for index, height in enumerate(self._heights(contact, phase.surface)):
+            room = height
+            if before is not None and after is not None:
+                # From one surface to the other, in an arch between.
+                share = div(sub(sym(IndexRef()), num(float(first))), num(float(last - first)))
+                left = sub(ONE, share)
+                if before.surface != after.surface:
+                    start = list(self._heights(contact, before.surface))[index]
+                    room = mul(left, start) + mul(share, height)
+                arch = mul(mul(share, share), mul(left, left))
+                room = sub(room, mul(mul(num(16.0), contact.options["clearance"]), arch))
             text = f"{contact.name} is clear of the {phase.surface.name} in flight"
-            yield Relation(sub(height, room), ZERO, None, FrameRange(low, high), span, text)
+            yield Relation(room, ZERO, None, FrameRange(low, high), span, text)
 
     def _heights(self, contact: Contact, surface: Surface) -> Iterator[Expr]:
         """Distances from a surface: of a point or sphere, or of the corners of a sole."""
