@@ -1,15 +1,15 @@
 """The tree of segments: what moves as one piece behind one joint, with its inertia in its own frame.
 
-A segment's frame sits on the anchor of its joint.  Its axes are those of the body at the joint's reference, turned
-where a hinge's axis is none of them, so that every hinge turns about a coordinate axis.  Bodies without joints belong
-to the segment that they are fixed to; of a body with several joints only the last segment has mass.
-All constant rotations are numbers; offsets and inertias may be expressions of numbers that can be set.
+A segment's frame sits on the anchor of its joint.  Its axes are its parent's where the joint is at its reference and
+its axis is one of them; otherwise they are turned, as little as possible, until it is.  Bodies without joints belong to
+the segment that they are fixed to; of a body with several joints only the last segment has mass.  All constant
+rotations are numbers; offsets and inertias may be expressions of numbers that can be set.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,14 +22,18 @@ from stc.mechanism.vectors import (
     Vector,
     matrix,
     plus,
+    product,
     scaled,
     times,
+    transposed,
     vector,
 )
 from stc.records import dataclass, field
 from stc.symbolic.expr import ZERO, Expr, add, is_literal, mul, num, sub, sum_of
 
 Rotation = NDArray[np.float64]
+#: Entries of constant rotations this close to 0, 1 or -1 are meant to be these.
+_NOISE = 1e-14
 WORLD = -1
 """The segment of bodies that nothing moves."""
 
@@ -65,6 +69,8 @@ class Segment:
         turn, at: its frame in the parent's, where its joint is at its reference.
         axis: the direction of a hinge or slide in its frame.
         inertia: of all its bodies together.
+        effective: what of it and of what hangs on it has to be counted here, the rest being with the parents; see
+            :func:`_shared`.
         parts: of each of its bodies with mass.
     """
 
@@ -74,6 +80,7 @@ class Segment:
     at: Vector
     axis: tuple[float, float, float]
     inertia: Inertia = NOTHING
+    effective: Inertia = NOTHING
     parts: dict[int, Inertia] = field(default_factory=dict)
 
 
@@ -88,6 +95,8 @@ class Tree:
         Of every body.
     fixed
         Inertias of bodies that nothing moves, in the world's frame, by body.
+    ground
+        Their sum with what segments have handed down to the world.
     """
 
     def __init__(self, mechanism: Mechanism, numbers: Numbers) -> None:
@@ -100,8 +109,7 @@ class Tree:
             if index:
                 self._place(body)
                 self._load(index, body)
-        for segment in self.segments:
-            self._merge(segment)
+        self._merge()
         self.frames = [Frame(s, matrix(_clean(turn)), at) for s, turn, at in self._placed]
 
     def frame(self, body: int, pos: Vector, quat: Sequence[float] = (1.0, 0.0, 0.0, 0.0)) -> Frame:
@@ -125,21 +133,23 @@ class Tree:
         for joint in joints:
             if joint.kind == "free":
                 turn, at = np.eye(3), ORIGIN
-            axes, axis = _axes(joint)
-            anchor = vector(joint.anchor) if joint.kind in ("hinge", "ball") else ORIGIN
-            there = plus(at, times(matrix(_clean(turn)), anchor))
+            axes, axis = _axes(joint, turn)
+            there = at
+            if joint.kind in ("hinge", "ball"):
+                there = plus(at, times(matrix(_clean(turn)), vector(joint.anchor)))
             self.segments.append(
                 Segment(
                     parent=segment,
                     joint=joint,
-                    turn=matrix(_clean(turn @ axes)),
+                    turn=matrix(_clean(axes)),
                     at=self._derived(there, "joint", joint.name, "at"),
                     axis=axis,
                 )
             )
-            segment, turn = len(self.segments) - 1, axes.T
-            back = matrix(_clean(-turn))
-            at = times(back, anchor)
+            segment, turn = len(self.segments) - 1, axes.T @ turn
+            at = ORIGIN
+            if joint.kind in ("hinge", "ball"):
+                at = times(matrix(_clean(-turn)), vector(joint.anchor))
         self._placed.append((segment, turn, at))
 
     def _load(self, index: int, body: Body) -> None:
@@ -168,26 +178,95 @@ class Tree:
             return
         (self.fixed if segment == WORLD else self.segments[segment].parts)[index] = inertia
 
-    def _merge(self, segment: Segment) -> None:
-        """Add up the inertias of a segment's bodies."""
-        parts = list(segment.parts.values())
-        name = ("joint", segment.joint.name)
-        mass = self.numbers.derive(sum_of([part.mass for part in parts]), *name, "mass")
-        x, y, z = [sum_of([part.first[k] for part in parts]) for k in range(3)]
+    def _merge(self) -> None:
+        """Add up the inertias of the bodies of each segment, and hand down what its parent can carry as well."""
+        carried = [[*segment.parts.values()] for segment in self.segments]
+        ground = [*self.fixed.values()]
+        for index in reversed(range(len(self.segments))):
+            segment = self.segments[index]
+            segment.inertia = self._named(total(segment.parts.values()), "joint", segment.joint.name)
+            kept, handed = _shared(segment, total(carried[index]))
+            segment.effective = self._named(kept, "joint", segment.joint.name, "effective")
+            (carried[segment.parent] if segment.parent != WORLD else ground).append(handed)
+        self.ground = total(ground)
+
+    def _named(self, inertia: Inertia, *name: str) -> Inertia:
+        x, y, z = inertia.second
+        settled = iter(_without_noise([x[0], y[0], y[1], *z]))
         lower = [
-            [
-                self.numbers.derive(
-                    sum_of([part.second[i][j] for part in parts]), *name, "second", "xyz"[i] + "xyz"[j]
-                )
-                for j in range(i + 1)
-            ]
+            [self.numbers.derive(next(settled), *name, "second", "xyz"[i] + "xyz"[j]) for j in range(i + 1)]
             for i in range(3)
         ]
-        segment.inertia = Inertia(mass, self._derived((x, y, z), *name, "first"), _symmetric(lower))
+        return Inertia(
+            mass=self.numbers.derive(inertia.mass, *name, "mass"),
+            first=self._derived(inertia.first, *name, "first"),
+            second=_symmetric(lower),
+        )
 
     def _derived(self, v: Vector, *name: str) -> Vector:
-        x, y, z = [self.numbers.derive(e, *name, axis) for axis, e in zip("xyz", v, strict=True)]
+        settled = zip("xyz", _without_noise(v), strict=True)
+        x, y, z = [self.numbers.derive(e, *name, axis) for axis, e in settled]
         return x, y, z
+
+
+def _without_noise(entries: Sequence[Expr]) -> list[Expr]:
+    """Numbers that belong together, without those that rounding has made of zeros."""
+    sizes = [abs(e.payload) if e.op == "num" else 0.0 for e in entries]
+    least = _NOISE * max(sizes)
+    return [ZERO if e.op == "num" and size < least else e for e, size in zip(entries, sizes, strict=True)]
+
+
+def total(parts: Iterable[Inertia]) -> Inertia:
+    """Inertias in one frame, together."""
+    mass, first, second = ZERO, ORIGIN, NOTHING.second
+    for part in parts:
+        mass, first = add(mass, part.mass), plus(first, part.first)
+        x, y, z = [plus(a, b) for a, b in zip(second, part.second, strict=True)]
+        second = (x, y, z)
+    return Inertia(mass, first, second)
+
+
+def _shared(segment: Segment, inertia: Inertia) -> tuple[Inertia, Inertia]:
+    """What a segment keeps of an inertia, in its frame, and what its parent takes over, in the parent's.
+
+    Mass on the axis of a hinge moves with the parent as well, and so does mass at the centre of a ball joint; how a
+    slide's segment turns is how its parent turns.  The parent takes over as much of this as makes mass, first moment
+    and second moment along the axis vanish, which leaves fewer operations and the same motion of all mass
+    [Khalil & Dombre 2002, chapter 9].
+    """
+    kind, mass, first, second = segment.joint.kind, inertia.mass, inertia.first, inertia.second
+    if kind == "free":
+        return inertia, NOTHING
+    if kind == "slide":
+        x, y, z = product(product(segment.turn, second), transposed(segment.turn))
+        return Inertia(mass, first, NOTHING.second), Inertia(ZERO, ORIGIN, (x, y, z))
+    if kind == "ball":
+        return Inertia(ZERO, first, second), _moved(mass, ORIGIN, ZERO, segment.at)
+    k = next(index for index in range(3) if segment.axis[index])
+    along = transposed(segment.turn)[k]
+    kept = Inertia(ZERO, _without(first, k), _symmetric_without(second, k))
+    return kept, _moved(mass, scaled(first[k], along), second[k][k], segment.at, along)
+
+
+def _without(v: Vector, k: int) -> Vector:
+    x, y, z = [ZERO if i == k else entry for i, entry in enumerate(v)]
+    return x, y, z
+
+
+def _symmetric_without(a: Matrix, k: int) -> Matrix:
+    x, y, z = [_without(row, k) if i == k else row for i, row in enumerate(a)]
+    return x, y, z
+
+
+def _moved(mass: Expr, first: Vector, second: Expr, at: Vector, along: Vector = ORIGIN) -> Inertia:
+    """The inertia of mass on a line through a point, from its moments about this point."""
+
+    def entry(i: int, j: int) -> Expr:
+        of_line = mul(mul(along[i], along[j]), second)
+        return sum_of([mul(mass, mul(at[i], at[j])), mul(at[i], first[j]), mul(first[i], at[j]), of_line])
+
+    lower = [[entry(i, j) for j in range(i + 1)] for i in range(3)]
+    return Inertia(mass, plus(scaled(mass, at), first), _symmetric(lower))
 
 
 def _symmetric(lower: Sequence[Sequence[Expr]]) -> Matrix:
@@ -195,15 +274,30 @@ def _symmetric(lower: Sequence[Sequence[Expr]]) -> Matrix:
     return (xx, yx, zx), (yx, yy, zy), (zx, zy, zz)
 
 
-def _axes(joint: Joint) -> tuple[Rotation, tuple[float, float, float]]:
-    """A segment's axes in its body's, and the joint's direction in these."""
-    axis = np.array(joint.axis)
-    if joint.kind == "hinge" and not any(abs(entry) == 1.0 for entry in _clean(axis)):
-        across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-        across /= np.linalg.norm(across)
-        return np.array([across, np.cross(axis, across), axis]).T, (0.0, 0.0, 1.0)
-    x, y, z = _clean(axis)
-    return np.eye(3), (x, y, z)
+def _axes(joint: Joint, turn: Rotation) -> tuple[Rotation, tuple[float, float, float]]:
+    """The axes of a joint's segment in its parent's, and the joint's direction in them.
+
+    Args:
+        joint: any.
+        turn: the axes of its body in the parent's segment.
+    """
+    if joint.kind == "ball":
+        return turn, (0.0, 0.0, 1.0)
+    direction = np.array(_clean(turn @ joint.axis))
+    if joint.kind in ("slide", "free") or np.abs(direction).max() == 1.0:
+        x, y, z = direction.tolist()
+        return np.eye(3), (x, y, z)
+    # One axis of the parent's stays where the direction is at right angles to one.
+    k = int(np.argmax(np.abs(direction)))
+    m = int(np.argmin(np.abs(direction)))
+    axes = np.zeros((3, 3))
+    axes[:, k] = direction / np.linalg.norm(direction)
+    axes[:, m] = np.eye(3)[m] - axes[m, k] * axes[:, k]
+    axes[:, m] /= np.linalg.norm(axes[:, m])
+    j = 3 - k - m
+    axes[:, j] = np.cross(axes[:, (j + 1) % 3], axes[:, (j + 2) % 3])
+    x, y, z = np.eye(3)[k].tolist()
+    return axes, (x, y, z)
 
 
 def rotation(quaternion: Sequence[float]) -> Rotation:
@@ -216,10 +310,6 @@ def rotation(quaternion: Sequence[float]) -> Rotation:
             [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
         ]
     )
-
-
-#: Entries of constant rotations this close to 0, 1 or -1 are meant to be these.
-_NOISE = 1e-15
 
 
 def _clean(values: Rotation) -> list:
