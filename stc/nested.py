@@ -109,7 +109,7 @@ def only_once(offer: Callable[[int], tuple[Start | None, int]]) -> Callable[[int
 def own_constants(tree: SpecTree, overrides: Mapping[str, float]) -> list[str]:
     """Constants that no other constant determines."""
     diagnostics = Diagnostics(tree.source)
-    constants = Constants(collect_names(tree, diagnostics), overrides, diagnostics, tree.damaged)
+    constants = Constants(collect_names(tree, diagnostics, overrides), overrides, diagnostics, tree.damaged)
     return [name for name in constants.values if constants.made_from(name) == {name}]
 
 

@@ -19,7 +19,7 @@ def constant_values(tree: syntax.SpecTree, overrides: Mapping[str, float]) -> di
         UsageError: an override names no constant.
     """
     diagnostics = Diagnostics(tree.source)
-    constants = Constants(collect_names(tree, diagnostics), overrides, diagnostics, tree.damaged)
+    constants = Constants(collect_names(tree, diagnostics, overrides), overrides, diagnostics, tree.damaged)
     if diagnostics.error_count:
         raise SpecError(diagnostics.errors())
     return {name: value for name, value in constants.values.items() if value is not None}

@@ -13,7 +13,7 @@ from stc.language.definitions import Definitions, collect_definitions, runs
 from stc.language.diagnostics import Diagnostics
 from stc.language.expressions import ExpressionBuilder
 from stc.language.frames import Frames
-from stc.language.model.scope import ModelScope, each_of
+from stc.language.model.scope import each_of
 from stc.language.names import collect_names
 from stc.language.positions import Positions
 from stc.problem import ConstantRef, DefinitionRef, FrameRange, IndexRef, Jump, TimeRef
@@ -35,12 +35,12 @@ class Context:
         self.tree = tree
         self.source = tree.source
         self.diagnostics = diagnostics
-        self.table = collect_names(tree, diagnostics)
+        self.table = collect_names(tree, diagnostics, overrides)
         self.constants = Constants(self.table, overrides, diagnostics, tree.damaged)
         self.definitions: Definitions = collect_definitions(tree, self.table, diagnostics)
         self.positions = Positions(self.table, self.constants, self.definitions.unranged(), diagnostics)
         self.builder = ExpressionBuilder(self.table, self.constants, self.positions, diagnostics)
-        self.model = tree.model if isinstance(tree.model, ModelScope) else None
+        self.model = self.table.model
         if self.model is not None:
             self.builder.use_model(self.model)
         else:

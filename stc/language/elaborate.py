@@ -121,7 +121,7 @@ class _Elaborator(Context):
             name=PurePath(self.source.name).stem.strip("<>") or "spec",
             source=self.source,
             constants={name: value for name, value in self.constants.values.items() if value is not None},
-            structural=frozenset(self.positions.structural | self.constants.made_from("n")),
+            structural=frozenset(self.positions.structural | self.constants.made_from("n") | self._shaping()),
             n=self.n,
             method=self.method,
             variables=self.table.of_kind("variable"),
@@ -143,6 +143,10 @@ class _Elaborator(Context):
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
         return problem
+
+    def _shaping(self) -> set[str]:
+        """Numbers of the model that are no inputs of the compiled program."""
+        return set() if self.model is None else self.model.structural
 
     def _impulses(self) -> list[str]:
         """Parameters that the model's contacts bring."""

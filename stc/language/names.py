@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING
 
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics
 from stc.language.words import RESERVED
 from stc.records import dataclass, field
 from stc.symbolic.expr import FUNCTIONS
+
+if TYPE_CHECKING:
+    from stc.language.model.scope import ModelScope
 
 KINDS = {
     "constants": "constant",
@@ -32,9 +36,10 @@ class Entry:
 
 @dataclass(slots=True)
 class NameTable:
-    """Every declared name, in the order of the text."""
+    """Every declared name, in the order of the text, and the model that has brought some of them."""
 
     entries: dict[str, Entry] = field(default_factory=dict)
+    model: ModelScope | None = None
 
     def kind(self, name: str) -> str | None:
         """``constant``, ``variable``, ``parameter`` or ``definition``; None when nothing declares it."""
@@ -46,8 +51,14 @@ class NameTable:
         return [name for name, entry in self.entries.items() if entry.kind == kind]
 
 
-def collect_names(spec: syntax.SpecTree, diagnostics: Diagnostics) -> NameTable:
-    """The table of all names that the sections of a spec declare, and its model's; clashes are noted."""
+def collect_names(
+    spec: syntax.SpecTree, diagnostics: Diagnostics, overrides: Mapping[str, float] | None = None
+) -> NameTable:
+    """The table of all names that the sections of a spec declare, and its model's; clashes are noted.
+
+    Args:
+        overrides: values from outside, which numbers of a model may be among.
+    """
     table = NameTable()
     for section in spec.sections:
         kind = KINDS.get(section.kind)
@@ -62,9 +73,9 @@ def collect_names(spec: syntax.SpecTree, diagnostics: Diagnostics) -> NameTable:
     if any(section.kind == "model" for section in spec.sections):
         from stc.language.model.scope import model_of
 
-        model = model_of(spec, diagnostics)
-        if model is not None:
-            model.declare(table)
+        table.model = model_of(spec, overrides or {}, diagnostics)
+        if table.model is not None:
+            table.model.declare(table)
     return table
 
 

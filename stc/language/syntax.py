@@ -289,13 +289,13 @@ class SpecTree:
     """A whole file.
 
     ``damaged`` holds the names in declarations that could not be read, so that their uses are not called
-    undeclared on top.  ``model`` is for :func:`stc.language.model.scope.model_of`, which reads a model once.
+    undeclared on top.  ``models`` is for :func:`stc.language.model.scope.model_of`, which reads a model once.
     """
 
     source: Source
     sections: list[Section]
     damaged: frozenset[str] = frozenset()
-    model: object = field(default=None, compare=False, repr=False)
+    models: dict[object, object] = field(default_factory=dict, compare=False, repr=False)
 
     def blocks(self, kind: str) -> Iterator[Block]:
         """The blocks of all sections of a kind, in file order."""

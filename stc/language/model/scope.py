@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,8 +17,10 @@ from stc.mechanism.equalities import held
 from stc.mechanism.kinematics import Motion
 from stc.mechanism.mechanism import Joint, Mechanism
 from stc.mechanism.numbers import Numbers
+from stc.mechanism.numbers import Path as SettingPath
 from stc.mechanism.read import read_model
 from stc.mechanism.refusals import KINDS, refusals, without
+from stc.mechanism.settings import changed, settable
 from stc.problem import ConstantRef, Rotation, VariableRef
 from stc.records import dataclass
 from stc.symbolic.expr import Expr, sym
@@ -108,7 +110,8 @@ class ModelScope:
         coordinates: the variables of each joint, in the model's order.
         controls, activations: the variables of actuators, in the model's order.
         dynamics: its mechanics as expressions of the spec's variables.
-        constants: the model's own values of the numbers that are symbols, by path.
+        constants: numbers that the spec can set from outside, by path: inputs of the compiled program, and those that
+            have been changed in the model (``changes``).
     """
 
     def __init__(
@@ -117,6 +120,7 @@ class ModelScope:
         path: Path,
         mechanism: Mechanism,
         contact_forces: Iterable[tuple[str, syntax.Node]] = (),
+        changes: Mapping[SettingPath, float] | None = None,
     ) -> None:
         self.statement = statement
         self.contact_forces = list(contact_forces)
@@ -129,11 +133,15 @@ class ModelScope:
             for actuator in mechanism.actuators
             for _ in actuator.activations
         ]
-        numbers = _InPlace(_settable, lambda path: sym(ConstantRef(_text(path))))
+        fixed = changes or {}
+        inputs = {path: value for path, value in settable(mechanism).items() if value and _is_input(path)}
+        numbers = _InPlace(inputs.__contains__, lambda path: sym(ConstantRef(_text(path))))
         self.dynamics = Dynamics(
             mechanism, self._motion(), _symbols(self.controls), _symbols(self.activations), numbers
         )
-        self.constants = {_text(path): value for path, value in numbers.values.items()}
+        self.constants = {_text(path): value for path, value in {**inputs, **fixed}.items()}
+        #: Those that shape the equations: another value of one of these means deriving anew.
+        self.structural = {_text(path) for path in fixed}
 
     @property
     def weight(self) -> float:
@@ -186,10 +194,36 @@ class ModelScope:
         return self.controls if star == "actuator.*" else []
 
 
-def model_of(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | None:
-    """The model that a spec names, read once; None where it names none, or after a mistake, which is noted."""
-    if isinstance(tree.model, ModelScope):
-        return tree.model
+def model_of(
+    tree: syntax.SpecTree, overrides: Mapping[str, float], diagnostics: Diagnostics
+) -> ModelScope | None:
+    """The model that a spec names, read once; None where it names none, or after a mistake, which is noted.
+
+    Args:
+        overrides: values from outside.  Numbers of the model that are no inputs of the compiled program, zeros above
+            all, are changed in it when they are among these.
+    """
+    if None not in tree.models:
+        tree.models[None] = _read(tree, diagnostics)
+    plain = tree.models[None]
+    if not isinstance(plain, ModelScope):
+        return None
+    known = {_text(path): path for path in settable(plain.mechanism)}
+    given = {
+        name: value for name, value in overrides.items() if name in known and name not in plain.constants
+    }
+    if not given:
+        return plain
+    key = frozenset(given.items())
+    if key not in tree.models:
+        changes = {known[name]: float(value) for name, value in given.items()}
+        mechanism = changed(plain.mechanism, changes)
+        tree.models[key] = ModelScope(plain.statement, plain.path, mechanism, plain.contact_forces, changes)
+    found = tree.models[key]
+    return found if isinstance(found, ModelScope) else None
+
+
+def _read(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | None:
     statements = [
         s for block in tree.blocks("model") for s in block.statements if isinstance(s, syntax.ModelFile)
     ]
@@ -217,10 +251,7 @@ def model_of(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | No
     for refusal in stated:
         hint = f'leave it out knowingly with `model: "{first.path}" without {refusal.kind};`; the verdict will say so'
         diagnostics.error(f"this model cannot be stated exactly: {refusal}", first.start, first.end, hint)
-    if stated:
-        return None
-    tree.model = found = ModelScope(first, path, mechanism, declared_names(tree))
-    return found
+    return None if stated else ModelScope(first, path, mechanism, list(declared_names(tree)))
 
 
 def each_of(statement: S, scope: ModelScope) -> Iterator[S]:
@@ -297,9 +328,12 @@ def _symbols(names: Iterable[str]) -> list[Expr]:
     return [sym(VariableRef(name)) for name in names]
 
 
-def _settable(path: tuple[str, ...]) -> bool:
-    """Which numbers stay inputs of the compiled program."""
-    return path[0] == "option" or path[-1] == "mass"
+#: Fields whose numbers stay inputs of the compiled program where they are not zero.
+_INPUTS = ("mass", "inertia", "damping", "armature", "stiffness", "gear", "gravity")
+
+
+def _is_input(path: SettingPath) -> bool:
+    return (path[1] if path[0] == "option" else path[2]) in _INPUTS
 
 
 def _text(path: Iterable[str]) -> str:

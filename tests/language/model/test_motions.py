@@ -171,3 +171,17 @@ def test_a_mass_of_the_model_is_a_constant_of_the_spec(tmp_path: Path) -> None:
     assert heavy.objective > 1.5 * light.objective
     force = 5 * heavy["actuator.lag.activation"] + heavy["joint.x.friction"]
     assert np.abs(2.0 * heavy["joint.x''"] - force).max() < 1e-8
+
+
+def test_a_number_that_is_zero_in_the_model_can_be_set(tmp_path: Path) -> None:
+    spec = """constants: n = 20, T = 2, h = T/n;
+    constraints: [0]: joint.x; joint.x'; actuator.lag.activation; [n]: joint.x = 1; joint.x';
+    objective: [0, n]: integral(actuator.lag^2);"""
+    model = load(tmp_path, STATEFUL, spec)
+    light = model.solve()
+    damped = model.solve(constants={"joint.x.damping": 0.5})
+    assert damped.status == "optimal"
+    assert damped.objective > light.objective
+    force = 5 * damped["actuator.lag.activation"] + damped["joint.x.friction"]
+    assert np.abs(damped["joint.x''"] + 0.5 * damped["joint.x'"] - force).max() < 1e-8
+    assert {line.path for line in damped.replay if line.kind == "set"} >= {("joint", "x", "damping")}
