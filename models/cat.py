@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from stc.models import stage
 from stc.models.description import Description
-from stc.models.mjcf import Element, document, element, hinge, material
+from stc.models.mjcf import Element, Value, document, element, hinge, material
 
 TORQUES = {"bend": 8.0, "sway": 8.0, "twist": 4.0, "tail_y": 0.6, "tail_z": 0.6, "legs": 3.0}
 """What each motor can give, N m; `legs` for each of the four."""
@@ -22,12 +22,12 @@ MATERIALS = [
 ]
 
 
-def _part(kind: str, finish: str, mass: float, **attributes: object) -> Element:
-    return element("geom", class_="part", type=kind, material=finish, mass=mass, **attributes)  # type: ignore[arg-type]
+def _part(kind: str, finish: str, mass: float, **attributes: Value) -> Element:
+    return element("geom", class_="part", type=kind, material=finish, mass=mass, **attributes)
 
 
-def _drawn(kind: str, finish: str, **attributes: object) -> Element:
-    return element("geom", class_="drawn", type=kind, material=finish, **attributes)  # type: ignore[arg-type]
+def _drawn(kind: str, finish: str, **attributes: Value) -> Element:
+    return element("geom", class_="drawn", type=kind, material=finish, **attributes)
 
 
 def _leg(name: str, ahead: float, aside: float) -> Element:

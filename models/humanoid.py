@@ -11,7 +11,7 @@ from math import cos
 
 from stc.models import stage
 from stc.models.description import Description
-from stc.models.mjcf import Element, document, element, hinge, material
+from stc.models.mjcf import Element, Value, document, element, hinge, material
 
 THIGH, SHIN, ANKLE = 0.38, 0.38, 0.07
 """Hip to knee, knee to ankle, ankle to sole, m."""
@@ -29,7 +29,7 @@ TORQUES = {
 }  # fmt: skip
 """What each motor can give, N m."""
 
-_TOUCHING = {"friction": (0.9, 0.01, 0.0001), "solref": (0.0004, 1.0)}
+_TOUCHING: dict[str, Value] = {"friction": (0.9, 0.01, 0.0001), "solref": (0.0004, 1.0)}
 
 MATERIALS = [
     material("suit", (0.20, 0.42, 0.62), 0.4, 0.4),
@@ -40,14 +40,14 @@ MATERIALS = [
 ]
 
 
-def _part(kind: str, finish: str, mass: float, **attributes: object) -> Element:
+def _part(kind: str, finish: str, mass: float, **attributes: Value) -> Element:
     """A geom that weighs and touches nothing."""
-    return element("geom", class_="part", type=kind, material=finish, mass=mass, **attributes)  # type: ignore[arg-type]
+    return element("geom", class_="part", type=kind, material=finish, mass=mass, **attributes)
 
 
-def _drawn(kind: str, finish: str, **attributes: object) -> Element:
+def _drawn(kind: str, finish: str, **attributes: Value) -> Element:
     """A geom that is only looked at."""
-    return element("geom", class_="drawn", type=kind, material=finish, **attributes)  # type: ignore[arg-type]
+    return element("geom", class_="drawn", type=kind, material=finish, **attributes)
 
 
 def _leg(side: str, aside: float) -> Element:

@@ -10,7 +10,7 @@ from math import cos
 
 from stc.models import stage
 from stc.models.description import Description
-from stc.models.mjcf import Element, document, element, hinge, material
+from stc.models.mjcf import Element, Value, document, element, hinge, material
 
 HALF_LENGTH, HALF_WIDTH = 0.19, 0.047
 """From the middle of the trunk to its hips, ahead and to the side, m."""
@@ -28,7 +28,7 @@ LEGS = {"FL": (1.0, 1.0), "FR": (1.0, -1.0), "RL": (-1.0, 1.0), "RR": (-1.0, -1.
 """Front and rear, left and right: direction of each leg from the middle."""
 
 #: Hard contact that a replay can follow; friction a little above what specs ask for.
-_TOUCHING = {"friction": (0.8, 0.005, 0.0001), "solref": (0.0004, 1.0)}
+_TOUCHING: dict[str, Value] = {"friction": (0.8, 0.005, 0.0001), "solref": (0.0004, 1.0)}
 
 MATERIALS = [
     material("shell", (0.90, 0.55, 0.14), 0.7, 0.7),
@@ -39,9 +39,9 @@ MATERIALS = [
 ]
 
 
-def _drawn(kind: str, finish: str, **attributes: object) -> Element:
+def _drawn(kind: str, finish: str, **attributes: Value) -> Element:
     """A geom that is only looked at."""
-    return element("geom", class_="drawn", type=kind, material=finish, **attributes)  # type: ignore[arg-type]
+    return element("geom", class_="drawn", type=kind, material=finish, **attributes)
 
 
 def _leg(name: str, ahead: float, aside: float) -> Element:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stc.models.mjcf import Element, element
+from stc.models.mjcf import Element, Value, element
 
 
 def options(time_step: float, **attributes: str | float) -> Element:
@@ -116,12 +116,12 @@ def lamp(pos: tuple[float, float, float], towards: tuple[float, float, float]) -
     )
 
 
-def floor(height: float = 0.0, **attributes: str | float) -> Element:
+def floor(height: float = 0.0, **attributes: Value) -> Element:
     """The checkered floor; nothing touches it unless ``attributes`` say so.
 
     The last of its sizes is the mesh that light is computed on: fine, or else a spotlight leaves no round pool.
     """
-    contact: dict[str, str | float] = {"contype": 0.0, "conaffinity": 0.0}
+    contact: dict[str, Value] = {"contype": 0.0, "conaffinity": 0.0}
     return element(
         "geom",
         name="floor",

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from stc import models
 from stc.errors import UsageError
 from stc.language.model.scope import coordinates_of, path_of, quoted
-from stc.mechanism.mechanism import Mechanism
+from stc.mechanism.mechanism import Geom, Joint, Mechanism
 from stc.mechanism.read import read_model
 from stc.mechanism.refusals import refusals, without
 
@@ -45,9 +46,7 @@ def listing(name: str) -> str:
         f"{len(mechanism.actuators)} actuators, {sum(body.mass for body in mechanism.bodies):.6g} kg"
     ]
     rows: dict[str, list[str]] = {
-        "joints": [
-            f"{path_of('joint', joint.name)} ({_joint(joint.kind, joint)})" for joint in mechanism.joints
-        ],
+        "joints": [f"{path_of('joint', joint.name)} ({_joint(joint)})" for joint in mechanism.joints],
         "actuators": [
             path_of("actuator", one.name)
             + (f" in {_range(one.control_range)}" if one.control_limited else "")
@@ -70,9 +69,8 @@ def listing(name: str) -> str:
     return "\n".join(lines)
 
 
-def _joint(kind: str, joint: object) -> str:
-    limited, bounds = getattr(joint, "limited", False), getattr(joint, "bounds", (0.0, 0.0))
-    return f"{kind}, {_range(bounds)}" if limited else kind
+def _joint(joint: Joint) -> str:
+    return f"{joint.kind}, {_range(joint.bounds)}" if joint.limited else joint.kind
 
 
 def _range(ends: tuple[float, float]) -> str:
@@ -122,35 +120,27 @@ def _feet(mechanism: Mechanism) -> list[tuple[str, str]]:
     from stc.language import syntax
     from stc.language.model.scope import ModelScope
     from stc.problem import ConstantRef, VariableRef
-    from stc.symbolic.expr import evaluate_all, symbols
+    from stc.symbolic.expr import evaluate
 
     scope = ModelScope(syntax.ModelFile(0, 0, ""), Path(), mechanism)
     named = [k for k in mechanism.keyframes if k.name]
     q = named[0].qpos if named else mechanism.start
-    known: dict[object, float] = {ConstantRef(name): value for name, value in scope.constants.items()}
+    known: dict[Any, float] = {ConstantRef(name): value for name, value in scope.constants.items()}
     for joint in mechanism.joints:
         one = coordinates_of(joint)
         names = [*one.positions, *(one.rotation.quaternion if one.rotation else ())]
         known.update({VariableRef(each): q[joint.qpos + k] for k, each in enumerate(names)})
-    found = []
+    candidates: list[tuple[float, Geom]] = []
     for index, geom in enumerate(mechanism.geoms):
         frame = scope.dynamics.geoms[index]
-        if (
-            geom.name
-            and frame.segment >= 0
-            and geom.kind in ("sphere", "box")
-            and (geom.contype or geom.conaffinity)
-        ):
+        touches = bool(geom.contype or geom.conaffinity)
+        if geom.name and frame.segment >= 0 and geom.kind in ("sphere", "box") and touches:
             height = scope.dynamics.kinematics.place_of(frame)[2]
-            values = evaluate_all([height], {key: known.get(key, 0.0) for key in symbols(height)})
             drop = geom.size[0] if geom.kind == "sphere" else geom.size[2]
-            found.append((float(next(iter(values))) - drop, geom))
-    if not found:
-        return []
-    lowest = min(height for height, _ in found)
-    feet = []
-    for height, geom in found:
-        if height < lowest + _LEVEL:
-            kind = "point" if geom.kind == "sphere" else "foot"
-            feet.append((f"foot{len(feet) + 1}", f"{kind}({path_of('geom', geom.name)})"))
-    return feet
+            candidates.append((float(evaluate(height, known)) - drop, geom))
+    lowest = min((height for height, _ in candidates), default=0.0)
+    standing = [geom for height, geom in candidates if height < lowest + _LEVEL]
+    return [
+        (f"foot{k + 1}", f"{'point' if geom.kind == 'sphere' else 'foot'}({path_of('geom', geom.name)})")
+        for k, geom in enumerate(standing)
+    ]

@@ -93,7 +93,7 @@ class ExpressionBuilder:
         self._leaves: dict[str, Expr] = {"pi": PI, "t": TIME, "i": INDEX}
         self.derivatives: dict[Expr, Expr] = {}
         self._rates: dict[Expr, Expr] = {}
-        self._rate = rate
+        self._rate: Callable[[object], Expr] = rate
         self.paths: Paths | None = None
         self.model_is_missing = False
         self._build: dict[type, Callable[[Any], Expr]] = {
