@@ -1,7 +1,7 @@
 """A cat of 4 kg in two halves: a free chest, loins that bend and twist against it, legs that spread, and a tail.
 
-The x axis is ahead, y to the left, z up.  At all joints zero it stands with straight legs.  The waist bends a cat's way:
-far to both sides, up and down, and twists less.  Every body weighs what its geoms weigh.
+The x axis is ahead, y to the left, z up.  At all joints zero it stands with straight legs.  The waist bends a cat's
+way: far to both sides, up and down, and twists less.  Every body weighs what its geoms weigh.
 """
 
 from __future__ import annotations

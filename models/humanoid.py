@@ -1,8 +1,8 @@
 """A humanoid of 1.5 m and 44 kg: a free pelvis, a waist of three hinges, legs of six and arms of three each.
 
 The world's x axis is ahead, y to the left, z up.  At all joints zero it stands upright with hanging arms and flat feet.
-Every body weighs what its geoms weigh, as drawn; what is drawn besides weighs nothing.  Names of the two sides begin with
-`left_` and `right_`, and their axes are mirror images where they lie along x or z.
+Every body weighs what its geoms weigh, as drawn; what is drawn besides weighs nothing.  Names of the two sides begin
+with `left_` and `right_`, and their axes are mirror images where they lie along x or z.
 """
 
 from __future__ import annotations
@@ -52,9 +52,15 @@ def _drawn(kind: str, finish: str, **attributes: Value) -> Element:
 
 def _leg(side: str, aside: float) -> Element:
     sole = element(
-        "geom", name=f"{side}_sole", class_="foot", type="box", material="dark", mass=0.8,
-        pos=(AHEAD, 0.0, SOLE[2] - ANKLE), size=SOLE,
-    )  # fmt: skip
+        "geom",
+        name=f"{side}_sole",
+        class_="foot",
+        type="box",
+        material="dark",
+        mass=0.8,
+        pos=(AHEAD, 0.0, SOLE[2] - ANKLE),
+        size=SOLE,
+    )
     foot = element(
         "body",
         hinge(f"{side}_ankle_y", axis=(0.0, 1.0, 0.0), range=(-0.9, 0.9)),

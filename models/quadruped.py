@@ -1,7 +1,8 @@
 """A quadruped of the size of a small dog: a free trunk, four legs of three motors each, and feet of rubber balls.
 
 Lengths and masses are those of common robots of this size; every body weighs what its geoms weigh, and what is drawn
-besides weighs nothing.  The world's x axis is ahead, y to the left, z up.  At all joints zero the legs hang straight down.
+besides weighs nothing.  The world's x axis is ahead, y to the left, z up.  At all joints zero the legs hang straight
+down.
 """
 
 from __future__ import annotations
@@ -49,17 +50,28 @@ def _leg(name: str, ahead: float, aside: float) -> Element:
         "body",
         hinge(f"{name}_knee", axis=(0.0, 1.0, 0.0), range=(-2.7, -0.8)),
         element(
-            "geom", class_="part", type="capsule", material="frame", mass=0.16,
-            fromto=(0.0, 0.0, 0.0, 0.0, 0.0, -CALF + FOOT), size=(0.012,),
-        ),  # fmt: skip
+            "geom",
+            class_="part",
+            type="capsule",
+            material="frame",
+            mass=0.16,
+            fromto=(0.0, 0.0, 0.0, 0.0, 0.0, -CALF + FOOT),
+            size=(0.012,),
+        ),
         element(
-            "geom", name=f"{name}_foot", class_="foot", type="sphere", material="rubber", mass=0.06,
-            pos=(0.0, 0.0, -CALF), size=(FOOT,),
-        ),  # fmt: skip
+            "geom",
+            name=f"{name}_foot",
+            class_="foot",
+            type="sphere",
+            material="rubber",
+            mass=0.06,
+            pos=(0.0, 0.0, -CALF),
+            size=(FOOT,),
+        ),
         _drawn("cylinder", "joint", size=(0.026, 0.022), euler=(1.5707963, 0.0, 0.0)),
         name=f"{name}_calf",
         pos=(0.0, 0.0, -THIGH),
-    )  # fmt: skip
+    )
     thigh = element(
         "body",
         hinge(f"{name}_hip", axis=(0.0, 1.0, 0.0), range=(-1.5, 3.0)),
@@ -71,7 +83,7 @@ def _leg(name: str, ahead: float, aside: float) -> Element:
             mass=1.0,
             fromto=(0.0, 0.0, -0.01, 0.0, 0.0, -THIGH + 0.02),
             size=(0.024,),
-        ),  # fmt: skip
+        ),
         _drawn("cylinder", "frame", size=(0.042, 0.026), euler=(1.5707963, 0.0, 0.0)),
         _drawn("cylinder", "joint", size=(0.018, 0.030), euler=(1.5707963, 0.0, 0.0)),
         calf,
@@ -89,7 +101,7 @@ def _leg(name: str, ahead: float, aside: float) -> Element:
             mass=0.6,
             size=(0.040, 0.034),
             euler=(0.0, 1.5707963, 0.0),
-        ),  # fmt: skip
+        ),
         thigh,
         name=f"{name}_shoulder",
         pos=(HALF_LENGTH * ahead, HALF_WIDTH * aside, 0.0),
@@ -125,9 +137,16 @@ BEFORE = 0.35
 
 def _box() -> Element:
     return element(
-        "geom", name="box", type="box", material="frame", size=BOX, pos=(BEFORE + BOX[0], 0.0, BOX[2]),
-        conaffinity=1.0, contype=0.0, **_TOUCHING,
-    )  # fmt: skip
+        "geom",
+        name="box",
+        type="box",
+        material="frame",
+        size=BOX,
+        pos=(BEFORE + BOX[0], 0.0, BOX[2]),
+        conaffinity=1.0,
+        contype=0.0,
+        **_TOUCHING,
+    )
 
 
 def describe() -> Description:
@@ -143,11 +162,14 @@ def _document(what: str, *around: Element) -> str:
     parts = [(leg, part) for leg in LEGS for part in TORQUES]
     motors = [
         element(
-            "motor", name=f"{leg}_{part}", joint=f"{leg}_{part}", gear=1.0,
+            "motor",
+            name=f"{leg}_{part}",
+            joint=f"{leg}_{part}",
+            gear=1.0,
             ctrlrange=(-TORQUES[part], TORQUES[part]),
         )
         for leg, part in parts
-    ]  # fmt: skip
+    ]
     defaults = stage.defaults()
     defaults.extend(
         [

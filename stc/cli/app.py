@@ -262,7 +262,7 @@ def show(
     settings: Set = None,
     method: Method = None,
 ) -> int:
-    """Print what one stage makes of a spec: tokens, syntax, problem, operations, machine code, ...; or what a model has."""
+    """Print what one stage makes of a spec (tokens, syntax, problem, machine code, ...), or what a model has."""
     options = solve_options(settings, method)
     return jobs.show(spec, stage, options)
 

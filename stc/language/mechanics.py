@@ -46,7 +46,7 @@ def equations_of_motion(context: Context) -> list[Relation]:
     if context.model is not None:
         for block in context.tree.blocks("lagrangian"):
             for statement in block.statements:
-                hint = "forces that the model does not have are added under `forces:`, as in `joint.knee: -k*joint.knee;`"
+                hint = "forces that the model lacks are added under `forces:`, as in `joint.knee: -k*joint.knee;`"
                 context.error(
                     statement, "a spec with a model has no Lagrangian: the model brings its equations", hint
                 )

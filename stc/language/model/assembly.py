@@ -314,7 +314,8 @@ class _Independence:
             moved = point.numbers(one.at) - self._at(one.frames.first).numbers(one.at)
             off = max(off, float(np.linalg.norm(moved)))
         if off > OFF_SURFACE and statement is not None:
-            message = f"`{one.name}` is {off:.4g} off its place in this pose, where it holds since frame {one.frames.first}"
+            since = f"where it holds since frame {one.frames.first}"
+            message = f"`{one.name}` is {off:.4g} off its place in this pose, {since}"
             hint = "let it stand on fewer frames, or state a pose that it fits"
             self.context.error(statement, message, hint)
 

@@ -5,7 +5,8 @@ over some ranges of frames.  While it stands its acceleration is zero, and its f
 is within its cone: for a point the cone of Coulomb's friction; for the sole of a foot the cone of wrenches that a
 rectangle can transmit, with the centre of pressure inside and friction against turning (Caron, Pham and Nakamura 2015).
 While it does not stand it has no force, and keeps clear of the surface.  Position and velocity are fixed where a phase
-begins; the later frames follow from the acceleration.  Where it lands at speed an impulse within the same cone stops it.
+begins; the later frames follow from the acceleration.  Where it lands at speed an impulse within the same cone stops
+it.
 """
 
 from __future__ import annotations
@@ -361,7 +362,9 @@ class Contacts:
     # --------------------------------------------------------------- statements
 
     def relations(self) -> Iterator[Relation]:
-        """Cones, flights and landings; what holds a standing contact is chosen by :mod:`stc.language.model.assembly`."""
+        """Cones, flights and landings; what holds a standing contact is chosen by
+        :mod:`stc.language.model.assembly`.
+        """
         for contact in self.contacts.values():
             forces = _variables(contact.forces)
             for phase in contact.phases:

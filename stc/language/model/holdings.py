@@ -27,8 +27,8 @@ class Holding:
         places: what is 0 at the first frame, functions of the configuration.
         starts: what is 0 there of velocities, on the side after an impact where one begins it.
         velocities, accelerations: the same without a side, and its rates.
-        whole: whether velocities are the rates of places throughout, so that all of it is fixed from the first frame on.
-        at: the place in the world of what is held fixed there.
+        whole: whether velocities are the rates of places throughout, so that all of it is fixed from the first frame
+        on. at: the place in the world of what is held fixed there.
         height: the distance from the surface where a contact stands on one.
         surface: what that is called.
     """

@@ -1,9 +1,9 @@
 """Which rows of contacts and poses say something that the others do not.
 
-A pose that is pinned where a contact begins says where the contact is; two contacts of one rigid body say the same about
-part of its motion; and the pose at the end of a phase is in part what the contact has held since its beginning.  Rows
-that follow from others leave no unique multipliers, and on a grid they contradict each other by the discretisation error.
-They are found from Jacobians at a pose, and never reach the solver.
+A pose that is pinned where a contact begins says where the contact is; two contacts of one rigid body say the same
+about part of its motion; and the pose at the end of a phase is in part what the contact has held since its
+beginning.  Rows that follow from others leave no unique multipliers, and on a grid they contradict each other by the
+discretisation error. They are found from Jacobians at a pose, and never reach the solver.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Motions that repeat with left and right swapped: what the first frame says of the last one.
 
 The mirror is the plane y = 0.  Joints whose names differ by left and right (or ``L`` and ``R``, ``l`` and ``r``) trade
-places; the others are their own mirror images.  Whether a coordinate keeps its sign follows from the axes: in the mirror
-a direction turns (x, y, z) into (x, -y, z), and an axis of rotation into (-x, y, -z).
+places; the others are their own mirror images.  Whether a coordinate keeps its sign follows from the axes: in the
+mirror a direction turns (x, y, z) into (x, -y, z), and an axis of rotation into (-x, y, -z).
 """
 
 from __future__ import annotations

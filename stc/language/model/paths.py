@@ -133,7 +133,9 @@ class Paths:
         return frames[index]
 
     def place(self, frame: Frame) -> tuple[Vector, Vector, Vector]:
-        """Place, velocity and acceleration of a frame's origin in the world; each is the derivative of the one before."""
+        """Place, velocity and acceleration of a frame's origin in the world; each is the derivative of the one
+        before.
+        """
         kinematics = self.scope.dynamics.kinematics
         at, velocity = kinematics.place_of(frame), kinematics.velocity_of(frame)
         acceleration = kinematics.acceleration_of(frame)

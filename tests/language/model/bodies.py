@@ -33,7 +33,8 @@ def quadruped() -> str:
     return f"""<mujoco model="quadruped"><compiler autolimits="true" angle="radian"/>
       <default><joint armature=".01" damping=".1"/></default>
       <worldbody><geom name="floor" type="plane" size="5 5 1"/>
-        <body name="trunk" pos="0 0 .3"><freejoint name="root"/><geom type="box" size=".19 .05 .055" mass="6"/>{legs}</body>
+        <body name="trunk" pos="0 0 .3"><freejoint name="root"/>
+          <geom type="box" size=".19 .05 .055" mass="6"/>{legs}</body>
       </worldbody><actuator>{motors}</actuator><keyframe><key name="stand" qpos="{stand}"/></keyframe></mujoco>"""
 
 

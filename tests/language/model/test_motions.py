@@ -106,9 +106,11 @@ def test_a_thrown_box_flies_along_a_parabola_and_keeps_its_angular_momentum(
 
 
 BALL = """<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="bob" pos="0 0 1">
-  <joint name="hip" type="ball" damping="0.05"/><geom type="capsule" fromto="0 0 0 .1 0 -.4" size=".03" mass="1"/></body>
+  <joint name="hip" type="ball" damping="0.05"/>
+  <geom type="capsule" fromto="0 0 0 .1 0 -.4" size=".03" mass="1"/></body>
   </worldbody><actuator>
-  <motor name="x" joint="hip" gear="1 0 0"/><motor name="y" joint="hip" gear="0 1 0"/><motor name="z" joint="hip" gear="0 0 1"/>
+  <motor name="x" joint="hip" gear="1 0 0"/><motor name="y" joint="hip" gear="0 1 0"/>
+  <motor name="z" joint="hip" gear="0 0 1"/>
   </actuator></mujoco>"""
 
 
@@ -123,9 +125,12 @@ def test_a_ball_joint_turns_where_it_is_told(tmp_path: Path) -> None:
 
 
 LOOP = """<mujoco><option gravity="0 0 -9.81"/><worldbody>
-  <body name="a"><joint name="a" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 .3" size=".02" mass="1"/>
-    <body name="b" pos="0 0 .3"><joint name="b" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .4 0 0" size=".02" mass="1"/></body></body>
-  <body name="c" pos=".4 0 0"><joint name="c" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 .3" size=".02" mass="1"/></body>
+  <body name="a"><joint name="a" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 0 0 .3" size=".02" mass="1"/>
+    <body name="b" pos="0 0 .3"><joint name="b" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 .4 0 0" size=".02" mass="1"/></body></body>
+  <body name="c" pos=".4 0 0"><joint name="c" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 0 0 .3" size=".02" mass="1"/></body>
   </worldbody><equality><connect name="pin" body1="b" body2="c" anchor=".4 0 0"/></equality>
   <actuator><motor name="a" joint="a"/></actuator></mujoco>"""
 
@@ -142,9 +147,11 @@ def test_a_closed_loop_stays_closed(tmp_path: Path) -> None:
     assert np.abs(a + b).max() < 1e-6
 
 
-STATEFUL = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="x" type="slide" axis="1 0 0" frictionloss="0.2"/>
+STATEFUL = """<mujoco><option gravity="0 0 0"/><worldbody><body>
+  <joint name="x" type="slide" axis="1 0 0" frictionloss="0.2"/>
   <geom size=".1" mass="1"/></body></worldbody><actuator>
-  <general name="lag" joint="x" dyntype="filter" dynprm="0.1" gainprm="5" ctrlrange="-1 1" ctrllimited="true"/></actuator></mujoco>"""
+  <general name="lag" joint="x" dyntype="filter" dynprm="0.1" gainprm="5"
+  ctrlrange="-1 1" ctrllimited="true"/></actuator></mujoco>"""
 
 
 def test_activations_lag_and_dry_friction_only_brakes(tmp_path: Path) -> None:
