@@ -33,7 +33,7 @@ from stc.validate.setup import Setup, prepare
 from stc.validate.solved_pose import equality_metrics, limit_metrics
 from stc.validate.statements import StatementCheck, statement_metrics
 from stc.validate.tracking import Feedback, contact_effort, proportional, regulator, strengths
-from stc.validate.unmentioned_contacts import unmentioned_contacts
+from stc.validate.unmentioned_contacts import Touch, unmentioned_contacts
 from stc.validate.untied import unknown_forces, untied_motion
 from stc.validate.warnings import caught_warnings
 
@@ -54,7 +54,8 @@ class Replays:
         tracked_by: ``LQR``, ``PD`` or "".
         external: open loop with the solved contact forces in place of the model's contacts; None without any.
         ground: the contact forces, solved and as MuJoCo found them in the open-loop replay.
-        touching: geoms that touch where the spec has no contact, in words.
+        touching: geoms that touch in the motion where the spec has no contact force.
+        strays: the same of those that do in a replay only.
         notes: what was noticed on the way.
     """
 
@@ -65,7 +66,8 @@ class Replays:
     tracked_by: str = ""
     external: Replay | None = None
     ground: list[ContactForces] = field(default_factory=list)
-    touching: list[str] = field(default_factory=list)
+    touching: list[Touch] = field(default_factory=list)
+    strays: list[Touch] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
@@ -169,10 +171,13 @@ def run_replays(
     if found.open_loop.broke_at is not None:
         found.notes.append(f"the simulation left all bounds by t = {found.open_loop.broke_at:g} s")
     setup.untied, setup.unknown = untied_motion(setup, found.open_loop.path)
-    found.touching, strays = unmentioned_contacts(setup, found.open_loop)
-    found.notes += [*found.touching, *strays]
     if tracked:
         _track(found, time_step, integrator)
+    # On the ground it is the tracked replay that stays near the motion.
+    judged = found.tracked if len(setup.contact) and found.tracked is not None else found.open_loop
+    found.touching, found.strays = unmentioned_contacts(setup, judged)
+    if not len(setup.contact):
+        found.notes += [touch.line for touch in [*found.touching, *found.strays]]
     if len(setup.contact):
         found.external = replay(setup, time_step, integrator, external=True)
         found.ground = contact_forces(setup, found.open_loop, meter)

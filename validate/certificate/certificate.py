@@ -90,7 +90,8 @@ class Certificate:
             text += f"; not judged: {', '.join(self.report.unjudged)}"
         if not self.passed and not self.findings:
             setup = self.replays.setup
-            text = "; ".join([text, *causes.beyond_limits(setup), *causes.clamped_controls(setup)])
+            touching = [touch.line for touch in self.replays.touching]
+            text = "; ".join([text, *causes.beyond_limits(setup), *causes.clamped_controls(setup), *touching])
         return text
 
     @property
@@ -117,7 +118,9 @@ class Certificate:
         """What a reader should know besides."""
         equations = self.equations.notes if self.equations is not None else []
         refused = [f"the equations of motion are not compared: {self.refused}"] if self.refused else []
-        return list(dict.fromkeys([*self.report.notes, *refused, *equations]))
+        # What a motion that failed ran into, when it had gone astray.
+        strays = [] if self.passed else [touch.line for touch in self.replays.strays]
+        return list(dict.fromkeys([*self.report.notes, *refused, *equations, *strays]))
 
     def facts(self) -> list[tuple[str, str]]:
         """What produced the numbers: label and text."""
