@@ -13,7 +13,6 @@ from stc.transcription.grid import AFTER, BEFORE, IntArray, Nodes
 from stc.transcription.stated import Stated
 from stc.transcription.statements import LINK
 
-
 FloatArray = NDArray[np.float64]
 
 
@@ -29,7 +28,7 @@ Places = tuple[str, Nodes, IntArray]
 
 
 def rows_by_statement(stated: Stated) -> dict[Statement, Rows]:
-    """The rows of every statement that has some; found once per stated."""
+    """The rows of every statement that has some; found once."""
     known: dict[Statement, Rows] = stated.remembered("rows by statement", _rows_by_statement)
     return known
 
@@ -59,7 +58,7 @@ def _rows_by_statement(stated: Stated) -> dict[Statement, Rows]:
 
 
 def bound_nodes(stated: Stated) -> list[Places]:
-    """Where every variable and parameter is; found once per stated."""
+    """Where every variable and parameter is; found once."""
     known: list[Places] = stated.remembered("bound nodes", lambda found: list(_bound_nodes(found)))
     return known
 
