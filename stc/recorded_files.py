@@ -78,6 +78,30 @@ def changed(files: Sequence[RecordedFile], model: Path) -> list[str]:
     return found
 
 
+def unpacked(files: Sequence[RecordedFile]) -> Path | None:
+    """The path of a model written out from what is carried, in a folder that goes when the process ends.
+
+    None where something of it is not carried, or would lie outside of that folder.
+    """
+    import atexit
+    from shutil import rmtree
+    from tempfile import mkdtemp
+
+    if not any(file.role == "model" for file in files):
+        return None
+    for file in files:
+        path = PurePosixPath(file.path)
+        if file.content is None or path.is_absolute() or ".." in path.parts:
+            return None
+    folder = Path(mkdtemp(prefix="stc-model-"))
+    atexit.register(rmtree, folder, ignore_errors=True)
+    for file in files:
+        target = folder / file.path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(file.content or b"")
+    return folder / next(file.path for file in files if file.role == "model")
+
+
 def _files(model: Path) -> Iterator[tuple[str, str]]:
     """Role and path of the model's own file and of all that it names, found without a simulator."""
     pending, seen = [("model", model.name)], set()

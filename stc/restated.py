@@ -116,13 +116,16 @@ def solution_of(stored: Stored) -> Solution:
     if plain["status"] == "optimal" and not np.isfinite(x).all():
         raise SolutionError("the file was altered: an optimal solution has no numbers that are not finite")
     y, z = _multipliers(stated, stored)
+    files = files_of(stored)
+    if unknown := set(stored.members) - stored.used:
+        raise SolutionError(f"the file was altered: it holds {min(unknown)}, which is nothing of this solution")
     motion = motion_at(stated, x, stated.problem.constants)
     return Solution(
         **{**motion, **plain},
         row_multipliers=y,
         bound_multipliers=z,
         multipliers=multiplier_blocks(stated, y, z),
-        files=files_of(stored),
+        files=files,
     )
 
 

@@ -39,7 +39,7 @@ from stc import npz
 from stc.arguments import path as file_path
 from stc.atomic import replacing
 from stc.errors import UsageError
-from stc.records import dataclass
+from stc.records import dataclass, field
 from stc.recorded_files import RecordedFile, record
 from stc.solution import Solution, SolutionError
 from stc.trajectory import FloatArray
@@ -76,10 +76,12 @@ class Stored:
     Attributes:
         facts: everything but arrays.
         members: arrays by their names in the table above; for files of the first format by the names that it had.
+        used: the names of those that were asked for: there are no others in a file that nobody has altered.
     """
 
     facts: dict[str, Any]
     members: dict[str, np.ndarray]
+    used: set[str] = field(default_factory=set)
 
     def vector(self, name: str) -> FloatArray:
         """A member as a list of numbers.
@@ -89,6 +91,7 @@ class Stored:
         """
         if name not in self.members:
             raise SolutionError(f"the file is damaged: {name} is missing")
+        self.used.add(name)
         values = np.asarray(self.members[name], dtype=np.float64)
         if values.ndim != 1:
             raise SolutionError(f"the file was altered: {name} is no list of numbers")
@@ -256,7 +259,7 @@ def files_of(stored: Stored) -> list[RecordedFile]:
 
     found = []
     for k, known in enumerate(stored.facts["files"]):
-        content = stored.members[f"files/{k}"].astype(np.uint8).tobytes() if known["carried"] else None
+        content = stored.vector(f"files/{k}").astype(np.uint8).tobytes() if known["carried"] else None
         file = RecordedFile(
             str(known["role"]), str(known["path"]), str(known["sha256"]), int(known["bytes"]), content
         )

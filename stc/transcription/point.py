@@ -65,12 +65,12 @@ class Found:
         objective: its value.
         objective_size: the sum of its terms' magnitudes.
         violation: largest violation of a row or of a bound of an unknown, each relative to max(1, the bound).
-        misses: the statements that are violated, worst place of each, the worst first.
+        misses: the statements that are violated, worst place of each: those of the spec first, then links, the worst first.
         stationarity: largest entry of the Lagrangian's gradient with the given multipliers, (N,) entries.
         complementarity: largest multiplier times the distance, at most 1, of what it holds from the bound it is for.
         size: what both are relative to: the largest term in the gradient, the mean multiplier over 100, and 1.
-        unfounded: places of multipliers where nothing is bounded, or that push away from the only bound there is:
-            statement or name, and frame.
+        steepest: the unknown by which the Lagrangian is not stationary most, with its frame (-1: of none).
+        loosest: what has the multiplier that is least complementary: statement or name, and frame.
     """
 
     objective: float
@@ -80,7 +80,8 @@ class Found:
     stationarity: float
     complementarity: float
     size: float
-    unfounded: list[tuple[str, float]]
+    steepest: tuple[str, float]
+    loosest: tuple[str, float]
 
     @property
     def optimality(self) -> float:
@@ -112,7 +113,7 @@ class Point:
         """All of it."""
         gradient, lagrangian = np.zeros(len(self.x)), self.z.copy()
         objective, magnitude, largest_term = 0.0, 0.0, 0.0
-        complementarity, violation = 0.0, 0.0
+        complementarity, violation, loosest = 0.0, 0.0, ("", -1.0)
         for summand in self.stated.statements.summands:
             for nodes, sweep, keys in self._sweeps([summand.body], summand.nodes):
                 values = np.broadcast_to(sweep.values[0], len(nodes))
@@ -121,7 +122,6 @@ class Point:
                 for key, slope in sweep.slopes(0, keys.keys()).items():
                     np.add.at(gradient, keys[key], np.broadcast_to(slope, len(nodes)))
         lagrangian += gradient
-        unfounded: list[tuple[str, float]] = []
         for row, ids in self._rows():
             for nodes, sweep, keys, at in self._row_sweeps(row, ids):
                 value = np.broadcast_to(sweep.values[0], len(nodes))
@@ -130,9 +130,10 @@ class Point:
                 y = self.y[at]
                 if not y.any():
                     continue
-                complementarity = max(complementarity, _largest(_product(y, value, lower, upper)))
-                wrong = np.flatnonzero(_unfounded(y, lower, upper))
-                unfounded += [(self._label(row, nodes, int(k)), float(nodes.position[k]) / 2) for k in wrong[:1]]
+                product = _product(y, value, lower, upper)
+                if _largest(product) > complementarity:
+                    complementarity = _largest(product)
+                    loosest = self._place(row, nodes, int(np.argmax(product)))
                 terms: dict[bytes, FloatArray] = {}
                 for key, slope in sweep.slopes(0, keys.keys()).items():
                     place = keys[key]
@@ -145,16 +146,24 @@ class Point:
             self._note_bound(bound)
         low, high = self.bounds.lower, self.bounds.upper
         violation = max(violation, _largest(_overstepped(self.x, low, high)))
-        complementarity = max(complementarity, _largest(_product(self.z, self.x, low, high)))
-        for k in np.flatnonzero(_unfounded(self.z, low, high))[:1]:
-            name, order, frame, _ = self.stated.layout.describe(int(k))
-            unfounded.append((f"the bound of {name}{chr(39) * order}", frame))
+        product = _product(self.z, self.x, low, high)
+        if _largest(product) > complementarity:
+            complementarity = _largest(product)
+            loosest = self._unknown(int(np.argmax(product)), "the bound of ")
         total = float(np.abs(self.y).sum() + np.abs(self.z).sum())
         mean = min(total / max(1, len(self.y) + len(self.z)) / MEAN_MULTIPLIER, LARGEST_SCALE)
         size = max(1.0, _largest(np.abs(gradient)), largest_term, _largest(np.abs(self.z)), mean)
-        misses = sorted(self.misses.values(), key=lambda miss: -miss.share)
+        slope = np.abs(lagrangian)
         return Found(
-            objective, magnitude, violation, misses, _largest(np.abs(lagrangian)), complementarity, size, unfounded
+            objective=objective,
+            objective_size=magnitude,
+            violation=violation,
+            misses=sorted(self.misses.values(), key=lambda miss: (miss.relation == LINK, -miss.share)),
+            stationarity=_largest(slope),
+            complementarity=complementarity,
+            size=size,
+            steepest=self._unknown(int(np.argmax(slope))) if len(slope) else ("", -1.0),
+            loosest=loosest,
         )
 
     def _rows(self) -> Iterator[tuple[Row, IntArray]]:
@@ -212,9 +221,17 @@ class Point:
         code = 4 * row.nodes.position + row.nodes.side
         return int(np.searchsorted(code, 4 * nodes.position[k] + nodes.side[k]))
 
-    def _label(self, row: Row, nodes: Nodes, k: int) -> str:
+    def _place(self, row: Row, nodes: Nodes, k: int) -> tuple[str, float]:
         owner = int(row.relation[self._instance(row, nodes, k)])
-        return row.label if owner == LINK else f"`{self.stated.problem.relations[owner].text}`"
+        frame = float(nodes.position[k]) / 2
+        if owner == LINK:
+            return f"the {row.label}", frame
+        relation = self.stated.problem.relations[owner]
+        return f"{relation.span.location}: `{relation.text}`", frame
+
+    def _unknown(self, position: int, what: str = "") -> tuple[str, float]:
+        name, order, frame, _ = self.stated.layout.describe(position)
+        return f"{what}{name}{chr(39) * order}", frame
 
     def _note_bound(self, bound: Any) -> None:
         """Remember where a statement in one unknown, or in none, is missed most, in its own units."""
@@ -259,8 +276,3 @@ def _product(multiplier: FloatArray, value: FloatArray, lower: FloatArray, upper
     with np.errstate(invalid="ignore"):
         room = np.where(multiplier > 0.0, upper - value, value - lower)
         return np.abs(multiplier * np.clip(room, 0.0, 1.0))
-
-
-def _unfounded(multiplier: FloatArray, lower: FloatArray, upper: FloatArray) -> NDArray[np.bool_]:
-    """Where a multiplier stands for a bound that is not there."""
-    return ((multiplier > 0.0) & ~np.isfinite(upper)) | ((multiplier < 0.0) & ~np.isfinite(lower))
