@@ -15,7 +15,7 @@ import numpy as np
 
 from stc.collecting import motion_at
 from stc.digests import sha256
-from stc.errors import Source, StcError
+from stc.errors import Source, StcError, UsageError
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.problem import Problem
@@ -25,7 +25,7 @@ from stc.trajectory import FloatArray
 from stc.transcription.multipliers import bound_nodes, multiplier_blocks, rows_by_statement
 from stc.transcription.stated import Stated, state
 
-__all__ = ["problem_of", "read", "source_of", "stated_again"]
+__all__ = ["problem_of", "read", "require_stated", "source_of", "stated_again"]
 
 _Key = tuple[str, tuple[tuple[str, float], ...], str]
 #: The last problem that was stated again, for whoever judges what was just read.
@@ -74,6 +74,24 @@ def stated_again(solution: Solution) -> Stated:
     if problem.n != solution.n:
         raise SolutionError(f"its text states a motion of {problem.n} steps, and it has {solution.n}")
     return _remember(key, state(problem))
+
+
+def require_stated(solution: Solution) -> None:
+    """Refuse to save a solution that was made by hand and could not be read again.
+
+    Raises:
+        UsageError: its text does not state its unknowns.
+    """
+    try:
+        stated = stated_again(solution)
+        if len(solution.x) != stated.layout.size:
+            raise SolutionError(f"its text states {stated.layout.size} unknowns, and it has {len(solution.x)} in `x`")
+    except StcError as error:
+        reason = str(error).splitlines()[0]
+        raise UsageError(
+            f"the solution of {solution.name} cannot be saved: {reason}",
+            "a file holds the unknowns of the problem that its text states; all else is evaluated from the two",
+        ) from None
 
 
 def _key(source: str, overrides: Mapping[str, float], method: str) -> _Key:

@@ -87,7 +87,7 @@ def read_csv(path: Path) -> Stored:
     if numbers.shape[1] != len(places):
         raise SolutionError("the file is damaged: its table has not the columns that it tells of")
     for (place, apart), column in zip(places, numbers.T):
-        if place == "time":
+        if place == "time":  # in tables of the first format
             members[place] = column[before]
             continue
         members[place] = column[before]

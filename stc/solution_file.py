@@ -107,6 +107,9 @@ def write(solution: Solution, path: str | os.PathLike[str]) -> None:
     writer = writers.get(target.suffix.lower())
     if writer is None:
         raise UsageError(f"cannot tell the format of {target.name!r}: a solution file ends in .npz or .csv")
+    if solution.origin is None:
+        # By name: nothing here is imported from the layers above.
+        import_module("stc.restated").require_stated(solution)
     stored = stored_of(solution)
     with replacing(target) as temporary, temporary.open("wb") as stream:
         writer(stored, stream)
