@@ -7,7 +7,7 @@ evaluated here from the spec's own text, so that nothing in a file can say other
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +84,8 @@ def require_stated(solution: Solution) -> None:
     """
     try:
         stated = stated_again(solution)
+        orders = (key for key in solution.trajectories if not key[1] or solution.method != "central")
+        _require_same("unknowns", [_primed(*key) for key in orders], [_primed(*key) for key in stated.layout.names])
         if len(solution.x) != stated.layout.size:
             raise SolutionError(f"its text states {stated.layout.size} unknowns, and it has {len(solution.x)} in `x`")
     except StcError as error:
@@ -92,6 +94,10 @@ def require_stated(solution: Solution) -> None:
             f"the solution of {solution.name} cannot be saved: {reason}",
             "a file holds the unknowns of the problem that its text states; all else is evaluated from the two",
         ) from None
+
+
+def _primed(name: str, order: int) -> str:
+    return name + "'" * order
 
 
 def _key(source: str, overrides: Mapping[str, float], method: str) -> _Key:
@@ -174,7 +180,7 @@ def _unknowns(stated: Stated, stored: Stored) -> FloatArray:
     layout = stated.layout
     x = np.full(layout.size, np.nan)
     apart = {str(unknown["name"]): unknown["after"] for unknown in stored.facts["unknowns"]}
-    slots = {name + "'" * order: rest for name, order, *rest in layout.slots()}
+    slots = {_primed(name, order): rest for name, order, *rest in layout.slots()}
     _require_same("unknowns", apart, slots)
     for name, (before, after, middle) in slots.items():
         place = f"unknowns/{name}"
@@ -204,11 +210,10 @@ def _of_length(stored: Stored, name: str, count: int) -> FloatArray:
     return values
 
 
-def _require_same(what: str, found: Any, stated: Any) -> None:
+def _require_same(what: str, found: Collection[str], stated: Collection[str]) -> None:
     if len(set(found)) != len(found) or set(found) != set(stated):
         raise SolutionError(
-            f"the file was altered: its {what} are {', '.join(found) or 'none'}; its text states "
-            f"{', '.join(stated) or 'none'}"
+            f"its {what} are {', '.join(found) or 'none'}; its text states {', '.join(stated) or 'none'}"
         )
 
 
