@@ -43,9 +43,10 @@ def judge(solution: Solution) -> Claims:
         return Claims(words=words, notes=[f"what the solution says of itself is not checked: {reason}"])
     problem = stated.problem
     claims = [_objective(problem, solution, found), *_constants(problem, solution)]
-    errors = [("constraint violation", solution.violation, found.violation, _missed(problem, found))]
-    if math.isfinite(solution.optimality):
-        errors.append(("KKT residual", solution.optimality, found.optimality, _worst(found)))
+    errors = [
+        ("constraint violation", solution.violation, found.violation, _missed(problem, found)),
+        ("KKT residual", solution.optimality, found.optimality, _worst(found)),
+    ]
     for name, claimed, recomputed, place in errors:
         larger = max(abs(claimed), abs(recomputed)) if math.isfinite(claimed + recomputed) else 0.0
         tolerance = limits.CLAIMED_ERROR + limits.CLAIMED_ERROR_SHARE * larger

@@ -266,6 +266,8 @@ def files_of(stored: Stored) -> list[RecordedFile]:
         file = RecordedFile(
             str(known["role"]), str(known["path"]), str(known["sha256"]), int(known["bytes"]), content
         )
+        if file.role != ("part" if k else "model"):
+            raise SolutionError(f"the file was altered: {file.path} is said to be its model's {file.role}")
         if content is not None and sha256(content).hexdigest() != file.sha256:
             raise SolutionError(f"the file was altered: {file.path}, which it carries, does not match its hash")
         found.append(file)
