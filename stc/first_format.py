@@ -63,7 +63,9 @@ def read_first(stored: Stored, solution_of: Callable[[Stored], Solution]) -> Sol
     solution = solution_of(Stored(facts, members))
     for name, found, stated in _said_again(stored, solution):
         scale = max(float(np.abs(stated).max(initial=0.0, where=np.isfinite(stated))), 1e-300)
-        if found.shape != stated.shape or not np.allclose(found, stated, rtol=0.0, atol=ROUNDING * scale, equal_nan=True):
+        if found.shape != stated.shape or not np.allclose(
+            found, stated, rtol=0.0, atol=ROUNDING * scale, equal_nan=True
+        ):
             raise SolutionError(f"the file was altered: its {name} is not what its curves and its text give")
     return solution
 
@@ -81,7 +83,9 @@ def _said_again(stored: Stored, solution: Solution) -> Iterator[tuple[str, Float
     yield "time", stored.vector("time"), solution.time
     for key in ("x", "row_multipliers", "bound_multipliers"):
         yield f"solver/{key}", stored.vector(f"solver/{key}"), getattr(solution, key)
-    channels = {f"trajectory/{name}{chr(39) * order}": c for (name, order), c in solution.trajectories.items()}
+    channels = {
+        f"trajectory/{name}{chr(39) * order}": c for (name, order), c in solution.trajectories.items()
+    }
     for k, line in enumerate(solution.replay):
         for part in _PARTS:
             if (channel := getattr(line, part)) is not None:

@@ -106,7 +106,8 @@ def _faults(problem: Problem, solution: Solution, found: Found) -> list[str]:
             )
     elif solution.status == "infeasible" and found.violation <= limits.VIOLATION:
         faults.append(
-            f"the solution says that it is infeasible, and its numbers keep every statement within {found.violation:.3g}"
+            "the solution says that it is infeasible, and its numbers keep every statement within "
+            f"{found.violation:.3g}"
         )
     return faults
 

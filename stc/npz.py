@@ -86,7 +86,9 @@ def load(path: str | os.PathLike[str], compressed: bool = False) -> dict[str, np
         claimed = sum(entry.file_size for entry in entries)
         most = _MOST_UNPACKED if packed else Path(path).stat().st_size
         if claimed > most:
-            raise ContentsError(f"its members claim {claimed} bytes together, where {most} are the most there can be")
+            raise ContentsError(
+                f"its members claim {claimed} bytes together, where {most} are the most there can be"
+            )
         for entry in entries:
             name = entry.filename.removesuffix(".npy")
             if name in found:
@@ -113,7 +115,9 @@ def _array(name: str, content: bytes) -> np.ndarray:
     version = np.lib.format.read_magic(stream)
     if version not in ((1, 0), (2, 0)):
         raise ContentsError(f"its member {name} has an unknown format")
-    read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    read_header = (
+        np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    )
     shape, by_columns, dtype = read_header(stream)
     if dtype.kind not in "fiub":
         raise ContentsError(f"its member {name} holds other data than numbers")

@@ -1,7 +1,7 @@
-"""What a solution depends on besides its text: the files of its model, each with its hash and, where small, its content.
+"""What a solution depends on besides its text: the files of its model, with their hashes and, where small, contents.
 
-A verdict is about one body. Whoever gets a solution file can tell by these records whether the model that lies beside it
-is that body, and where none lies there, have the one that the file carries.
+A verdict is about one body. Whoever gets a solution file can tell by these records whether the model that lies beside
+it is that body, and where none lies there, have the one that the file carries.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from pathlib import Path, PurePosixPath
 from stc.digests import sha256
 from stc.records import dataclass
 
-#: The text of a model and of what it includes is carried whole up to so many bytes, other files up to the second number;
-#: larger ones by their hashes alone.
+#: The text of a model and of what it includes is carried whole up to so many bytes, other files up to the second
+#: number; larger ones by their hashes alone.
 TEXT_CARRIED, CARRIED = 2**20, 2**12
 
 _COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
@@ -131,7 +131,9 @@ def _named(text: bytes) -> Iterator[str]:
         if tag == b"compiler":
             folders.update({k: v for k, v in attributes.items() if k.endswith(b"dir")})
     for tag, attributes in tags:
-        folder = folders.get(_FOLDERS.get(tag, b""), folders.get(b"assetdir", b"") if tag in _FOLDERS else b"")
+        folder = folders.get(
+            _FOLDERS.get(tag, b""), folders.get(b"assetdir", b"") if tag in _FOLDERS else b""
+        )
         for attribute, value in attributes.items():
             if attribute.startswith(b"file") and value:
                 name = PurePosixPath(folder.decode(errors="replace")) / value.decode(errors="replace")

@@ -85,9 +85,13 @@ def require_stated(solution: Solution) -> None:
     try:
         stated = stated_again(solution)
         orders = (key for key in solution.trajectories if not key[1] or solution.method != "central")
-        _require_same("unknowns", [_primed(*key) for key in orders], [_primed(*key) for key in stated.layout.names])
+        _require_same(
+            "unknowns", [_primed(*key) for key in orders], [_primed(*key) for key in stated.layout.names]
+        )
         if len(solution.x) != stated.layout.size:
-            raise SolutionError(f"its text states {stated.layout.size} unknowns, and it has {len(solution.x)} in `x`")
+            raise SolutionError(
+                f"its text states {stated.layout.size} unknowns, and it has {len(solution.x)} in `x`"
+            )
     except StcError as error:
         reason = str(error).splitlines()[0]
         raise UsageError(
@@ -142,7 +146,14 @@ def solution_of(stored: Stored) -> Solution:
     y, z = _multipliers(stated, stored)
     files = files_of(stored)
     if unknown := set(stored.members) - stored.used:
-        raise SolutionError(f"the file was altered: it holds {min(unknown)}, which is nothing of this solution")
+        raise SolutionError(
+            f"the file was altered: it holds {min(unknown)}, which is nothing of this solution"
+        )
+    model = Path(stated.problem.model or "").name
+    if files and files[0].path not in (model, f"{model}.xml"):
+        raise SolutionError(
+            f"the file was altered: it depends on {files[0].path}, its text on {model or 'no model'}"
+        )
     motion = motion_at(stated, x, stated.problem.constants)
     return Solution(
         **{**motion, **plain},
@@ -228,7 +239,9 @@ def _multipliers(stated: Stated, stored: Stored) -> tuple[FloatArray, FloatArray
         raise SolutionError("the file was altered: it has the multipliers of a statement twice")
     for k, block in enumerate(blocks):
         if block not in places:
-            raise SolutionError(f"the file was altered: it has multipliers of `{block[1]}`, which its text does not state")
+            raise SolutionError(
+                f"the file was altered: it has multipliers of `{block[1]}`, which its text does not state"
+            )
         at = places[block]
         into = z if block[0] == "bound" else y
         into[at] = _of_length(stored, f"multipliers/{k}", len(at))

@@ -99,5 +99,7 @@ def read_csv(path: Path) -> Stored:
             members[f"{place}/mid"] = column[mid]
         if apart is not None and (rest := np.setdiff1d(np.arange(frames), apart)).size:
             if not np.array_equal(column[before][rest], column[after][rest], equal_nan=True):
-                raise SolutionError(f"the file was altered: {place} has two values at a frame that it does not list")
+                raise SolutionError(
+                    f"the file was altered: {place} has two values at a frame that it does not list"
+                )
     return Stored(facts, members)

@@ -1,9 +1,9 @@
 """Solution files: how a :class:`stc.solution.Solution` is laid out on disk.  See docs/solution_files.md.
 
 ``.npz``
-    A NumPy archive without pickled objects and without compression.  The member ``facts`` is JSON in UTF-8: what the file
-    depends on (the spec's text, the constants, the method, the hashes of the model's files) and what it claims (status,
-    objective, and so on).  Everything that was found stands there once:
+    A NumPy archive without pickled objects and without compression.  The member ``facts`` is JSON in UTF-8: what the
+    file depends on (the spec's text, the constants, the method, the hashes of the model's files) and what it claims
+    (status, objective, and so on).  Everything that was found stands there once:
 
     ==============================  =====  =============================================================================
     ``unknowns/x'``                 (n+1,) an unknown at the frames, as the step to the left sees it
@@ -18,10 +18,10 @@
     :mod:`stc.restated` evaluates them.
 
 ``.csv``
-    The same as text.  Lines starting with ``#`` hold the facts, and as JSON all that is no node value; below them is one
-    table with a row per node in order of time, whose number is ``rows`` in the facts; each ends with its line.  Its columns
-    are ``node`` (``frame``, ``before``, ``after`` or ``mid``; a frame where anything jumps has a row for either side) and
-    the unknowns by their names.  Numbers keep all their digits.
+    The same as text.  Lines starting with ``#`` hold the facts, and as JSON all that is no node value; below them is
+    one table with a row per node in order of time, whose number is ``rows`` in the facts; each ends with its line.  Its
+    columns are ``node`` (``frame``, ``before``, ``after`` or ``mid``; a frame where anything jumps has a row for either
+    side) and the unknowns by their names.  Numbers keep all their digits.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from stc import npz
 from stc.arguments import path as file_path
 from stc.atomic import replacing
 from stc.errors import UsageError
-from stc.records import dataclass, field
 from stc.recorded_files import RecordedFile, record
+from stc.records import dataclass, field
 from stc.solution import Solution, SolutionError
 from stc.trajectory import FloatArray
 
@@ -123,6 +123,7 @@ def load(path: str | os.PathLike[str]) -> Stored:
         SolutionError: the file is damaged, is something else, or comes from a newer version.
     """
     import zipfile
+    import zlib
 
     from stc.solution_csv import read_csv
 
@@ -148,7 +149,15 @@ def load(path: str | os.PathLike[str]) -> Stored:
         raise SolutionError(f"{source} is not a solution file as stc writes it: {error}") from None
     except PermissionError:
         raise UsageError(f"{source} may not be read") from None
-    except (zipfile.BadZipFile, OSError, EOFError, NotImplementedError, RuntimeError, *MISSHAPEN) as error:
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        OSError,
+        EOFError,
+        NotImplementedError,
+        RuntimeError,
+        *MISSHAPEN,
+    ) as error:
         raise damaged(source) from error
 
 
@@ -269,7 +278,9 @@ def files_of(stored: Stored) -> list[RecordedFile]:
         if file.role != ("part" if k else "model"):
             raise SolutionError(f"the file was altered: {file.path} is said to be its model's {file.role}")
         if content is not None and sha256(content).hexdigest() != file.sha256:
-            raise SolutionError(f"the file was altered: {file.path}, which it carries, does not match its hash")
+            raise SolutionError(
+                f"the file was altered: {file.path}, which it carries, does not match its hash"
+            )
         found.append(file)
     return found
 
@@ -290,7 +301,9 @@ def check_facts(facts: Any) -> dict[str, Any]:
             f"this version reads up to format {FORMAT}: install a newer stc"
         )
     if facts.get("trials", [""]) != [""]:
-        raise SolutionError("the file holds several motions, which this version does not read: install a newer stc")
+        raise SolutionError(
+            "the file holds several motions, which this version does not read: install a newer stc"
+        )
     return facts
 
 

@@ -83,7 +83,12 @@ class Forger:
         assert old in self.facts["source"]
         source = self.facts["source"].replace(old, new)
         digest = hashlib.sha256(source.encode()).hexdigest()
-        return dict(self.members), {**copy.deepcopy(self.facts), "source": source, "sha256": digest, "directory": ""}
+        return dict(self.members), {
+            **copy.deepcopy(self.facts),
+            "source": source,
+            "sha256": digest,
+            "directory": "",
+        }
 
     def _factor(self) -> float:
         """0.1 % to 300 %, up or down."""
@@ -99,7 +104,9 @@ class Forger:
         if place == ("status",):
             return str(self.rng.choice([status for status in STATUSES if status != value]))
         if place == ("method",):
-            return str(self.rng.choice([m for m in ("central", "trapezoidal", "hermite-simpson") if m != value]))
+            return str(
+                self.rng.choice([m for m in ("central", "trapezoidal", "hermite-simpson") if m != value])
+            )
         return f"{value}x"
 
 

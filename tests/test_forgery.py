@@ -52,10 +52,11 @@ def motion(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 def moved(path: Path) -> bool:
-    """Whether the compiled program finds a quantity of a file to be well beyond the tolerance that is printed for it."""
+    """Whether the compiled program finds a quantity of a file well beyond the tolerance that is printed for it."""
     solution = read(path)
     problem, transcription = stc.load(solution.source).transcription(solution.method, **solution.overrides)
-    bound = transcription.bind(problem.constants, check=False)
+    # Started there, since what nothing determines (forces at frames without equations) may be anything.
+    bound = transcription.bind(problem.constants, start=solution.x, check=False)
     found = assess(bound, solution.x, solution.row_multipliers, solution.bound_multipliers)
     claimed = {claim.name: claim for claim in judge(solution).claims}
     off = abs(found.objective - solution.objective) > 2.0 * claimed["objective"].tolerance
@@ -78,12 +79,14 @@ def require_named(path: Path, count: int | None, seed: int) -> None:
         return [places[k] for k in sorted(forger.rng.choice(len(places), count, replace=False))]
 
     named = 0
+    silent: list[object] = []
     arrays = chosen(forger.arrays())
     for name in arrays:
         written(*forger.with_array(name), target)
         found = told(target)
         named += bool(found)
-        assert found or not moved(target), f"{name}: nothing is said"
+        if not found and moved(target):
+            silent.append(name)
     assert named >= 0.7 * len(arrays)  # what is altered by little, of what matters little, moves nothing
     for place in chosen(forger.claims()):
         members, facts = forger.with_claim(place)
@@ -95,7 +98,9 @@ def require_named(path: Path, count: int | None, seed: int) -> None:
             value = value[key]
         if place[0] in ("violation", "optimality") and abs(value) < 0.1 * limits.CLAIMED_ERROR:
             continue  # nothing beside the tolerance, whatever it is multiplied by
-        assert told(target), f"{place}: nothing is said"
+        if not told(target):
+            silent.append(place)
+    assert silent == []
 
 
 def test_what_is_altered_is_named(motion: Path) -> None:
@@ -156,7 +161,9 @@ def test_a_solve_that_was_stopped_says_so_and_is_believed(name: str, tmp_path: P
     assert judge(read(tmp_path / "a.npz")).findings == []
     forger = Forger(tmp_path / "a.npz", 0)
     written(dict(forger.members), {**forger.facts, "status": "optimal"}, tmp_path / "a.npz")
-    assert any("is missed by" in line or "says that it is optimal" in line for line in told(tmp_path / "a.npz"))
+    assert any(
+        "is missed by" in line or "says that it is optimal" in line for line in told(tmp_path / "a.npz")
+    )
 
 
 def test_numbers_agree_with_the_compiled_program(motion: Path) -> None:

@@ -199,7 +199,9 @@ def test_contradictions_are_found_when_a_solution_is_made() -> None:
 
 def test_a_failed_solve_may_leave_steps_without_length(tmp_path: Path) -> None:
     """It can be kept, read and resampled by frames; only asking for a time makes no sense."""
-    text = "constants: n = 2, g = 1; variables: x; parameters: T; definitions: h = T - i; constraints: x' = g;"
+    text = (
+        "constants: n = 2, g = 1; variables: x; parameters: T; definitions: h = T - i; constraints: x' = g;"
+    )
     problem, transcription = stc.load(text).transcription("trapezoidal")
     x = np.array([1.0, 0.0, 2.0, 0.0, 4.0, 0.0, 0.0])
     result = Result(Status.FAILED, x, np.zeros(3), np.zeros(7), *[float("nan")] * 4, 0, 0, "")

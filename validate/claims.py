@@ -1,7 +1,7 @@
 """What a solution says of itself, held against what its own text and numbers give.
 
-The validation knows no expressions.  Whoever can state the problem again from the text (:mod:`stc.judging`) evaluates it
-and hands over the :class:`Claims`; here they become measurements and lines of the verdict.
+The validation knows no expressions.  Whoever can state the problem again from the text (:mod:`stc.judging`) evaluates
+it and hands over the :class:`Claims`; here they become measurements and lines of the verdict.
 """
 
 from __future__ import annotations
@@ -88,7 +88,13 @@ class Claims:
             Metric("KKT residual", "solution, recomputed", self.optimality, "", limits.KKT_RESIDUAL),
             Metric("constraint violation", subject, self.violation, "", limits.VIOLATION),
             *(
-                Metric("claim against recomputed", claim.name, abs(claim.claimed - claim.recomputed), "", claim.tolerance)
+                Metric(
+                    "claim against recomputed",
+                    claim.name,
+                    abs(claim.claimed - claim.recomputed),
+                    "",
+                    claim.tolerance,
+                )
                 for claim in self.claims
                 if claim.holds and math.isfinite(claim.claimed)
             ),

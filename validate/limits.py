@@ -41,9 +41,9 @@ VIOLATION: Final = 1e-6
 
 # --- what a solution says of itself, against what its text and numbers give --------------------------------------
 
-#: How far apart a claimed and a recomputed objective may be, as a share of the sum of its terms' magnitudes, and besides.
-#: The same sum in another order, with functions from another library, is off by 3e-13 at most on bundled and published
-#: problems.
+#: How far apart a claimed and a recomputed objective may be, as a share of the sum of its terms' magnitudes, and by how
+#: much besides. The same sum in another order, with functions from another library, is off by 3e-13 at most on bundled
+#: and published problems.
 CLAIMED_OBJECTIVE: Final = 1e-9
 CLAIMED_OBJECTIVE_FLOOR: Final = 1e-12
 

@@ -148,7 +148,9 @@ def prepare(
         compared_outputs(compiled, solution),
     )
     if carried:
-        setup.remarks.append(f"there is no model {solution.model} here: the one that the solution carries is replayed")
+        setup.remarks.append(
+            f"there is no model {solution.model} here: the one that the solution carries is replayed"
+        )
     elif model is None:
         setup.faults = model_faults(solution, path)
     return setup
@@ -163,8 +165,8 @@ def model_faults(solution: Solution, path: Path) -> list[str]:
     if other == [solution.model] or other == [path.name]:
         files = path.name
     return [
-        f"{files} of the model has changed since this motion was solved: solve it again, or name the model that is to be "
-        "replayed"
+        f"{files} of the model has changed since this motion was solved: solve it again, or name the model that is to "
+        "be replayed"
     ]
 
 

@@ -65,7 +65,7 @@ class Found:
         objective: its value.
         objective_size: the sum of its terms' magnitudes.
         violation: largest violation of a row or of a bound of an unknown, each relative to max(1, the bound).
-        misses: the statements that are violated, worst place of each: those of the spec first, then links, the worst first.
+        misses: the statements that are violated, worst place of each, the worst first; links after those of the spec.
         stationarity: largest entry of the Lagrangian's gradient with the given multipliers, (N,) entries.
         complementarity: largest multiplier times the distance, at most 1, of what it holds from the bound it is for.
         size: what both are relative to: the largest term in the gradient, the mean multiplier over 100, and 1.
@@ -179,7 +179,9 @@ class Point:
             yield nodes, sweep, keys, ids[begin : begin + len(nodes)]
             begin += len(nodes)
 
-    def _sweeps(self, bodies: list[Expr], nodes: Nodes) -> Iterator[tuple[Nodes, Sweep, dict[Hashable, IntArray]]]:
+    def _sweeps(
+        self, bodies: list[Expr], nodes: Nodes
+    ) -> Iterator[tuple[Nodes, Sweep, dict[Hashable, IntArray]]]:
         """Expressions at nodes, some at a time, with where their unknowns are in the decision vector."""
         symbols_of = dict.fromkeys(key for body in bodies for key in symbols(body))
         for begin in range(0, len(nodes), _CHUNK):
@@ -204,16 +206,16 @@ class Point:
         high = np.full(len(nodes), np.inf) if upper is None else self.numbers.at(upper, nodes)
         return low, high
 
-    def _note(
-        self, row: Row, value: FloatArray, lower: FloatArray, upper: FloatArray, nodes: Nodes
-    ) -> float:
+    def _note(self, row: Row, value: FloatArray, lower: FloatArray, upper: FloatArray, nodes: Nodes) -> float:
         """Remember where a row is missed most; its largest violation, relative."""
         share = _overstepped(value, lower, upper)
         worst = _largest(share)
         if worst > 0.0:
             k = int(np.argmax(np.where(np.isnan(share), np.inf, share)))
             # Nodes of a row may belong to several relations.
-            self._remember(int(row.relation[self._instance(row, nodes, k)]), row.label, nodes, k, value, lower, upper)
+            self._remember(
+                int(row.relation[self._instance(row, nodes, k)]), row.label, nodes, k, value, lower, upper
+            )
         return worst
 
     @staticmethod
@@ -247,7 +249,14 @@ class Point:
             self._remember(bound.relation, "", nodes, k, value, lower, upper)
 
     def _remember(
-        self, relation: int, label: str, nodes: Nodes, k: int, value: FloatArray, lower: FloatArray, upper: FloatArray
+        self,
+        relation: int,
+        label: str,
+        nodes: Nodes,
+        k: int,
+        value: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray,
     ) -> None:
         bound = lower[k] if lower[k] - value[k] > value[k] - upper[k] else upper[k]
         amount = float(max(lower[k] - value[k], value[k] - upper[k]))

@@ -221,7 +221,9 @@ def test_a_model_that_has_changed_since_is_told_of(tmp_path: Path) -> None:
     path = tmp_path / "mine.npz"
     stc.load(tmp_path / "mine.stc").solve(n=20).save(path)
     assert validate(path).passed
-    (tmp_path / "mine.xml").write_text(bundled.read_text().replace("<worldbody>", "<worldbody><!-- other -->"))
+    (tmp_path / "mine.xml").write_text(
+        bundled.read_text().replace("<worldbody>", "<worldbody><!-- other -->")
+    )
     report = validate(path)
     assert not report.passed
     assert report.findings == [

@@ -11,7 +11,7 @@ from stc.atomic import replacing
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate import limits
-from stc.validate.certificate import advice, blame, causes, contact_causes, table
+from stc.validate.certificate import advice, blame, causes, contact_causes
 from stc.validate.certificate.staleness import stale
 from stc.validate.metrics import Metric
 from stc.validate.report import Report
@@ -67,7 +67,11 @@ class Certificate:
     @property
     def findings(self) -> list[str]:
         """What the solution claims that does not hold, where its equations differ from the model's, and the like."""
-        return [*self.report.findings, *self.faults, *(self.equations.findings if self.equations is not None else [])]
+        return [
+            *self.report.findings,
+            *self.faults,
+            *(self.equations.findings if self.equations is not None else []),
+        ]
 
     @property
     def passed(self) -> bool:
