@@ -100,12 +100,13 @@ class Stored:
 
 def write(solution: Solution, path: str | os.PathLike[str]) -> None:
     """Write a solution; see :meth:`stc.solution.Solution.save`."""
-    from stc.solution_csv import write_csv
-
     target = Path(file_path(path, "the file of a solution"))
-    writers: dict[str, Callable[[Stored, IO[bytes]], None]] = {".npz": _write_npz, ".csv": write_csv}
-    writer = writers.get(target.suffix.lower())
-    if writer is None:
+    writer: Callable[[Stored, IO[bytes]], None] = _write_npz
+    if target.suffix.lower() == ".csv":
+        from stc.solution_csv import write_csv
+
+        writer = write_csv
+    elif target.suffix.lower() != ".npz":
         raise UsageError(f"cannot tell the format of {target.name!r}: a solution file ends in .npz or .csv")
     if solution.origin is None:
         # By name: nothing here is imported from the layers above.
