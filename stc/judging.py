@@ -43,6 +43,9 @@ def judge(solution: Solution) -> Claims:
         return Claims(words=words, notes=[f"what the solution says of itself is not checked: {reason}"])
     problem = stated.problem
     claims = [_objective(problem, solution, found), *_constants(problem, solution)]
+    contradictory = bool(
+        point.bounds.contradictions
+    )  # no solve has begun, and errors are those of the statements
     errors = [
         ("constraint violation", solution.violation, found.violation, _missed(problem, found)),
         ("KKT residual", solution.optimality, found.optimality, _worst(found)),
@@ -50,7 +53,7 @@ def judge(solution: Solution) -> Claims:
     for name, claimed, recomputed, place in errors:
         larger = max(abs(claimed), abs(recomputed)) if math.isfinite(claimed + recomputed) else 0.0
         tolerance = limits.CLAIMED_ERROR + limits.CLAIMED_ERROR_SHARE * larger
-        if math.isfinite(claimed) or solution.status == "optimal":
+        if (math.isfinite(claimed) and not contradictory) or solution.status == "optimal":
             claims.append(Claim(name, claimed, recomputed, tolerance, place))
     return Claims(
         claims=claims,

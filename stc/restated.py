@@ -128,6 +128,10 @@ def read(path: str | os.PathLike[str]) -> Solution:
         raise damaged(path) from error
 
 
+#: Facts that are text.
+_WORDS = ("name", "source", "directory", "method", "status", "message", "optimizer", "sha256", "stc_version")
+
+
 def solution_of(stored: Stored) -> Solution:
     """The solution that a file means.
 
@@ -137,6 +141,9 @@ def solution_of(stored: Stored) -> Solution:
     """
     facts = stored.facts
     plain: dict[str, Any] = {key: facts[key] for key in PLAIN_FACTS}
+    for key in _WORDS:
+        if not isinstance(plain[key], str):
+            raise TypeError(f"{key} is no text")
     if plain["sha256"] != sha256(plain["source"].encode()).hexdigest():
         raise SolutionError("the spec's text does not match its hash: the file was altered")
     stated = _stated(plain, stored)

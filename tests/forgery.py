@@ -68,14 +68,14 @@ class Forger:
             facts["files"][int(name[6:])]["sha256"] = hashlib.sha256(values.tobytes()).hexdigest()
         return members, facts
 
-    def with_claim(self, place: Place) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """The file with one of its facts altered."""
+    def with_claim(self, place: Place, other: Any = ...) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """The file with one of its facts altered, to ``other`` if that is given."""
         facts = copy.deepcopy(self.facts)
         *way, last = place
         holder: Any = facts
         for key in way:
             holder = holder[key]
-        holder[last] = self._other(place, holder[last])
+        holder[last] = self._other(place, holder[last]) if other is ... else other
         return dict(self.members), facts
 
     def with_text(self, old: str, new: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

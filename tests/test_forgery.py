@@ -7,6 +7,7 @@ held against the tolerances that the verdict prints.
 from __future__ import annotations
 
 import functools
+import json
 from pathlib import Path
 
 import forgery
@@ -111,6 +112,26 @@ def test_what_is_altered_is_named(motion: Path) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_whatever_is_altered_is_named(motion: Path, seed: int) -> None:
     require_named(motion, None, seed)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+def test_facts_of_another_kind_are_refused_in_a_sentence(tmp_path: Path, suffix: str) -> None:
+    """Whatever stands where something else is expected: no traceback, and nothing that passes for it."""
+    path = tmp_path / f"a{suffix}"
+    stc.load("particle_waypoints").solve(n=4, method="trapezoidal").save(path)
+    stc.load("particle_waypoints").solve(n=4, method="trapezoidal").save(tmp_path / "b.npz")
+    forger = Forger(tmp_path / "b.npz", 0)
+    whole = path.read_text().split("\n", 1)[1] if suffix == ".csv" else ""
+    places = [*forger.claims(), *((key,) for key in forger.facts)]
+    others = (None, [], {}, "x\x1b", -1, 1e308, float("nan"), True, [[]], {"a": 1})
+    for k, place in enumerate(places):
+        for other in (others[k % 10], others[(3 * k + 4) % 10]):
+            _, facts = forger.with_claim(place, other)
+            if suffix == ".csv":
+                path.write_text(f"# facts {json.dumps({**facts, 'rows': 5})}\n{whole}")
+            else:
+                written(dict(forger.members), facts, path)
+            told(path)  # raises what is no message
 
 
 def test_text_that_states_another_motion_is_named(tmp_path: Path) -> None:

@@ -155,7 +155,12 @@ def open_setup(
         raise NotOptimalError(
             f"the solution of {solution.name} is not validated: its status is {solution.status}, not optimal"
         )
-    return prepare(solution, model, beside)
+    setup = prepare(solution, model, beside)
+    if beside and model is None and not solution.files:
+        setup.remarks.append(
+            "the file does not say which model it was made for: the one that is here is replayed"
+        )
+    return setup
 
 
 def run_replays(
