@@ -120,7 +120,7 @@ def test_members_that_share_their_bytes_are_refused(tmp_path: Any) -> None:
                 setattr(other, name, getattr(first, name))
             archive.filelist.append(other)
             archive.NameToInfo[other.filename] = other
-    with pytest.raises(npz.ContentsError, match="claim .* bytes together"):
+    with pytest.raises(npz.ContentsError, match=r"claim .* bytes together"):
         npz.load(path)
 
 
