@@ -15,6 +15,7 @@ from stc.errors import StcError, UsageError
 from stc.records import dataclass, field
 from stc.solution import Solution, read
 from stc.validate import limits
+from stc.validate.claims import Claims
 from stc.validate.contact import contact_metrics, friction_note, missing_contacts
 from stc.validate.contact_cones import beyond_contacts
 from stc.validate.contact_forces import ContactForces, contact_force_metrics, contact_forces, windows_of
@@ -124,8 +125,10 @@ def examine(
     started = time.perf_counter()
     with caught_warnings() as warnings:
         setup = open_setup(solution, model, force=force)
+        # By name: nothing here is imported from the layers above.
+        claims: Claims = import_module("stc.judging").judge(setup.solution)
         replays = run_replays(setup, time_step, integrator, tracked)
-        report = _judge(replays, statements)
+        report = _judge(replays, statements, claims)
     report.notes = [*report.notes, *warnings]
     report.seconds = time.perf_counter() - started
     return report, replays
@@ -154,7 +157,12 @@ def open_setup(
         raise NotOptimalError(
             f"the solution of {solution.name} is not validated: its status is {solution.status}, not optimal"
         )
-    return prepare(solution, model, beside)
+    setup = prepare(solution, model, beside)
+    if beside and model is None and not solution.files:
+        setup.remarks.append(
+            "the file does not say which model it was made for: the one that is here is replayed"
+        )
+    return setup
 
 
 def run_replays(
@@ -215,14 +223,14 @@ def _track(found: Replays, time_step: float, integrator: str) -> None:
             break
 
 
-def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
+def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claims) -> Report:
     """The report but for warnings and wall time."""
     import mujoco
 
     setup, motion = replays.setup, replays.open_loop
     solution = setup.solution
     inverse = inverse_dynamics(setup)
-    metrics = _open_loop_metrics(replays)
+    metrics = [*claims.metrics, *_open_loop_metrics(replays)]
     tracked = _tracked_metrics(replays, 0.0 if inverse is None else inverse.scale)
     if setup.compiled.na and tracked:
         tracked = [metric.without_limit() for metric in tracked]
@@ -269,8 +277,10 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
         steps=motion.steps,
         tracked_by=replays.tracked_by,
         metrics=metrics,
+        claims=claims,
+        faults=setup.faults,
         unjudged=unjudged,
-        notes=[*setup.notes(), *replays.notes],
+        notes=[*claims.notes, *setup.notes(), *replays.notes],
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from closed_form_motions import smooth_particle, waypoint_spline
 
+import stc
 from stc import models
 from stc.errors import UsageError
 from stc.solution import Solution
@@ -265,7 +266,7 @@ def test_an_mp4_without_its_library_is_explained(
 
 @pytest.mark.parametrize("backend", ["glfw", "off"])
 def test_no_opengl_is_a_sentence_and_no_traceback(tmp_path: Path, backend: str) -> None:
-    solution().save(tmp_path / "motion.npz")
+    stc.load("particle_waypoints").solve(n=20).save(tmp_path / "motion.npz")
     environment = {
         key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")
     }
@@ -286,7 +287,7 @@ def test_no_opengl_is_a_sentence_and_no_traceback(tmp_path: Path, backend: str) 
 @pytest.mark.parametrize("asked", ["nonsense", "osmesa"])
 def test_a_graphics_library_that_is_not_there_costs_no_verdict(tmp_path: Path, asked: str) -> None:
     """MuJoCo itself cannot be imported where ``MUJOCO_GL`` asks for what it does not find."""
-    solution().save(tmp_path / "motion.npz")
+    stc.load("particle_waypoints").solve(n=20).save(tmp_path / "motion.npz")
     done = subprocess.run(
         [sys.executable, "-m", "stc", "validate", "motion.npz"],
         cwd=tmp_path,
