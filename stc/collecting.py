@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,14 +15,15 @@ from stc.solution import ReplayChannel, Solution
 from stc.solver import Result
 from stc.solver.optimizers import DEFAULT
 from stc.symbolic.expr import Expr, symbols
-from stc.trajectory import Channel
+from stc.trajectory import Channel, FloatArray
 from stc.transcription import Transcription
 from stc.transcription.grid import Nodes
 from stc.transcription.multipliers import multiplier_blocks
 from stc.transcription.recover import Recovery
 from stc.transcription.schemes import stencil_reach
+from stc.transcription.stated import Stated
 
-__all__ = ["collect"]
+__all__ = ["collect", "motion_at"]
 
 
 def collect(
@@ -33,19 +35,12 @@ def collect(
     optimizer: str = DEFAULT,
 ) -> Solution:
     """The solution that a stranger can use: node values, multipliers and replay channels by name."""
-    problem = transcription.problem
-    recovery = transcription.recovery(result.x, constants)
-    source = problem.source
+    source = transcription.problem.source
     return Solution(
-        name=problem.name,
-        source=source.text,
+        **motion_at(transcription, result.x, constants),
         directory=_folder_of(source.path, Path.cwd()) if source.path else "",
         constants=constants,
         overrides=overrides,
-        method=problem.method,
-        time=recovery.time,
-        trajectories=recovery.trajectories(),
-        parameters=recovery.parameters,
         status=str(result.status.value),
         message=result.message,
         objective=result.objective,
@@ -55,14 +50,28 @@ def collect(
         factorizations=result.factorizations,
         optimizer=optimizer,
         seconds=seconds,
-        x=result.x,
         row_multipliers=result.row_multipliers,
         bound_multipliers=result.bound_multipliers,
         multipliers=multiplier_blocks(transcription, result.row_multipliers, result.bound_multipliers),
-        model=problem.model,
-        replay=_replay_channels(problem, recovery),
-        force_frames=_force_frames(transcription),
     )
+
+
+def motion_at(stated: Stated, x: FloatArray, constants: Mapping[str, float]) -> dict[str, Any]:
+    """What of a :class:`Solution` follows from a decision vector, (N,): its attributes by name."""
+    problem = stated.problem
+    recovery = stated.recovery(x, constants)
+    return {
+        "name": problem.name,
+        "source": problem.source.text,
+        "method": problem.method,
+        "time": recovery.time,
+        "trajectories": recovery.trajectories(),
+        "parameters": recovery.parameters,
+        "x": x,
+        "model": problem.model,
+        "replay": _replay_channels(problem, recovery),
+        "force_frames": _force_frames(stated),
+    }
 
 
 @lru_cache(maxsize=16)
@@ -86,15 +95,15 @@ def _replay_channels(problem: Problem, recovery: Recovery) -> list[ReplayChannel
     return channels
 
 
-def _force_frames(transcription: Transcription) -> tuple[int, int]:
+def _force_frames(stated: Stated) -> tuple[int, int]:
     """The frames at which the equations of motion hold: all but those that central differences cut off."""
-    if transcription.problem.method != "central":
-        return 0, transcription.problem.n
-    found: tuple[int, int] = transcription.remembered("frames of motion", _frames_of_motion)
+    if stated.problem.method != "central":
+        return 0, stated.problem.n
+    found: tuple[int, int] = stated.remembered("frames of motion", _frames_of_motion)
     return found
 
 
-def _frames_of_motion(transcription: Transcription) -> tuple[int, int]:
+def _frames_of_motion(stated: Stated) -> tuple[int, int]:
     """The first and the last frame at which the equations of motion hold.
 
     Central differences do not reach the ends.  Equations of motion are the equalities on several frames that
@@ -108,20 +117,20 @@ def _frames_of_motion(transcription: Transcription) -> tuple[int, int]:
     itself counts like an equation.  Only ranges that begin or end where derivatives or indices end their reach are
     cut off by it.
     """
-    problem, n = transcription.problem, transcription.problem.n
+    problem, n = stated.problem, stated.problem.n
     lines = [line for line in problem.replay if line.kind in ("actuator", "apply", "contact")]
     joints = [line.body for line in problem.replay if line.kind == "joint"]
     whole = FrameRange(0, n)
-    coordinates = _names(transcription, joints) if joints else set(problem.variables)
-    forces = _names(transcription, [line.body for line in lines]) - coordinates
+    coordinates = _names(stated, joints) if joints else set(problem.variables)
+    forces = _names(stated, [line.body for line in lines]) - coordinates
     equations = [r for r in problem.relations if r.is_equality and r.range.first < r.range.last]
-    stretches = [_Stretch.of(transcription, r.body, r.range) for r in equations]
+    stretches = [_Stretch.of(stated, r.body, r.range) for r in equations]
     laws = [each.names - coordinates for each in stretches if (each.first, each.last) == (0, n)]
     grown = True
     while grown:
         tied = set(forces).union(*(law for law in laws if law & forces))
         forces, grown = tied, tied != forces
-    cut = [_Stretch.of(transcription, line.body, whole) for line in lines]
+    cut = [_Stretch.of(stated, line.body, whole) for line in lines]
     cut += [
         each
         for each, equation in zip(stretches, equations, strict=True)
@@ -132,10 +141,10 @@ def _frames_of_motion(transcription: Transcription) -> tuple[int, int]:
     return min(first, n // 2), max(last, n - n // 2)
 
 
-def _names(transcription: Transcription, bodies: list[Expr]) -> set[str]:
+def _names(stated: Stated, bodies: list[Expr]) -> set[str]:
     """The variables that expressions are made of, definitions taken apart."""
-    whole = FrameRange(0, transcription.problem.n)
-    return set[str]().union(*(_Stretch.of(transcription, body, whole).names for body in bodies))
+    whole = FrameRange(0, stated.problem.n)
+    return set[str]().union(*(_Stretch.of(stated, body, whole).names for body in bodies))
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,13 +160,13 @@ class _Stretch:
     last: int
 
     @classmethod
-    def of(cls, transcription: Transcription, body: Expr, where: FrameRange) -> _Stretch:
-        grid, layout = transcription.grid, transcription.layout
+    def of(cls, stated: Stated, body: Expr, where: FrameRange) -> _Stretch:
+        grid, layout = stated.grid, stated.layout
         every = np.arange(grid.n + 1)
         nodes = Nodes(2 * every, np.zeros_like(every))
         found: set[VariableRef] = set()
         ends = []
-        for expanded, at in transcription.lowering.expand(body, grid.nodes(where)):
+        for expanded, at in stated.lowering.expand(body, grid.nodes(where)):
             keys = [key for key in symbols(expanded) if isinstance(key, VariableRef)]
             found.update(keys)
             fits = np.ones(len(every), bool)

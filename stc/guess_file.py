@@ -21,6 +21,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stc import npz
 from stc.alignment import Alignment
 from stc.errors import UsageError
 from stc.records import dataclass, field
@@ -303,29 +304,27 @@ def read_guess(path: str | os.PathLike[str]) -> GivenValues:
         raise UsageError(f"no guess can be read from `{source}`: it may not be read") from None
     except csv.Error as error:
         raise UsageError(f"no guess can be read from `{source}`: it is no table ({error})") from None
-    except (OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError) as error:
-        what = "it was cut off, or is no .npz file"
-        if not source.stat().st_size:
-            what = "it is empty"
-        elif "pickle" in str(error):
-            what = "it holds other data than numbers"
+    except npz.ContentsError as error:
+        raise UsageError(f"no guess can be read from `{source}`: {error}") from None
+    except (OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError):
+        what = "it was cut off, or is no .npz file" if source.stat().st_size else "it is empty"
         raise UsageError(f"no guess can be read from `{source}`: {what}") from None
 
 
 def _read_npz(source: Path) -> GivenValues:
     import zipfile
 
+    from stc.solution_file import contents
+
     if not zipfile.is_zipfile(source):  # NumPy would read a single array, or take it for pickled objects
         raise zipfile.BadZipFile
-    with np.load(source, allow_pickle=False) as archive:
-        if "facts" in archive.files:
-            return SolutionValues(read(source))
-        columns: dict[str, FloatArray] = {}
-        for name in archive.files:
-            values = np.asarray(archive[name])
-            if values.dtype.kind not in "fiub" or values.ndim > 1:
-                raise UsageError(f"`{name}` in `{source}` is no list of numbers (shape {values.shape})")
-            columns[name] = np.atleast_1d(values).astype(float)
+    if contents(source) == "solution":
+        return SolutionValues(read(source))
+    columns: dict[str, FloatArray] = {}
+    for name, values in npz.load(source, compressed=True).items():
+        if values.ndim > 1:
+            raise UsageError(f"`{name}` in `{source}` is no list of numbers (shape {values.shape})")
+        columns[name] = np.atleast_1d(values).astype(float)
     return table(columns, f"`{source}`")
 
 

@@ -7,9 +7,12 @@ writes it through :mod:`zipfile`, which loads three compressors to do without: m
 from __future__ import annotations
 
 import io
+import math
+import os
 import struct
 from binascii import crc32
 from collections.abc import Mapping
+from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
@@ -57,3 +60,69 @@ def save(stream: IO[bytes], arrays: Mapping[str, np.ndarray]) -> None:
     directory = b"".join(central)
     count = len(arrays)
     stream.write(directory + _END.pack(b"PK\x05\x06", 0, 0, count, count, len(directory), offset, 0))
+
+
+def load(path: str | os.PathLike[str], compressed: bool = False) -> dict[str, np.ndarray]:
+    """Read the arrays of an ``.npz`` file from anyone: plain numbers alone, and no more memory than the file is large.
+
+    What members claim to be is held against what is there before any memory is taken for it.
+
+    Args:
+        path: of the file.
+        compressed: whether members may be compressed; together they may then come to 256 MiB.
+
+    Raises:
+        ContentsError: the archive claims more than it holds, or holds other things than numbers.
+        zipfile.BadZipFile, OSError, ValueError, EOFError: it is damaged.
+    """
+    import zipfile
+
+    found: dict[str, np.ndarray] = {}
+    with zipfile.ZipFile(path) as archive:
+        entries = archive.infolist()
+        packed = any(entry.compress_type != zipfile.ZIP_STORED for entry in entries)
+        if packed and not compressed:
+            raise ContentsError("its members are compressed, which those of solution files are not")
+        claimed = sum(entry.file_size for entry in entries)
+        most = _MOST_UNPACKED if packed else Path(path).stat().st_size
+        if claimed > most:
+            raise ContentsError(
+                f"its members claim {claimed} bytes together, where {most} are the most there can be"
+            )
+        for entry in entries:
+            name = entry.filename.removesuffix(".npy")
+            if name in found:
+                raise ContentsError(f"it has two members {name}")
+            with archive.open(entry) as stream:
+                content = stream.read(entry.file_size + 1)
+            if len(content) != entry.file_size:
+                raise ContentsError(f"its member {name} holds not as many bytes as it claims")
+            found[name] = _array(name, content)
+    return found
+
+
+class ContentsError(ValueError):
+    """An archive whose members are not what they claim to be, or no arrays of numbers."""
+
+
+#: What compressed members may come to together, in bytes.
+_MOST_UNPACKED = 2**28
+
+
+def _array(name: str, content: bytes) -> np.ndarray:
+    """An array in the format of ``.npy`` files; a view of what was read."""
+    stream = io.BytesIO(content)
+    version = np.lib.format.read_magic(stream)
+    if version not in ((1, 0), (2, 0)):
+        raise ContentsError(f"its member {name} has an unknown format")
+    read_header = (
+        np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    )
+    shape, by_columns, dtype = read_header(stream)
+    if dtype.kind not in "fiub":
+        raise ContentsError(f"its member {name} holds other data than numbers")
+    count, rest = math.prod(shape), len(content) - stream.tell()
+    if count * dtype.itemsize != rest or min(shape, default=0) < 0:
+        raise ContentsError(f"its member {name} claims {count} numbers and holds {rest // dtype.itemsize}")
+    values = np.frombuffer(content, dtype, count, stream.tell())
+    return values.reshape(shape, order="F" if by_columns else "C")

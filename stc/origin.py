@@ -2,46 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stc.arguments import numbers
-from stc.errors import Source, StcError
-from stc.language.elaborate import elaborate
-from stc.language.parser import parse
+from stc.errors import StcError
 from stc.pipeline import Model
-from stc.problem import Problem
+from stc.restated import problem_of, source_of
 from stc.solution import Solution
 
 if TYPE_CHECKING:
     from stc.validate.statements import StatementCheck
-
-
-def source_of(solution: Solution, beside: Path | None = None) -> Source:
-    """The spec's text that a solution carries, as it would be read from its folder.
-
-    Args:
-        solution: any.
-        beside: folder of the solution's file, where the spec's own is not known or has not the model that is here.
-    """
-    folder = Path(solution.directory) if solution.directory else beside
-    if folder is not None and beside is not None and solution.model is not None:
-        moved = not (folder / solution.model).is_file() and (beside / solution.model).is_file()
-        folder = beside if moved else folder
-    return Source(
-        f"{solution.name}.stc",
-        solution.source,
-        "" if folder is None else str(folder / f"{solution.name}.stc"),
-    )
-
-
-def problem_of(solution: Solution) -> Problem:
-    """The problem that a solution solves, read anew from the text that it carries.
-
-    Raises:
-        SpecError: the text is not a spec.
-    """
-    return elaborate(parse(source_of(solution)), solution.overrides, solution.method)
 
 
 def model_of(solution: Solution) -> Model:

@@ -1,33 +1,35 @@
-"""Solution files: how a :class:`stc.solution.Solution` is laid out on disk.
+"""Solution files: how a :class:`stc.solution.Solution` is laid out on disk.  See docs/solution_files.md.
 
 ``.npz``
-    A NumPy archive without pickled objects.  The entry ``facts`` is JSON (format version, names, numbers, the
-    spec's text and its hash, and lists naming the entries below); all else are arrays of float64:
+    A NumPy archive without pickled objects and without compression.  The member ``facts`` is JSON in UTF-8: what the
+    file depends on (the spec's text, the constants, the method, the hashes of the model's files) and what it claims
+    (status, objective, and so on).  Everything that was found stands there once:
 
-    ====================================  ========  ========================================================
-    ``time``                              (n+1,)    times of the frames
-    ``trajectory/x'/before``              (n+1,)    values at the frames as the step to the left sees them
-    ``trajectory/x'/after``               (n+1,)    ... to the right; left out where it equals ``before``
-    ``trajectory/x'/mid``                 (n,)      midpoint values, hermite-simpson only
-    ``replay/0/value/before`` (...)       (n+1,)    replay lines as in the spec: value, rate, acceleration
-    ``multipliers/0/nodes`` (...)         (k,)      multipliers by statement: nodes, sides, values
-    ``solver/x`` (...)                    (N,)      raw unknowns, row_multipliers, bound_multipliers
-    ====================================  ========  ========================================================
+    ==============================  =====  =============================================================================
+    ``unknowns/x'``                 (n+1,) an unknown at the frames, as the step to the left sees it
+    ``unknowns/x'/mid``             (n,)   ... at the midpoints, hermite-simpson only
+    ``unknowns/x'/after``           (j,)   ... as the step to the right sees it, at the frames that ``facts`` lists
+    ``parameters``                  (p,)   unknowns with one value, in the order of ``facts``
+    ``multipliers/0`` (...)         (k,)   of one statement, link or bound of ``facts``, in order of time
+    ``files/0`` (...)               bytes  what is carried of the model
+    ==============================  =====  =============================================================================
+
+    Times, derivatives that are differences, and what a replay needs follow from these and the text:
+    :mod:`stc.restated` evaluates them.
 
 ``.csv``
-    The same content as text.  Lines starting with ``#`` hold the facts and the solver's vectors as JSON;
-    below them is one table with a row per node in order of time, whose number is ``rows`` in the facts (left out
-    by files from before it was counted); each ends with its line.  Its columns are ``node`` (``frame``,
-    ``before``, ``after`` or ``mid``; a frame where anything jumps has a row for either side), ``time``, and
-    every channel under its name (``x'``, ``joint x``, ``joint x rate``).  Numbers keep all their digits.
+    The same as text.  Lines starting with ``#`` hold the facts, and as JSON all that is no node value; below them is
+    one table with a row per node in order of time, whose number is ``rows`` in the facts; each ends with its line.  Its
+    columns are ``node`` (``frame``, ``before``, ``after`` or ``mid``; a frame where anything jumps has a row for either
+    side) and the unknowns by their names.  Numbers keep all their digits.
 """
 
 from __future__ import annotations
 
-import io
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import IO, Any, NoReturn
 
@@ -37,20 +39,22 @@ from stc import npz
 from stc.arguments import path as file_path
 from stc.atomic import replacing
 from stc.errors import UsageError
-from stc.solution import MultiplierBlock, ReplayChannel, Solution, SolutionError
-from stc.trajectory import Channel, FloatArray
+from stc.recorded_files import RecordedFile, record
+from stc.records import dataclass, field
+from stc.solution import Solution, SolutionError
+from stc.trajectory import FloatArray
 
 #: Version of the layout above.  A reader refuses files with a higher one.
-FORMAT = 1
+FORMAT = 2
 
-_PLAIN_FACTS = (
+#: What a file tells of a solution in so many words and numbers, under the names of the attributes.
+PLAIN_FACTS = (
     "name",
     "source",
     "directory",
     "constants",
     "overrides",
     "method",
-    "parameters",
     "status",
     "message",
     "objective",
@@ -60,34 +64,74 @@ _PLAIN_FACTS = (
     "factorizations",
     "optimizer",
     "seconds",
-    "model",
-    "force_frames",
     "sha256",
     "stc_version",
 )
-_VECTORS = ("x", "row_multipliers", "bound_multipliers")
-_PARTS = ("value", "rate", "acceleration")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stored:
+    """What a solution file holds, before the problem is stated again from its text.
+
+    Attributes:
+        facts: everything but arrays.
+        members: arrays by their names in the table above; for files of the first format by the names that it had.
+        used: the names of those that were asked for: there are no others in a file that nobody has altered.
+    """
+
+    facts: dict[str, Any]
+    members: dict[str, np.ndarray]
+    used: set[str] = field(default_factory=set)
+
+    def vector(self, name: str) -> FloatArray:
+        """A member as a list of numbers.
+
+        Raises:
+            SolutionError: it is not there, or no list.
+        """
+        if name not in self.members:
+            raise SolutionError(f"the file is damaged: {name} is missing")
+        self.used.add(name)
+        values = np.asarray(self.members[name], dtype=np.float64)
+        if values.ndim != 1:
+            raise SolutionError(f"the file was altered: {name} is no list of numbers")
+        return values
 
 
 def write(solution: Solution, path: str | os.PathLike[str]) -> None:
     """Write a solution; see :meth:`stc.solution.Solution.save`."""
     target = Path(file_path(path, "the file of a solution"))
-    writers: dict[str, Callable[[Solution, IO[bytes]], None]] = {".npz": _write_npz, ".csv": _write_csv}
-    writer = writers.get(target.suffix.lower())
-    if writer is None:
+    writer: Callable[[Stored, IO[bytes]], None] = _write_npz
+    if target.suffix.lower() == ".csv":
+        from stc.solution_csv import write_csv
+
+        writer = write_csv
+    elif target.suffix.lower() != ".npz":
         raise UsageError(f"cannot tell the format of {target.name!r}: a solution file ends in .npz or .csv")
+    if solution.origin is None:
+        # By name: nothing here is imported from the layers above.
+        import_module("stc.restated").require_stated(solution)
+    stored = stored_of(solution)
     with replacing(target) as temporary, temporary.open("wb") as stream:
-        writer(solution, stream)
+        writer(stored, stream)
 
 
-def load(path: str | os.PathLike[str]) -> Solution:
-    """Read a solution; see :func:`stc.solution.read`."""
+def load(path: str | os.PathLike[str]) -> Stored:
+    """What a solution file holds.
+
+    Raises:
+        UsageError: no such file, or a suffix other than ``.npz`` and ``.csv``.
+        SolutionError: the file is damaged, is something else, or comes from a newer version.
+    """
     import zipfile
+    import zlib
+
+    from stc.solution_csv import read_csv
 
     if not isinstance(path, str | os.PathLike):
         raise UsageError(f"a solution is read from a path, not from {path!r}")
     source = Path(path)
-    readers: dict[str, Callable[[Path], Solution]] = {".npz": _read_npz, ".csv": _read_csv}
+    readers: dict[str, Callable[[Path], Stored]] = {".npz": _read_npz, ".csv": read_csv}
     reader = readers.get(source.suffix.lower())
     if reader is None:
         raise UsageError(f"cannot tell the format of {source.name!r}: a solution file ends in .npz or .csv")
@@ -102,21 +146,29 @@ def load(path: str | os.PathLike[str]) -> Solution:
                 f"  `stc solve SPEC --guess-from {source}` starts a solve from it"
             ) from None
         raise SolutionError(f"{source}: {error}") from None
+    except npz.ContentsError as error:
+        raise SolutionError(f"{source} is not a solution file as stc writes it: {error}") from None
     except PermissionError:
         raise UsageError(f"{source} may not be read") from None
     except (
         zipfile.BadZipFile,
+        zlib.error,
         OSError,
         EOFError,
-        ValueError,
-        KeyError,
-        IndexError,
-        TypeError,
-        AttributeError,
+        NotImplementedError,
+        RuntimeError,
+        *MISSHAPEN,
     ) as error:
-        raise SolutionError(
-            f"{source} is damaged: it was cut off or altered, or is no solution file"
-        ) from error
+        raise damaged(source) from error
+
+
+#: What it takes for the contents of a file to be other than they should be, as Python notices it.
+MISSHAPEN = (ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError, RecursionError)
+
+
+def damaged(source: str | os.PathLike[str]) -> SolutionError:
+    """What is said of a file that cannot be made sense of."""
+    return SolutionError(f"{source} is damaged: it was cut off or altered, or is no solution file")
 
 
 def contents(path: str | os.PathLike[str]) -> str:
@@ -130,7 +182,9 @@ def contents(path: str | os.PathLike[str]) -> str:
     try:
         if source.suffix.lower() == ".csv":
             with source.open(encoding="utf-8-sig") as stream:
-                first = stream.readline()
+                first = stream.readline(8)
+                if first != "# facts ":
+                    first += stream.readline(8)
             return "solution" if first.startswith("# facts") else "table" if first.startswith("time,") else ""
         with zipfile.ZipFile(source) as archive:
             names = {name.removesuffix(".npy") for name in archive.namelist()}
@@ -160,25 +214,84 @@ def refuse_as_spec(path: Path) -> NoReturn:
     )
 
 
-# --- what both formats share -------------------------------------------------------------------------------
+# --- a solution's facts and arrays ---------------------------------------------------------------------------
 
 
-def _facts(solution: Solution) -> dict[str, Any]:
-    """Everything but arrays, as JSON takes it."""
-    facts: dict[str, Any] = {"format": FORMAT, "kind": "stc solution", "n": solution.n}
-    for key in _PLAIN_FACTS:
+def stored_of(solution: Solution) -> Stored:
+    """What is to be kept of a solution: what is unknown, its multipliers, what it depends on, what it claims."""
+    facts: dict[str, Any] = {"kind": "stc solution", "format": FORMAT, "trials": [""], "n": solution.n}
+    for key in PLAIN_FACTS:
         value = getattr(solution, key)
         facts[key] = dict(value) if isinstance(value, Mapping) else value
-    facts["trajectories"] = [[name, order] for name, order in solution.trajectories]
-    facts["replay"] = [
-        {"kind": r.kind, "path": list(r.path), "parts": [p for p in _PARTS if getattr(r, p) is not None]}
-        for r in solution.replay
-    ]
-    facts["multipliers"] = [{"kind": m.kind, "label": m.label} for m in solution.multipliers]
-    return facts
+    members: dict[str, np.ndarray] = {}
+    unknowns = []
+    for (variable, order), channel in solution.trajectories.items():
+        if order and solution.method == "central":
+            continue  # differences of the unknowns
+        name = variable + "'" * order
+        place = f"unknowns/{name}"
+        apart = channel.frames_apart()
+        unknowns.append({"name": name, "after": apart.tolist()})
+        members[place] = channel.before
+        if channel.mid is not None:
+            members[f"{place}/mid"] = channel.mid
+        if len(apart):
+            members[f"{place}/after"] = channel.after[apart]
+    facts["unknowns"] = unknowns
+    facts["parameters"] = list(solution.parameters)
+    members["parameters"] = np.array(list(solution.parameters.values()), dtype=np.float64)
+    facts["multipliers"] = [{"kind": block.kind, "label": block.label} for block in solution.multipliers]
+    members.update({f"multipliers/{k}": block.values for k, block in enumerate(solution.multipliers)})
+    facts["files"] = []
+    for k, file in enumerate(solution.files or _files_of(solution)):
+        known = {"role": file.role, "path": file.path, "sha256": file.sha256, "bytes": file.size}
+        facts["files"].append({**known, "carried": file.content is not None})
+        if file.content is not None:
+            members[f"files/{k}"] = np.frombuffer(file.content, dtype=np.uint8)
+    return Stored(facts, members)
 
 
-def _check_facts(facts: Any) -> dict[str, Any]:
+def _files_of(solution: Solution) -> list[RecordedFile]:
+    """The files of a solution's model, where they are now."""
+    if solution.model is None:
+        return []
+    beside = Path(solution.directory) / solution.model if solution.directory else None
+    if beside is None or not beside.is_file():
+        # By name: nothing here is imported from the layers above.
+        beside = import_module("stc.models").locate(solution.model)
+    return [] if beside is None else record(beside)
+
+
+def files_of(stored: Stored) -> list[RecordedFile]:
+    """The files that a stored solution depends on.
+
+    Raises:
+        SolutionError: what is carried is not what its hash says.
+    """
+    from stc.digests import sha256
+
+    found = []
+    for k, known in enumerate(stored.facts["files"]):
+        content = stored.vector(f"files/{k}").astype(np.uint8).tobytes() if known["carried"] else None
+        file = RecordedFile(
+            str(known["role"]), str(known["path"]), str(known["sha256"]), int(known["bytes"]), content
+        )
+        if file.role != ("part" if k else "model"):
+            raise SolutionError(f"the file was altered: {file.path} is said to be its model's {file.role}")
+        if content is not None and sha256(content).hexdigest() != file.sha256:
+            raise SolutionError(
+                f"the file was altered: {file.path}, which it carries, does not match its hash"
+            )
+        found.append(file)
+    return found
+
+
+def check_facts(facts: Any) -> dict[str, Any]:
+    """The facts of a file, if they are those of a solution that this version reads.
+
+    Raises:
+        SolutionError: they are not.
+    """
     if not isinstance(facts, dict) or facts.get("kind") != "stc solution":
         raise SolutionError("this is not a solution file")
     if not isinstance(facts.get("format"), int):
@@ -188,199 +301,24 @@ def _check_facts(facts: Any) -> dict[str, Any]:
             f"the file has format {facts['format']}, written by stc {facts.get('stc_version', '?')}; "
             f"this version reads up to format {FORMAT}: install a newer stc"
         )
+    if facts.get("trials", [""]) != [""]:
+        raise SolutionError(
+            "the file holds several motions, which this version does not read: install a newer stc"
+        )
     return facts
 
 
-def _channels(solution: Solution) -> Iterator[tuple[str, Channel]]:
-    """Every channel with its place in the archive."""
-    for (name, order), channel in solution.trajectories.items():
-        yield f"trajectory/{name}{chr(39) * order}", channel
-    for index, line in enumerate(solution.replay):
-        for part in _PARTS:
-            channel = getattr(line, part)
-            if channel is not None:
-                yield f"replay/{index}/{part}", channel
+# --- npz -----------------------------------------------------------------------------------------------------
 
 
-def _assemble(
-    facts: dict[str, Any],
-    time: FloatArray,
-    channel: Callable[[str], Channel],
-    vector: Callable[[str], FloatArray],
-) -> Solution:
-    """The solution from its facts and from functions that find channels and vectors by their place."""
-    replay = []
-    for index, line in enumerate(facts["replay"]):
-        parts = {part: channel(f"replay/{index}/{part}") for part in line["parts"]}
-        replay.append(ReplayChannel(line["kind"], tuple(line["path"]), **parts))
-    multipliers = [
-        MultiplierBlock(
-            block["kind"],
-            block["label"],
-            vector(f"multipliers/{index}/nodes"),
-            vector(f"multipliers/{index}/sides").astype(np.int8),
-            vector(f"multipliers/{index}/values"),
-        )
-        for index, block in enumerate(facts["multipliers"])
-    ]
-    facts.setdefault("optimizer", "sqp")  # what files from before there was a choice do not say
-    plain = {key: facts[key] for key in _PLAIN_FACTS}
-    first, last = plain.pop("force_frames")
-    solution = Solution(
-        **plain,
-        force_frames=(int(first), int(last)),
-        time=time,
-        trajectories={
-            (name, order): channel(f"trajectory/{name}{chr(39) * order}")
-            for name, order in facts["trajectories"]
-        },
-        replay=replay,
-        multipliers=multipliers,
-        x=vector("solver/x"),
-        row_multipliers=vector("solver/row_multipliers"),
-        bound_multipliers=vector("solver/bound_multipliers"),
-    )
-    if solution.sha256 != facts["sha256"]:
-        raise SolutionError("the spec's text does not match its hash: the file was altered")
-    if solution.n != facts["n"]:
-        raise SolutionError(f"the file was altered: it tells of {facts['n']} steps and has {solution.n}")
-    if solution.status == "optimal" and not np.isfinite(solution.x).all():
-        raise SolutionError("the file was altered: an optimal solution has no numbers that are not finite")
-    return solution
+def _write_npz(stored: Stored, stream: IO[bytes]) -> None:
+    facts = np.frombuffer(json.dumps(stored.facts).encode(), dtype=np.uint8)
+    npz.save(stream, {"facts": facts, **stored.members})
 
 
-def _vectors(solution: Solution) -> Iterator[tuple[str, FloatArray]]:
-    """Every vector that is not a channel, with its place in the archive."""
-    for key in _VECTORS:
-        yield f"solver/{key}", getattr(solution, key)
-    for index, block in enumerate(solution.multipliers):
-        yield f"multipliers/{index}/nodes", block.nodes
-        yield f"multipliers/{index}/sides", block.sides.astype(np.float64)
-        yield f"multipliers/{index}/values", block.values
-
-
-# --- npz ---------------------------------------------------------------------------------------------------
-
-
-def _write_npz(solution: Solution, stream: IO[bytes]) -> None:
-    text = json.dumps(_facts(solution)).encode()
-    arrays: dict[str, Any] = {"facts": np.frombuffer(text, dtype=np.uint8), "time": solution.time}
-    for place, channel in _channels(solution):
-        arrays[f"{place}/before"] = channel.before
-        if channel.jumps:
-            arrays[f"{place}/after"] = channel.after
-        if channel.mid is not None:
-            arrays[f"{place}/mid"] = channel.mid
-    arrays.update(_vectors(solution))
-    npz.save(stream, arrays)
-
-
-def _read_npz(path: Path) -> Solution:
-    import zipfile
-
-    if path.is_file() and not zipfile.is_zipfile(path):  # NumPy would advise to load it unsafely
-        raise zipfile.BadZipFile("it is no zip archive")
-    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-        if "facts" not in archive.files:
-            raise SolutionError("this is not a solution file")
-        facts = _check_facts(json.loads(archive["facts"].tobytes().decode()))
-        names = set(archive.files)
-
-        def array(name: str) -> FloatArray:
-            if name not in names:
-                raise SolutionError(f"the file is damaged: {name} is missing")
-            return np.asarray(archive[name], dtype=np.float64)
-
-        def channel(place: str) -> Channel:
-            before = array(f"{place}/before")
-            after = array(f"{place}/after") if f"{place}/after" in names else before
-            mid = array(f"{place}/mid") if f"{place}/mid" in names else None
-            return Channel(before, after, mid)
-
-        return _assemble(facts, array("time"), channel, array)
-
-
-# --- csv ---------------------------------------------------------------------------------------------------
-
-
-def _write_csv(solution: Solution, stream: IO[bytes]) -> None:
-    import csv
-
-    channels = list(_channels(solution))
-    split = np.zeros(solution.n + 1, dtype=bool)
-    for _, channel in channels:
-        split |= ~((channel.before == channel.after) | (np.isnan(channel.before) & np.isnan(channel.after)))
-    rows = io.StringIO()
-    table = csv.writer(rows, lineterminator="\n")
-    table.writerow(["node", "time", *(_column(solution, place) for place, _ in channels)])
-    mids = [c.mid for _, c in channels if c.mid is not None]
-    for k, time in enumerate(solution.time):
-        sides = ("before", "after") if split[k] else ("frame",)
-        for side in sides:
-            values = [(c.after if side == "after" else c.before)[k] for _, c in channels]
-            table.writerow([side, repr(float(time)), *(repr(float(v)) for v in values)])
-        if mids and k < solution.n:
-            middle = 0.5 * (time + solution.time[k + 1])
-            table.writerow(["mid", repr(float(middle)), *(repr(float(m[k])) for m in mids)])
-    content = rows.getvalue()
-    facts = {**_facts(solution), "rows": content.count("\n") - 1}
-    head = [f"# facts {json.dumps(facts)}\n"]
-    head += [f"# {place} {json.dumps(vector.tolist())}\n" for place, vector in _vectors(solution)]
-    stream.write(("".join(head) + content).encode())
-
-
-def _column(solution: Solution, place: str) -> str:
-    """The heading of a channel: ``x'``, or for replay lines ``joint x``, ``joint x rate``."""
-    first, rest = place.split("/", 1)
-    if first == "trajectory":
-        return rest
-    index, part = rest.split("/")
-    line = solution.replay[int(index)]
-    return f"{line.kind} {line.name}" + ("" if part == "value" else f" {part}")
-
-
-def _read_csv(path: Path) -> Solution:
-    import csv
-
-    facts: Any = None
-    vectors: dict[str, FloatArray] = {}
-    text = path.read_text()
-    lines = text.splitlines()
-    start = 0
-    while start < len(lines) and lines[start].startswith("#"):
-        place, _, content = lines[start][1:].strip().partition(" ")
-        if place == "facts":
-            facts = json.loads(content)
-        else:
-            vectors[place] = np.array(json.loads(content), dtype=np.float64)
-        start += 1
-    facts = _check_facts(facts)
-    rows = list(csv.reader(lines[start:]))
-    if not rows or rows[0][:2] != ["node", "time"]:
-        raise SolutionError("the file is damaged: its table has no heading")
-    # A number that lost its last digits is a number still: only the end of its line tells that it is whole.
-    if "rows" in facts and (len(rows) - 1 != facts["rows"] or not text.endswith("\n")):
-        raise SolutionError(
-            "the file is damaged: rows are missing from its table, or the last one was cut off"
-        )
-    kinds = np.array([row[0] for row in rows[1:]])
-    numbers = np.array([[float(v) for v in row[1:]] for row in rows[1:]])
-    before, after = np.isin(kinds, ("frame", "before")), np.isin(kinds, ("frame", "after"))
-    frames = int(facts["n"]) + 1
-    if numbers.ndim != 2 or np.sum(before) != frames or np.sum(after) != frames:
-        raise SolutionError("the file is damaged: rows are missing from its table")
-    places = [f"trajectory/{name}{chr(39) * order}" for name, order in facts["trajectories"]]
-    places += [f"replay/{k}/{part}" for k, line in enumerate(facts["replay"]) for part in line["parts"]]
-    columns = {place: numbers[:, k + 1] for k, place in enumerate(places)}
-    has_mid = facts["method"] == "hermite-simpson"
-
-    def channel(place: str) -> Channel:
-        column = columns[place]
-        return Channel(column[before], column[after], column[kinds == "mid"] if has_mid else None)
-
-    def vector(place: str) -> FloatArray:
-        if place not in vectors:
-            raise SolutionError(f"the file is damaged: {place} is missing")
-        return vectors[place]
-
-    return _assemble(facts, numbers[before, 0], channel, vector)
+def _read_npz(path: Path) -> Stored:
+    members = npz.load(path)
+    if "facts" not in members:
+        raise SolutionError("this is not a solution file")
+    facts = members.pop("facts")
+    return Stored(check_facts(json.loads(facts.tobytes().rstrip(b"\0").decode())), members)

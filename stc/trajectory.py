@@ -62,6 +62,13 @@ class Channel:
         """Whether any frame has two different values."""
         return self.before is not self.after and not np.array_equal(self.before, self.after, equal_nan=True)
 
+    def frames_apart(self) -> IntArray:
+        """Indices of the frames where the two values differ."""
+        if self.before is self.after:
+            return np.zeros(0, np.intp)
+        both = np.isnan(self.before) & np.isnan(self.after)
+        return np.flatnonzero((self.before != self.after) & ~both)
+
     def held_outside(self, first: int, last: int) -> Channel:
         """The same channel; frames before ``first`` and after ``last`` take the value of that nearest one."""
         frames = np.arange(len(self.before))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -236,3 +237,25 @@ def test_random_motions_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
         (Ending("infeasible", 3.0, 40, 2.0), Ending("optimal", 2.0, 20, 16.0)),
     ]
     assert line("rods", pairs) == "| rods | 4 | 3 | 4 | 1 / 1 / 1 | 0.79 | 8 | 4 to 16 |"
+
+
+def test_the_front_pages_table_is_what_its_script_writes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Row by row, but for the digits: the words, the units and how numbers are written."""
+    monkeypatch.syspath_prepend(str(ROOT))
+    from bench import front_page as front
+
+    tracked = front.Tracked(1.2e-5, 3.4e-5, 0.0056, 0.00078)
+    figures = front.Figures(1e-5, 2e-4, 3e-5, 4e-4, tracked, tracked, 5e-15, 6e-16, 7e-4, 4.0)
+    part = (ROOT / "README.md").read_text(encoding="utf-8").split(front.BEGIN)[1].split(front.END)[0]
+
+    def without_digits(text: str) -> list[str]:
+        cells = re.sub(r"\d+(\.\d+)?(e[-+]?\d+)?", lambda found: "E" if found[2] else "N", text).strip()
+        return cells.splitlines()
+
+    assert without_digits(part) == without_digits(front.table(figures))
+    assert "1.2e-5; 3.4e-5 rad; 0.56 % (0.078 %)" in front.table(figures)
+
+
+def test_the_base_is_told_as_a_share_of_its_way_everywhere() -> None:
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    assert [page.name for page in pages if "share of the jump" in page.read_text(encoding="utf-8")] == []

@@ -7,8 +7,8 @@ import pytest
 from closed_form_motions import solution_of
 
 from stc.between import ELSEWHERE, check_statements
-from stc.origin import problem_of
 from stc.pipeline import load
+from stc.restated import problem_of
 from stc.solution import Solution
 from stc.trajectory import Channel
 from stc.validate.limits import BETWEEN_SHARES

@@ -10,6 +10,8 @@ import pytest
 
 import stc
 from stc.cli import run
+from stc.validate import validate
+from stc.validate.report import Report
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
@@ -122,3 +124,21 @@ def test_the_model_of_ones_own_is_what_its_spec_says(tmp_path: Path, monkeypatch
     assert len(lines) == 4
     for line in lines:
         assert run(line.split()) == 0, line
+
+
+@pytest.mark.nightly
+def test_the_two_legs_hop_on_the_floor_that_the_page_recommends_and_on_no_usual_one(tmp_path: Path) -> None:
+    page, model = (ROOT / "docs/own_model.md").read_text(), (ROOT / "docs/two_legs.xml").read_text()
+    recipe = re.findall(r"^    (<.*>)$", page.split("## Floors")[1], re.MULTILINE)
+    assert len(recipe) == 3 and all(line in model for line in recipe)
+    usual = re.sub(r'<option.*?/>| friction="[^"]*"| solref="[^"]*"', "", model)
+    (tmp_path / "usual.xml").write_text(usual)
+    hop = stc.load(ROOT / "docs/two_legs.stc").solve()
+    assert hop.status == "optimal"
+
+    def share(report: Report) -> float:
+        return max(metric.value for metric in report.metrics if metric.name == "feedback share")
+
+    report = validate(hop)
+    assert report.passed, report
+    assert share(validate(hop, tmp_path / "usual.xml")) > 4.0 * share(report)

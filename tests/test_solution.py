@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -12,8 +13,10 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
 import stc
+from stc.collecting import collect
 from stc.errors import UsageError
-from stc.solution import MultiplierBlock, ReplayChannel, Solution, SolutionError, UnknownNameError, read
+from stc.solution import Solution, SolutionError, UnknownNameError, read
+from stc.solver import Result, Status
 from stc.trajectory import Channel, FloatArray
 
 SPEC = "# a test\nconstants: n = 4;\n"
@@ -196,11 +199,16 @@ def test_contradictions_are_found_when_a_solution_is_made() -> None:
 
 def test_a_failed_solve_may_leave_steps_without_length(tmp_path: Path) -> None:
     """It can be kept, read and resampled by frames; only asking for a time makes no sense."""
-    time = np.array([0.0, 0.0, -1.0])
-    solution = make("trapezoidal", time, {("x", 0): Channel.smooth([1.0, 2.0, 4.0])})
-    solution.save(tmp_path / "a.npz")
+    text = (
+        "constants: n = 2, g = 1; variables: x; parameters: T; definitions: h = T - i; constraints: x' = g;"
+    )
+    problem, transcription = stc.load(text).transcription("trapezoidal")
+    x = np.array([1.0, 0.0, 2.0, 0.0, 4.0, 0.0, 0.0])
+    result = Result(Status.FAILED, x, np.zeros(3), np.zeros(7), *[float("nan")] * 4, 0, 0, "")
+    collect(transcription, result, problem.constants, {}, {}).save(tmp_path / "a.npz")
     again = read(tmp_path / "a.npz")
-    np.testing.assert_allclose(again.at_frame([0.0, 0.5, 1.75])["x"], [1.0, 1.5, 3.5])
+    assert list(again.time) == [0.0, 0.0, -1.0]
+    np.testing.assert_allclose(again.at_frame([0.0, 1.0, 2.0])["x"], [1.0, 2.0, 4.0])
     with pytest.raises(SolutionError, match=r"time does not increase .* step 0 takes 0 s"):
         again.at(0.0)
     assert make("central", np.array([0.0, np.nan]), {}).n == 1
@@ -222,49 +230,39 @@ def test_it_prints_on_one_line() -> None:
     assert repr(solution) == "<Solution of test: optimal, central, n = 4, 1 s, objective 0.333333333>"
 
 
+RICH = """# Größe, 'quoted', "double", back\\slash
+constants: n = 6, g = 9.8, h = 0.1;
+variables: x, f; parameters: T;
+{jumps}
+constraints:
+  x'*x'*T = f;   # a "statement"
+  f <= g;
+  [n]: T*x[0] = x;
+objective: integral(f^2);
+replay: model = "particle.xml"; joint x = x; set body.particle.mass = T;
+"""
+
+
 def rich_solution(method: str) -> Solution:
     """A solution with everything in it: jumps, replay lines, multipliers, odd numbers and letters."""
     rng = np.random.default_rng(7)
-    n = 6
-    time = np.cumsum(rng.uniform(0.01, 0.2, n + 1))
-
-    def channel(jump: bool = False) -> Channel:
-        before = rng.normal(size=n + 1) * 10.0 ** rng.integers(-300, 300, n + 1)
-        after = before.copy()
-        if jump:
-            after[2] += 1e300
-        return Channel(before, after, rng.normal(size=n) if method == "hermite-simpson" else None)
-
-    return Solution(
-        name="bounce",
-        source="# Größe, 'quoted', \"double\", back\\slash\r\n\tconstants: n = 6;\n",
-        directory="/some/where",
-        constants={"n": 6.0, "g": 9.8},
-        overrides={"g": np.float64(9.8)},
-        method=method,
-        time=time,
-        trajectories={("x", 0): channel(), ("x", 1): channel(jump=method != "central"), ("f", 0): channel()},
-        parameters={"T": 1 / 3},
-        status="iteration_limit",
-        message="stopped\nafter two",
+    jumps = "" if method == "central" else "jumps: [2]: x';"
+    problem, transcription = stc.load(RICH.format(jumps=jumps)).transcription(method, g=9.75)
+    size = transcription.layout.size
+    result = Result(
+        status=Status.ITERATION_LIMIT,
+        x=rng.normal(size=size) * 10.0 ** rng.integers(-100, 100, size),
+        row_multipliers=rng.normal(size=transcription.row_count),
+        bound_multipliers=rng.normal(size=size),
         objective=1 / 7,
         violation=float("nan"),
         optimality=1e-12,
+        scaled_optimality=1e-12,
         iterations=3,
         factorizations=4,
-        seconds={"solve": 0.25},
-        x=rng.normal(size=30),
-        row_multipliers=rng.normal(size=12),
-        bound_multipliers=rng.normal(size=30),
-        multipliers=[
-            MultiplierBlock("row", "x'' = f, \"so\"", np.arange(3.0) / 2, np.zeros(3, np.int8), np.ones(3))
-        ],
-        model="particle.xml",
-        replay=[
-            ReplayChannel("joint", ("x",), channel(), channel(), channel()),
-            ReplayChannel("set", ("body", "particle", "mass"), channel()),
-        ],
+        message="stopped\nafter two",
     )
+    return collect(transcription, result, problem.constants, {"g": 9.75}, {"solve": 0.25})
 
 
 def assert_equal(a: object, b: object) -> None:
@@ -297,15 +295,16 @@ def test_files_keep_every_bit(tmp_path: Path, method: str, suffix: str) -> None:
     solution.save(path)
     solution.save(path)  # over itself
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
-    assert_equal(read(path), solution)
+    again = read(path)
+    assert [(file.role, file.path) for file in again.files] == [("model", "particle.xml")]
+    again.files = solution.files  # found when it was saved
+    assert_equal(again, solution)
 
 
 def test_a_csv_reads_as_a_table(tmp_path: Path) -> None:
     rich_solution("hermite-simpson").save(tmp_path / "a.csv")
     rows = [line for line in (tmp_path / "a.csv").read_text().splitlines() if not line.startswith("#")]
-    assert rows[0].startswith(
-        "node,time,x,x',f,joint x,joint x rate,joint x acceleration,set body.particle.mass"
-    )
+    assert rows[0] == "node,x,x',f"
     kinds = [row.split(",")[0] for row in rows[1:]]
     assert kinds == ["frame", "mid", "frame", "mid", "before", "after", "mid", *["frame", "mid"] * 3, "frame"]
 
@@ -331,8 +330,8 @@ def test_damaged_files_are_told_from_good_ones(tmp_path: Path, suffix: str) -> N
             read(path)
 
 
-def test_altered_and_newer_files_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    solution, path = rich_solution("central"), tmp_path / "a.csv"
+def test_altered_and_newer_files_are_refused(tmp_path: Path) -> None:
+    solution, path = rich_solution("trapezoidal"), tmp_path / "a.csv"
     solution.save(path)
     path.write_text(path.read_text().replace("constants: n = 6", "constants: n = 5", 1))
     with pytest.raises(SolutionError, match="does not match its hash"):
@@ -341,26 +340,42 @@ def test_altered_and_newer_files_are_refused(tmp_path: Path, monkeypatch: pytest
     solution.save(archive)
     with np.load(archive) as found:
         arrays = dict(found)
-    short = json.dumps({**json.loads(arrays["facts"].tobytes()), "n": solution.n - 1}).encode()
-    np.savez(archive, **{**arrays, "facts": np.frombuffer(short, dtype=np.uint8)})
-    with pytest.raises(SolutionError, match=f"tells of {solution.n - 1} steps and has {solution.n}"):
-        read(archive)
-    good = json.dumps({**json.loads(arrays["facts"].tobytes()), "status": "optimal"}).encode()
-    arrays["facts"] = np.frombuffer(good, dtype=np.uint8)
-    np.savez(archive, **arrays)
-    assert read(archive).status == "optimal"
-    np.savez(archive, **{**arrays, "solver/x": np.full_like(arrays["solver/x"], np.nan)})
-    with pytest.raises(SolutionError, match="no numbers that are not finite"):
-        read(archive)
-    monkeypatch.setattr("stc.solution_file.FORMAT", 99)
-    solution.save(path)
-    monkeypatch.undo()
-    with pytest.raises(SolutionError, match=r"format 99, written by stc .* install a newer stc"):
-        read(path)
+    facts = json.loads(arrays["facts"].tobytes())
+
+    def refused(message: str, more: dict[str, object], **told: object) -> None:
+        text = np.frombuffer(json.dumps({**facts, **told}).encode(), dtype=np.uint8)
+        np.savez(archive, **{**arrays, "facts": text, **more})  # type: ignore[arg-type]
+        with pytest.raises(SolutionError, match=message):
+            read(archive)
+
+    refused("tells of 5 steps, its text of 6", {}, n=5)
+    refused("tells of 6 steps and has 2", {"unknowns/x": np.zeros(3)})
+    refused("no numbers that are not finite", {"unknowns/x": np.full(7, np.nan)}, status="optimal")
+    refused("holds replay/0, which is nothing of this solution", {"replay/0": np.zeros(3)})
+    refused("its unknowns are x, x'; its text states", {}, unknowns=facts["unknowns"][:2])
+    refused("x has two values at frame 3", {}, unknowns=[{"name": "x", "after": [3]}, *facts["unknowns"][1:]])
+    refused("multipliers/0 has 2 numbers where there are 6", {"multipliers/0": np.zeros(2)})
+    block = {"kind": "row", "label": "y = 1"}
+    refused("multipliers of `y = 1`, which its text", {}, multipliers=[block, *facts["multipliers"][1:]])
+    refused("several motions", {}, trials=["one", "other"])
+    content = arrays["files/0"].copy()
+    content[7] ^= 1
+    refused(r"particle\.xml, which it carries, does not match its hash", {"files/0": content})
+    other_text = facts["source"].replace("variables: x,", "variables: y,")
+    digest = hashlib.sha256(other_text.encode()).hexdigest()
+    refused("its text states no motion that this version can read", {}, source=other_text, sha256=digest)
+    refused("format 99, written by stc .* install a newer stc", {}, format=99)
     other = tmp_path / "b.npz"
     np.savez(other, a=np.zeros(3))
     with pytest.raises(SolutionError, match="not a solution file"):
         read(other)
+
+
+def test_a_solution_that_its_text_does_not_state_is_not_saved(tmp_path: Path) -> None:
+    by_hand = make("central", np.linspace(0, 1, 5), {("x", 0): Channel.smooth(np.zeros(5))})
+    with pytest.raises(UsageError, match="the solution of test cannot be saved"):
+        by_hand.save(tmp_path / "a.npz")
+    assert not (tmp_path / "a.npz").exists()
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

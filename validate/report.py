@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from stc.records import dataclass, field
+from stc.validate.claims import Claims
 from stc.validate.metrics import Metric
 
 if TYPE_CHECKING:
@@ -33,6 +34,8 @@ class Report:
         steps: number of time steps of the replay.
         tracked_by: the feedback of the tracked replay, ``LQR`` or ``PD``; "" without one.
         metrics: everything that was measured.
+        claims: what the solution says of itself, recomputed; with what is its own word.
+        faults: what else does not hold, one line each: the model is not the one that was solved for.
         unjudged: names of measurements that could not be made and would be with other motions or models.
         notes: what a reader should know besides.
         seconds: wall time of the validation.
@@ -54,15 +57,22 @@ class Report:
     steps: int
     tracked_by: str = ""
     metrics: Sequence[Metric]
+    claims: Claims = field(default_factory=Claims)
+    faults: Sequence[str] = field(default_factory=list)
     unjudged: Sequence[str] = field(default_factory=list)
     notes: Sequence[str] = field(default_factory=list)
     seconds: float = 0.0
 
     @property
     def passed(self) -> bool:
-        """Whether there is a metric with a limit and every one of them keeps it."""
+        """Whether there is a metric with a limit, every one of them keeps it, and what the solution says holds."""
         verdicts = [metric.verdict for metric in self.metrics]
-        return "pass" in verdicts and "fail" not in verdicts
+        return "pass" in verdicts and "fail" not in verdicts and not self.findings
+
+    @property
+    def findings(self) -> list[str]:
+        """What does not hold of what the solution says and depends on, one line each, the most telling first."""
+        return [*self.claims.findings, *self.faults]
 
     def to_dict(self) -> dict[str, Any]:
         """The report as JSON takes it; values that are not finite are None."""
@@ -83,6 +93,8 @@ class Report:
             "time_step": self.time_step,
             "steps": self.steps,
             "tracked_by": self.tracked_by,
+            "findings": self.findings,
+            "words": dict(self.claims.words),
             "metrics": [metric.to_dict() for metric in self.metrics],
             "unjudged": list(self.unjudged),
             "notes": list(self.notes),
@@ -118,8 +130,12 @@ class Report:
             f"{self.model}, {self.integrator}, {self.steps} time steps of at most {self.time_step:.3g} s",
             style="dim",
         )
+        if self.claims.words:
+            yield Text(f"the solution's own word: {self.claims.told}", style="dim")
         for note in self.notes:
             yield Text(f"note: {note}", style="yellow")
+        for line in self.findings:
+            yield Text(line, style="bold red")
         verdict = "passed" if self.passed else "failed"
         if self.passed and self.unjudged:
             verdict += f"; not judged: {', '.join(self.unjudged)}"

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.arguments import path as file_path
-from stc.records import dataclass
+from stc.recorded_files import changed, unpacked
+from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate.fields import apply_fields, set_fields
 from stc.validate.forces import Attachments, Controls, OuterForces
@@ -51,6 +52,8 @@ class Setup:
         untied: how the joints move that the spec does not tie, once a replay has shown which of them do; None where
             all are tied or it cannot be said.
         unknown: why not, in words; "" elsewhere.
+        faults: where the model is not the one that the motion was solved for, one line each.
+        remarks: what a reader should know of where the model came from.
     """
 
     solution: Solution
@@ -65,6 +68,8 @@ class Setup:
     outputs: list[Output]
     untied: UntiedMotion | None = None
     unknown: str = ""
+    faults: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     def model(self, contacts: bool = True) -> mujoco.MjModel:
         """A copy of the model, whose options may be changed.
@@ -91,7 +96,7 @@ class Setup:
 
     def notes(self) -> list[str]:
         """What the spec leaves out of the model, and where the model will not do what it is told."""
-        notes = []
+        notes = [*self.remarks]
         if self.solution.status != "optimal":
             notes.append(f"the solution is not optimal: {self.solution.status}")
         tied = {tie.name for tie in self.ties}
@@ -124,13 +129,13 @@ def prepare(
         SolutionError: time does not increase along the solution.
     """
     solution.require_increasing_times()
-    path = _path(solution, model, beside)
+    path, carried = _path(solution, model, beside)
     compiled = load_model(path)
     fields = apply_fields(compiled, solution)
     ties = tied_joints(compiled, solution)
     if not ties:
         raise ModelError(f"the replay section of {solution.name} ties no joint: there is nothing to compare")
-    return Setup(
+    setup = Setup(
         solution,
         path,
         compiled,
@@ -142,6 +147,27 @@ def prepare(
         OuterForces(compiled, solution, ("contact",)),
         compared_outputs(compiled, solution),
     )
+    if carried:
+        setup.remarks.append(
+            f"there is no model {solution.model} here: the one that the solution carries is replayed"
+        )
+    elif model is None:
+        setup.faults = model_faults(solution, path)
+    return setup
+
+
+def model_faults(solution: Solution, path: Path) -> list[str]:
+    """A line for a model that is not the one that a motion was solved for; nothing where it is, or is not recorded."""
+    other = changed(solution.files, path)
+    if not other:
+        return []
+    files = ", ".join(other[:3]) + (f" and {len(other) - 3} more" if len(other) > 3 else "")
+    if other == [solution.model] or other == [path.name]:
+        files = path.name
+    return [
+        f"{files} of the model has changed since this motion was solved: solve it again, or name the model that is to "
+        "be replayed"
+    ]
 
 
 def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> None:
@@ -162,9 +188,18 @@ def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> Non
         find_output(model, path)
 
 
-def _path(solution: Solution, model: str | os.PathLike[str] | None, beside: Iterable[str | Path]) -> Path:
+def _path(
+    solution: Solution, model: str | os.PathLike[str] | None, beside: Iterable[str | Path]
+) -> tuple[Path, bool]:
+    """Where the model is, and whether it is the one that the solution carries, where there is no other."""
     if model is not None:
-        return find_model(file_path(model, "the model"), [Path()])
+        return find_model(file_path(model, "the model"), [Path()]), False
     if solution.model is None:
         raise ModelError(f"{solution.name} names no model: add a replay section to the spec to validate it")
-    return find_model(solution.model, [solution.directory, *beside])
+    try:
+        return find_model(solution.model, [solution.directory, *beside]), False
+    except ModelError:
+        carried = unpacked(solution.files)
+        if carried is None:
+            raise
+        return carried, True

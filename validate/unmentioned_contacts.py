@@ -1,4 +1,8 @@
-"""Geoms that touch although the spec has no contact: what they give is in the replay and not in the solution."""
+"""Geoms that touch where the spec has no contact force: what they give is in the replay and not in the solution.
+
+That is so where no ``contact`` line speaks of either body, and on the frames where the force of the lines that do is
+zero, such as those of a foot that swings.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.validate.contact import can_touch
-from stc.validate.contact_meter import contact_jacobian, touchable
+from stc.validate.contact_meter import body_of_line, contact_jacobian, touchable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,32 +32,65 @@ _LOOKED_AT = 500
 #: So many pairs are named.
 _NAMED = 3
 
+#: Of the largest value of a contact line, so much at least is a force.
+_ACTS = 1e-3
 
-def unmentioned_contacts(setup: Setup, motion: Replay) -> tuple[list[str], list[str]]:
-    """Which geoms that tied joints move touch where no ``contact`` line is given, and when first, in words.
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """Geoms that touch where they should not.
+
+    Attributes:
+        line: what touches and when, in words.
+        advice: what to do about it.
+    """
+
+    line: str
+    advice: str
+
+
+def unmentioned_contacts(setup: Setup, motion: Replay) -> tuple[list[Touch], list[Touch]]:
+    """Which geoms that tied joints move touch where the spec has no contact force, and when.
 
     Args:
         setup: the motion.
-        motion: its open-loop replay, which stands for the joints that are not tied.
+        motion: its replay, which stands for the joints that are not tied.
 
     Returns:
         Those that touch in the solved motion, or come so near that they do in the replay; those that do in the replay
-        only, as what goes astray may.
+        only, as what goes astray may.  Nothing where a contact line holds a joint, and not a body: what touches for it
+        is not known.
     """
-    if len(setup.contact) or not can_touch(setup.compiled):
+    if not can_touch(setup.compiled) or any(line.path[0] == "joint" for line in setup.contact.lines):
         return [], []
     model = setup.model()
-    solved = _first_touches(setup, model, _solved_poses(setup, motion))
-    near = _first_touches(setup, touchable(setup.model()), _solved_poses(setup, motion))
-    replayed = _first_touches(setup, model, _replayed_poses(motion))
-    only = {pair: time for pair, time in replayed.items() if pair not in solved}
-    hit = {pair: time for pair, time in only.items() if pair in near}
-    astray = {pair: time for pair, time in only.items() if pair not in near}
+    solved = _touches(setup, model, _solved_poses(setup, motion))
+    near = _touches(setup, touchable(setup.model()), _solved_poses(setup, motion))
+    replayed = _touches(setup, model, _replayed_poses(motion))
+    only = {pair: times for pair, times in replayed.items() if pair not in solved}
+    hit = {pair: times for pair, times in only.items() if pair in near}
+    astray = {pair: times for pair, times in only.items() if pair not in near}
     in_replay = "touch in the replay, not in the solution,"
     return (
-        [*_sentences(model, solved, "touch"), *_sentences(model, hit, f"come within 1 mm and {in_replay}")],
-        _sentences(model, astray, in_replay),
+        [*_told(setup, solved, "touch"), *_told(setup, hit, f"come within 1 mm and {in_replay}")],
+        _told(setup, astray, in_replay),
     )
+
+
+def _acting(setup: Setup) -> dict[int, np.ndarray]:
+    """Per body with contact lines, by the first of those that are welded to it: (n+1,) whether their force acts at a
+    frame or at one beside it."""
+    found: dict[int, np.ndarray] = {}
+    for line in setup.contact.lines:
+        sides = [line.value.before, line.value.after]
+        if line.value.mid is not None:
+            sides += [np.append(line.value.mid, 0.0), np.append(0.0, line.value.mid)]
+        size = np.max(np.abs(sides), axis=0)
+        acts = np.pad(size > _ACTS * size.max(initial=0.0), 1)
+        body = setup.compiled.body_weldid[body_of_line(setup.compiled, line.path[0], line.path[1])]
+        known = found.setdefault(int(body), np.zeros(len(size), bool))
+        known |= acts[:-2] | acts[1:-1] | acts[2:]
+    return found
 
 
 def _solved_poses(setup: Setup, motion: Replay) -> Iterator[tuple[float, FloatArray]]:
@@ -76,44 +114,72 @@ def _replayed_poses(motion: Replay) -> Iterator[tuple[float, FloatArray]]:
         yield float(motion.time[at]), motion.path[at]
 
 
-def _first_touches(
+def _touches(
     setup: Setup, model: mujoco.MjModel, poses: Iterator[tuple[float, FloatArray]]
-) -> dict[tuple[int, int], float]:
-    """Pairs of geoms that touch as a tied joint moves them, and the time in s of the first pose in which they do."""
+) -> dict[tuple[int, int], list[float]]:
+    """Pairs of geoms that touch where no contact force acts, as a tied joint moves them, and when, in s."""
     import mujoco
 
-    data = mujoco.MjData(model)
-    first: dict[tuple[int, int], float] = {}
+    data, acting, ends = mujoco.MjData(model), _acting(setup), setup.solution.time
+    found: dict[tuple[int, int], list[float]] = {}
     for time, pose in poses:
         data.qpos[:] = pose
         mujoco.mj_fwdPosition(model, data)
+        frame = int(np.clip(np.searchsorted(ends, time, side="right") - 1, 0, len(ends) - 1))
+        meant = {body for body, acts in acting.items() if acts[frame : frame + 2].any()}
         for number, contact in enumerate(data.contact):
             if contact.exclude or contact.dist > contact.includemargin - _TOUCHES or min(contact.geom) < 0:
                 continue
+            if not meant.isdisjoint(int(model.body_weldid[model.geom_bodyid[geom]]) for geom in contact.geom):
+                continue
             if contact_jacobian(model, data, number)[0][:, setup.reference.velocities].any():
-                first.setdefault((int(contact.geom[0]), int(contact.geom[1])), time)
-    return first
-
-
-def _sentences(model: mujoco.MjModel, touches: dict[tuple[int, int], float], what: str) -> list[str]:
-    found = [
-        f"geoms {_title(model, a)} and {_title(model, b)} {what} at t = {time:.4g} s, which no `contact` line mentions"
-        for (a, b), time in touches.items()
-    ]
-    if len(found) > _NAMED:
-        found = [
-            *found[:_NAMED],
-            f"{len(found) - _NAMED} more pairs of geoms {what} where no line mentions it",
-        ]
+                times = found.setdefault((int(contact.geom[0]), int(contact.geom[1])), [])
+                if not times or times[-1] != time:
+                    times.append(time)
     return found
+
+
+def _told(setup: Setup, touches: dict[tuple[int, int], list[float]], what: str) -> list[Touch]:
+    model, lifted = setup.compiled, {int(body) for body in _acting(setup)}
+    found = []
+    for (a, b), times in touches.items():
+        names = f"geoms {_title(model, a)} and {_title(model, b)}"
+        own = next((g for g in (a, b) if int(model.body_weldid[model.geom_bodyid[g]]) in lifted), None)
+        if own is None:
+            found.append(
+                Touch(
+                    f"{names} {what} at t = {times[0]:.4g} s, which no `contact` line mentions",
+                    "keep them apart, or state the force between them and hand it over with `contact` lines under "
+                    "replay:",
+                )
+            )
+            continue
+        first, last = _stretch(setup, times)
+        frames = f"frames {first} to {last}" if last > first else f"frame {first}"
+        body = model.body(int(model.geom_bodyid[own])).name or "without a name"
+        found.append(
+            Touch(
+                f"{names} {what} in {frames}, from t = {times[0]:.4g} s on, where the solved contact force on body "
+                f"{body} is zero",
+                f"keep them apart there, by more `clearance` in the `contact:` section or by a line such as "
+                f"`[{first}, {last}]: z >= 0.01;` on the height z of the lowest point of {_title(model, own)}, or let "
+                "the contact act there",
+            )
+        )
+    if len(found) > _NAMED:
+        more = f"{len(found) - _NAMED} more pairs of geoms {what} where no contact force acts"
+        found = [*found[:_NAMED], Touch(more, "keep them apart as well")]
+    return found
+
+
+def _stretch(setup: Setup, times: list[float]) -> tuple[int, int]:
+    """First and last frame of the first stretch of poses that touch, without a frame between them that does not."""
+    frames = np.searchsorted(setup.solution.time, np.array(times) + 1e-9, side="right") - 1
+    gaps = np.flatnonzero(np.diff(frames) > 1)
+    return int(frames[0]), int(frames[gaps[0]] if len(gaps) else frames[-1])
 
 
 def _title(model: mujoco.MjModel, geom: int) -> str:
     """A geom's name, or the body that it is of."""
-    import mujoco
-
-    name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom)
-    if name:
-        return str(name)
-    body = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, int(model.geom_bodyid[geom]))
-    return f"{geom} (of {body})" if body else str(geom)
+    name, body = model.geom(geom).name, model.body(int(model.geom_bodyid[geom])).name
+    return str(name) if name else f"{geom} (of {body})" if body else str(geom)

@@ -15,6 +15,7 @@ from stc.errors import StcError, UsageError
 from stc.records import dataclass, field
 from stc.solution import Solution, read
 from stc.validate import limits
+from stc.validate.claims import Claims
 from stc.validate.contact import contact_metrics, friction_note, missing_contacts
 from stc.validate.contact_cones import beyond_contacts
 from stc.validate.contact_forces import ContactForces, contact_force_metrics, contact_forces, windows_of
@@ -33,7 +34,7 @@ from stc.validate.setup import Setup, prepare
 from stc.validate.solved_pose import equality_metrics, limit_metrics
 from stc.validate.statements import StatementCheck, statement_metrics
 from stc.validate.tracking import Feedback, contact_effort, proportional, regulator, strengths
-from stc.validate.unmentioned_contacts import unmentioned_contacts
+from stc.validate.unmentioned_contacts import Touch, unmentioned_contacts
 from stc.validate.untied import unknown_forces, untied_motion
 from stc.validate.warnings import caught_warnings
 
@@ -54,7 +55,8 @@ class Replays:
         tracked_by: ``LQR``, ``PD`` or "".
         external: open loop with the solved contact forces in place of the model's contacts; None without any.
         ground: the contact forces, solved and as MuJoCo found them in the open-loop replay.
-        touching: geoms that touch where the spec has no contact, in words.
+        touching: geoms that touch in the motion where the spec has no contact force.
+        strays: the same of those that do in a replay only.
         notes: what was noticed on the way.
     """
 
@@ -65,7 +67,8 @@ class Replays:
     tracked_by: str = ""
     external: Replay | None = None
     ground: list[ContactForces] = field(default_factory=list)
-    touching: list[str] = field(default_factory=list)
+    touching: list[Touch] = field(default_factory=list)
+    strays: list[Touch] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
@@ -122,8 +125,10 @@ def examine(
     started = time.perf_counter()
     with caught_warnings() as warnings:
         setup = open_setup(solution, model, force=force)
+        # By name: nothing here is imported from the layers above.
+        claims: Claims = import_module("stc.judging").judge(setup.solution)
         replays = run_replays(setup, time_step, integrator, tracked)
-        report = _judge(replays, statements)
+        report = _judge(replays, statements, claims)
     report.notes = [*report.notes, *warnings]
     report.seconds = time.perf_counter() - started
     return report, replays
@@ -152,7 +157,12 @@ def open_setup(
         raise NotOptimalError(
             f"the solution of {solution.name} is not validated: its status is {solution.status}, not optimal"
         )
-    return prepare(solution, model, beside)
+    setup = prepare(solution, model, beside)
+    if beside and model is None and not solution.files:
+        setup.remarks.append(
+            "the file does not say which model it was made for: the one that is here is replayed"
+        )
+    return setup
 
 
 def run_replays(
@@ -169,10 +179,13 @@ def run_replays(
     if found.open_loop.broke_at is not None:
         found.notes.append(f"the simulation left all bounds by t = {found.open_loop.broke_at:g} s")
     setup.untied, setup.unknown = untied_motion(setup, found.open_loop.path)
-    found.touching, strays = unmentioned_contacts(setup, found.open_loop)
-    found.notes += [*found.touching, *strays]
     if tracked:
         _track(found, time_step, integrator)
+    # On the ground it is the tracked replay that stays near the motion.
+    judged = found.tracked if len(setup.contact) and found.tracked is not None else found.open_loop
+    found.touching, found.strays = unmentioned_contacts(setup, judged)
+    if not len(setup.contact):
+        found.notes += [touch.line for touch in [*found.touching, *found.strays]]
     if len(setup.contact):
         found.external = replay(setup, time_step, integrator, external=True)
         found.ground = contact_forces(setup, found.open_loop, meter)
@@ -210,14 +223,14 @@ def _track(found: Replays, time_step: float, integrator: str) -> None:
             break
 
 
-def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
+def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claims) -> Report:
     """The report but for warnings and wall time."""
     import mujoco
 
     setup, motion = replays.setup, replays.open_loop
     solution = setup.solution
     inverse = inverse_dynamics(setup)
-    metrics = _open_loop_metrics(replays)
+    metrics = [*claims.metrics, *_open_loop_metrics(replays)]
     tracked = _tracked_metrics(replays, 0.0 if inverse is None else inverse.scale)
     if setup.compiled.na and tracked:
         tracked = [metric.without_limit() for metric in tracked]
@@ -264,8 +277,10 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
         steps=motion.steps,
         tracked_by=replays.tracked_by,
         metrics=metrics,
+        claims=claims,
+        faults=setup.faults,
         unjudged=unjudged,
-        notes=[*setup.notes(), *replays.notes],
+        notes=[*claims.notes, *setup.notes(), *replays.notes],
     )
 
 

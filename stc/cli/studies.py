@@ -43,8 +43,8 @@ def subject(target: str, options: SolveOptions) -> tuple[Model, str | None]:
     """The spec that is meant, that of a solution included, and its method."""
     if not is_solution(target):
         return load(target, options.constants), options.method
-    from stc.origin import source_of
     from stc.pipeline import Model
+    from stc.restated import source_of
     from stc.solution import read
 
     path = existing_solution(target)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from stc.errors import StcError
-from stc.origin import problem_of
+from stc.restated import problem_of
 from stc.solution import Solution
 from stc.studies.equation_report import EquationReport
 from stc.studies.equations import check_equations

@@ -9,6 +9,7 @@ layout          positions in the decision vector
 schemes         stencils, links and quadrature weights as data
 lower           expressions of the spec as expressions of decision variables
 statements      relations into rows and bounds, the objective into weighted sums
+stated          the problem on its frames: all of the above
 assemble        groups, kernels' tapes, index tables, sparsity
 guess           the starting point
 bind            the nonlinear program with its numbers

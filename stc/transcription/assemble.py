@@ -38,6 +38,7 @@ from stc.transcription.derive import (
 )
 from stc.transcription.gather import Folding
 from stc.transcription.grid import IntArray
+from stc.transcription.grouping import build_groups, number_rows
 from stc.transcription.layout import Layout
 from stc.transcription.statements import Statements
 
@@ -194,16 +195,6 @@ class Program:
     fixed_curvature: NDArray[np.bool_]
 
 
-def build_groups(statements: Statements) -> list[Group]:
-    """Statements by the nodes they stand on, in order of appearance."""
-    found: dict[bytes, Group] = {}
-    for row in statements.rows:
-        found.setdefault(row.nodes.key(), Group(row.nodes, [], [])).rows.append(row)
-    for summand in statements.summands:
-        found.setdefault(summand.nodes.key(), Group(summand.nodes, [], [])).summands.append(summand)
-    return list(found.values())
-
-
 def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -> Program:
     """Derives every group and lays out workspace, buffers and sparsity.
 
@@ -219,7 +210,8 @@ def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -
         group.positions = np.array(
             [layout.position(k, group.nodes) for k in group.unknown], np.int64
         ).reshape(len(group.unknown), group.size)
-    row_stage, row_group, row_number, row_instance, row_linear = _number_rows(groups)
+    row_stage, row_group, row_number, row_instance = number_rows(groups)
+    row_linear = _linear(groups, row_group, row_number)
     m, n = len(row_stage), layout.size
     at = n + m
     data_start, inputs = [], []
@@ -320,36 +312,8 @@ def _starts(groups: Sequence[Group], tapes: Sequence[Tape], at: int = 0) -> tupl
     return starts, at
 
 
-def _number_rows(
-    groups: Sequence[Group],
-) -> tuple[NDArray[np.int32], IntArray, IntArray, IntArray, NDArray[np.bool_]]:
-    """Numbers the rows frame by frame, in order of time and then of appearance."""
-    frames, owner, number, instance = [], [], [], []
-    for g, group in enumerate(groups):
-        r, k = len(group.rows), group.size
-        frames.append(np.tile(group.nodes.frame, r))
-        owner.append(np.full(r * k, g))
-        number.append(np.repeat(np.arange(r), k))
-        instance.append(np.tile(np.arange(k), r))
-    if not frames or not sum(map(len, frames)):
-        for group in groups:
-            group.row_ids = np.zeros((0, group.size), np.int64)
-        empty = np.zeros(0, np.int64)
-        return empty.astype(np.int32), empty, empty, empty, np.zeros(0, bool)
-    frame, group_of, number_of, instance_of = map(np.concatenate, (frames, owner, number, instance))
-    order = np.argsort(frame, kind="stable")
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    at = 0
-    for group in groups:
-        r, k = len(group.rows), group.size
-        group.row_ids = rank[at : at + r * k].reshape(r, k)
-        at += r * k
-    linear = np.concatenate([np.repeat(np.array(g.programs.degrees, np.int64) <= 1, g.size) for g in groups])
-    return (
-        frame[order].astype(np.int32),
-        group_of[order],
-        number_of[order],
-        instance_of[order],
-        linear[order],
-    )
+def _linear(groups: Sequence[Group], row_group: IntArray, row_number: IntArray) -> NDArray[np.bool_]:
+    """Which rows are affine, (m,), given the group of each and its number there."""
+    degrees = np.concatenate([np.zeros(0, np.int64), *(g.programs.degrees for g in groups)])
+    first = np.cumsum([0, *(len(group.rows) for group in groups)])
+    return np.asarray(degrees[first[row_group] + row_number] <= 1)

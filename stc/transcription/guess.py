@@ -7,7 +7,7 @@ nothing is pinned.  Derivatives that are unknowns of their own start from differ
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +36,12 @@ if TYPE_CHECKING:
     from stc.solution import Solution
 
 FloatArray = NDArray[np.float64]
+
+#: A motion whose duration nobody has guessed may last so many seconds, at least and at most.
+_SHORTEST, _LONGEST = 0.1, 10.0
+
+#: So many starts are tried to find such a duration.
+_MOST_STARTS = 6
 
 
 def starting_point(
@@ -73,12 +79,16 @@ def starting_point(
     h = steps.lengths(coefficients, values)
     if grid.n and not (h > 0).all():
         bad = int(np.flatnonzero(~(h > 0))[0])
-        names = " and ".join(f"`{parameter}`" for parameter in steps.parameters)
-        hint = (
-            f"give {names} a guess that makes every step positive"
-            if names
-            else "the time from a frame to the next"
-        )
+        free = [parameter.name for parameter in steps.parameters]
+        unguessed = [
+            name
+            for name in free
+            if name not in {guess.name for guess in problem.guesses}
+            and (given is None or given.parameter(name) is None)
+        ]
+        hint = "the time from a frame to the next"
+        if free:
+            hint = _step_hint(steps, coefficients, values, unguessed or free)
         message = f"the step from frame {bad} to {bad + 1} starts at {h[bad]:g}; it must be positive"
         raise SpecError([Diagnostic("error", message, problem.step_span, hint)])
     time = np.concatenate([[0.0], np.cumsum(h)])
@@ -190,6 +200,27 @@ def _written(
             at_frames[nodes.frame[~half]] = value[~half]
             at_mids[nodes.frame[half]] = value[half]
     return result
+
+
+def _step_hint(
+    steps: Steps, coefficients: FloatArray, values: Mapping[object, float], names: Sequence[str]
+) -> str:
+    """What to write where a step starts at no positive length because of the start of some parameters.
+
+    The line that is proposed has every step positive and the whole motion last some seconds, if such values are found.
+    """
+    starts = [1.0, 10.0, 100.0]
+    for start in starts:
+        lengths = steps.lengths(coefficients, {**values, **{ParameterRef(name): start for name in names}})
+        if not (lengths > 0).all():
+            continue
+        total = float(lengths.sum())
+        if _SHORTEST <= total <= _LONGEST:
+            line = " ".join(f"{name} = {start:g};" for name in names)
+            return f"write `guess: {line}`, or any other start that makes every step positive"
+        if len(starts) < _MOST_STARTS and np.isfinite(total):
+            starts.append(float(f"{start / total:.1g}"))  # a second where steps grow as their parameters do
+    return f"give {' and '.join(f'`{name}`' for name in names)} a guess that makes every step positive"
 
 
 def _no_value(guess: Guess, frame: float | None) -> EvaluationError:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from stc.arrays import distinct
 from stc.solution import MultiplierBlock
 from stc.transcription.grid import AFTER, BEFORE, IntArray, Nodes
+from stc.transcription.stated import Stated
 from stc.transcription.statements import LINK
-from stc.transcription.transcription import Transcription
 
 FloatArray = NDArray[np.float64]
 
@@ -27,16 +27,16 @@ Places = tuple[str, Nodes, IntArray]
 """A name, nodes in order of time, and positions in the decision vector."""
 
 
-def rows_by_statement(transcription: Transcription) -> dict[Statement, Rows]:
-    """The rows of every statement that has some; found once per transcription."""
-    known: dict[Statement, Rows] = transcription.remembered("rows by statement", _rows_by_statement)
+def rows_by_statement(stated: Stated) -> dict[Statement, Rows]:
+    """The rows of every statement that has some; found once."""
+    known: dict[Statement, Rows] = stated.remembered("rows by statement", _rows_by_statement)
     return known
 
 
-def _rows_by_statement(transcription: Transcription) -> dict[Statement, Rows]:
-    problem = transcription.problem
+def _rows_by_statement(stated: Stated) -> dict[Statement, Rows]:
+    problem = stated.problem
     parts: dict[Statement, list[Rows]] = {}
-    for group in transcription.program.groups:
+    for group in stated.groups:
         for r, row in enumerate(group.rows):
             ids = group.row_ids[r]
             if row.label:
@@ -57,14 +57,14 @@ def _rows_by_statement(transcription: Transcription) -> dict[Statement, Rows]:
     return found
 
 
-def bound_nodes(transcription: Transcription) -> list[Places]:
-    """Where every variable and parameter is; found once per transcription."""
-    known: list[Places] = transcription.remembered("bound nodes", lambda found: list(_bound_nodes(found)))
+def bound_nodes(stated: Stated) -> list[Places]:
+    """Where every variable and parameter is; found once."""
+    known: list[Places] = stated.remembered("bound nodes", lambda found: list(_bound_nodes(found)))
     return known
 
 
-def _bound_nodes(transcription: Transcription) -> Iterator[Places]:
-    layout = transcription.layout
+def _bound_nodes(stated: Stated) -> Iterator[Places]:
+    layout = stated.layout
     for name, order, before, after, middle in layout.slots():
         frames = np.arange(len(before))
         two = before != after
@@ -80,10 +80,10 @@ def _bound_nodes(transcription: Transcription) -> Iterator[Places]:
 
 
 def multiplier_blocks(
-    transcription: Transcription, row_multipliers: FloatArray, bound_multipliers: FloatArray
+    stated: Stated, row_multipliers: FloatArray, bound_multipliers: FloatArray
 ) -> list[MultiplierBlock]:
     """One block per statement with rows, per link and per bounded variable that has a multiplier."""
-    rows, bounds = transcription.remembered("multiplier blocks", _blocks)
+    rows, bounds = stated.remembered("multiplier blocks", _blocks)
     result = [_filled(block, row_multipliers[ids]) for block, ids in rows]
     for block, position in bounds:
         values = bound_multipliers[position]
@@ -96,14 +96,14 @@ Blocks = list[tuple[MultiplierBlock, IntArray]]
 """Blocks without values, and where these are in a vector of multipliers."""
 
 
-def _blocks(transcription: Transcription) -> tuple[Blocks, Blocks]:
+def _blocks(stated: Stated) -> tuple[Blocks, Blocks]:
     """Those of rows and those of bounds."""
     return (
         [
             (_block(kind, label, nodes), ids)
-            for (kind, label), (nodes, ids, _) in rows_by_statement(transcription).items()
+            for (kind, label), (nodes, ids, _) in rows_by_statement(stated).items()
         ],
-        [(_block("bound", label, nodes), at) for label, nodes, at in bound_nodes(transcription)],
+        [(_block("bound", label, nodes), at) for label, nodes, at in bound_nodes(stated)],
     )
 
 

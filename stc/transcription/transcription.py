@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,10 @@ from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, symbols
 from stc.transcription.assemble import Program, assemble
 from stc.transcription.bind import BoundProgram, Bounds, Numbers, evaluate_bounds
-from stc.transcription.grid import Grid
+from stc.transcription.derive import Group
 from stc.transcription.guess import starting_point
-from stc.transcription.layout import Layout
-from stc.transcription.lower import Expander, Lowering
-from stc.transcription.recover import Recovery
-from stc.transcription.statements import LINK, Sorter, Statements, highest_orders
-from stc.transcription.steps import Steps
+from stc.transcription.stated import Stated, state
+from stc.transcription.statements import LINK
 
 if TYPE_CHECKING:
     from stc.guess_file import GivenValues
@@ -54,31 +51,23 @@ class _Known:
 
 
 @dataclass(slots=True)
-class Transcription:
-    """Everything derived from a problem's text and structural constants.
+class Transcription(Stated):
+    """A stated problem with its derivatives: everything derived from its text and structural constants.
 
     ``kernels`` holds the compiled values kernels, then the derivatives kernels, one of each per group;
     ``seconds`` has ``derive`` and ``compile``.
     """
 
-    problem: Problem
-    grid: Grid
-    layout: Layout
-    steps: Steps
-    lowering: Lowering
-    statements: Statements
     program: Program
     tapes: list[Tape]
     kernels: KernelSet | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     _bound: _Known | None = None
-    _remembered: dict[str, Any] = field(default_factory=dict, repr=False)
 
-    def remembered(self, name: str, find: Callable[[Transcription], Any]) -> Any:
-        """What ``find`` returns for this transcription, called once."""
-        if name not in self._remembered:
-            self._remembered[name] = find(self)
-        return self._remembered[name]
+    @property
+    def groups(self) -> list[Group]:
+        """The rows and summands by the nodes that they stand on, with what they are derived to."""
+        return self.program.groups
 
     def compile(self, backend: Backend = "auto", cache: bool = True, at_once: bool = True) -> None:
         """Compiles the kernels, or takes them from the object cache.
@@ -197,18 +186,6 @@ class Transcription:
         wrong = np.flatnonzero(~(lengths > 0.0))
         return (int(wrong[0]), float(lengths[wrong[0]])) if wrong.size else None
 
-    def recovery(self, x: FloatArray, constants: Mapping[str, float] | None = None) -> Recovery:
-        """Reads node values off a decision vector."""
-        return Recovery(
-            self.problem,
-            self.grid,
-            self.layout,
-            self.steps,
-            self.lowering,
-            self.problem.constants if constants is None else constants,
-            x,
-        )
-
     def _check_steps(self, bounds: Bounds) -> None:
         """Refuse statements that no positive steps can meet.
 
@@ -289,23 +266,12 @@ def transcribe(problem: Problem) -> Transcription:
         SpecError: a statement holds on no frame, or a step's form is not supported.
     """
     begin = time.perf_counter()
-    grid = Grid(problem)
-    expand = Expander(problem, grid)
-    steps = Steps(problem, grid, expand)
-    bodies: list[Expr] = []
-    stated = [(r.body, r.range) for r in problem.relations] + [(o.body, o.range) for o in problem.objective]
-    for body, where in stated:
-        bodies += [expanded for expanded, _ in expand(body, grid.nodes(where))]
-    if problem.method == "central":
-        orders = dict.fromkeys(problem.variables, 0)
-    else:
-        orders = highest_orders(problem, bodies)
-    layout = Layout(problem, grid, orders)
-    lowering = Lowering(problem, grid, layout, steps)
-    statements = Sorter(problem, grid, lowering).run()
-    program = assemble(statements, layout, list(problem.constants))
+    stated = state(problem)
+    program = assemble(stated.statements, stated.layout, list(problem.constants))
     programs = [g.programs for g in program.groups]
     tapes = [one.values_tape for one in programs] + [one.derivatives_tape for one in programs]
-    result = Transcription(problem, grid, layout, steps, lowering, statements, program, tapes)
+    result = Transcription(
+        problem, stated.grid, stated.layout, stated.steps, stated.lowering, stated.statements, program, tapes
+    )
     result.seconds["derive"] = time.perf_counter() - begin
     return result

@@ -9,15 +9,13 @@ from collections.abc import Callable
 from typing import Any
 
 from stc.viewer.constants import Constant
+from stc.viewer.layout import arrange
 from stc.viewer.player import Frame, Player
 from stc.viewer.report import progress, refusal, simulation, summary
 from stc.viewer.timeline import SPEEDS
 
-#: Title of the panel, and its size in pixels where it floats.
-TITLE, _WIDTH, _HEIGHT = "stc", 330.0, 640.0
-
-#: So many pixels of the picture's left does it cover at first.
-COVERED = 8.0 + _WIDTH
+#: Title of the panel.
+TITLE = "stc"
 
 _RED, _GREY = (0.90, 0.25, 0.20, 1.0), (0.50, 0.50, 0.50, 1.0)
 
@@ -38,12 +36,18 @@ class Panel:
         """
         self._player, self._save = player, save
         self._typed: dict[str, float] = {}
+        self._size = (0.0, 0.0)
         self.note = ""
 
     def build_gui(self, imgui: Any, frame: Frame | None) -> None:
         """Submit all widgets."""
-        imgui.SetNextWindowPos(imgui.Vec2(8.0, 34.0), int(imgui.Cond.FirstUseEver))
-        imgui.SetNextWindowSize(imgui.Vec2(_WIDTH, _HEIGHT), int(imgui.Cond.FirstUseEver))
+        window = imgui.GetIO().DisplaySize
+        if (window.x, window.y) != self._size:
+            # A browser tells its size once it is there, and a telephone is turned: the panel moves along.
+            self._size = (window.x, window.y)
+            place, _ = arrange(window.x, window.y)
+            imgui.SetNextWindowPos(imgui.Vec2(place.left, place.top), int(imgui.Cond.Always))
+            imgui.SetNextWindowSize(imgui.Vec2(place.width, place.height), int(imgui.Cond.Always))
         open_, _ = imgui.Begin(TITLE)
         if open_:
             imgui.TextWrapped(summary(self._player))

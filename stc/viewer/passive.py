@@ -9,6 +9,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from stc.viewer.geoms import fill_geom
+from stc.viewer.layout import Rectangle
 from stc.viewer.player import Player
 from stc.viewer.report import simulation, summary
 from stc.viewer.scene import GROUP
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     import mujoco
 
 _RATE = 60.0
+
+#: Proportion of the window, which does not tell its size before it is open.
+_PICTURE = 1.2, 1.0
 
 #: Codes of keys as GLFW has them.
 _RIGHT, _LEFT, _DOWN, _UP = 262, 263, 264, 265
@@ -122,9 +126,8 @@ def draw(window: Any, data: mujoco.MjData, player: Player, seconds: float) -> No
 def _look(window: Any, player: Player) -> None:
     view = player.scene.view
     if view is not None:
-        window.cam.lookat[:] = view.lookat
-        window.cam.distance, window.cam.azimuth, window.cam.elevation = (
-            view.distance,
-            view.azimuth,
-            view.elevation,
+        width, height = _PICTURE
+        window.cam.lookat[:], window.cam.distance = view.placed(
+            width, height, Rectangle(0.0, 0.0, width, height)
         )
+        window.cam.azimuth, window.cam.elevation = view.azimuth, view.elevation

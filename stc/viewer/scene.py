@@ -14,8 +14,10 @@ import numpy as np
 from stc.records import dataclass
 from stc.validate.fields import apply_fields
 from stc.validate.model import as_bytes
-from stc.validate.pictures.camera import fit, usual_camera
+from stc.validate.pictures.camera import Framing, frame, usual_camera
 from stc.validate.pictures.motion import solved_at
+from stc.validate.pictures.scenery import furnish, picture_model
+from stc.viewer.layout import Rectangle
 from stc.viewer.motion import Motion
 from stc.viewer.physics import State
 from stc.viewer.shapes import FloatArray
@@ -52,28 +54,39 @@ class View:
     """Where to look from.
 
     Attributes:
-        lookat: (3,) the point in the middle, m.
-        distance: from it, m.
-        azimuth, elevation: degrees, as MuJoCo's free camera has them.
-        slope: half the height of what is seen at a distance of one metre, in m.
+        framing: the direction, and the room that the motion takes in it.
     """
 
-    lookat: FloatArray
-    distance: float
-    azimuth: float
-    elevation: float
-    slope: float
+    framing: Framing
 
-    def beside(self, covered: float, aspect: float) -> FloatArray:
-        """The point to look at, (3,), where a panel covers the left of the picture: the motion moves to the rest.
+    @property
+    def azimuth(self) -> float:
+        """Of the view, in degrees, as MuJoCo's free camera has it."""
+        return self.framing.azimuth
+
+    @property
+    def elevation(self) -> float:
+        """Of the view, in degrees, as MuJoCo's free camera has it."""
+        return min(self.framing.elevation, _FROM_ABOVE)
+
+    def placed(self, width: float, height: float, free: Rectangle) -> tuple[FloatArray, float]:
+        """The point to look at, (3,), and its distance, in m, for the motion to fill a free part of the picture.
 
         Args:
-            covered: the covered share of the picture's width.
-            aspect: the picture's width over its height.
+            width: of the picture, in pixels.
+            height: of the picture.
+            free: the part, in pixels.
         """
-        azimuth = np.radians(self.azimuth)
+        distance = _ROOM * self.framing.distance(free.width / height, free.height / height)
+        azimuth, elevation = np.radians(self.azimuth), np.radians(self.elevation)
         right = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
-        return np.asarray(self.lookat - covered * aspect * self.slope * self.distance * right)
+        ahead = np.array(
+            [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)]
+        )
+        pixel = 2.0 * self.framing.slope * distance / height
+        aside = free.left + 0.5 * free.width - 0.5 * width
+        below = free.top + 0.5 * free.height - 0.5 * height
+        return self.framing.lookat - pixel * (aside * right - below * np.cross(right, ahead)), distance
 
 
 @dataclass(slots=True)
@@ -108,18 +121,17 @@ class Scene:
             data.mocap_pos[-1] = offset
 
 
-def make_scene(motion: Motion, aspect: float = 1.2) -> Scene:
+def make_scene(motion: Motion) -> Scene:
     """The scene of a motion.
 
     Args:
         motion: what is to be shown.
-        aspect: width of the picture over its height, for the choice of the view.
     """
     try:
         model, has_ghost = _doubled(motion), True
     except (ValueError, RuntimeError):  # MuJoCo cannot attach every model to itself
-        model, has_ghost = motion.setup.model(), False
-    return Scene(model, has_ghost, _view(motion, model, aspect), motion.shape_key)
+        model, has_ghost = picture_model(motion.setup), False
+    return Scene(model, has_ghost, _view(motion, model), motion.shape_key)
 
 
 def _doubled(motion: Motion) -> mujoco.MjModel:
@@ -135,6 +147,7 @@ def _doubled(motion: Motion) -> mujoco.MjModel:
     for key in list(spec.keys):
         spec.delete(key)  # their positions are too short for the doubled model
     carrier = spec.worldbody.add_body(name=GHOST, mocap=True)
+    furnish(spec, setup)
     spec.attach(_ghost(as_bytes(setup.path)), prefix=PREFIX, frame=carrier.add_frame())
     model = spec.compile()
     plain = setup.compiled
@@ -170,21 +183,12 @@ def _ghost(path: str) -> mujoco.MjSpec:
     return ghost
 
 
-def _view(motion: Motion, model: mujoco.MjModel, aspect: float) -> View | None:
+def _view(motion: Motion, model: mujoco.MjModel) -> View | None:
     """A view of the whole motion from the direction of the model's usual camera."""
-    import mujoco
-
     setup = motion.setup
     plain = setup.model()
-    camera = usual_camera(plain)
-    fit(plain, camera, solved_at(setup, np.linspace(motion.start, motion.end, 24)), aspect)
-    if camera.type != mujoco.mjtCamera.mjCAMERA_FREE:
+    framing = frame(plain, usual_camera(plain), solved_at(setup, np.linspace(motion.start, motion.end, 24)))
+    if framing is None:
         return None
     model.vis.global_.fovy = plain.vis.global_.fovy
-    return View(
-        np.array(camera.lookat),
-        _ROOM * float(camera.distance),
-        float(camera.azimuth),
-        min(float(camera.elevation), _FROM_ABOVE),
-        float(np.tan(0.5 * np.radians(plain.vis.global_.fovy))),
-    )
+    return View(framing)

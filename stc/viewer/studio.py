@@ -11,13 +11,15 @@ import dataclasses
 import time
 
 import mujoco
+import numpy as np
 from mujoco.studio import app as studio_app
 from mujoco.studio import messages, plugin, sim
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from stc.viewer.geoms import Geoms
+from stc.viewer.layout import arrange
 from stc.viewer.overlay import Eye, draw
-from stc.viewer.panel import COVERED, Panel
+from stc.viewer.panel import Panel
 from stc.viewer.player import Frame, Player
 from stc.viewer.scene import GROUP
 
@@ -103,6 +105,8 @@ class Window(plugin.ViewerPlugin):
         self._frame: Frame | None = None
         self._geoms = Geoms()
         self._app: studio_app.App | None = None
+        self._size = (0.0, 0.0)
+        self._looked: tuple[float, ...] | None = None
         self.shown, self.drawn_at = -1, 0.0
 
     @messages.handler
@@ -118,16 +122,20 @@ class Window(plugin.ViewerPlugin):
         self._look()
 
     def _look(self) -> None:
-        view, camera = self._player.scene.view, self.viewer.camera
-        if view is not None and self.viewer.model.nq == self._player.scene.model.nq:
-            size = imgui.GetIO().DisplaySize
-            fits = size.y > 0.0 and size.x > 2.0 * COVERED
-            camera.lookat[:] = view.beside(COVERED / size.x, size.x / size.y) if fits else view.lookat
-            camera.distance, camera.azimuth, camera.elevation = view.distance, view.azimuth, view.elevation
+        """Turn the camera to the motion, in what the panel leaves of the window."""
+        view, camera, size = self._player.scene.view, self.viewer.camera, imgui.GetIO().DisplaySize
+        self._size = (size.x, size.y)
+        if view is not None and min(self._size) > 0.0 and self.viewer.model.nq == self._player.scene.model.nq:
+            camera.lookat[:], camera.distance = view.placed(size.x, size.y, arrange(size.x, size.y)[1])
+            camera.azimuth, camera.elevation = view.azimuth, view.elevation
+            self._looked = _place(camera)
 
     @messages.handler(priority=0)
     def on_update(self, event: messages.UpdateEvent) -> None:
         options, timeline = self._player.options, self._player.timeline
+        size = imgui.GetIO().DisplaySize
+        if (size.x, size.y) != self._size and self._looked in (None, _place(self.viewer.camera)):
+            self._look()  # nobody has moved the camera: it follows the window's size
         if self._frame is not None:
             if not self._flat:
                 self.viewer.extra_geoms[:] = self._geoms.of(self._frame.shapes)
@@ -160,6 +168,12 @@ class Window(plugin.ViewerPlugin):
             )
             draw(imgui.GetForegroundDrawList(), imgui.Vec2, eye, self._frame.shapes)
         self._panel.build_gui(imgui, self._frame)
+
+
+def _place(camera: mujoco.MjvCamera) -> tuple[float, ...]:
+    """Where a camera is, in the single precision in which a browser sends it back."""
+    places = [*camera.lookat, camera.distance, camera.azimuth, camera.elevation]
+    return tuple(np.array(places, dtype=np.float32).tolist())
 
 
 def plugins(player: Player, panel: Panel, flat: bool) -> tuple[list[plugin.Plugin], Window]:

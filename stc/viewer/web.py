@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
-import re
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -13,10 +11,8 @@ from typing import Any
 from mujoco.studio import endpoints, launch_thread, plugin, viewer_handle, viewer_protocol, web_viewer
 from mujoco.studio.web import web_server
 
+from stc.viewer.guard import Guard
 from stc.viewer.windows import DisplayError, is_loopback
-
-#: Where the viewer's own page says that it comes from, through a tunnel from another machine's port as well.
-_OWN = re.compile(r"https?://(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
 
 #: Seconds after which a page is announced although nothing listens yet.
 MOST_WAITED = 10.0
@@ -25,7 +21,7 @@ MOST_WAITED = 10.0
 def launch(
     title: str, host: str, port: int, plugins: list[plugin.Plugin], ready: Callable[[str], None] | None = None
 ) -> viewer_handle.ViewerHandle:
-    """As :func:`mujoco.studio.launch_web.launch`, which listens on every interface.
+    """As :func:`mujoco.studio.launch_web.launch`, which listens on every interface and answers everybody.
 
     Args:
         title: of the page.
@@ -38,10 +34,14 @@ def launch(
     of_window, of_simulation = plugin.split_plugins(plugins)
 
     def serve(endpoint: endpoints.ViewerEndpoint) -> None:
-        with _own_pages_only() if is_loopback(host) else contextlib.nullcontext():
+        guard = Guard(host)
+        with _behind(guard):
             viewer = _viewer_on(host)(config, endpoint, plugins=of_window)
+            viewer.await_listening()
+            if not guard.serving.is_set():  # a later Studio may make its server otherwise
+                viewer.close()
+                raise DisplayError("MuJoCo's web viewer would answer strangers: it is not shown")
             if ready is not None:
-                viewer.await_listening()
                 ready(viewer.address)
             viewer_protocol.run_viewer_loop(viewer)
 
@@ -80,14 +80,10 @@ def _viewer_on(host: str) -> type[Any]:
 
 
 @contextlib.contextmanager
-def _own_pages_only() -> Iterator[None]:
-    """Refuse connections that another site's page opens from a browser on this machine.
-
-    The loopback interface keeps other machines out, but not pages from elsewhere in a browser here; browsers tell
-    where a page comes from.  Programs that are no browser need not.
-    """
+def _behind(guard: Guard) -> Iterator[None]:
+    """Have Studio make its server through a guard; it has no option for that."""
     plain = web_server.serve
-    web_server.serve = functools.partial(plain, origins=[None, _OWN])
+    web_server.serve = guard.serve
     try:
         yield
     finally:

@@ -10,16 +10,19 @@ import pytest
 
 from stc.errors import Source, SpecError
 from stc.language import read_problem
+from stc.transcription import transcribe
 
 GOLDEN = Path(__file__).parent / "golden"
 CASES = sorted(path.stem for path in GOLDEN.glob("*.stc"))
 
 
 def output(name: str) -> str:
-    """What a user sees: the error, or the warnings."""
+    """What a user sees: the error, or the warnings; where there are none, the error when numbers are bound."""
     path = GOLDEN / f"{name}.stc"
     try:
         problem = read_problem(Source(path.name, path.read_text(encoding="utf-8")))
+        if not problem.warnings:
+            transcribe(problem).bind(problem.constants)
     except SpecError as error:
         return f"{error}\n"
     return "".join(f"{warning}\n" for warning in problem.warnings)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from closed_form_motions import constant, nodes, smooth_particle, solution_of, waypoint_spline
 
+import stc
 from stc import models
 from stc.solution import ReplayChannel, Solution
 from stc.trajectory import Channel
@@ -216,10 +217,36 @@ def test_a_model_beside_the_solution_file_is_used(tmp_path: Path) -> None:
     text = bundled.read_text().replace('<joint name="x" type="slide" axis="1 0 0"/>', "")
     (tmp_path / "particle.xml").write_text(text.replace('<motor name="fx" joint="x" gear="1"/>', ""))
     path = tmp_path / "a.npz"
-    spline().save(path)
+    stc.load(stc.load("particle_waypoints").text).solve(n=20).save(path)  # text has no folder of its own
     with pytest.raises(ModelError, match="the model has no joint x"):
         validate(path)
     assert validate(path, model=bundled).passed
+
+
+def test_a_model_that_has_changed_since_is_told_of(tmp_path: Path) -> None:
+    """The verdict is about the body that was solved for; where none is found, the file's own is replayed."""
+    bundled = models.locate("particle")
+    assert bundled is not None
+    text = stc.load("particle_waypoints").text.replace("particle.xml", "mine.xml")
+    (tmp_path / "mine.xml").write_text(bundled.read_text())
+    (tmp_path / "mine.stc").write_text(text)
+    path = tmp_path / "mine.npz"
+    stc.load(tmp_path / "mine.stc").solve(n=20).save(path)
+    assert validate(path).passed
+    (tmp_path / "mine.xml").write_text(
+        bundled.read_text().replace("<worldbody>", "<worldbody><!-- other -->")
+    )
+    report = validate(path)
+    assert not report.passed
+    assert report.findings == [
+        "mine.xml of the model has changed since this motion was solved: solve it again, or name the model that is to "
+        "be replayed"
+    ]
+    assert validate(path, model=tmp_path / "mine.xml").passed
+    (tmp_path / "mine.xml").unlink()
+    report = validate(path)
+    assert report.passed
+    assert "there is no model mine.xml here: the one that the solution carries is replayed" in report.notes
 
 
 def test_files_that_are_no_models_are_refused(tmp_path: Path) -> None:

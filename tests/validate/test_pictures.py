@@ -12,17 +12,18 @@ import numpy as np
 import pytest
 from closed_form_motions import smooth_particle, waypoint_spline
 
+import stc
 from stc import models
 from stc.errors import UsageError
 from stc.solution import Solution
 from stc.trajectory import Channel
 from stc.validate import ModelError
 from stc.validate.pictures import PictureError
-from stc.validate.pictures.background import picture_model
 from stc.validate.pictures.camera import fit, usual_camera
 from stc.validate.pictures.film import Look, draw, filmstrip, path_trails, slow_motion
 from stc.validate.pictures.motion import paths, simulated_at, solved_at
 from stc.validate.pictures.plot import figure, save_plot
+from stc.validate.pictures.scenery import picture_model
 from stc.validate.pictures.stage import Stage, Trail
 from stc.validate.pictures.variables import sampled
 from stc.validate.replay import replay
@@ -169,6 +170,37 @@ def test_a_model_without_a_sky_stands_before_a_neutral_background(tmp_path: Path
     assert np.ptp(corners, axis=1).max() < 40
 
 
+@pytest.mark.parametrize("light", ["", '<light pos="0 -1 3"/>'])
+def test_a_model_without_light_is_lit_in_pictures_and_others_are_left_alone(
+    tmp_path: Path, light: str
+) -> None:
+    (tmp_path / "particle.xml").write_text(f"""
+        <mujoco>
+          <worldbody>
+            {light}
+            <geom type="plane" size="3 3 0.1" pos="0 0 -1" contype="0" conaffinity="0"/>
+            <body name="particle">
+              <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+              <geom type="sphere" size="0.1" mass="2"/>
+            </body>
+          </worldbody>
+          <actuator><motor name="fx" joint="x"/><motor name="fz" joint="z"/></actuator>
+        </mujoco>""")
+    own = prepare(solution(directory=str(tmp_path)))
+    model = picture_model(own)
+    assert own.compiled.nlight == (1 if light else 0)
+    if light:
+        assert model.nlight == 1
+        assert np.array_equal(model.vis.headlight.diffuse, own.compiled.vis.headlight.diffuse)
+        return
+    with Stage(model, 96, 72, frame=solved_at(own, own.solution.time)) as stage:
+        lit = stage.render(own.reference.at("after", 0)[0]).astype(int)
+    with Stage(own.model(), 96, 72, frame=solved_at(own, own.solution.time)) as stage:
+        unlit = stage.render(own.reference.at("after", 0)[0]).astype(int)
+    floor = lit[-1]  # the floor's colour is half of white
+    assert np.median(floor) > 60 > 2 * np.median(unlit[-1])
+
+
 def test_the_whole_motion_is_framed_however_few_tiles_there_are(setup: Setup) -> None:
     """The ball is highest between first and last frame: its path must not leave the image."""
     look = Look(width=240, height=180, tiles=2, captions=False)
@@ -234,7 +266,7 @@ def test_an_mp4_without_its_library_is_explained(
 
 @pytest.mark.parametrize("backend", ["glfw", "off"])
 def test_no_opengl_is_a_sentence_and_no_traceback(tmp_path: Path, backend: str) -> None:
-    solution().save(tmp_path / "motion.npz")
+    stc.load("particle_waypoints").solve(n=20).save(tmp_path / "motion.npz")
     environment = {
         key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")
     }
@@ -255,7 +287,7 @@ def test_no_opengl_is_a_sentence_and_no_traceback(tmp_path: Path, backend: str) 
 @pytest.mark.parametrize("asked", ["nonsense", "osmesa"])
 def test_a_graphics_library_that_is_not_there_costs_no_verdict(tmp_path: Path, asked: str) -> None:
     """MuJoCo itself cannot be imported where ``MUJOCO_GL`` asks for what it does not find."""
-    solution().save(tmp_path / "motion.npz")
+    stc.load("particle_waypoints").solve(n=20).save(tmp_path / "motion.npz")
     done = subprocess.run(
         [sys.executable, "-m", "stc", "validate", "motion.npz"],
         cwd=tmp_path,

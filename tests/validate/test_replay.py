@@ -137,9 +137,8 @@ def test_central_is_replayed_at_second_order_whatever_the_clipped_frames_hold() 
 
 
 def test_the_file_is_all_that_a_replay_needs(tmp_path: object) -> None:
-    x, y = waypoint_spline()
     path = f"{tmp_path}/spline.npz"
-    smooth_particle("hermite-simpson", np.linspace(0, 2, 41), x, y).save(path)
+    stc.load("particle_waypoints").solve(n=40).save(path)
     assert largest_drift(path) < 1e-12  # type: ignore[arg-type]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ BALL = """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 0.1"/>
   <actuator><motor name="fx" joint="x"/><motor name="fz" joint="z"/></actuator></mujoco>"""
 
 
-def dips(folder: Path, lowest: float, phase: float = 0.0) -> Solution:
+def dips(folder: Path, lowest: float, phase: float = 0.0, lines: Sequence[ReplayChannel] = ()) -> Solution:
     """A ball that goes aside, and down and up again: 0.2 m above its lowest place, times a cosine."""
     (folder / "ball.xml").write_text(BALL)
     time, w = np.linspace(0, 1, 41), 2 * np.pi
@@ -33,7 +34,7 @@ def dips(folder: Path, lowest: float, phase: float = 0.0) -> Solution:
         for k in range(3)
     ]
     facts = {"violation": 0.0, "optimality": 0.0, "directory": str(folder)}
-    return particle("trapezoidal", time, x, z, model="ball.xml", **facts)
+    return particle("trapezoidal", time, x, z, model="ball.xml", lines=lines, **facts)
 
 
 def test_what_touches_is_named_and_excuses_nothing(tmp_path: Path) -> None:
@@ -62,6 +63,33 @@ def test_what_grazes_in_the_solution_strikes_in_the_replay(tmp_path: Path) -> No
     assert not any(note.startswith("unstable") for note in certificate.notes)
     if not certificate.passed:
         assert certificate.next_steps[0].startswith(line)
+
+
+def until(last: float) -> ReplayChannel:
+    """The ground presses on the ball with 1 N up to a time in s, and then no more: from there on it swings."""
+    force = nodes("trapezoidal", np.linspace(0, 1, 41), lambda t: (t <= last).astype(float))
+    return ReplayChannel("contact", ("body", "particle", "fz"), force)
+
+
+def test_a_foot_that_scrapes_the_floor_while_it_swings_is_named(tmp_path: Path) -> None:
+    """The contact line ends at frame 8; the ball is inside the floor around its lowest place, at frame 20."""
+    certificate = certify(dips(tmp_path, -5e-3, lines=[until(0.2)]))
+    inside = np.flatnonzero(0.1 * np.cos(2 * np.pi * np.linspace(0, 1, 41)) + 0.1 - 5e-3 < 0.0)
+    line = (
+        f"geoms floor and ball touch in frames {inside[0]} to {inside[-1]}, from t = {inside[0] / 40:.4g} s on, where "
+        "the solved contact force on body particle is zero"
+    )
+    assert not certificate.passed
+    assert line in certificate.headline
+    (step,) = [step for step in certificate.next_steps if step.startswith(line)]
+    assert "clearance" in step and f"`[{inside[0]}, {inside[-1]}]: z >= 0.01;`" in step
+
+
+@pytest.mark.parametrize(("lowest", "last"), [(5e-3, 0.2), (-5e-3, 1.0)])
+def test_one_that_stays_clear_or_is_pressed_is_not(tmp_path: Path, lowest: float, last: float) -> None:
+    certificate = certify(dips(tmp_path, lowest, lines=[until(last)]))
+    assert certificate.replays.touching == []
+    assert "geoms" not in certificate.headline
 
 
 CART = """<mujoco><worldbody><geom type="plane" size="5 5 .1"/>

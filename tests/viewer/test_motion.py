@@ -4,8 +4,9 @@ import threading
 
 import numpy as np
 import pytest
-from viewer.motions import jump, push
+from viewer.motions import PUSH, jump, push
 
+from stc.pipeline import load
 from stc.viewer.geoms import MOST, Geoms
 from stc.viewer.motion import Motion
 from stc.viewer.physics import Recording
@@ -148,25 +149,42 @@ def test_the_scene_has_a_ghost_that_weighs_on_nothing(lamp, lamp_physics):
     assert colours and all(colour[3] < 0.5 for colour in colours)
 
 
-def test_the_whole_motion_is_in_view(lamp):
+def test_a_model_without_light_is_lit(tmp_path):
+    (tmp_path / "bare.xml").write_text("""
+        <mujoco>
+          <worldbody>
+            <body name="particle"><joint name="x" type="slide" axis="1 0 0"/><geom size="0.1"/></body>
+          </worldbody>
+          <actuator><motor name="fx" joint="x"/></actuator>
+        </mujoco>""")
+    (tmp_path / "bare.stc").write_text(PUSH.replace("particle.xml", "bare.xml"))
+    motion = Motion(load(tmp_path / "bare.stc").solve())
+    assert motion.setup.compiled.nlight == 0
+    assert make_scene(motion).model.nlight == 1
+
+
+@pytest.mark.parametrize("size", [(1280, 860), (1900, 700), (900, 900), (390, 844), (320, 568), (844, 390)])
+def test_the_whole_motion_is_in_view_beside_or_above_the_panel(lamp, size):
     import mujoco
 
+    from stc.viewer.layout import arrange
     from stc.viewer.overlay import Eye
 
     scene = make_scene(lamp)
     camera, data = mujoco.MjvCamera(), mujoco.MjData(scene.model)
-    camera.lookat[:] = scene.view.lookat
-    camera.distance, camera.azimuth, camera.elevation = (
-        scene.view.distance,
-        scene.view.azimuth,
-        scene.view.elevation,
-    )
-    eye = Eye.of(mujoco.mjv_camera2GLCamera(scene.model, data, camera), 1200, 1000)
+    panel, free = arrange(*size)
+    camera.lookat[:], camera.distance = scene.view.placed(*size, free)
+    camera.azimuth, camera.elevation = scene.view.azimuth, scene.view.elevation
+    eye = Eye.of(mujoco.mjv_camera2GLCamera(scene.model, data, camera), *size)
+    low, high = (free.left, free.top), (free.left + free.width, free.top + free.height)
+    assert 0 <= panel.left and panel.left + panel.width <= size[0]
+    assert 0 <= panel.top and panel.top + panel.height <= size[1]
+    assert panel.left + panel.width <= free.left or free.top + free.height <= panel.top
     for instant in np.linspace(lamp.start, lamp.end, 15):
         scene.put(data, lamp.state(instant), lamp.state(instant), np.zeros(3))
         mujoco.mj_kinematics(scene.model, data)
         pixels, _ = eye.project(data.xpos[1 : lamp.setup.compiled.nbody])
-        assert np.all(pixels > 0) and np.all(pixels < [1200, 1000])
+        assert np.all(pixels > low) and np.all(pixels < high)
 
 
 def test_geoms_of_shapes_that_stay_are_kept():

@@ -14,7 +14,7 @@ from stc.viewer.tweaks import session_for
 class Hands:
     """Answers as Dear ImGui does; ``moves`` are the new values of widgets by label, buttons among them."""
 
-    Cond = SimpleNamespace(FirstUseEver=4)
+    Cond = SimpleNamespace(Always=1)
     Col = SimpleNamespace(Text=0)
 
     def __init__(self, **moves):
@@ -24,6 +24,9 @@ class Hands:
     def _answer(self, label, value):
         self.seen.append(label)
         return (True, self.moves[label]) if label in self.moves else (False, value)
+
+    def GetIO(self):
+        return SimpleNamespace(DisplaySize=SimpleNamespace(x=1280.0, y=860.0))
 
     def Vec2(self, *numbers):
         return numbers

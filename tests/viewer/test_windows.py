@@ -6,12 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 from viewer.browser import CHROMIUM, Browser
 from viewer.motions import push
+from viewer.visits import get
 
 from stc.errors import UsageError
 from stc.viewer.windows import DisplayError, is_loopback, require_address, require_display
@@ -115,9 +117,56 @@ def test_the_page_is_served_to_this_machine_alone_and_to_no_other_sites_page(sav
         with pytest.raises(InvalidStatus, match="403"):
             connect(f"ws://127.0.0.1:{port}/state?sid=a", origin="http://example.org")
         with connect(f"ws://127.0.0.1:{port}/state?sid=b", origin=address.rstrip("/")) as socket:
+            assert "Access-Control-Allow-Origin" not in socket.response.headers
             assert socket.recv(timeout=20)
+        status, headers, body = get(port, "/model")
+        assert status == 200 and len(body) > 1000 and "Access-Control-Allow-Origin" not in headers
+        for stranger in (
+            {"Host": f"example.org:{port}"},
+            {"Origin": "null"},
+            {"Origin": "http://example.org"},
+        ):
+            assert get(port, "/model", **stranger)[0] == 403
+        assert b"width=device-width" in get(port)[2]
     assert viewing.process.returncode == 0
     assert "without any authentication" not in viewing.log.read_text()
+
+
+def resident(process):
+    """Memory of a process, in bytes."""
+    return int(Path(f"/proc/{process.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads Linux' table of memory")
+def test_floods_leave_the_page_and_bound_the_memory(saved, tmp_path):
+    """Websockets that take nothing, connections that say nothing, and files that nobody reads, hundreds of each."""
+    import socket
+
+    from websockets.sync.client import connect
+
+    handshake = (
+        "GET /state?sid={} HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    file = b"GET /web_client.wasm HTTP/1.1\r\nHost: localhost\r\n\r\n"
+    large = b"\x82\xff" + (2**25).to_bytes(8, "big") + bytes(4) + bytes(2**16)
+    with Viewing(tmp_path, saved, "--web") as viewing, ExitStack() as stack:
+        port = int(viewing.wait_for("showing on ").split()[2].rstrip("/").rpartition(":")[2])
+        assert get(port, "/web_client.wasm")[0] == 200
+        page = stack.enter_context(connect(f"ws://127.0.0.1:{port}/state?sid=page"))
+        before = resident(viewing.process)
+        for k in range(300):
+            for asked in (b"", file, handshake.format(k).encode() + large):
+                peer = stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=20))
+                with suppress(ConnectionError):
+                    peer.sendall(asked)
+        assert get(port)[0] == 200
+        end = time.monotonic() + 60
+        while not isinstance(page.recv(timeout=20), bytes):  # the motion itself, not who else is there
+            assert time.monotonic() < end
+        assert resident(viewing.process) - before < 5e8
+    assert viewing.process.returncode == 0
 
 
 @pytest.mark.slow

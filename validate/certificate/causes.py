@@ -13,6 +13,7 @@ from stc.validate.solved_pose import beyond_range
 
 if TYPE_CHECKING:
     from stc.validate.setup import Setup
+    from stc.validate.unmentioned_contacts import Touch
 
 #: A force swings from node to node where it goes up and down for so many nodes, each time by more than this share of
 #: its largest value.
@@ -78,12 +79,12 @@ def _node_values(frames: FloatArray, mid: FloatArray | None) -> FloatArray:
     return found
 
 
-def steps(setup: Setup, touching: Sequence[str] = ()) -> list[str]:
+def steps(setup: Setup, touching: Sequence[Touch] = ()) -> list[str]:
     """What to do about these, one line each.
 
     Args:
         setup: the motion.
-        touching: geoms that touch where the spec has no contact, in words.
+        touching: geoms that touch where the spec has no contact force.
     """
     found = [
         f"{line}: state that limit in the spec, or give the model's joint another range"
@@ -93,10 +94,7 @@ def steps(setup: Setup, touching: Sequence[str] = ()) -> list[str]:
         f"{line}: state that bound in the spec, or give the model's actuator another ctrlrange"
         for line in clamped_controls(setup)
     ]
-    found += [
-        f"{line}: keep them apart, or state the force between them and hand it over with `contact` lines under replay:"
-        for line in touching
-    ]
+    found += [f"{touch.line}: {touch.advice}" for touch in touching]
     return found
 
 

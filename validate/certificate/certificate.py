@@ -11,7 +11,7 @@ from stc.atomic import replacing
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate import limits
-from stc.validate.certificate import advice, blame, causes, contact_causes, table
+from stc.validate.certificate import advice, blame, causes, contact_causes
 from stc.validate.certificate.staleness import stale
 from stc.validate.metrics import Metric
 from stc.validate.report import Report
@@ -59,7 +59,6 @@ class Certificate:
         """Everything that was measured."""
         equations = self.equations.metrics if self.equations is not None else []
         return [
-            *table.solver_metrics(self.solution),
             *equations,
             *self.report.metrics,
             *self.further,
@@ -67,8 +66,12 @@ class Certificate:
 
     @property
     def findings(self) -> list[str]:
-        """Where the spec's equations of motion differ from the model's, and what else is no number."""
-        return [*self.faults, *(self.equations.findings if self.equations is not None else [])]
+        """What the solution claims that does not hold, where its equations differ from the model's, and the like."""
+        return [
+            *self.report.findings,
+            *self.faults,
+            *(self.equations.findings if self.equations is not None else []),
+        ]
 
     @property
     def passed(self) -> bool:
@@ -90,13 +93,16 @@ class Certificate:
             text += f"; not judged: {', '.join(self.report.unjudged)}"
         if not self.passed and not self.findings:
             setup = self.replays.setup
-            text = "; ".join([text, *causes.beyond_limits(setup), *causes.clamped_controls(setup)])
+            touching = [touch.line for touch in self.replays.touching]
+            text = "; ".join([text, *causes.beyond_limits(setup), *causes.clamped_controls(setup), *touching])
         return text
 
     @property
     def next_steps(self) -> list[str]:
         """What to do about a motion that failed, one line for each kind of failure; empty where it passed."""
-        if self.passed or self.solution.status != "optimal" or self.faults:
+        if self.report.claims.findings:
+            return ["solve it again: nothing else that this solution says can be relied on"]
+        if self.passed or self.solution.status != "optimal" or self.faults or self.report.faults:
             return []
         setup = self.replays.setup
         return advice.next_steps(
@@ -117,7 +123,9 @@ class Certificate:
         """What a reader should know besides."""
         equations = self.equations.notes if self.equations is not None else []
         refused = [f"the equations of motion are not compared: {self.refused}"] if self.refused else []
-        return list(dict.fromkeys([*self.report.notes, *refused, *equations]))
+        # What a motion that failed ran into, when it had gone astray.
+        strays = [] if self.passed else [touch.line for touch in self.replays.strays]
+        return list(dict.fromkeys([*self.report.notes, *refused, *equations, *strays]))
 
     def facts(self) -> list[tuple[str, str]]:
         """What produced the numbers: label and text."""
@@ -143,6 +151,8 @@ class Certificate:
             facts.insert(1, ("changed constants", changed))
         if report.tracked_by:
             facts.append(("feedback", report.tracked_by))
+        if report.claims.words:
+            facts.append(("the solution's own word", report.claims.told))
         return facts
 
     def to_dict(self) -> dict[str, Any]:

@@ -39,6 +39,10 @@ _CONTACT_KEY = (
 )
 
 
+#: The bars of the table have a logarithmic scale: so many powers of ten below the limit, they are empty.
+_DECADES = 6
+
+
 def page(certificate: Certificate, *, pictures: bool = True) -> str:
     """The whole page.
 
@@ -99,7 +103,22 @@ def _tables(certificate: Certificate) -> str:
     cards = "".join(_table(section) for section in table.sections(certificate.metrics))
     return (
         "<section aria-labelledby='measured'>\n<h2 id='measured'>Measurements</h2>\n"
-        f"<div class='cards'>{cards}</div>\n</section>\n"
+        f"{_scale()}<div class='cards'>{cards}</div>\n</section>\n"
+    )
+
+
+def _scale() -> str:
+    """What the bars under the limits mean, with their axis."""
+    labels = [f"10<sup>−{power}</sup>" if power else "the limit" for power in range(_DECADES, -1, -1)]
+    places = "".join(
+        f"<span style='left:{100.0 * step / _DECADES:.4g}%'>{label}</span>"
+        for step, label in enumerate(labels)
+    )
+    return (
+        "<div class='hint'><p>The bar under a limit tells on a logarithmic scale how much of the limit is reached: "
+        "from mark to mark ten times as much, full at the limit, empty where it is "
+        f"10<sup>−{_DECADES}</sup> of the limit or less.</p>"
+        f"<div class='scale' aria-hidden='true'><b class='bar'></b>{places}</div></div>\n"
     )
 
 
@@ -119,11 +138,10 @@ def _row(metric: Metric) -> str:
     share = table.margin(metric)
     bar = ""
     if share is not None:
-        # Six decades below the limit fill the bar from empty to full.
         width = (
             100.0
             if math.isinf(share) or share >= 1.0
-            else max(0.0, 100.0 * (1.0 + math.log10(share or 1e-99) / 6))
+            else max(0.0, 100.0 * (1.0 + math.log10(share or 1e-99) / _DECADES))
         )
         bar = f"<span class='bar' aria-hidden='true'><i style='width:{width:.0f}%'></i></span>"
     sign = "≥&#8239;" if metric.at_least else "≤&#8239;"

@@ -10,9 +10,9 @@ import numpy as np
 from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.metrics import FloatArray
-from stc.validate.pictures.background import picture_model
 from stc.validate.pictures.film import path_trails, slow_motion
 from stc.validate.pictures.motion import simulated_at, solved_at
+from stc.validate.pictures.scenery import picture_model
 from stc.validate.pictures.stage import Stage
 
 if TYPE_CHECKING:

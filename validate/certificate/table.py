@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterable, Sequence
 
 from stc.records import dataclass
-from stc.solution import Solution
-from stc.validate import limits
 from stc.validate.metrics import Metric
 
 
@@ -33,7 +31,7 @@ class Section:
 
 #: Which section a metric belongs to, by how its name begins; the first that fits counts.
 _SECTIONS: Sequence[tuple[str, tuple[str, ...]]] = (
-    ("The solver's answer", ("KKT residual", "constraint violation")),
+    ("The solver's answer", ("KKT residual", "constraint violation", "claim against")),
     (
         "Equations of motion, spec against model",
         (
@@ -89,14 +87,6 @@ def _together(metrics: Sequence[Metric]) -> list[Metric]:
     """Metrics of one name in a row, names by their first appearance."""
     names = list(dict.fromkeys(metric.name for metric in metrics))
     return sorted(metrics, key=lambda metric: names.index(metric.name))
-
-
-def solver_metrics(solution: Solution) -> list[Metric]:
-    """What the solver says of its own answer, held against limits of the validation."""
-    return [
-        Metric("KKT residual", "solution", solution.optimality, "", limits.KKT_RESIDUAL),
-        Metric("constraint violation", "rows and bounds, scaled", solution.violation, "", limits.VIOLATION),
-    ]
 
 
 def number(value: float) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.records import dataclass
 from stc.validate.metrics import FloatArray
 from stc.validate.model import find_object, names_of
 
@@ -44,6 +45,38 @@ def usual_camera(model: mujoco.MjModel, name: str | None = None) -> mujoco.MjvCa
     return camera
 
 
+@dataclass(frozen=True, slots=True)
+class Framing:
+    """A direction of view and the room that a motion takes in it.
+
+    Attributes:
+        lookat: (3,) the middle of the motion, m.
+        azimuth, elevation: of the view in degrees, as MuJoCo's free camera has them.
+        slope: half the height of what is seen at a distance of one metre, in m.
+        across, along, depth: (m,) places of corners of the bodies, in m from the middle: to the side and up or down,
+            without sign, and towards the camera.
+    """
+
+    lookat: FloatArray
+    azimuth: float
+    elevation: float
+    slope: float
+    across: FloatArray
+    along: FloatArray
+    depth: FloatArray
+
+    def distance(self, width: float, height: float = 1.0) -> float:
+        """How far from the middle, in m, the camera has to be for the motion to fill a part of the image.
+
+        Args:
+            width: of the part, over the height of the whole image.
+            height: of the part, over the same.
+        """
+        filled = _FILLED * self.slope
+        needed = np.maximum(self.across / (filled * width), self.along / (filled * height))
+        return float((self.depth + needed).max())
+
+
 def fit(model: mujoco.MjModel, camera: mujoco.MjvCamera, positions: FloatArray, aspect: float) -> None:
     """Move a camera along with its direction of view so that the model fills the image in all of some positions.
 
@@ -55,16 +88,37 @@ def fit(model: mujoco.MjModel, camera: mujoco.MjvCamera, positions: FloatArray, 
     """
     import mujoco
 
+    framing = frame(model, camera, positions)
+    if framing is not None:
+        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+        camera.lookat = framing.lookat
+        camera.distance = framing.distance(aspect)
+        camera.azimuth, camera.elevation = framing.azimuth, framing.elevation
+
+
+def frame(model: mujoco.MjModel, camera: mujoco.MjvCamera, positions: FloatArray) -> Framing | None:
+    """The room that a model takes in some positions, seen in the direction of a camera.
+
+    Args:
+        model: its field of view becomes the camera's.
+        camera: gives the direction.
+        positions: (k, nq).
+
+    Returns:
+        None where the camera moves with a body or is tilted, and where there is nothing to see.
+    """
+    import mujoco
+
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     if camera.type == mujoco.mjtCamera.mjCAMERA_FIXED:
         index = camera.fixedcamid
         if model.cam_bodyid[index] != 0 or model.cam_mode[index] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED:
-            return
+            return None
         axes = data.cam_xmat[index].reshape(3, 3)
         right, up, back = axes[:, 0], axes[:, 1], axes[:, 2]
         if abs(right[2]) > 1e-6:  # a tilted horizon is wanted as it is
-            return
+            return None
         model.vis.global_.fovy = model.cam_fovy[index]
     else:
         azimuth, elevation = math.radians(camera.azimuth), math.radians(camera.elevation)
@@ -79,21 +133,19 @@ def fit(model: mujoco.MjModel, camera: mujoco.MjvCamera, positions: FloatArray, 
         up = np.cross(right, ahead)
     corners = _corners(model, data, positions)
     if not len(corners):
-        return
-    across, along, depth = corners @ right, corners @ up, corners @ back
-    slope = _FILLED * math.tan(math.radians(model.vis.global_.fovy) / 2.0)
-    middle = [0.5 * (c.min() + c.max()) for c in (across, along)]
-    distances = [
-        depth + np.abs(across - middle[0]) / (slope * aspect),
-        depth + np.abs(along - middle[1]) / slope,
-    ]
-    # Depth is counted from the origin towards the camera; what the camera looks at lies in the middle.
-    centre = float(0.5 * (depth.min() + depth.max()))
-    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    camera.lookat = middle[0] * right + middle[1] * up + centre * back
-    camera.distance = float(max(d.max() for d in distances)) - centre
-    camera.azimuth = math.degrees(math.atan2(-back[1], -back[0]))
-    camera.elevation = math.degrees(math.asin(float(np.clip(-back[2], -1.0, 1.0))))
+        return None
+    places = [corners @ axis for axis in (right, up, back)]
+    middle = [float(0.5 * (place.min() + place.max())) for place in places]
+    across, along, depth = (place - centre for place, centre in zip(places, middle, strict=True))
+    return Framing(
+        middle[0] * right + middle[1] * up + middle[2] * back,
+        math.degrees(math.atan2(-back[1], -back[0])),
+        math.degrees(math.asin(float(np.clip(-back[2], -1.0, 1.0)))),
+        math.tan(math.radians(model.vis.global_.fovy) / 2.0),
+        np.abs(across),
+        np.abs(along),
+        depth,
+    )
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData, positions: FloatArray) -> FloatArray:

@@ -19,8 +19,8 @@ from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures import PictureError
-from stc.validate.pictures.background import picture_model
 from stc.validate.pictures.motion import paths, simulated_at, solved_at
+from stc.validate.pictures.scenery import picture_model
 from stc.validate.pictures.stage import Image, Stage, Trail
 
 if TYPE_CHECKING:

@@ -19,7 +19,9 @@ import stc
 from stc.certification import certify
 from stc.cli import run
 from stc.validate.certificate import Certificate
+from stc.validate.certificate.page import _row
 from stc.validate.certificate.pictures import render
+from stc.validate.metrics import Metric
 from stc.validate.pictures import PictureError
 
 VOID = {"meta", "img", "input", "source", "br", "link"}
@@ -199,6 +201,26 @@ def test_the_film_can_be_taken_apart_into_whole_frames(reach: Certificate, tmp_p
         assert difference.mean() < 6.0
     moved = np.abs(np.asarray(pictures.frames[0], float) - np.asarray(pictures.frames[-1], float))
     assert moved.max() > 60.0
+
+
+def test_bars_have_a_logarithmic_scale_that_is_told(page: str) -> None:
+    found = Page(page)
+    assert "logarithmic scale" in found.text and "10−6 of the limit or less" in found.text
+    (scale,) = re.findall(r"<div class='scale'.*?</div>", page)
+    labels = re.findall(r"left:([\d.]+)%'>(.*?)</span>", scale)
+    assert [float(left) for left, _ in labels] == pytest.approx(np.linspace(0.0, 100.0, 7), abs=0.1)
+    assert [re.sub("<.*?>", "", text) for _, text in labels] == [f"10−{k}" for k in range(6, 0, -1)] + [
+        "the limit"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("share", "width"),
+    [(0.0, 0), (1e-7, 0), (1e-6, 0), (1e-4, 33), (1e-3, 50), (0.1, 83), (1.0, 100), (30.0, 100)],
+)
+def test_a_bar_is_a_mark_longer_for_ten_times_as_much(share: float, width: int) -> None:
+    row = _row(Metric("name", "subject", 2.0 * share, "m", 2.0))
+    assert f"<i style='width:{width}%'>" in row
 
 
 CHROMIUM = next(

@@ -1,0 +1,155 @@
+"""Measures the lamp's jump and writes the table of README.md.
+
+python bench/front_page.py           measure, and write the table
+python bench/front_page.py --print   the page stays as it is
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import stc
+from stc.certification import certify
+from stc.validate import limits
+from stc.validate.contact import contact_metrics
+from stc.validate.metrics import Metric
+from stc.validate.replay import replay, time_step_for
+from stc.validate.tracking import proportional
+from stc.validate.verdict import open_setup
+
+PAGE = Path(__file__).resolve().parent.parent / "README.md"
+BEGIN, END = "<!-- measured -->", "<!-- end of measured -->"
+
+#: The motion, and all masses and inertias times this in the last tracked replay.
+MOTION, HEAVIER = "luxo_jump", 1.01
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """A replay with feedback: errors (base as a share of its way, joints in rad), shares of the feedback in torques."""
+
+    base: float
+    joints: float
+    worst: float
+    whole: float
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What the table tells; errors of the base are shares of its way, of joints rad."""
+
+    base: float
+    joints: float
+    end_base: float
+    end_joints: float
+    tracked: Tracked
+    heavier: Tracked
+    equations: float
+    residual: float
+    external: float
+    order: float
+
+
+def table(figures: Figures) -> str:
+    """The figures as they stand in the page."""
+    rows = [
+        ("open loop, RMS: base, of its way; joints", f"{_short(figures.base)}; {_short(figures.joints)} rad"),
+        (
+            "open loop, where it stands at the end: base, of its way; joints",
+            f"{_short(figures.end_base)}; {_short(figures.end_joints)} rad",
+        ),
+        (
+            "tracked, RMS: base, of its way; joints; share of the feedback in the worst motor's torque (in all torque)",
+            _line(figures.tracked),
+        ),
+        (f"tracked, all masses {100 * (HEAVIER - 1):.0f} % wrong, the same", _line(figures.heavier)),
+        (
+            "its equations of motion against MuJoCo's; the solution's residual in them",
+            f"{figures.equations:.0e}; {figures.residual:.0e}",
+        ),
+        (
+            "solved contact force, floor off, largest error of a joint; its order in the step",
+            f"{_short(figures.external)} rad; {figures.order:.1f}",
+        ),
+    ]
+    lines = [f"| {label} | {text} |" for label, text in rows]
+    return "\n".join(["| replay in MuJoCo, real contact | measured |", "| --- | --- |", *lines])
+
+
+def _short(value: float) -> str:
+    """Two digits, without the zero that Python puts before a small exponent."""
+    mantissa, _, exponent = f"{value:.1e}".partition("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def _line(tracked: Tracked) -> str:
+    return (
+        f"{_short(tracked.base)}; {_short(tracked.joints)} rad; "
+        f"{100 * tracked.worst:.2g} % ({100 * tracked.whole:.2g} %)"
+    )
+
+
+def _errors(metrics: Sequence[Metric], name: str, motors: Sequence[str]) -> tuple[float, float]:
+    """Of the base, and the root of the mean square of the joints with a motor."""
+    found = {metric.subject: metric.value for metric in metrics if metric.name == name}
+    squares = [found[f"joint {motor}"] ** 2 for motor in motors]
+    return found["base"], math.sqrt(sum(squares) / len(squares))
+
+
+def _largest(metrics: Sequence[Metric], name: str, unit: str | None = None) -> float:
+    return max(metric.value for metric in metrics if metric.name == name and unit in (None, metric.unit))
+
+
+def measure() -> Figures:
+    """Solve the motion, and judge it as ``stc validate --equations`` does."""
+    solution = stc.load(MOTION).solve()
+    certificate = certify(solution, equations=True)
+    metrics = certificate.metrics
+    motors = [line.name for line in solution.replay if line.kind == "actuator"]
+    tracked = certificate.replays.tracked
+    assert tracked is not None
+
+    setup = open_setup(solution)
+    law = proportional(setup)
+    setup.compiled.body_mass *= HEAVIER
+    setup.compiled.body_inertia *= HEAVIER
+    other = replay(setup, time_step_for(setup, limits.TIME_STEP), feedback=law)
+    name = "tracked error on the ground, RMS"
+    shares = [
+        (float(max(one.feedback / one.total)), float(one.feedback.sum() / one.total.sum()))
+        for one in (tracked, other)
+    ]
+
+    external = "external drift, largest"
+    coarse = certify(stc.load(MOTION).solve(k=1)).metrics
+    fine = certify(stc.load(MOTION).solve(k=2)).metrics
+    return Figures(
+        *_errors(metrics, "open-loop error on the ground, RMS", motors),
+        *_errors(metrics, "open-loop error on the ground, at the end", motors),
+        Tracked(*_errors(metrics, name, motors), *shares[0]),
+        Tracked(*_errors(contact_metrics("tracked", setup, other), name, motors), *shares[1]),
+        _largest(metrics, "equations of motion"),
+        _largest(metrics, "inverse-dynamics residual"),
+        _largest(metrics, external, "rad"),
+        math.log2(_largest(coarse, external, "rad") / _largest(fine, external, "rad")),
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--print", action="store_true", dest="dry", help="leave README.md as it is")
+    options = parser.parse_args()
+    text = table(measure())
+    print(text)
+    if not options.dry:
+        page = PAGE.read_text(encoding="utf-8")
+        before, rest = page.split(BEGIN)
+        PAGE.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.split(END)[1]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

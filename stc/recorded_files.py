@@ -1,0 +1,140 @@
+"""What a solution depends on besides its text: the files of its model, with their hashes and, where small, contents.
+
+A verdict is about one body. Whoever gets a solution file can tell by these records whether the model that lies beside
+it is that body, and where none lies there, have the one that the file carries.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path, PurePosixPath
+
+from stc.digests import sha256
+from stc.records import dataclass
+
+#: The text of a model and of what it includes is carried whole up to so many bytes, other files up to the second
+#: number; larger ones by their hashes alone.
+TEXT_CARRIED, CARRIED = 2**20, 2**12
+
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+_TAG = re.compile(rb"<\s*(\w+)([^<>]*)>")
+_ATTRIBUTE = re.compile(rb"""(\w+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+#: Which folder of the compiler's holds the files of an element.
+_FOLDERS = {b"mesh": b"meshdir", b"skin": b"meshdir", b"flexcomp": b"meshdir", b"hfield": b"meshdir"}
+_FOLDERS |= {b"texture": b"texturedir"}
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedFile:
+    """A file that a motion depends on, as it was when the motion was solved.
+
+    Attributes:
+        role: ``model`` for the model's own file, ``part`` for those that it includes, meshes and the like.
+        path: relative to the model's folder, with ``/`` between folders.
+        sha256: hash of its content, hexadecimal.
+        size: of its content, in bytes.
+        content: all of it, or None where only the hash is kept.
+    """
+
+    role: str
+    path: str
+    sha256: str
+    size: int
+    content: bytes | None = None
+
+
+def record(model: Path) -> list[RecordedFile]:
+    """The files of a MuJoCo model, its own first; those that cannot be read are left out.
+
+    Args:
+        model: path of its XML file.
+    """
+    found: dict[str, RecordedFile] = {}
+    for role, path in _files(model):
+        if path in found:
+            continue
+        try:
+            content = (model.parent / path).read_bytes()
+        except (OSError, ValueError):
+            continue
+        most = TEXT_CARRIED if _is_text(role, path) else CARRIED
+        kept = content if len(content) <= most else None
+        found[path] = RecordedFile(role, path, sha256(content).hexdigest(), len(content), kept)
+    return list(found.values())
+
+
+def changed(files: Sequence[RecordedFile], model: Path) -> list[str]:
+    """The paths of recorded files that are missing, or not the same any more, where the model's file is now."""
+    found = []
+    for file in files:
+        path = model if file.role == "model" else model.parent / file.path
+        try:
+            same = path.stat().st_size == file.size and sha256(path.read_bytes()).hexdigest() == file.sha256
+        except (OSError, ValueError):
+            same = False
+        if not same:
+            found.append(file.path)
+    return found
+
+
+def unpacked(files: Sequence[RecordedFile]) -> Path | None:
+    """The path of a model written out from what is carried, in a folder that goes when the process ends.
+
+    None where something of it is not carried, or would lie outside of that folder.
+    """
+    import atexit
+    from shutil import rmtree
+    from tempfile import mkdtemp
+
+    if not any(file.role == "model" for file in files):
+        return None
+    for file in files:
+        path = PurePosixPath(file.path)
+        if file.content is None or path.is_absolute() or ".." in path.parts:
+            return None
+    folder = Path(mkdtemp(prefix="stc-model-"))
+    atexit.register(rmtree, folder, ignore_errors=True)
+    for file in files:
+        target = folder / file.path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(file.content or b"")
+    return folder / next(file.path for file in files if file.role == "model")
+
+
+def _files(model: Path) -> Iterator[tuple[str, str]]:
+    """Role and path of the model's own file and of all that it names, found without a simulator."""
+    pending, seen = [("model", model.name)], set()
+    while pending:
+        role, path = pending.pop(0)
+        if path in seen:
+            continue
+        seen.add(path)
+        yield role, path
+        if _is_text(role, path):
+            try:
+                text = _COMMENT.sub(b"", (model.parent / path).read_bytes())
+            except (OSError, ValueError):
+                continue
+            pending += [("part", named) for named in _named(text)]
+
+
+def _is_text(role: str, path: str) -> bool:
+    return role == "model" or path.endswith((".xml", ".mjcf", ".urdf"))
+
+
+def _named(text: bytes) -> Iterator[str]:
+    """The files that a model's text names, relative to the model's folder."""
+    tags = [(tag, {k: a or b for k, a, b in _ATTRIBUTE.findall(rest)}) for tag, rest in _TAG.findall(text)]
+    folders: dict[bytes, bytes] = {}
+    for tag, attributes in tags:
+        if tag == b"compiler":
+            folders.update({k: v for k, v in attributes.items() if k.endswith(b"dir")})
+    for tag, attributes in tags:
+        folder = folders.get(
+            _FOLDERS.get(tag, b""), folders.get(b"assetdir", b"") if tag in _FOLDERS else b""
+        )
+        for attribute, value in attributes.items():
+            if attribute.startswith(b"file") and value:
+                name = PurePosixPath(folder.decode(errors="replace")) / value.decode(errors="replace")
+                yield name.as_posix()

@@ -1,0 +1,258 @@
+"""A saved motion, stated again: from a file's text, constants and unknowns to the solution that they mean.
+
+A file holds what was unknown, once.  Times, derivatives, what drives the replay, and where a multiplier belongs are
+evaluated here from the spec's own text, so that nothing in a file can say otherwise.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stc.collecting import motion_at
+from stc.digests import sha256
+from stc.errors import Source, StcError, UsageError
+from stc.language.elaborate import elaborate
+from stc.language.parser import parse
+from stc.problem import Problem
+from stc.solution import Solution, SolutionError
+from stc.solution_file import MISSHAPEN, PLAIN_FACTS, Stored, damaged, files_of, load
+from stc.trajectory import FloatArray
+from stc.transcription.multipliers import bound_nodes, multiplier_blocks, rows_by_statement
+from stc.transcription.stated import Stated, state
+
+__all__ = ["problem_of", "read", "require_stated", "source_of", "stated_again"]
+
+_Key = tuple[str, tuple[tuple[str, float], ...], str]
+#: The last problem that was stated again, for whoever judges what was just read.
+_last: list[tuple[_Key, Stated]] = []
+
+
+def source_of(solution: Solution, beside: Path | None = None) -> Source:
+    """The spec's text that a solution carries, as it would be read from its folder.
+
+    Args:
+        solution: any.
+        beside: folder of the solution's file, where the spec's own is not known or has not the model that is here.
+    """
+    folder = Path(solution.directory) if solution.directory else beside
+    if folder is not None and beside is not None and solution.model is not None:
+        moved = not (folder / solution.model).is_file() and (beside / solution.model).is_file()
+        folder = beside if moved else folder
+    return _source(solution.name, solution.source, folder)
+
+
+def _source(name: str, text: str, folder: Path | None) -> Source:
+    return Source(f"{name}.stc", text, "" if folder is None else str(folder / f"{name}.stc"))
+
+
+def problem_of(solution: Solution) -> Problem:
+    """The problem that a solution solves, read anew from the text that it carries.
+
+    Raises:
+        SpecError: the text is not a spec.
+        UsageError: it has not the constants that were given.
+    """
+    return elaborate(parse(source_of(solution)), solution.overrides, solution.method)
+
+
+def stated_again(solution: Solution) -> Stated:
+    """The problem that a solution solves, on its frames, from the text that it carries.
+
+    Raises:
+        SpecError, UsageError: as :func:`problem_of`.
+        SolutionError: that problem has another number of frames.
+    """
+    key = _key(solution.source, solution.overrides, solution.method)
+    if _last and _last[0][0] == key:
+        return _last[0][1]
+    problem = problem_of(solution)
+    if problem.n != solution.n:
+        raise SolutionError(f"its text states a motion of {problem.n} steps, and it has {solution.n}")
+    return _remember(key, state(problem))
+
+
+def require_stated(solution: Solution) -> None:
+    """Refuse to save a solution that was made by hand and could not be read again.
+
+    Raises:
+        UsageError: its text does not state its unknowns.
+    """
+    try:
+        stated = stated_again(solution)
+        orders = (key for key in solution.trajectories if not key[1] or solution.method != "central")
+        _require_same(
+            "unknowns", [_primed(*key) for key in orders], [_primed(*key) for key in stated.layout.names]
+        )
+        if len(solution.x) != stated.layout.size:
+            raise SolutionError(
+                f"its text states {stated.layout.size} unknowns, and it has {len(solution.x)} in `x`"
+            )
+    except StcError as error:
+        reason = str(error).splitlines()[0]
+        raise UsageError(
+            f"the solution of {solution.name} cannot be saved: {reason}",
+            "a file holds the unknowns of the problem that its text states; all else is evaluated from the two",
+        ) from None
+
+
+def _primed(name: str, order: int) -> str:
+    return name + "'" * order
+
+
+def _key(source: str, overrides: Mapping[str, float], method: str) -> _Key:
+    return source, tuple(sorted(overrides.items())), method
+
+
+def _remember(key: _Key, stated: Stated) -> Stated:
+    _last[:] = [(key, stated)]
+    return stated
+
+
+def read(path: str | os.PathLike[str]) -> Solution:
+    """Read a solution file; see :func:`stc.solution.read`."""
+    stored = load(path)
+    try:
+        if stored.facts["format"] == 1:
+            from stc.first_format import read_first
+
+            return read_first(stored, solution_of)
+        return solution_of(stored)
+    except SolutionError as error:
+        raise SolutionError(f"{path}: {error}") from None
+    except MISSHAPEN as error:
+        raise damaged(path) from error
+
+
+#: Facts that are text.
+_WORDS = ("name", "source", "directory", "method", "status", "message", "optimizer", "sha256", "stc_version")
+
+
+def solution_of(stored: Stored) -> Solution:
+    """The solution that a file means.
+
+    Raises:
+        SolutionError: the file contradicts itself or its own text.
+        ValueError, KeyError, TypeError: it is damaged.
+    """
+    facts = stored.facts
+    plain: dict[str, Any] = {key: facts[key] for key in PLAIN_FACTS}
+    for key in _WORDS:
+        if not isinstance(plain[key], str):
+            raise TypeError(f"{key} is no text")
+    if plain["sha256"] != sha256(plain["source"].encode()).hexdigest():
+        raise SolutionError("the spec's text does not match its hash: the file was altered")
+    stated = _stated(plain, stored)
+    x = _unknowns(stated, stored)
+    if plain["status"] == "optimal" and not np.isfinite(x).all():
+        raise SolutionError("the file was altered: an optimal solution has no numbers that are not finite")
+    y, z = _multipliers(stated, stored)
+    files = files_of(stored)
+    if unknown := set(stored.members) - stored.used:
+        raise SolutionError(
+            f"the file was altered: it holds {min(unknown)}, which is nothing of this solution"
+        )
+    model = Path(stated.problem.model or "").name
+    if files and files[0].path not in (model, f"{model}.xml"):
+        raise SolutionError(
+            f"the file was altered: it depends on {files[0].path}, its text on {model or 'no model'}"
+        )
+    motion = motion_at(stated, x, stated.problem.constants)
+    return Solution(
+        **{**motion, **plain},
+        row_multipliers=y,
+        bound_multipliers=z,
+        multipliers=multiplier_blocks(stated, y, z),
+        files=files,
+    )
+
+
+def _stated(plain: Mapping[str, Any], stored: Stored) -> Stated:
+    """The problem of a file's text, once it is known to have as many frames as there are values."""
+    overrides = {str(name): float(value) for name, value in plain["overrides"].items()}
+    folder = Path(plain["directory"]) if plain["directory"] else None
+    source = _source(str(plain["name"]), plain["source"], folder)
+    try:
+        problem = elaborate(parse(source), overrides, plain["method"])
+        n = int(stored.facts["n"])
+        if problem.n != n:
+            raise SolutionError(f"the file was altered: it tells of {n} steps, its text of {problem.n}")
+        for unknown in stored.facts["unknowns"]:
+            found = len(stored.vector(f"unknowns/{unknown['name']}")) - 1
+            if found != n:
+                raise SolutionError(f"the file was altered: it tells of {n} steps and has {found}")
+        return _remember(_key(plain["source"], overrides, plain["method"]), state(problem))
+    except SolutionError:
+        raise
+    except StcError as error:
+        reason = str(error).splitlines()[0]
+        raise SolutionError(f"its text states no motion that this version can read: {reason}") from None
+
+
+def _unknowns(stated: Stated, stored: Stored) -> FloatArray:
+    """The decision vector, (N,), from values by name."""
+    layout = stated.layout
+    x = np.full(layout.size, np.nan)
+    apart = {str(unknown["name"]): unknown["after"] for unknown in stored.facts["unknowns"]}
+    slots = {_primed(name, order): rest for name, order, *rest in layout.slots()}
+    _require_same("unknowns", apart, slots)
+    for name, (before, after, middle) in slots.items():
+        place = f"unknowns/{name}"
+        values = stored.vector(place)
+        x[before] = x[after] = values
+        frames = np.array(apart[name], dtype=np.intp)
+        if frames.size:
+            single = before[frames] == after[frames]
+            if single.any():
+                raise SolutionError(
+                    f"the file was altered: {name} has two values at frame {frames[single][0]}, where it does not jump"
+                )
+            x[after[frames]] = _of_length(stored, f"{place}/after", len(frames))
+        if len(middle):
+            x[middle] = _of_length(stored, f"{place}/mid", len(middle))
+    names = [str(name) for name in stored.facts["parameters"]]
+    _require_same("parameters", names, layout.parameters)
+    values = _of_length(stored, "parameters", len(names))
+    x[[layout.parameters[name] for name in names]] = values
+    return x
+
+
+def _of_length(stored: Stored, name: str, count: int) -> FloatArray:
+    values = stored.vector(name)
+    if len(values) != count:
+        raise SolutionError(f"the file was altered: {name} has {len(values)} numbers where there are {count}")
+    return values
+
+
+def _require_same(what: str, found: Collection[str], stated: Collection[str]) -> None:
+    if len(set(found)) != len(found) or set(found) != set(stated):
+        raise SolutionError(
+            f"its {what} are {', '.join(found) or 'none'}; its text states {', '.join(stated) or 'none'}"
+        )
+
+
+def _multipliers(stated: Stated, stored: Stored) -> tuple[FloatArray, FloatArray]:
+    """The multipliers of rows (M,) and bounds (N,), as the solver orders them."""
+    y, z = np.zeros(stated.row_count), np.zeros(stated.layout.size)
+    places = {statement: ids for statement, (_, ids, _) in rows_by_statement(stated).items()}
+    required = set(places)
+    places |= {("bound", name): at for name, _, at in bound_nodes(stated)}
+    blocks = [(str(block["kind"]), str(block["label"])) for block in stored.facts["multipliers"]]
+    if len(set(blocks)) != len(blocks):
+        raise SolutionError("the file was altered: it has the multipliers of a statement twice")
+    for k, block in enumerate(blocks):
+        if block not in places:
+            raise SolutionError(
+                f"the file was altered: it has multipliers of `{block[1]}`, which its text does not state"
+            )
+        at = places[block]
+        into = z if block[0] == "bound" else y
+        into[at] = _of_length(stored, f"multipliers/{k}", len(at))
+    missing = required - set(blocks)
+    if blocks and missing:
+        raise SolutionError(f"the file was altered: it has no multipliers of `{min(missing)[1]}`")
+    return y, z

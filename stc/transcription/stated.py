@@ -1,0 +1,97 @@
+"""A problem stated on its frames: unknowns, rows, bounds and objective as expressions, before anything is derived.
+
+That is all it takes to read a decision vector, to evaluate what a spec states there, and to tell to which statement a
+multiplier belongs.  Derivatives and kernels come on top of it in :mod:`stc.transcription.transcription`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.problem import Problem
+from stc.records import dataclass, field
+from stc.symbolic.expr import Expr
+from stc.transcription.derive import Group
+from stc.transcription.grid import Grid
+from stc.transcription.grouping import build_groups, number_rows
+from stc.transcription.layout import Layout
+from stc.transcription.lower import Expander, Lowering
+from stc.transcription.recover import Recovery
+from stc.transcription.statements import Sorter, Statements, highest_orders
+from stc.transcription.steps import Steps
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class Stated:
+    """What a problem's text and structural constants state on the frames of its motion."""
+
+    problem: Problem
+    grid: Grid
+    layout: Layout
+    steps: Steps
+    lowering: Lowering
+    statements: Statements
+    _remembered: dict[str, Any] = field(default_factory=dict, repr=False, kw_only=True)
+
+    def remembered(self, name: str, find: Callable[[Any], Any]) -> Any:
+        """What ``find`` returns for this statement, called once."""
+        if name not in self._remembered:
+            self._remembered[name] = find(self)
+        return self._remembered[name]
+
+    @property
+    def groups(self) -> list[Group]:
+        """The rows and summands by the nodes that they stand on; rows are numbered as the solver orders them."""
+        found: list[Group] = self.remembered("groups", _numbered_groups)
+        return found
+
+    @property
+    def row_count(self) -> int:
+        """How many rows there are."""
+        return sum(len(row.nodes) for row in self.statements.rows)
+
+    def recovery(self, x: FloatArray, constants: Mapping[str, float] | None = None) -> Recovery:
+        """Reads node values off a decision vector."""
+        return Recovery(
+            self.problem,
+            self.grid,
+            self.layout,
+            self.steps,
+            self.lowering,
+            self.problem.constants if constants is None else constants,
+            x,
+        )
+
+
+def _numbered_groups(stated: Stated) -> list[Group]:
+    groups = build_groups(stated.statements)
+    number_rows(groups)
+    return groups
+
+
+def state(problem: Problem) -> Stated:
+    """States a problem on its frames.
+
+    Raises:
+        SpecError: a statement holds on no frame, or a step's form is not supported.
+    """
+    grid = Grid(problem)
+    expand = Expander(problem, grid)
+    steps = Steps(problem, grid, expand)
+    bodies: list[Expr] = []
+    stated = [(r.body, r.range) for r in problem.relations] + [(o.body, o.range) for o in problem.objective]
+    for body, where in stated:
+        bodies += [expanded for expanded, _ in expand(body, grid.nodes(where))]
+    if problem.method == "central":
+        orders = dict.fromkeys(problem.variables, 0)
+    else:
+        orders = highest_orders(problem, bodies)
+    layout = Layout(problem, grid, orders)
+    lowering = Lowering(problem, grid, layout, steps)
+    return Stated(problem, grid, layout, steps, lowering, Sorter(problem, grid, lowering).run())
