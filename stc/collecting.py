@@ -66,6 +66,7 @@ def motion_at(stated: Stated, x: FloatArray, constants: Mapping[str, float]) -> 
         "method": problem.method,
         "time": recovery.time,
         "trajectories": recovery.trajectories(),
+        "derived": recovery.derived(),
         "parameters": recovery.parameters,
         "x": x,
         "model": problem.model,

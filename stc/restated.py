@@ -84,9 +84,10 @@ def require_stated(solution: Solution) -> None:
     """
     try:
         stated = stated_again(solution)
-        orders = (key for key in solution.trajectories if not key[1] or solution.method != "central")
         _require_same(
-            "unknowns", [_primed(*key) for key in orders], [_primed(*key) for key in stated.layout.names]
+            "unknowns",
+            [_primed(*key) for key in solution.unknowns],
+            [_primed(*key) for key in stated.layout.names],
         )
         if len(solution.x) != stated.layout.size:
             raise SolutionError(

@@ -111,6 +111,8 @@ class Solution:
         trajectories: node values per (variable, order of the derivative); orders of one variable start at 0
             and have no gap.  Under ``central`` a derivative whose stencil does not fit at a frame holds the
             value of the nearest frame where it does.
+        derived: which of these are no unknowns but follow from others, besides all derivatives under ``central``: the
+            rates of quaternions.
         parameters: value of every parameter.
         status: how the solve ended, one of :data:`STATUSES`.
         message: the same in words.
@@ -166,9 +168,16 @@ class Solution:
     replay: Sequence[ReplayChannel] = ()
     force_frames: tuple[int, int] | None = None
     files: Sequence[RecordedFile] = ()
+    derived: frozenset[tuple[str, int]] = frozenset()
     sha256: str = ""
     stc_version: str = ""
     origin: Any = None
+
+    @property
+    def unknowns(self) -> list[tuple[str, int]]:
+        """The keys of the trajectories that were unknown."""
+        central = self.method == "central"
+        return [key for key in self.trajectories if not (key in self.derived or (central and key[1]))]
 
     def __post_init__(self) -> None:
         self.time = np.array(self.time, dtype=np.float64)

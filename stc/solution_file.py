@@ -225,9 +225,8 @@ def stored_of(solution: Solution) -> Stored:
         facts[key] = dict(value) if isinstance(value, Mapping) else value
     members: dict[str, np.ndarray] = {}
     unknowns = []
-    for (variable, order), channel in solution.trajectories.items():
-        if order and solution.method == "central":
-            continue  # differences of the unknowns
+    for variable, order in solution.unknowns:
+        channel = solution.trajectories[variable, order]
         name = variable + "'" * order
         place = f"unknowns/{name}"
         apart = channel.frames_apart()

@@ -94,7 +94,7 @@ class Recovery:
         for name, order, before, after, middle in self.layout.slots():
             mid = self.x[middle] if len(middle) else None
             found[name, order] = Channel(self.x[before], self.x[after], mid)
-        turning = {name for rotation in self.problem.rotations for name in rotation.quaternion}
+        turning = [name for rotation in self.problem.rotations for name in rotation.quaternion]
         for name in turning:
             rate = self.rate(sym(VariableRef(name)))
             if rate is not None:
@@ -107,6 +107,10 @@ class Recovery:
                     if np.isfinite(channel.before).any():
                         found[name, order] = channel
         return found
+
+    def derived(self) -> frozenset[tuple[str, int]]:
+        """Which of the trajectories are no unknowns though their order is not above the variable's: quaternions' rates."""
+        return frozenset((name, 1) for r in self.problem.rotations for name in r.quaternion)
 
     def channel(self, body: Expr) -> Channel:
         """An expression of the spec at every node; where central clips it, the nearest frame's value.
