@@ -1,0 +1,187 @@
+"""Equality constraints as expressions: what they hold at zero, how that changes, how its forces act.
+
+- A connect holds the difference of the places of two points.  Its force acts at the first one, its opposite at the
+  second.
+- A weld holds, besides, one frame's rotation against another's: the axis of the remaining rotation times the sine of
+  its angle, in the second frame.  Its rate and acceleration are stated as the differences of the angular velocities
+  and accelerations in the world, which vanish with the derivatives where the rotation itself is held.
+- A joint or tendon equality holds a length against a polynomial of another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stc.mechanism.dynamics import Dynamics
+from stc.mechanism.forces import Forces, Transmission, Wrench
+from stc.mechanism.mechanism import Equality, Mechanism
+from stc.mechanism.transmissions import second_rate
+from stc.mechanism.tree import Frame
+from stc.mechanism.vectors import Vector, minus, negative, product, scaled, transposed, vector
+from stc.records import dataclass
+from stc.symbolic.expr import ZERO, Expr, add, mul, num, sub
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What an equality constraint holds.
+
+    Attributes:
+        names: of its forces: ``fx``, ``fy``, ``fz``, of a weld also ``mx``, ``my``, ``mz``; ``f`` along a length.
+        places, rates, accelerations: what is 0, one entry for each force.
+        ends: the frames of a connect or weld, at the points that it holds together.
+        lines: the lengths of a joint or tendon equality, with what a unit of force is on each.
+    """
+
+    names: tuple[str, ...]
+    places: tuple[Expr, ...]
+    rates: tuple[Expr, ...]
+    accelerations: tuple[Expr, ...]
+    ends: tuple[Frame, ...] = ()
+    lines: tuple[tuple[Transmission, Expr], ...] = ()
+
+    def act(self, forces: Sequence[Expr]) -> Forces:
+        """What its forces are on bodies and degrees of freedom.
+
+        Parameters
+        ----------
+        forces
+            One for each of the names: N along the world's axes, N m about them.
+        """
+        found = Forces()
+        for line, share in self.lines:
+            found.along(line, mul(share, forces[0]))
+        if self.ends:
+            first, second = self.ends
+            force: Vector = (forces[0], forces[1], forces[2])
+            found.wrenches += [Wrench(first, force), Wrench(second, negative(force))]
+            if len(forces) > 3:
+                torque: Vector = (forces[3], forces[4], forces[5])
+                found.wrenches += [
+                    Wrench(first, torque=torque),
+                    Wrench(second, torque=negative(torque)),
+                ]
+        return found
+
+
+def held(dynamics: Dynamics, equality: Equality) -> Held:
+    """An equality constraint's expressions.
+
+    Raises:
+        ValueError: its kind cannot be stated.
+    """
+    if equality.kind in ("connect", "weld"):
+        return _held_together(dynamics, equality)
+    if equality.kind in ("joint", "tendon"):
+        return _coupled(dynamics, equality)
+    raise ValueError(f"equality {equality.name} of kind {equality.kind}")
+
+
+def _held_together(dynamics: Dynamics, equality: Equality) -> Held:
+    first, second = _ends(dynamics, equality)
+    know = dynamics.kinematics
+    places = minus(know.place_of(first), know.place_of(second))
+    rates = minus(know.velocity_of(first), know.velocity_of(second))
+    accelerations = minus(know.acceleration_of(first), know.acceleration_of(second))
+    if equality.kind == "connect":
+        return Held(("fx", "fy", "fz"), places, rates, accelerations, (first, second))
+    turn = product(transposed(know.axes_of(second)), know.axes_of(first))
+    twist = (sub(turn[2][1], turn[1][2]), sub(turn[0][2], turn[2][0]), sub(turn[1][0], turn[0][1]))
+    return Held(
+        names=("fx", "fy", "fz", "mx", "my", "mz"),
+        places=(*places, *scaled(num(0.5), twist)),
+        rates=(*rates, *minus(know.rate_of(first), know.rate_of(second))),
+        accelerations=(*accelerations, *minus(know.turning_of(first), know.turning_of(second))),
+        ends=(first, second),
+    )
+
+
+def _ends(dynamics: Dynamics, equality: Equality) -> tuple[Frame, Frame]:
+    """The frames that a connect or weld holds together."""
+    if equality.between == "site":
+        return dynamics.sites[equality.first], dynamics.sites[equality.second]
+    data, tree = equality.data, dynamics.tree
+    if equality.kind == "connect":
+        return (
+            tree.frame(equality.first, vector(data[0:3])),
+            tree.frame(equality.second, vector(data[3:6])),
+        )
+    return (
+        tree.frame(equality.first, vector(data[3:6]), data[6:10]),
+        tree.frame(equality.second, vector(data[0:3])),
+    )
+
+
+def _polynomial(coefficients: Sequence[float], x: Expr) -> tuple[Expr, Expr, Expr]:
+    """c0 + c1 x + c2 x^2 + ..., its derivative and its second derivative."""
+    value = slope = bend = ZERO
+    for coefficient in reversed(coefficients):
+        bend = add(mul(bend, x), mul(num(2.0), slope))
+        slope = add(mul(slope, x), value)
+        value = add(mul(value, x), num(coefficient))
+    return value, slope, bend
+
+
+def _coupled(dynamics: Dynamics, equality: Equality) -> Held:
+    first, reference, acceleration = _line(dynamics, equality, equality.first)
+    value, rate = sub(first.length, num(reference)), first.rate
+    lines = [(first, num(1.0))]
+    if equality.second < 0:
+        value = sub(value, num(equality.data[0]))
+    else:
+        second, other, second_acceleration = _line(dynamics, equality, equality.second)
+        wanted, slope, bend = _polynomial(equality.data[:5], sub(second.length, num(other)))
+        value, rate = sub(value, wanted), sub(rate, mul(slope, second.rate))
+        bent = mul(bend, mul(second.rate, second.rate))
+        acceleration = sub(acceleration, add(bent, mul(slope, second_acceleration)))
+        lines.append((second, sub(ZERO, slope)))
+    return Held(("f",), (value,), (rate,), (acceleration,), lines=tuple(lines))
+
+
+def _line(dynamics: Dynamics, equality: Equality, index: int) -> tuple[Transmission, float, Expr]:
+    """A joint's or tendon's length, its reference, and its second derivative by time."""
+    motion = dynamics.motion
+    if equality.kind == "tendon":
+        tendon, line = dynamics.mechanism.tendons[index], dynamics.tendons[index]
+        return line, tendon.reference, second_rate(tendon, line, dynamics.kinematics)
+    joint = dynamics.mechanism.joints[index]
+    dof = joint.dof
+    line = Transmission(motion.q[joint.qpos], motion.v[dof], {dof: num(1.0)})
+    return line, joint.reference[0], motion.a[dof]
+
+
+@dataclass(frozen=True, slots=True)
+class Follower:
+    """A coordinate that a joint equality makes a function of another one.
+
+    Attributes:
+        q, v, a: the coordinate, its velocity and acceleration.
+        slope: its derivative by the leading coordinate, which carries its generalised force: where the joint's residual
+            is r, the leading joint's gets slope * r added to it.
+    """
+
+    q: Expr
+    v: Expr
+    a: Expr
+    slope: Expr
+
+
+def follower(mechanism: Mechanism, equality: Equality, q: Expr, v: Expr, a: Expr) -> Follower:
+    """The first joint of a joint equality from the motion of the second, which does not matter where there is none.
+
+    Raises:
+        ValueError: it is no joint equality.
+    """
+    if equality.kind != "joint":
+        raise ValueError(f"equality {equality.name} of kind {equality.kind} eliminates no coordinate")
+    start = num(mechanism.joints[equality.first].reference[0])
+    if equality.second < 0:
+        return Follower(add(start, num(equality.data[0])), ZERO, ZERO, ZERO)
+    other = num(mechanism.joints[equality.second].reference[0])
+    value, slope, bend = _polynomial(equality.data[:5], sub(q, other))
+    return Follower(
+        q=add(start, value),
+        v=mul(slope, v),
+        a=add(mul(slope, a), mul(bend, mul(v, v))),
+        slope=slope,
+    )

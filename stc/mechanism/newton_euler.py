@@ -1,0 +1,118 @@
+"""Generalised forces by the recursive Newton-Euler method, as expressions.
+
+From the motion of the segments follow the forces and torques that they need; from the outermost segment inwards these
+are added up, and their parts along the joints are the generalised forces (Featherstone, Rigid Body Dynamics Algorithms,
+chapter 5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from stc.mechanism.forces import Wrench
+from stc.mechanism.kinematics import Kinematics
+from stc.mechanism.tree import WORLD, Segment
+from stc.mechanism.vectors import (
+    ORIGIN,
+    Matrix,
+    Vector,
+    cross,
+    dot,
+    minus,
+    plus,
+    scaled,
+    times,
+    transposed,
+    vector,
+)
+from stc.symbolic.expr import ZERO, Expr, add, mul, sub
+
+
+def inverse_dynamics(kinematics: Kinematics, wrenches: Iterable[Wrench] = ()) -> list[Expr]:
+    """The generalised force on every degree of freedom that the motion takes, beside the wrenches.
+
+    This is M a + c - J^T f in the order of ``qvel``, with gravity in c.
+    """
+    loads = [_load(segment, kinematics, index) for index, segment in enumerate(kinematics.tree.segments)]
+    for segment, (force, torque) in _in_segments(kinematics, wrenches).items():
+        needed, turning = loads[segment]
+        loads[segment] = minus(needed, force), minus(turning, torque)
+    return _gathered(kinematics, loads)
+
+
+def generalised_forces(kinematics: Kinematics, wrenches: Iterable[Wrench]) -> list[Expr]:
+    """J^T f: what the wrenches are on every degree of freedom."""
+    loads = [(ORIGIN, ORIGIN)] * len(kinematics.tree.segments)
+    for segment, load in _in_segments(kinematics, wrenches).items():
+        loads[segment] = load
+    return _gathered(kinematics, loads)
+
+
+def _in_segments(kinematics: Kinematics, wrenches: Iterable[Wrench]) -> dict[int, tuple[Vector, Vector]]:
+    """The sums of wrenches by segment, at its origin and in its axes."""
+    forces: dict[int, dict[Vector, Vector]] = {}
+    torques: dict[int, Vector] = {}
+    for wrench in wrenches:
+        segment = wrench.frame.segment
+        if segment == WORLD:
+            continue
+        places, at = forces.setdefault(segment, {}), wrench.frame.at
+        places[at] = plus(places.get(at, ORIGIN), wrench.force)
+        torques[segment] = plus(torques.get(segment, ORIGIN), wrench.torque)
+    found = {}
+    for segment, pulls in forces.items():
+        back = transposed(kinematics.axes(segment))
+        force, torque = ORIGIN, times(back, torques[segment])
+        for at, pull in pulls.items():
+            own = times(back, pull)
+            force, torque = plus(force, own), plus(torque, cross(at, own))
+        found[segment] = force, torque
+    return found
+
+
+def _load(segment: Segment, kinematics: Kinematics, index: int) -> tuple[Vector, Vector]:
+    """The force, and the torque about its origin, that a segment's own motion takes, in its axes."""
+    inertia = segment.inertia
+    turning, moved = kinematics.acceleration(index)
+    force = plus(scaled(inertia.mass, moved), times(turning.field, inertia.first))
+    return force, plus(_turned(turning.field, inertia.second), cross(inertia.first, moved))
+
+
+def _turned(field: Matrix, second: Matrix) -> Vector:
+    """The sum of m x (field x) over a body, from its second moments of mass."""
+
+    def part(i: int, j: int) -> Expr:
+        total: Expr = ZERO
+        for k in range(3):
+            total = add(total, sub(mul(field[i][k], second[k][j]), mul(field[j][k], second[k][i])))
+        return total
+
+    return part(2, 1), part(0, 2), part(1, 0)
+
+
+def _gathered(kinematics: Kinematics, loads: list[tuple[Vector, Vector]]) -> list[Expr]:
+    """Loads added up from the outermost segment inwards, and their parts along the joints."""
+    tree = kinematics.tree
+    found: list[Expr] = [ZERO] * tree.mechanism.n_freedoms
+    for index in reversed(range(len(tree.segments))):
+        segment = tree.segments[index]
+        turn, at = kinematics.locals[index]
+        force, torque = loads[index]
+        d, kind = segment.joint.dof, segment.joint.kind
+        if kind == "hinge":
+            found[d] = dot(vector(segment.axis), torque)
+        elif kind == "slide":
+            found[d] = dot(vector(segment.axis), force)
+        elif kind == "ball":
+            found[d : d + 3] = torque
+        else:
+            found[d : d + 3] = times(turn, force)
+            found[d + 3 : d + 6] = torque
+        if segment.parent != WORLD:
+            outer, about = loads[segment.parent]
+            carried = times(turn, force)
+            loads[segment.parent] = (
+                plus(outer, carried),
+                plus(about, plus(times(turn, torque), cross(at, carried))),
+            )
+    return found

@@ -1,0 +1,85 @@
+"""Numbers of a model in expressions: as literals, or as symbols whose values can be changed later.
+
+A number is named by its path, the one that ``set`` lines have: ``("body", "torso", "mass")``,
+``("option", "gravity", "z")``.  Zero is always a literal, so that what is multiplied by it vanishes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from stc.records import dataclass
+from stc.symbolic.expr import ZERO, Expr, num, sym
+
+Path = tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelNumber:
+    """The key of the symbol of a number that can be set."""
+
+    path: Path
+
+
+@dataclass(frozen=True, slots=True)
+class DerivedNumber:
+    """The key of the symbol of a number that follows from others, such as the mass of several bodies together."""
+
+    name: Path
+
+
+def none_of_them(path: Path) -> bool:
+    """Chooses no number: all are literals."""
+    return False
+
+
+def all_of_them(path: Path) -> bool:
+    """Chooses every number that can be set."""
+    return True
+
+
+class Numbers:
+    """Which numbers are symbols, and what they stand for.
+
+    Parameters
+    ----------
+    chosen
+        Whether the number with a path becomes a symbol.
+    symbol
+        Makes the symbol's expression from its path; one with the key :class:`ModelNumber` if not given.
+
+    Attributes
+    ----------
+    values
+        The model's own value of every number that has become a symbol.
+    derived
+        What derived numbers are in terms of those: expressions without any variable.
+    """
+
+    def __init__(
+        self, chosen: Callable[[Path], bool] = none_of_them, symbol: Callable[[Path], Expr] | None = None
+    ) -> None:
+        self._chosen = chosen
+        self._symbol = symbol or (lambda path: sym(ModelNumber(path)))
+        self.values: dict[Path, float] = {}
+        self.derived: dict[DerivedNumber, Expr] = {}
+
+    def number(self, value: float, *path: str) -> Expr:
+        """The expression of a number."""
+        if value == 0.0:
+            return ZERO
+        if not self._chosen(path):
+            return num(value)
+        self.values[path] = value
+        return self._symbol(path)
+
+    def derive(self, e: Expr, *name: str) -> Expr:
+        """A symbol for an expression of numbers; the expression itself where that is as simple."""
+        if not e.args:
+            return e
+        if e.op == "neg" and not e.args[0].args:
+            return e
+        key = DerivedNumber(name)
+        if self.derived.setdefault(key, e) is not e:
+            raise ValueError(f"two derived numbers with the name {'.'.join(name)}")
+        return sym(key)

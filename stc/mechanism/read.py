@@ -1,0 +1,445 @@
+"""Reads a model file with MuJoCo's own reader and compiler, MJCF or URDF, into plain data.
+
+Nothing of MuJoCo is left in the result but numbers.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stc.errors import StcError
+from stc.mechanism.mechanism import (
+    COORDINATES,
+    Actuator,
+    Body,
+    Equality,
+    Geom,
+    Joint,
+    Keyframe,
+    Mechanism,
+    Options,
+    Pair,
+    Place,
+    Site,
+    Step,
+    Tendon,
+)
+from stc.mechanism.places import Places
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+class ModelFileError(StcError):
+    """A model cannot be read; the message carries MuJoCo's own."""
+
+
+def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mechanism:
+    """Read a model.
+
+    Parameters
+    ----------
+    source
+        The path of an MJCF or URDF file.
+    text
+        The content, where it is not to be read from the file; ``source`` then only names it in messages.
+
+    Raises
+    ------
+    ModelFileError
+        MuJoCo does not accept it, or it is not there.
+    """
+    import mujoco
+
+    try:
+        if text is None:
+            spec = mujoco.MjSpec.from_file(os.fsdecode(source))
+        else:
+            spec = mujoco.MjSpec.from_string(text)
+        model = spec.compile()
+    except (ValueError, OSError, FileNotFoundError) as error:
+        raise ModelFileError(f"MuJoCo does not accept {source}: {' '.join(str(error).split())}") from None
+    name = os.fsdecode(source)
+    content = text if text is not None else Path(name).read_text(encoding="utf-8", errors="replace")
+    return _Reader(model, spec, Places(name, content)).mechanism(name)
+
+
+def _floats(values: Any) -> tuple[Any, ...]:
+    return tuple([float(value) for value in values])
+
+
+class _Reader:
+    """From a compiled model, and the description that knows the lines of its elements."""
+
+    def __init__(self, model: mujoco.MjModel, spec: Any, places: Places) -> None:
+        self.m = model
+        self.spec = spec
+        self.places = places
+
+    def mechanism(self, source: str) -> Mechanism:
+        m = self.m
+        self.body_names = self._names("bodies", "BODY", m.nbody, lambda i: "world" if i == 0 else f"body{i}")
+        self.joint_names = self._names("joints", "JOINT", m.njnt, lambda i: self.body_names[m.jnt_bodyid[i]])
+        self.tendon_names = self._names("tendons", "TENDON", m.ntendon, lambda i: f"tendon{i + 1}")
+        return Mechanism(
+            source=source,
+            bodies=self._bodies(),
+            joints=self._joints(),
+            geoms=self._geoms(),
+            sites=self._sites(),
+            tendons=self._tendons(),
+            actuators=self._actuators(),
+            equalities=self._equalities(),
+            keyframes=self._keyframes(),
+            pairs=tuple(
+                [
+                    Pair(
+                        first=int(m.pair_geom1[i]),
+                        second=int(m.pair_geom2[i]),
+                        friction=_floats(m.pair_friction[i]),
+                        condim=int(m.pair_dim[i]),
+                        margin=float(m.pair_margin[i]),
+                        gap=float(m.pair_gap[i]),
+                    )
+                    for i in range(m.npair)
+                ]
+            ),
+            excluded=tuple(
+                [(int(signature) >> 16, int(signature) & 0xFFFF) for signature in m.exclude_signature]
+            ),
+            options=self._options(),
+            n_coordinates=int(m.nq),
+            n_freedoms=int(m.nv),
+            n_controls=int(m.nu),
+            n_activations=int(m.na),
+            others=self._others(),
+        )
+
+    def _name(self, kind: str, index: int) -> str:
+        import mujoco
+
+        return mujoco.mj_id2name(self.m, getattr(mujoco.mjtObj, f"mjOBJ_{kind}"), index) or ""
+
+    def _names(self, _: str, kind: str, count: int, called: Callable[[int], str]) -> list[str]:
+        """Names of all elements of a kind; those without one are ``called`` something, numbered where that is taken."""
+        names = [self._name(kind, index) for index in range(count)]
+        taken = set(names)
+        for index, name in enumerate(names):
+            if not name:
+                wanted = called(index)
+                free, number = wanted, 1
+                while free in taken:
+                    number += 1
+                    free = f"{wanted}_{number}"
+                names[index] = free
+                taken.add(free)
+        return names
+
+    def _places(self, elements: str, tag: str, count: int) -> list[Place | None]:
+        found: list[Place | None] = [None] * count
+        for element in getattr(self.spec, elements):
+            if 0 <= element.id < count:
+                found[element.id] = self.places.of(element.info, tag, element.name)
+        return found
+
+    def _bodies(self) -> tuple[Body, ...]:
+        m = self.m
+        places = self._places("bodies", "body", m.nbody)
+        return tuple(
+            [
+                Body(
+                    name=self.body_names[i],
+                    parent=int(m.body_parentid[i]),
+                    pos=_floats(m.body_pos[i]),
+                    quat=_floats(m.body_quat[i]),
+                    mass=float(m.body_mass[i]),
+                    com=_floats(m.body_ipos[i]),
+                    inertia_quat=_floats(m.body_iquat[i]),
+                    inertia=_floats(m.body_inertia[i]),
+                    gravcomp=float(m.body_gravcomp[i]),
+                    mocap=int(m.body_mocapid[i]) >= 0,
+                    joints=tuple(range(m.body_jntadr[i], m.body_jntadr[i] + m.body_jntnum[i]))
+                    if m.body_jntnum[i]
+                    else (),
+                    place=places[i],
+                )
+                for i in range(m.nbody)
+            ]
+        )
+
+    def _joints(self) -> tuple[Joint, ...]:
+        m = self.m
+        places = self._places("joints", "joint", m.njnt)
+        kinds = ("free", "ball", "slide", "hinge")
+        joints = []
+        for i in range(m.njnt):
+            kind = kinds[m.jnt_type[i]]
+            q, d = int(m.jnt_qposadr[i]), int(m.jnt_dofadr[i])
+            coordinates = slice(q, q + COORDINATES[kind])
+            joints.append(
+                Joint(
+                    name=self.joint_names[i],
+                    kind=kind,
+                    body=int(m.jnt_bodyid[i]),
+                    qpos=q,
+                    dof=d,
+                    axis=_floats(m.jnt_axis[i]),
+                    anchor=_floats(m.jnt_pos[i]),
+                    limited=bool(m.jnt_limited[i]),
+                    bounds=_floats(m.jnt_range[i]),
+                    reference=_floats(m.qpos0[coordinates]),
+                    spring_reference=_floats(m.qpos_spring[coordinates]),
+                    stiffness=float(m.jnt_stiffness[i]),
+                    stiffness_poly=_floats(m.jnt_stiffnesspoly[i]),
+                    spring_yield=float(m.jnt_springyield[i]),
+                    damping=float(m.dof_damping[d]),
+                    damping_poly=_floats(m.dof_dampingpoly[d]),
+                    armature=float(m.dof_armature[d]),
+                    frictionloss=float(m.dof_frictionloss[d]),
+                    force_limited=bool(m.jnt_actfrclimited[i]),
+                    force_range=_floats(m.jnt_actfrcrange[i]),
+                    gravcomp_by_actuators=bool(m.jnt_actgravcomp[i]),
+                    place=places[i],
+                )
+            )
+        return tuple(joints)
+
+    def _geoms(self) -> tuple[Geom, ...]:
+        m = self.m
+        places = self._places("geoms", "geom", m.ngeom)
+        return tuple(
+            [
+                Geom(
+                    name=self._name("GEOM", i),
+                    body=int(m.geom_bodyid[i]),
+                    kind=_member("mjtGeom", "mjGEOM_", m.geom_type[i]),
+                    size=_floats(m.geom_size[i]),
+                    pos=_floats(m.geom_pos[i]),
+                    quat=_floats(m.geom_quat[i]),
+                    friction=_floats(m.geom_friction[i]),
+                    contype=int(m.geom_contype[i]),
+                    conaffinity=int(m.geom_conaffinity[i]),
+                    condim=int(m.geom_condim[i]),
+                    priority=int(m.geom_priority[i]),
+                    solmix=float(m.geom_solmix[i]),
+                    margin=float(m.geom_margin[i]),
+                    gap=float(m.geom_gap[i]),
+                    fluid=bool(m.geom_fluid[i][0] > 0),
+                    adhesion=float(m.geom_adhesion[i]),
+                    surface_velocity=_floats(m.geom_surfacevel[i]),
+                    place=places[i],
+                )
+                for i in range(m.ngeom)
+            ]
+        )
+
+    def _sites(self) -> tuple[Site, ...]:
+        m = self.m
+        places = self._places("sites", "site", m.nsite)
+        return tuple(
+            [
+                Site(
+                    name=self._name("SITE", i),
+                    body=int(m.site_bodyid[i]),
+                    kind=_member("mjtGeom", "mjGEOM_", m.site_type[i]),
+                    size=_floats(m.site_size[i]),
+                    pos=_floats(m.site_pos[i]),
+                    quat=_floats(m.site_quat[i]),
+                    place=places[i],
+                )
+                for i in range(m.nsite)
+            ]
+        )
+
+    def _tendons(self) -> tuple[Tendon, ...]:
+        m = self.m
+        places = self._places("tendons", "tendon", m.ntendon)
+        tendons = []
+        for i in range(m.ntendon):
+            steps = range(m.tendon_adr[i], m.tendon_adr[i] + m.tendon_num[i])
+            path = [
+                Step(
+                    kind=_member("mjtWrap", "mjWRAP_", m.wrap_type[k]),
+                    index=int(m.wrap_objid[k]),
+                    parameter=float(m.wrap_prm[k]),
+                )
+                for k in steps
+            ]
+            tendons.append(
+                Tendon(
+                    name=self.tendon_names[i],
+                    kind="fixed" if path and path[0].kind == "joint" else "spatial",
+                    path=tuple(path),
+                    reference=float(m.tendon_length0[i]),
+                    limited=bool(m.tendon_limited[i]),
+                    bounds=_floats(m.tendon_range[i]),
+                    spring_range=_floats(m.tendon_lengthspring[i]),
+                    stiffness=float(m.tendon_stiffness[i]),
+                    stiffness_poly=_floats(m.tendon_stiffnesspoly[i]),
+                    spring_yield=float(m.tendon_springyield[i]),
+                    damping=float(m.tendon_damping[i]),
+                    damping_poly=_floats(m.tendon_dampingpoly[i]),
+                    armature=float(m.tendon_armature[i]),
+                    frictionloss=float(m.tendon_frictionloss[i]),
+                    force_limited=bool(m.tendon_actfrclimited[i]),
+                    force_range=_floats(m.tendon_actfrcrange[i]),
+                    place=places[i],
+                )
+            )
+        return tuple(tendons)
+
+    def _actuators(self) -> tuple[Actuator, ...]:
+        m = self.m
+        places = self._places("actuators", "actuator", m.nactuator)
+        names = self._names("actuators", "ACTUATOR", m.nactuator, self._acts_on)
+        actuators = []
+        for i in range(m.nactuator):
+            u, out, act = int(m.actuator_ctrladr[i]), int(m.actuator_outadr[i]), int(m.actuator_actadr[i])
+            controls = range(u, u + int(m.actuator_ctrlnum[i]))
+            group = int(m.actuator_group[i])
+            actuators.append(
+                Actuator(
+                    name=names[i],
+                    transmission=_member("mjtTrn", "mjTRN_", m.actuator_trntype[i]),
+                    target=int(m.actuator_trnid[i][0]),
+                    reference=int(m.actuator_trnid[i][1]),
+                    gear=_floats(m.actuator_gear[out]),
+                    gain=_member("mjtGain", "mjGAIN_", m.actuator_gaintype[i]),
+                    gain_parameters=_floats(m.actuator_gainprm[i]),
+                    bias=_member("mjtBias", "mjBIAS_", m.actuator_biastype[i]),
+                    bias_parameters=_floats(m.actuator_biasprm[i]),
+                    dynamics=_member("mjtDyn", "mjDYN_", m.actuator_dyntype[i]),
+                    dynamics_parameters=_floats(m.actuator_dynprm[i]),
+                    controls=controls,
+                    activations=range(act, act + int(m.actuator_actnum[i])) if act >= 0 else range(0),
+                    control_limited=bool(m.actuator_ctrllimited[u]) if controls else False,
+                    control_range=_floats(m.actuator_ctrlrange[u]) if controls else (0.0, 0.0),
+                    force_limited=bool(m.actuator_forcelimited[i]),
+                    force_range=_floats(m.actuator_forcerange[i]),
+                    activation_limited=bool(m.actuator_actlimited[i]),
+                    activation_range=_floats(m.actuator_actrange[i]),
+                    early=bool(m.actuator_actearly[i]),
+                    delay=float(m.actuator_delay[i]),
+                    armature=float(m.actuator_armature[i]),
+                    damping=float(m.actuator_damping[i]),
+                    damping_poly=_floats(m.actuator_dampingpoly[i]),
+                    crank_length=float(m.actuator_cranklength[out]),
+                    enabled=not (0 <= group < 31 and int(m.opt.disableactuator) >> group & 1),
+                    plugin=int(m.actuator_plugin[i]) >= 0,
+                    place=places[i],
+                )
+            )
+        return tuple(actuators)
+
+    def _acts_on(self, actuator: int) -> str:
+        """What an actuator without a name is called by."""
+        m = self.m
+        kind = _member("mjtTrn", "mjTRN_", m.actuator_trntype[actuator])
+        target = int(m.actuator_trnid[actuator][0])
+        if kind in ("joint", "jointinparent"):
+            return self.joint_names[target]
+        if kind == "tendon":
+            return self.tendon_names[target]
+        if kind in ("site", "slidercrank"):
+            return self._name("SITE", target) or f"actuator{actuator + 1}"
+        return f"actuator{actuator + 1}"
+
+    def _equalities(self) -> tuple[Equality, ...]:
+        m = self.m
+        places = self._places("equalities", "equality", m.neq)
+        kinds = [_member("mjtEq", "mjEQ_", kind) for kind in m.eq_type]
+        names = self._names("equalities", "EQUALITY", m.neq, lambda i: kinds[i])
+        return tuple(
+            [
+                Equality(
+                    name=names[i],
+                    kind=kinds[i],
+                    between=kinds[i]
+                    if kinds[i] in ("joint", "tendon")
+                    else _member("mjtObj", "mjOBJ_", m.eq_objtype[i]),
+                    first=int(m.eq_obj1id[i]),
+                    second=int(m.eq_obj2id[i]),
+                    data=_floats(m.eq_data[i]),
+                    active=bool(m.eq_active0[i]),
+                    place=places[i],
+                )
+                for i in range(m.neq)
+            ]
+        )
+
+    def _keyframes(self) -> tuple[Keyframe, ...]:
+        m = self.m
+        names = self._names("keys", "KEY", m.nkey, lambda i: f"keyframe{i + 1}")
+        return tuple(
+            [
+                Keyframe(
+                    name=names[i],
+                    time=float(m.key_time[i]),
+                    qpos=_floats(m.key_qpos[i]),
+                    qvel=_floats(m.key_qvel[i]),
+                    activations=_floats(m.key_act[i]),
+                    controls=_floats(m.key_ctrl[i]),
+                )
+                for i in range(m.nkey)
+            ]
+        )
+
+    def _options(self) -> Options:
+        import mujoco
+
+        opt = self.m.opt
+        return Options(
+            gravity=_floats(opt.gravity),
+            wind=_floats(opt.wind),
+            density=float(opt.density),
+            viscosity=float(opt.viscosity),
+            timestep=float(opt.timestep),
+            integrator=_member("mjtIntegrator", "mjINT_", opt.integrator),
+            cone=_member("mjtCone", "mjCONE_", opt.cone),
+            impratio=float(opt.impratio),
+            disabled=_flags(mujoco.mjtDisableBit, "mjDSBL_", opt.disableflags),
+            enabled=_flags(mujoco.mjtEnableBit, "mjENBL_", opt.enableflags),
+            place=self.places.first("option"),
+        )
+
+    def _others(self) -> tuple[tuple[str, str, Place | None], ...]:
+        found: list[tuple[str, str, Place | None]] = []
+        for kind, elements, count in (
+            ("flex", "flexes", self.m.nflex),
+            ("plugin", "plugins", self.m.nplugin),
+        ):
+            listed = list(getattr(self.spec, elements))
+            for index in range(count):
+                element = listed[index] if index < len(listed) else None
+                name = element.name if element is not None else ""
+                place = self.places.of(element.info, kind, name) if element is not None else None
+                found.append((kind, name, place or self.places.first(kind)))
+        return tuple(found)
+
+
+def _flags(enumeration: Any, prefix: str, bits: int) -> frozenset[str]:
+    return frozenset(
+        name.removeprefix(prefix).lower()
+        for name, member in enumeration.__members__.items()
+        if name.startswith(prefix) and int(bits) & int(member)
+    )
+
+
+_members: dict[tuple[str, int], str] = {}
+
+
+def _member(enumeration: str, prefix: str, value: Any) -> str:
+    """MuJoCo's name of a value of an enumeration, in lower case and without its prefix."""
+    key = (enumeration, int(value))
+    if key not in _members:
+        import mujoco
+
+        members: Sequence[tuple[str, Any]] = list(getattr(mujoco, enumeration).__members__.items())
+        _members[key] = next(
+            (name.removeprefix(prefix).lower() for name, member in members if int(member) == int(value)),
+            str(int(value)),
+        )
+    return _members[key]

@@ -1,0 +1,219 @@
+"""What of a model cannot be stated exactly as smooth equations, each with its name and its line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+from stc.mechanism.mechanism import Actuator, Equality, Geom, Mechanism, Place, Tendon
+from stc.records import dataclass
+
+#: The words by which a spec can leave things out, and what each stands for.
+KINDS = {
+    "fluid": "forces of a surrounding medium",
+    "muscles": "muscles",
+    "actuators": "actuators of kinds that cannot be stated",
+    "wrapping": "tendons that wrap around geoms",
+    "flexes": "deformable bodies",
+    "plugins": "plugins",
+    "adhesion": "adhesion of geoms and adhesive actuators",
+    "yielding": "springs that yield",
+    "delays": "controls that arrive late",
+    "equalities": "equality constraints of kinds that cannot be stated",
+    "conveyors": "surfaces that move by themselves",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """One thing that cannot be stated.
+
+    Attributes:
+        kind: one of :data:`KINDS`, the word that leaves it out.
+        element: what it is and how it is called: ``actuator "left"``.
+        reason: a sentence.
+        place: where it stands in the model file, None where that is not known.
+    """
+
+    kind: str
+    element: str
+    reason: str
+    place: Place | None
+
+    def __str__(self) -> str:
+        where = "" if self.place is None else f"{self.place}: "
+        return f"{where}{self.element}: {self.reason}"
+
+
+def refusals(mechanism: Mechanism) -> list[Refusal]:
+    """Everything that stands in the way of exact equations of motion, in the order of :data:`KINDS`.
+
+    Contact, limits and dry friction are no equations of motion and not looked at here.
+    """
+    found = [
+        *_medium(mechanism),
+        *_of_actuators(mechanism.actuators),
+        *_of_tendons(mechanism.tendons),
+        *_of_joints(mechanism),
+        *_of_equalities(mechanism.equalities),
+        *_of_geoms(mechanism.geoms),
+        *_others(mechanism),
+    ]
+    order = list(KINDS)
+    return sorted(found, key=lambda refusal: order.index(refusal.kind))
+
+
+def without(mechanism: Mechanism, kinds: Iterable[str]) -> Mechanism:
+    """The model without all that some words of :data:`KINDS` stand for; springs that yield do not yield any more.
+
+    Raises:
+        ValueError: an unknown word.
+    """
+    left = frozenset(kinds)
+    unknown = sorted(left - KINDS.keys())
+    if unknown:
+        raise ValueError(f"nothing is called {', '.join(unknown)}; there are: {', '.join(KINDS)}")
+    actuators = []
+    for actuator in mechanism.actuators:
+        reason = _reason(actuator)
+        if reason is not None and reason[0] in left:
+            actuator = (
+                replace(actuator, delay=0.0) if reason[0] == "delays" else replace(actuator, enabled=False)
+            )
+        actuators.append(actuator)
+    tendons = []
+    for tendon in mechanism.tendons:
+        if "wrapping" in left and _wraps(tendon):
+            tendon = replace(tendon, path=(), kind="fixed", stiffness=0.0, damping=0.0, armature=0.0)
+            tendon = replace(tendon, stiffness_poly=(0.0, 0.0), damping_poly=(0.0, 0.0), limited=False)
+        tendons.append(replace(tendon, spring_yield=0.0) if "yielding" in left else tendon)
+    joints, geoms, options = mechanism.joints, mechanism.geoms, mechanism.options
+    if "yielding" in left:
+        joints = tuple([replace(joint, spring_yield=0.0) for joint in joints])
+    if "adhesion" in left:
+        geoms = tuple([replace(geom, adhesion=0.0) for geom in geoms])
+    if "conveyors" in left:
+        geoms = tuple([replace(geom, surface_velocity=(0.0,) * 6) for geom in geoms])
+    if "fluid" in left:
+        options = replace(options, density=0.0, viscosity=0.0)
+    equalities = [
+        each for each in mechanism.equalities if "equalities" not in left or each.kind in _EQUALITIES
+    ]
+    return replace(
+        mechanism,
+        joints=joints,
+        geoms=geoms,
+        actuators=tuple(actuators),
+        tendons=tuple(tendons),
+        equalities=tuple(equalities),
+        options=options,
+        others=tuple([other for other in mechanism.others if _OTHERS[other[0]][0] not in left]),
+        left_out=mechanism.left_out | left,
+    )
+
+
+def _wraps(tendon: Tendon) -> bool:
+    return any(step.kind in ("sphere", "cylinder") for step in tendon.path)
+
+
+def _named(kind: str, name: str) -> str:
+    return f'{kind} "{name}"' if name else kind
+
+
+def _medium(mechanism: Mechanism) -> Iterator[Refusal]:
+    options = mechanism.options
+    for name, value in (("density", options.density), ("viscosity", options.viscosity)):
+        if value:
+            yield Refusal(
+                "fluid",
+                "option",
+                f"the medium has a {name} of {value:g}, and its forces on the bodies cannot be stated",
+                options.place,
+            )
+
+
+#: What is known to be stated of actuators.
+_GAINS = {"fixed", "affine"}
+_BIASES = {"none", "affine"}
+_DYNAMICS = {"none", "integrator", "filter", "filterexact"}
+_EQUALITIES = {"connect", "weld", "joint", "tendon"}
+#: Words and reasons for elements that have no counterpart.
+_OTHERS = {
+    "flex": ("flexes", "deformable bodies cannot be stated"),
+    "plugin": ("plugins", "plugins cannot be stated"),
+}
+_TRANSMISSIONS = {"joint", "jointinparent", "tendon", "site", "slidercrank"}
+
+
+def _of_actuators(actuators: Iterable[Actuator]) -> Iterator[Refusal]:
+    for actuator in actuators:
+        if not actuator.enabled:
+            continue
+        reason = _reason(actuator)
+        if reason is not None:
+            kind, sentence = reason
+            yield Refusal(kind, _named("actuator", actuator.name), sentence, actuator.place)
+
+
+def _reason(actuator: Actuator) -> tuple[str, str] | None:
+    """Why an actuator cannot be stated, and the word that leaves it out; None where it can."""
+    if actuator.plugin:
+        return "plugins", "its force is computed by a plugin"
+    if actuator.transmission == "body":
+        return "adhesion", "it pulls on whatever its body touches"
+    if "muscle" in (actuator.gain, actuator.bias, actuator.dynamics):
+        return "muscles", "muscles cannot be stated"
+    unknown = [
+        f"{what} of kind {kind}"
+        for what, kind, known in (
+            ("gain", actuator.gain, _GAINS),
+            ("bias", actuator.bias, _BIASES),
+            ("dynamics", actuator.dynamics, _DYNAMICS),
+            ("transmission", actuator.transmission, _TRANSMISSIONS),
+        )
+        if kind not in known
+    ]
+    if unknown:
+        return "actuators", f"it has {' and '.join(unknown)}, which cannot be stated"
+    if actuator.delay:
+        return "delays", f"its control arrives {actuator.delay:g} s late"
+    return None
+
+
+def _of_tendons(tendons: Iterable[Tendon]) -> Iterator[Refusal]:
+    for tendon in tendons:
+        element = _named("tendon", tendon.name)
+        if _wraps(tendon):
+            sentence = "it wraps around a geom, and its length cannot be stated"
+            yield Refusal("wrapping", element, sentence, tendon.place)
+        if tendon.spring_yield:
+            yield Refusal("yielding", element, "its spring yields, and remembers how far", tendon.place)
+
+
+def _of_joints(mechanism: Mechanism) -> Iterator[Refusal]:
+    for joint in mechanism.joints:
+        if joint.spring_yield:
+            element = _named("joint", joint.name)
+            yield Refusal("yielding", element, "its spring yields, and remembers how far", joint.place)
+
+
+def _of_equalities(equalities: Iterable[Equality]) -> Iterator[Refusal]:
+    for equality in equalities:
+        if equality.kind not in _EQUALITIES:
+            sentence = f"an equality of kind {equality.kind} cannot be stated"
+            yield Refusal("equalities", _named("equality", equality.name), sentence, equality.place)
+
+
+def _of_geoms(geoms: Iterable[Geom]) -> Iterator[Refusal]:
+    for geom in geoms:
+        element = _named("geom", geom.name)
+        if geom.adhesion:
+            yield Refusal("adhesion", element, "it sticks to what it touches", geom.place)
+        if any(geom.surface_velocity):
+            yield Refusal("conveyors", element, "its surface moves by itself", geom.place)
+
+
+def _others(mechanism: Mechanism) -> Iterator[Refusal]:
+    for kind, name, place in mechanism.others:
+        word, sentence = _OTHERS[kind]
+        yield Refusal(word, _named(kind, name), sentence, place)

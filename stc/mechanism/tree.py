@@ -1,0 +1,227 @@
+"""The tree of segments: what moves as one piece behind one joint, with its inertia in its own frame.
+
+A segment's frame sits on the anchor of its joint.  Its axes are those of the body at the joint's reference, turned
+where a hinge's axis is none of them, so that every hinge turns about a coordinate axis.  Bodies without joints belong
+to the segment that they are fixed to; of a body with several joints only the last segment has mass.
+All constant rotations are numbers; offsets and inertias may be expressions of numbers that can be set.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.mechanism.mechanism import Body, Joint, Mechanism
+from stc.mechanism.numbers import Numbers
+from stc.mechanism.vectors import (
+    ORIGIN,
+    Matrix,
+    Vector,
+    matrix,
+    plus,
+    scaled,
+    times,
+    vector,
+)
+from stc.records import dataclass, field
+from stc.symbolic.expr import ZERO, Expr, add, is_literal, mul, num, sub, sum_of
+
+Rotation = NDArray[np.float64]
+WORLD = -1
+"""The segment of bodies that nothing moves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame fixed in a segment: its axes there, as columns, and its origin."""
+
+    segment: int
+    turn: Matrix
+    at: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Inertia:
+    """Mass, first moments and second moments of mass in a segment's frame: sums of m, m x and m x x^T."""
+
+    mass: Expr
+    first: Vector
+    second: Matrix
+
+
+NOTHING = Inertia(ZERO, ORIGIN, (ORIGIN, ORIGIN, ORIGIN))
+
+
+@dataclass(slots=True)
+class Segment:
+    """One joint and what moves behind it.
+
+    Attributes:
+        parent: the segment that it hangs on, :data:`WORLD` for none.
+        joint: the joint.
+        turn, at: its frame in the parent's, where its joint is at its reference.
+        axis: the direction of a hinge or slide in its frame.
+        inertia: of all its bodies together.
+        parts: of each of its bodies with mass.
+    """
+
+    parent: int
+    joint: Joint
+    turn: Matrix
+    at: Vector
+    axis: tuple[float, float, float]
+    inertia: Inertia = NOTHING
+    parts: dict[int, Inertia] = field(default_factory=dict)
+
+
+class Tree:
+    """The segments of a mechanism, parents first, and where its bodies are in them.
+
+    Attributes
+    ----------
+    segments
+        In the order of the joints.
+    frames
+        Of every body.
+    fixed
+        Inertias of bodies that nothing moves, in the world's frame, by body.
+    """
+
+    def __init__(self, mechanism: Mechanism, numbers: Numbers) -> None:
+        self.mechanism = mechanism
+        self.numbers = numbers
+        self.segments: list[Segment] = []
+        self.fixed: dict[int, Inertia] = {}
+        self._placed: list[tuple[int, Rotation, Vector]] = [(WORLD, np.eye(3), ORIGIN)]
+        for index, body in enumerate(mechanism.bodies):
+            if index:
+                self._place(body)
+                self._load(index, body)
+        for segment in self.segments:
+            self._merge(segment)
+        self.frames = [Frame(s, matrix(_clean(turn)), at) for s, turn, at in self._placed]
+
+    def frame(self, body: int, pos: Vector, quat: Sequence[float] = (1.0, 0.0, 0.0, 0.0)) -> Frame:
+        """A frame fixed in a body, by its place and axes in the body's frame."""
+        segment, turn, at = self._placed[body]
+        return Frame(
+            segment, matrix(_clean(turn @ rotation(quat))), plus(at, times(matrix(_clean(turn)), pos))
+        )
+
+    def vector_of(self, path: tuple[str, ...], values: Sequence[float]) -> Vector:
+        """A vector of numbers that can be set."""
+        x, y, z = [self.numbers.number(value, *path, axis) for axis, value in zip("xyz", values, strict=True)]
+        return x, y, z
+
+    def _place(self, body: Body) -> None:
+        joints = [self.mechanism.joints[index] for index in body.joints]
+        segment, turn, at = self._placed[body.parent]
+        if not any(joint.kind == "free" for joint in joints):
+            at = plus(at, times(matrix(_clean(turn)), self.vector_of(("body", body.name, "pos"), body.pos)))
+            turn = turn @ rotation(body.quat)
+        for joint in joints:
+            if joint.kind == "free":
+                turn, at = np.eye(3), ORIGIN
+            axes, axis = _axes(joint)
+            anchor = vector(joint.anchor) if joint.kind in ("hinge", "ball") else ORIGIN
+            there = plus(at, times(matrix(_clean(turn)), anchor))
+            self.segments.append(
+                Segment(
+                    parent=segment,
+                    joint=joint,
+                    turn=matrix(_clean(turn @ axes)),
+                    at=self._derived(there, "joint", joint.name, "at"),
+                    axis=axis,
+                )
+            )
+            segment, turn = len(self.segments) - 1, axes.T
+            back = matrix(_clean(-turn))
+            at = times(back, anchor)
+        self._placed.append((segment, turn, at))
+
+    def _load(self, index: int, body: Body) -> None:
+        """Give a body's inertia to its segment."""
+        number = self.numbers.number
+        mass = number(body.mass, "body", body.name, "mass")
+        moments = self.vector_of(("body", body.name, "inertia"), body.inertia)
+        segment, turn, at = self._placed[index]
+        com = plus(at, times(matrix(_clean(turn)), self.vector_of(("body", body.name, "com"), body.com)))
+        axes = matrix(_clean(turn @ rotation(body.inertia_quat)))
+        half = num(0.5)
+        x, y, z = moments
+        spread = (
+            mul(half, sub(add(y, z), x)),
+            mul(half, sub(add(z, x), y)),
+            mul(half, sub(add(x, y), z)),
+        )
+        first = scaled(mass, com)
+
+        def second(i: int, j: int) -> Expr:
+            own = sum_of([mul(mul(axes[i][k], axes[j][k]), spread[k]) for k in range(3)])
+            return add(own, mul(first[i], com[j]))
+
+        inertia = Inertia(mass, first, _symmetric([[second(i, j) for j in range(i + 1)] for i in range(3)]))
+        if is_literal(mass, 0.0) and all(is_literal(moment, 0.0) for moment in moments):
+            return
+        (self.fixed if segment == WORLD else self.segments[segment].parts)[index] = inertia
+
+    def _merge(self, segment: Segment) -> None:
+        """Add up the inertias of a segment's bodies."""
+        parts = list(segment.parts.values())
+        name = ("joint", segment.joint.name)
+        mass = self.numbers.derive(sum_of([part.mass for part in parts]), *name, "mass")
+        x, y, z = [sum_of([part.first[k] for part in parts]) for k in range(3)]
+        lower = [
+            [
+                self.numbers.derive(
+                    sum_of([part.second[i][j] for part in parts]), *name, "second", "xyz"[i] + "xyz"[j]
+                )
+                for j in range(i + 1)
+            ]
+            for i in range(3)
+        ]
+        segment.inertia = Inertia(mass, self._derived((x, y, z), *name, "first"), _symmetric(lower))
+
+    def _derived(self, v: Vector, *name: str) -> Vector:
+        x, y, z = [self.numbers.derive(e, *name, axis) for axis, e in zip("xyz", v, strict=True)]
+        return x, y, z
+
+
+def _symmetric(lower: Sequence[Sequence[Expr]]) -> Matrix:
+    (xx,), (yx, yy), (zx, zy, zz) = lower
+    return (xx, yx, zx), (yx, yy, zy), (zx, zy, zz)
+
+
+def _axes(joint: Joint) -> tuple[Rotation, tuple[float, float, float]]:
+    """A segment's axes in its body's, and the joint's direction in these."""
+    axis = np.array(joint.axis)
+    if joint.kind == "hinge" and not any(abs(entry) == 1.0 for entry in _clean(axis)):
+        across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        across /= np.linalg.norm(across)
+        return np.array([across, np.cross(axis, across), axis]).T, (0.0, 0.0, 1.0)
+    x, y, z = _clean(axis)
+    return np.eye(3), (x, y, z)
+
+
+def rotation(quaternion: Sequence[float]) -> Rotation:
+    """The rotation matrix of a quaternion of numbers, its real part first."""
+    w, x, y, z = np.array(quaternion, dtype=float) / math.sqrt(sum(value * value for value in quaternion))
+    return np.array(
+        [
+            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        ]
+    )
+
+
+#: Entries of constant rotations this close to 0, 1 or -1 are meant to be these.
+_NOISE = 1e-15
+
+
+def _clean(values: Rotation) -> list:
+    values = np.where(np.abs(values) < _NOISE, 0.0, values)
+    return np.where(np.abs(np.abs(values) - 1.0) < _NOISE, np.sign(values), values).tolist()
