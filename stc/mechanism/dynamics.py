@@ -7,7 +7,7 @@ from functools import cached_property
 
 from stc.mechanism import passive, quantities
 from stc.mechanism.actuation import activation_rates, actuator_force
-from stc.mechanism.forces import Forces, Transmission, Wrench
+from stc.mechanism.forces import Forces, Transmission, Wrench, together
 from stc.mechanism.kinematics import Kinematics, Motion
 from stc.mechanism.mechanism import Mechanism
 from stc.mechanism.newton_euler import generalised_forces, inverse_dynamics
@@ -167,20 +167,19 @@ class Dynamics:
     def actuation(self) -> list[Expr]:
         """MuJoCo's ``qfrc_actuator``, inside its limits: the forces of all actuators on every degree of freedom."""
         found = self._on_dofs(self._actuation)
-        if "actuation" not in self.mechanism.options.disabled:
+        if self._actuated:
             for dof, force in enumerate(self._compensation_by(actuators=True)):
                 found[dof] = add(found[dof], force)
         return found
 
+    @property
+    def _actuated(self) -> bool:
+        """Whether there is anything by which actuators could carry weight."""
+        return bool(self.mechanism.actuators) and "actuation" not in self.mechanism.options.disabled
+
     def inverse(self, wrenches: Iterable[Wrench] = ()) -> list[Expr]:
         """MuJoCo's ``qfrc_inverse`` without constraints: M a + c - passive forces - wrenches."""
-        given = Forces(wrenches=list(wrenches))
-        given.include(self._springs_and_dampers)
-        given.include(self._drives)
-        by_actuators = self._compensation_by(actuators=True)
-        given.wrenches.extend(self._compensation)
-        found = self._beside(given)
-        return [add(force, more) for force, more in zip(found, by_actuators, strict=True)]
+        return self._beside(Forces(wrenches=list(wrenches)), compensated_by_actuators=False)
 
     def residual(
         self, wrenches: Iterable[Wrench] = (), on_dofs: Mapping[int, Expr] | None = None
@@ -194,19 +193,19 @@ class Dynamics:
         on_dofs
             Further forces by degree of freedom, such as dry friction.
         """
-        given = Forces(dict(on_dofs or {}), list(wrenches))
-        given.include(self._springs_and_dampers)
-        given.include(self._drives)
-        given.include(self._actuation)
-        given.wrenches.extend(self._compensation)
-        return self._beside(given)
+        given = together([Forces(dict(on_dofs or {}), list(wrenches)), self._actuation])
+        return self._beside(given, compensated_by_actuators=self._actuated)
 
-    def _beside(self, given: Forces) -> list[Expr]:
-        """The generalised forces that the motion takes beside given ones."""
-        found = inverse_dynamics(self.kinematics, given.wrenches)
-        for dof, force in given.on_dofs.items():
+    def _beside(self, given: Forces, compensated_by_actuators: bool) -> list[Expr]:
+        """The generalised forces that the motion takes beside given ones and all passive ones."""
+        every = together([given, self._springs_and_dampers, self._drives, Forces(wrenches=self._compensation)])
+        found = inverse_dynamics(self.kinematics, every.wrenches)
+        for dof, force in every.on_dofs.items():
             found[dof] = sub(found[dof], force)
-        return found
+        if compensated_by_actuators:
+            return found
+        too_much = self._compensation_by(actuators=True)
+        return [add(force, more) for force, more in zip(found, too_much, strict=True)]
 
     def _on_dofs(self, forces: Forces) -> list[Expr]:
         found = generalised_forces(self.kinematics, forces.wrenches)
