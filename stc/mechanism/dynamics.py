@@ -198,7 +198,9 @@ class Dynamics:
 
     def _beside(self, given: Forces, compensated_by_actuators: bool) -> list[Expr]:
         """The generalised forces that the motion takes beside given ones and all passive ones."""
-        every = together([given, self._springs_and_dampers, self._drives, Forces(wrenches=self._compensation)])
+        every = together(
+            [given, self._springs_and_dampers, self._drives, Forces(wrenches=self._compensation)]
+        )
         found = inverse_dynamics(self.kinematics, every.wrenches)
         for dof, force in every.on_dofs.items():
             found[dof] = sub(found[dof], force)

@@ -1,18 +1,19 @@
 """Where the segments of a mechanism are, how they move and accelerate, as expressions of its motion.
 
-Angular velocities, angular accelerations and accelerations are in each segment's own axes, where recursions along a
-chain take the fewest operations; places, linear velocities and whole rotations are the world's.  Accelerations include
-that of a world that falls upwards, so that weight needs no terms of its own.
+What recursions carry along a chain is in each segment's own axes and turns with one joint at a time: that takes the
+fewest operations.  It is turned into the world where it is asked for there.  Velocities and accelerations of places are
+carried relative to the origin of the free body that a segment hangs on, whose own are coordinates in the world; where
+there is none they are those against the world.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
+from stc.mechanism.mechanism import Joint
 from stc.mechanism.tree import WORLD, Frame, Segment, Tree
 from stc.mechanism.vectors import (
-    IDENTITY,
     ORIGIN,
     Matrix,
     Vector,
@@ -70,12 +71,28 @@ def _field(w: Vector, r: Vector) -> Matrix:
 
 
 class Kinematics:
-    """Expressions of one motion of a tree, made when they are asked for."""
+    """Expressions of one motion of a tree, made when they are asked for.
+
+    Parameters
+    ----------
+    tree
+        What moves.
+    motion
+        How it moves.
+    gravity
+        In the world.
+    """
 
     def __init__(self, tree: Tree, motion: Motion, gravity: Vector) -> None:
         self.tree = tree
         self.motion = motion
         self.gravity = gravity
+        self._rates: dict[int, Vector] = {WORLD: ORIGIN}
+        self._velocities: dict[int, Vector] = {WORLD: ORIGIN}
+        self._turnings: dict[int, Turning] = {WORLD: STILL}
+        self._accelerations: dict[int, Vector] = {WORLD: ORIGIN}
+        self._felt: dict[int, Vector] = {WORLD: negative(gravity)}
+        self._turned: dict[tuple[int, Vector], Vector] = {}
 
     @cached_property
     def locals(self) -> list[tuple[Matrix, Vector]]:
@@ -95,126 +112,179 @@ class Kinematics:
         turned = rotation_about(segment.axis, call("sin", way), call("cos", way))
         return product(segment.turn, turned), segment.at
 
-    @cached_property
-    def _poses(self) -> list[tuple[Matrix, Vector]]:
-        found: list[tuple[Matrix, Vector]] = []
-        for segment, (turn, at) in zip(self.tree.segments, self.locals, strict=True):
-            if segment.parent != WORLD:
-                axes, origin = found[segment.parent]
-                turn, at = product(axes, turn), plus(origin, times(axes, at))
-            found.append((turn, at))
-        return found
+    def _along(self, segment: int, known: Mapping[int, object]) -> list[int]:
+        """The segments on the way to one of which something is not known yet, the innermost first."""
+        missing = []
+        while segment not in known:
+            missing.append(segment)
+            segment = self.tree.segments[segment].parent
+        return missing[::-1]
 
-    def axes(self, segment: int) -> Matrix:
-        """The axes of a segment in the world, as columns."""
-        return IDENTITY if segment == WORLD else self._poses[segment][0]
-
-    def origin(self, segment: int) -> Vector:
-        """The origin of a segment in the world."""
-        return ORIGIN if segment == WORLD else self._poses[segment][1]
-
-    @cached_property
-    def _rates(self) -> list[Vector]:
-        """Of every segment its angular velocity, in its own axes."""
-        v, found = self.motion.v, list[Vector]()
-        for segment, (turn, _) in zip(self.tree.segments, self.locals, strict=True):
-            d, kind = segment.joint.dof, segment.joint.kind
-            if kind == "free":
-                found.append((v[d + 3], v[d + 4], v[d + 5]))
-                continue
-            w = ORIGIN if segment.parent == WORLD else times(transposed(turn), found[segment.parent])
-            if kind == "hinge":
-                w = plus(w, scaled(v[d], vector(segment.axis)))
-            elif kind == "ball":
-                w = plus(w, (v[d], v[d + 1], v[d + 2]))
-            found.append(w)
-        return found
+    # --- turning -------------------------------------------------------------------------------------------------
 
     def rate(self, segment: int) -> Vector:
         """The angular velocity of a segment, in its own axes."""
-        return ORIGIN if segment == WORLD else self._rates[segment]
-
-    @cached_property
-    def _velocities(self) -> list[Vector]:
-        """Of every segment the velocity of its origin, in the world."""
-        v, found = self.motion.v, list[Vector]()
-        for segment, (_, at) in zip(self.tree.segments, self.locals, strict=True):
-            d, kind, parent = segment.joint.dof, segment.joint.kind, segment.parent
+        v, found = self.motion.v, self._rates
+        for index in self._along(segment, found):
+            each = self.tree.segments[index]
+            d, kind = each.joint.dof, each.joint.kind
             if kind == "free":
-                found.append((v[d], v[d + 1], v[d + 2]))
+                found[index] = v[d + 3], v[d + 4], v[d + 5]
                 continue
-            moved = cross(self.rate(parent), at)
-            if kind == "slide":
-                moved = plus(moved, scaled(v[d], times(segment.turn, vector(segment.axis))))
-            moved = times(self.axes(parent), moved)
-            found.append(moved if parent == WORLD else plus(found[parent], moved))
-        return found
+            w = times(transposed(self.locals[index][0]), found[each.parent])
+            if kind == "hinge":
+                w = plus(w, scaled(v[d], vector(each.axis)))
+            elif kind == "ball":
+                w = plus(w, (v[d], v[d + 1], v[d + 2]))
+            found[index] = w
+        return found[segment]
 
-    def velocity(self, segment: int) -> Vector:
-        """The velocity of a segment's origin, in the world."""
-        return ORIGIN if segment == WORLD else self._velocities[segment]
-
-    @cached_property
-    def _accelerations(self) -> list[tuple[Turning, Vector]]:
-        """Of every segment how it turns, and the acceleration of its origin less gravity's, in its own axes."""
-        v, a, found = self.motion.v, self.motion.a, list[tuple[Turning, Vector]]()
-        for index, segment in enumerate(self.tree.segments):
-            turn, at = self.locals[index]
-            back = transposed(turn)
-            d, kind, w = segment.joint.dof, segment.joint.kind, self.rate(index)
+    def turning(self, segment: int) -> Turning:
+        """How a segment turns, in its own axes."""
+        v, a, found = self.motion.v, self.motion.a, self._turnings
+        for index in self._along(segment, found):
+            each = self.tree.segments[index]
+            d, kind, w = each.joint.dof, each.joint.kind, self.rate(index)
             if kind == "free":
                 turned: Vector = (a[d + 3], a[d + 4], a[d + 5])
-                moved = times(back, minus((a[d], a[d + 1], a[d + 2]), self.gravity))
-                found.append((Turning(w, turned, _field(w, turned)), moved))
-                continue
-            outer = segment.parent
-            turning, moved = (STILL, negative(self.gravity)) if outer == WORLD else found[outer]
-            carried = times(back, self.rate(segment.parent))
-            moved = times(back, plus(moved, times(turning.field, at)))
-            turned = times(back, turning.acceleration)
-            if kind == "ball":
-                own: Vector = (v[d], v[d + 1], v[d + 2])
-                turned = plus(turned, plus((a[d], a[d + 1], a[d + 2]), cross(carried, own)))
             else:
-                axis = vector(segment.axis)
-                across = cross(carried, axis)
+                back = transposed(self.locals[index][0])
+                turned = times(back, found[each.parent].acceleration)
+                own: Vector = ORIGIN
                 if kind == "hinge":
-                    turned = plus(turned, plus(scaled(a[d], axis), scaled(v[d], across)))
-                else:
-                    along = plus(scaled(a[d], axis), scaled(mul(num(2.0), v[d]), across))
-                    moved = plus(moved, along)
-            found.append((Turning(w, turned, _field(w, turned)), moved))
+                    own, turned = (
+                        scaled(v[d], vector(each.axis)),
+                        plus(turned, scaled(a[d], vector(each.axis))),
+                    )
+                elif kind == "ball":
+                    own, turned = (v[d], v[d + 1], v[d + 2]), plus(turned, (a[d], a[d + 1], a[d + 2]))
+                turned = plus(turned, cross(times(back, found[each.parent].velocity), own))
+            found[index] = Turning(w, turned, _field(w, turned))
+        return found[segment]
+
+    # --- places --------------------------------------------------------------------------------------------------
+
+    def velocity(self, segment: int) -> Vector:
+        """The velocity of a segment's origin against its base, in its own axes."""
+        found = self._velocities
+        for index in self._along(segment, found):
+            each = self.tree.segments[index]
+            turn, at = self.locals[index]
+            if each.joint.kind == "free":
+                found[index] = ORIGIN
+                continue
+            moved = times(transposed(turn), plus(found[each.parent], cross(self.rate(each.parent), at)))
+            if each.joint.kind == "slide":
+                moved = plus(moved, scaled(self.motion.v[each.joint.dof], vector(each.axis)))
+            found[index] = moved
+        return found[segment]
+
+    def acceleration(self, segment: int) -> Vector:
+        """The acceleration of a segment's origin against its base, in its own axes."""
+        for index in self._along(segment, self._accelerations):
+            free = self.tree.segments[index].joint.kind == "free"
+            self._accelerations[index] = ORIGIN if free else self._accelerated(index, self._accelerations)
+        return self._accelerations[segment]
+
+    def felt(self, segment: int) -> Vector:
+        """The acceleration of a segment's origin less that of a body in free fall, in its own axes."""
+        a = self.motion.a
+        for index in self._along(segment, self._felt):
+            joint = self.tree.segments[index].joint
+            d = joint.dof
+            if joint.kind == "free":
+                above = minus((a[d], a[d + 1], a[d + 2]), self.gravity)
+                self._felt[index] = times(transposed(self.locals[index][0]), above)
+            else:
+                self._felt[index] = self._accelerated(index, self._felt)
+        return self._felt[segment]
+
+    def _accelerated(self, index: int, known: Mapping[int, Vector]) -> Vector:
+        """The acceleration of a segment's origin from that of its parent's."""
+        segment = self.tree.segments[index]
+        turn, at = self.locals[index]
+        back, parent, d = transposed(turn), segment.parent, segment.joint.dof
+        moved = times(back, plus(known[parent], times(self.turning(parent).field, at)))
+        if segment.joint.kind == "slide":
+            axis = vector(segment.axis)
+            across = cross(times(back, self.rate(parent)), axis)
+            moved = plus(moved, scaled(self.motion.a[d], axis))
+            moved = plus(moved, scaled(mul(num(2.0), self.motion.v[d]), across))
+        return moved
+
+    # --- in the world --------------------------------------------------------------------------------------------
+
+    def base(self, segment: int) -> Joint | None:
+        """The free joint that a segment hangs on."""
+        while segment != WORLD:
+            joint = self.tree.segments[segment].joint
+            if joint.kind == "free":
+                return joint
+            segment = self.tree.segments[segment].parent
+        return None
+
+    def base_velocity(self, segment: int) -> Vector:
+        """The velocity of the origin of the free body that a segment hangs on, in the world."""
+        return self._of_base(segment, self.motion.v)
+
+    def base_acceleration(self, segment: int) -> Vector:
+        """The acceleration of the origin of the free body that a segment hangs on, in the world."""
+        return self._of_base(segment, self.motion.a)
+
+    def _of_base(self, segment: int, rates: Sequence[Expr]) -> Vector:
+        joint = self.base(segment)
+        return ORIGIN if joint is None else (rates[joint.dof], rates[joint.dof + 1], rates[joint.dof + 2])
+
+    def to_world(self, segment: int, v: Vector) -> Vector:
+        """A vector in a segment's axes, along the world's."""
+        while segment != WORLD:
+            v = times(self.locals[segment][0], v)
+            segment = self.tree.segments[segment].parent
+        return v
+
+    def to_segment(self, segment: int, v: Vector) -> Vector:
+        """A vector along the world's axes, in a segment's."""
+        way = []
+        while segment != WORLD and (segment, v) not in self._turned:
+            way.append(segment)
+            segment = self.tree.segments[segment].parent
+        found = v if segment == WORLD else self._turned[segment, v]
+        for index in reversed(way):
+            found = times(transposed(self.locals[index][0]), found)
+            self._turned[index, v] = found
         return found
 
-    def acceleration(self, segment: int) -> tuple[Turning, Vector]:
-        """How a segment turns, and the acceleration of its origin less gravity's, both in its own axes."""
-        return (STILL, negative(self.gravity)) if segment == WORLD else self._accelerations[segment]
+    # --- frames --------------------------------------------------------------------------------------------------
 
     def place_of(self, frame: Frame) -> Vector:
         """The origin of a frame in the world."""
-        return plus(self.origin(frame.segment), times(self.axes(frame.segment), frame.at))
+        segment, at = frame.segment, frame.at
+        while segment != WORLD:
+            turn, origin = self.locals[segment]
+            at = plus(origin, times(turn, at))
+            segment = self.tree.segments[segment].parent
+        return at
 
     def axes_of(self, frame: Frame) -> Matrix:
         """The axes of a frame in the world, as columns."""
-        return product(self.axes(frame.segment), frame.turn)
+        x, y, z = [self.to_world(frame.segment, axis) for axis in transposed(frame.turn)]
+        return transposed((x, y, z))
 
     def velocity_of(self, frame: Frame) -> Vector:
         """The velocity of a frame's origin, in the world."""
-        turned = times(self.axes(frame.segment), cross(self.rate(frame.segment), frame.at))
-        return plus(self.velocity(frame.segment), turned)
+        moved = plus(self.velocity(frame.segment), cross(self.rate(frame.segment), frame.at))
+        return plus(self.base_velocity(frame.segment), self.to_world(frame.segment, moved))
 
     def rate_of(self, frame: Frame) -> Vector:
         """The angular velocity of a frame, in the world."""
-        return times(self.axes(frame.segment), self.rate(frame.segment))
+        return self.to_world(frame.segment, self.rate(frame.segment))
 
     def acceleration_of(self, frame: Frame) -> Vector:
         """The acceleration of a frame's origin, in the world."""
-        if frame.segment == WORLD:
-            return ORIGIN
-        turning, moved = self.acceleration(frame.segment)
-        felt = times(self.axes(frame.segment), plus(moved, times(turning.field, frame.at)))
-        return plus(felt, self.gravity)
+        field = self.turning(frame.segment).field
+        moved = plus(self.acceleration(frame.segment), times(field, frame.at))
+        return plus(self.base_acceleration(frame.segment), self.to_world(frame.segment, moved))
 
     def turning_of(self, frame: Frame) -> Vector:
         """The angular acceleration of a frame, in the world."""
-        return times(self.axes(frame.segment), self.acceleration(frame.segment)[0].acceleration)
+        return self.to_world(frame.segment, self.turning(frame.segment).acceleration)

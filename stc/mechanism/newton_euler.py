@@ -22,7 +22,6 @@ from stc.mechanism.vectors import (
     plus,
     scaled,
     times,
-    transposed,
     vector,
 )
 from stc.symbolic.expr import ZERO, Expr, add, mul, sub
@@ -61,21 +60,20 @@ def _in_segments(kinematics: Kinematics, wrenches: Iterable[Wrench]) -> dict[int
         torques[segment] = plus(torques.get(segment, ORIGIN), wrench.torque)
     found = {}
     for segment, pulls in forces.items():
-        back = transposed(kinematics.axes(segment))
-        force, torque = ORIGIN, times(back, torques[segment])
+        force, torque = ORIGIN, kinematics.to_segment(segment, torques[segment])
         for at, pull in pulls.items():
-            own = times(back, pull)
+            own = kinematics.to_segment(segment, pull)
             force, torque = plus(force, own), plus(torque, cross(at, own))
         found[segment] = force, torque
     return found
 
 
 def _load(segment: Segment, kinematics: Kinematics, index: int) -> tuple[Vector, Vector]:
-    """The force, and the torque about its origin, that a segment's own motion takes, in its axes."""
-    inertia = segment.inertia
-    turning, moved = kinematics.acceleration(index)
-    force = plus(scaled(inertia.mass, moved), times(turning.field, inertia.first))
-    return force, plus(_turned(turning.field, inertia.second), cross(inertia.first, moved))
+    """The force, and the torque about its origin, that a segment's motion takes, in its axes."""
+    inertia = segment.effective
+    field, moved = kinematics.turning(index).field, kinematics.felt(index)
+    force = plus(scaled(inertia.mass, moved), times(field, inertia.first))
+    return force, plus(_turned(field, inertia.second), cross(inertia.first, moved))
 
 
 def _turned(field: Matrix, second: Matrix) -> Vector:

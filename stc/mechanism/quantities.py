@@ -1,16 +1,54 @@
-"""Sums over the bodies of a mechanism: centre of mass, momenta, energies."""
+"""Sums over the bodies of a mechanism: centre of mass, momenta, energies.
+
+They are added up from the outermost segments inwards, each in its own axes, as the forces are.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
 from stc.mechanism.kinematics import Kinematics
-from stc.mechanism.tree import WORLD, Inertia, Tree
+from stc.mechanism.tree import NOTHING, WORLD, Inertia, Tree, total
 from stc.mechanism.vectors import ORIGIN, Matrix, Vector, cross, dot, minus, plus, scaled, times
-from stc.symbolic.expr import ONE, ZERO, Expr, add, div, mul, num, sub
+from stc.records import dataclass
+from stc.symbolic.expr import ONE, ZERO, Expr, add, div, mul, neg, num
 
 Loads = Mapping[int, Inertia]
 """Inertias by segment, in the segment's frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sums:
+    """What is added up over the bodies below a frame, in this frame, velocities being those against its base.
+
+    Attributes:
+        mass: of them.
+        first: the sum of mass times place.
+        momentum: of mass times velocity.
+        angular: of mass times place cross velocity.
+    """
+
+    mass: Expr = ZERO
+    first: Vector = ORIGIN
+    momentum: Vector = ORIGIN
+    angular: Vector = ORIGIN
+
+    def plus(self, other: Sums) -> Sums:
+        """Both together."""
+        return Sums(
+            mass=add(self.mass, other.mass),
+            first=plus(self.first, other.first),
+            momentum=plus(self.momentum, other.momentum),
+            angular=plus(self.angular, other.angular),
+        )
+
+    def moved(self, turn: Matrix, at: Vector, velocity: Vector = ORIGIN) -> Sums:
+        """In another frame, from where this one's axes and origin are there and how fast its base moves there."""
+        first, momentum = times(turn, self.first), times(turn, self.momentum)
+        angular = plus(times(turn, self.angular), cross(at, momentum))
+        first = plus(first, scaled(self.mass, at))
+        angular = plus(angular, cross(first, velocity))
+        return Sums(self.mass, first, plus(momentum, scaled(self.mass, velocity)), angular)
 
 
 def loads(tree: Tree, bodies: Iterable[int]) -> dict[int, Inertia]:
@@ -19,89 +57,47 @@ def loads(tree: Tree, bodies: Iterable[int]) -> dict[int, Inertia]:
     found: dict[int, Inertia] = {}
     for index, segment in enumerate(tree.segments):
         own = [part for body, part in segment.parts.items() if body in wanted]
-        if len(own) == len(segment.parts):
-            found[index] = segment.inertia
-        else:
-            found[index] = _together(own)
-    found[WORLD] = _together([part for body, part in tree.fixed.items() if body in wanted])
+        found[index] = segment.inertia if len(own) == len(segment.parts) else total(own)
+    found[WORLD] = total([part for body, part in tree.fixed.items() if body in wanted])
     return {segment: inertia for segment, inertia in found.items() if inertia.mass is not ZERO}
-
-
-def _together(parts: Iterable[Inertia]) -> Inertia:
-    mass, first, second = ZERO, ORIGIN, (ORIGIN, ORIGIN, ORIGIN)
-    for part in parts:
-        mass, first = add(mass, part.mass), plus(first, part.first)
-        x, y, z = [plus(a, b) for a, b in zip(second, part.second, strict=True)]
-        second = (x, y, z)
-    return Inertia(mass, first, second)
 
 
 def total_mass(parts: Loads) -> Expr:
     """The mass."""
-    total: Expr = ZERO
-    for inertia in parts.values():
-        total = add(total, inertia.mass)
-    return total
+    return total(parts.values()).mass
 
 
-def first_moment(kinematics: Kinematics, parts: Loads) -> Vector:
-    """The sum of mass times place, in the world."""
-    total = ORIGIN
-    for segment, inertia in parts.items():
-        reach = times(kinematics.axes(segment), inertia.first)
-        total = plus(total, plus(scaled(inertia.mass, kinematics.origin(segment)), reach))
-    return total
+def _in_world(kinematics: Kinematics, parts: Loads) -> Sums:
+    """Sums in the world."""
+    whole = Sums()
+    for root, sums in _by_roots(kinematics, parts).items():
+        turn, at = kinematics.locals[root]
+        whole = whole.plus(sums.moved(turn, at, kinematics.base_velocity(root)))
+    fixed = parts.get(WORLD, NOTHING)
+    return whole.plus(Sums(fixed.mass, fixed.first))
 
 
-def momentum(kinematics: Kinematics, parts: Loads) -> Vector:
-    """Linear momentum, in the world."""
-    total = ORIGIN
-    for segment, inertia in parts.items():
-        total = plus(total, _momentum(kinematics, segment, inertia))
-    return total
+def _by_roots(kinematics: Kinematics, parts: Loads) -> dict[int, Sums]:
+    """Sums in the frames of the segments that hang on the world."""
+    segments = kinematics.tree.segments
+    found: dict[int, Sums] = {}
+    for index in reversed(range(len(segments))):
+        if index in parts:
+            own = _own(kinematics, index, parts[index])
+            found[index] = found[index].plus(own) if index in found else own
+        parent = segments[index].parent
+        if index in found and parent != WORLD:
+            carried = found.pop(index).moved(*kinematics.locals[index])
+            found[parent] = found[parent].plus(carried) if parent in found else carried
+    return found
 
 
-def _momentum(kinematics: Kinematics, segment: int, inertia: Inertia) -> Vector:
-    turned = times(kinematics.axes(segment), cross(kinematics.rate(segment), inertia.first))
-    return plus(scaled(inertia.mass, kinematics.velocity(segment)), turned)
-
-
-def centre_of_mass(kinematics: Kinematics, parts: Loads) -> Vector:
-    """The centre of mass, in the world.
-
-    Raises:
-        ValueError: nothing has mass.
-    """
-    return _over_mass(first_moment(kinematics, parts), parts)
-
-
-def centre_velocity(kinematics: Kinematics, parts: Loads) -> Vector:
-    """The velocity of the centre of mass, in the world.
-
-    Raises:
-        ValueError: nothing has mass.
-    """
-    return _over_mass(momentum(kinematics, parts), parts)
-
-
-def _over_mass(v: Vector, parts: Loads) -> Vector:
-    mass = total_mass(parts)
-    if mass is ZERO:
-        raise ValueError("the centre of mass of what has no mass")
-    return scaled(div(ONE, mass), v)
-
-
-def angular_momentum(kinematics: Kinematics, parts: Loads) -> Vector:
-    """Angular momentum about the centre of mass, along the world's axes."""
-    total = ORIGIN
-    for segment, inertia in parts.items():
-        axes, w = kinematics.axes(segment), kinematics.rate(segment)
-        reach = times(axes, inertia.first)
-        own = times(axes, _turned(inertia.second, w))
-        carried = cross(kinematics.origin(segment), _momentum(kinematics, segment, inertia))
-        total = plus(total, plus(plus(own, cross(reach, kinematics.velocity(segment))), carried))
-    centre = centre_of_mass(kinematics, parts)
-    return minus(total, cross(centre, momentum(kinematics, parts)))
+def _own(kinematics: Kinematics, index: int, inertia: Inertia) -> Sums:
+    """The sums of one segment alone, in its frame."""
+    w, v = kinematics.rate(index), kinematics.velocity(index)
+    momentum = plus(scaled(inertia.mass, v), cross(w, inertia.first))
+    angular = plus(_turned(inertia.second, w), cross(inertia.first, v))
+    return Sums(inertia.mass, inertia.first, momentum, angular)
 
 
 def _turned(second: Matrix, w: Vector) -> Vector:
@@ -110,20 +106,64 @@ def _turned(second: Matrix, w: Vector) -> Vector:
     return minus(scaled(trace, w), times(second, w))
 
 
+def centre_of_mass(kinematics: Kinematics, parts: Loads) -> Vector:
+    """The centre of mass, in the world.
+
+    Raises:
+        ValueError: nothing has mass.
+    """
+    return _over_mass(_in_world(kinematics, parts).first, total_mass(parts))
+
+
+def centre_velocity(kinematics: Kinematics, parts: Loads) -> Vector:
+    """The velocity of the centre of mass, in the world.
+
+    Raises:
+        ValueError: nothing has mass.
+    """
+    return _over_mass(momentum(kinematics, parts), total_mass(parts))
+
+
+def _over_mass(v: Vector, mass: Expr) -> Vector:
+    if mass is ZERO:
+        raise ValueError("the centre of mass of what has no mass")
+    return scaled(div(ONE, mass), v)
+
+
+def momentum(kinematics: Kinematics, parts: Loads) -> Vector:
+    """Linear momentum, in the world."""
+    return _in_world(kinematics, parts).momentum
+
+
+def angular_momentum(kinematics: Kinematics, parts: Loads) -> Vector:
+    """Angular momentum about the centre of mass, along the world's axes."""
+    roots = _by_roots(kinematics, parts)
+    if (
+        len(roots) == 1 and WORLD not in parts
+    ):  # where the root is, and how fast its origin moves, does not matter
+        ((root, sums),) = roots.items()
+        return times(kinematics.locals[root][0], _about_centre(sums))
+    return _about_centre(_in_world(kinematics, parts))
+
+
+def _about_centre(sums: Sums) -> Vector:
+    return minus(sums.angular, cross(_over_mass(sums.first, sums.mass), sums.momentum))
+
+
 def kinetic_energy(kinematics: Kinematics, parts: Loads) -> Expr:
     """Kinetic energy of the bodies; that of armatures is not in it."""
     doubled: Expr = ZERO
-    for segment, inertia in parts.items():
-        if segment == WORLD:
-            continue
-        axes, w, v = kinematics.axes(segment), kinematics.rate(segment), kinematics.velocity(segment)
-        turned = times(axes, cross(w, inertia.first))
-        doubled = add(doubled, mul(inertia.mass, dot(v, v)))
-        doubled = add(doubled, mul(num(2.0), dot(v, turned)))
-        doubled = add(doubled, dot(w, _turned(inertia.second, w)))
+    for index, inertia in parts.items():
+        if index != WORLD:
+            sums, v = _own(kinematics, index, inertia), kinematics.velocity(index)
+            doubled = add(doubled, add(dot(v, sums.momentum), dot(kinematics.rate(index), sums.angular)))
+    for root, sums in _by_roots(kinematics, parts).items():
+        v = kinematics.base_velocity(root)
+        carried = times(kinematics.locals[root][0], sums.momentum)
+        doubled = add(doubled, add(mul(num(2.0), dot(v, carried)), mul(sums.mass, dot(v, v))))
     return mul(num(0.5), doubled)
 
 
 def weight_energy(kinematics: Kinematics, parts: Loads) -> Expr:
     """Potential energy of the bodies' weight; 0 at the world's origin."""
-    return sub(ZERO, dot(kinematics.gravity, first_moment(kinematics, parts)))
+    return neg(dot(kinematics.gravity, _in_world(kinematics, parts).first))

@@ -9,7 +9,7 @@ All constant rotations are numbers; offsets and inertias may be expressions of n
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,10 @@ from stc.mechanism.vectors import (
     Vector,
     matrix,
     plus,
+    product,
     scaled,
     times,
+    transposed,
     vector,
 )
 from stc.records import dataclass, field
@@ -65,6 +67,7 @@ class Segment:
         turn, at: its frame in the parent's, where its joint is at its reference.
         axis: the direction of a hinge or slide in its frame.
         inertia: of all its bodies together.
+        effective: what of it and of what hangs on it needs to be here for the equations of motion; see :func:`_shared`.
         parts: of each of its bodies with mass.
     """
 
@@ -74,6 +77,7 @@ class Segment:
     at: Vector
     axis: tuple[float, float, float]
     inertia: Inertia = NOTHING
+    effective: Inertia = NOTHING
     parts: dict[int, Inertia] = field(default_factory=dict)
 
 
@@ -100,8 +104,7 @@ class Tree:
             if index:
                 self._place(body)
                 self._load(index, body)
-        for segment in self.segments:
-            self._merge(segment)
+        self._merge()
         self.frames = [Frame(s, matrix(_clean(turn)), at) for s, turn, at in self._placed]
 
     def frame(self, body: int, pos: Vector, quat: Sequence[float] = (1.0, 0.0, 0.0, 0.0)) -> Frame:
@@ -168,26 +171,85 @@ class Tree:
             return
         (self.fixed if segment == WORLD else self.segments[segment].parts)[index] = inertia
 
-    def _merge(self, segment: Segment) -> None:
-        """Add up the inertias of a segment's bodies."""
-        parts = list(segment.parts.values())
-        name = ("joint", segment.joint.name)
-        mass = self.numbers.derive(sum_of([part.mass for part in parts]), *name, "mass")
-        x, y, z = [sum_of([part.first[k] for part in parts]) for k in range(3)]
+    def _merge(self) -> None:
+        """Add up the inertias of the bodies of each segment, and hand down what its parent can carry as well."""
+        carried = [[*segment.parts.values()] for segment in self.segments]
+        for index in reversed(range(len(self.segments))):
+            segment = self.segments[index]
+            segment.inertia = self._named(total(segment.parts.values()), "joint", segment.joint.name)
+            kept, handed = _shared(segment, total(carried[index]))
+            segment.effective = self._named(kept, "joint", segment.joint.name, "effective")
+            if segment.parent != WORLD:
+                carried[segment.parent].append(handed)
+
+    def _named(self, inertia: Inertia, *name: str) -> Inertia:
+        derive = self.numbers.derive
         lower = [
-            [
-                self.numbers.derive(
-                    sum_of([part.second[i][j] for part in parts]), *name, "second", "xyz"[i] + "xyz"[j]
-                )
-                for j in range(i + 1)
-            ]
+            [derive(inertia.second[i][j], *name, "second", "xyz"[i] + "xyz"[j]) for j in range(i + 1)]
             for i in range(3)
         ]
-        segment.inertia = Inertia(mass, self._derived((x, y, z), *name, "first"), _symmetric(lower))
+        return Inertia(
+            mass=derive(inertia.mass, *name, "mass"),
+            first=self._derived(inertia.first, *name, "first"),
+            second=_symmetric(lower),
+        )
 
     def _derived(self, v: Vector, *name: str) -> Vector:
         x, y, z = [self.numbers.derive(e, *name, axis) for axis, e in zip("xyz", v, strict=True)]
         return x, y, z
+
+
+def total(parts: Iterable[Inertia]) -> Inertia:
+    """Inertias in one frame, together."""
+    mass, first, second = ZERO, ORIGIN, NOTHING.second
+    for part in parts:
+        mass, first = add(mass, part.mass), plus(first, part.first)
+        x, y, z = [plus(a, b) for a, b in zip(second, part.second, strict=True)]
+        second = (x, y, z)
+    return Inertia(mass, first, second)
+
+
+def _shared(segment: Segment, inertia: Inertia) -> tuple[Inertia, Inertia]:
+    """What a segment keeps of an inertia, in its frame, and what its parent takes over, in the parent's.
+
+    Mass on the axis of a hinge moves with the parent as well, and so does mass at the centre of a ball joint; how a
+    slide's segment turns is how its parent turns.  The parent takes over as much of this as makes mass, first moment and
+    second moment along the axis vanish, which leaves fewer operations and the same equations of motion (Khalil &
+    Dombre, Modeling, Identification and Control of Robots, chapter 9, call the rest base parameters).
+    """
+    kind, mass, first, second = segment.joint.kind, inertia.mass, inertia.first, inertia.second
+    if kind == "free":
+        return inertia, NOTHING
+    if kind == "slide":
+        x, y, z = product(product(segment.turn, second), transposed(segment.turn))
+        return Inertia(mass, first, NOTHING.second), Inertia(ZERO, ORIGIN, (x, y, z))
+    if kind == "ball":
+        return Inertia(ZERO, first, second), _moved(mass, ORIGIN, ZERO, segment.at)
+    k = next(index for index in range(3) if segment.axis[index])
+    along = transposed(segment.turn)[k]
+    kept = Inertia(ZERO, _without(first, k), _symmetric_without(second, k))
+    return kept, _moved(mass, scaled(first[k], along), second[k][k], segment.at, along)
+
+
+def _without(v: Vector, k: int) -> Vector:
+    x, y, z = [ZERO if i == k else entry for i, entry in enumerate(v)]
+    return x, y, z
+
+
+def _symmetric_without(a: Matrix, k: int) -> Matrix:
+    x, y, z = [_without(row, k) if i == k else row for i, row in enumerate(a)]
+    return x, y, z
+
+
+def _moved(mass: Expr, first: Vector, second: Expr, at: Vector, along: Vector = ORIGIN) -> Inertia:
+    """The inertia of mass on a line through a point, from its moments about this point."""
+
+    def entry(i: int, j: int) -> Expr:
+        of_line = mul(mul(along[i], along[j]), second)
+        return sum_of([mul(mass, mul(at[i], at[j])), mul(at[i], first[j]), mul(first[i], at[j]), of_line])
+
+    lower = [[entry(i, j) for j in range(i + 1)] for i in range(3)]
+    return Inertia(mass, plus(scaled(mass, at), first), _symmetric(lower))
 
 
 def _symmetric(lower: Sequence[Sequence[Expr]]) -> Matrix:
