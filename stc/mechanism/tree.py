@@ -1,9 +1,9 @@
 """The tree of segments: what moves as one piece behind one joint, with its inertia in its own frame.
 
-A segment's frame sits on the anchor of its joint.  Its axes are those of the body at the joint's reference, turned
-where a hinge's axis is none of them, so that every hinge turns about a coordinate axis.  Bodies without joints belong
-to the segment that they are fixed to; of a body with several joints only the last segment has mass.
-All constant rotations are numbers; offsets and inertias may be expressions of numbers that can be set.
+A segment's frame sits on the anchor of its joint.  Its axes are its parent's where the joint is at its reference and
+its axis is one of them; otherwise they are turned, as little as possible, until it is.  Bodies without joints belong to
+the segment that they are fixed to; of a body with several joints only the last segment has mass.  All constant
+rotations are numbers; offsets and inertias may be expressions of numbers that can be set.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ from stc.records import dataclass, field
 from stc.symbolic.expr import ZERO, Expr, add, is_literal, mul, num, sub, sum_of
 
 Rotation = NDArray[np.float64]
+#: Entries of constant rotations this close to 0, 1 or -1 are meant to be these.
+_NOISE = 1e-14
 WORLD = -1
 """The segment of bodies that nothing moves."""
 
@@ -128,21 +130,23 @@ class Tree:
         for joint in joints:
             if joint.kind == "free":
                 turn, at = np.eye(3), ORIGIN
-            axes, axis = _axes(joint)
-            anchor = vector(joint.anchor) if joint.kind in ("hinge", "ball") else ORIGIN
-            there = plus(at, times(matrix(_clean(turn)), anchor))
+            axes, axis = _axes(joint, turn)
+            there = at
+            if joint.kind in ("hinge", "ball"):
+                there = plus(at, times(matrix(_clean(turn)), vector(joint.anchor)))
             self.segments.append(
                 Segment(
                     parent=segment,
                     joint=joint,
-                    turn=matrix(_clean(turn @ axes)),
+                    turn=matrix(_clean(axes)),
                     at=self._derived(there, "joint", joint.name, "at"),
                     axis=axis,
                 )
             )
-            segment, turn = len(self.segments) - 1, axes.T
-            back = matrix(_clean(-turn))
-            at = times(back, anchor)
+            segment, turn = len(self.segments) - 1, axes.T @ turn
+            at = ORIGIN
+            if joint.kind in ("hinge", "ball"):
+                at = times(matrix(_clean(-turn)), vector(joint.anchor))
         self._placed.append((segment, turn, at))
 
     def _load(self, index: int, body: Body) -> None:
@@ -183,20 +187,29 @@ class Tree:
                 carried[segment.parent].append(handed)
 
     def _named(self, inertia: Inertia, *name: str) -> Inertia:
-        derive = self.numbers.derive
+        x, y, z = inertia.second
+        settled = iter(_without_noise([x[0], y[0], y[1], *z]))
         lower = [
-            [derive(inertia.second[i][j], *name, "second", "xyz"[i] + "xyz"[j]) for j in range(i + 1)]
+            [self.numbers.derive(next(settled), *name, "second", "xyz"[i] + "xyz"[j]) for j in range(i + 1)]
             for i in range(3)
         ]
         return Inertia(
-            mass=derive(inertia.mass, *name, "mass"),
+            mass=self.numbers.derive(inertia.mass, *name, "mass"),
             first=self._derived(inertia.first, *name, "first"),
             second=_symmetric(lower),
         )
 
     def _derived(self, v: Vector, *name: str) -> Vector:
-        x, y, z = [self.numbers.derive(e, *name, axis) for axis, e in zip("xyz", v, strict=True)]
+        settled = zip("xyz", _without_noise(v), strict=True)
+        x, y, z = [self.numbers.derive(e, *name, axis) for axis, e in settled]
         return x, y, z
+
+
+def _without_noise(entries: Sequence[Expr]) -> list[Expr]:
+    """Numbers that belong together, without those that rounding has made of zeros."""
+    sizes = [abs(e.payload) if e.op == "num" else 0.0 for e in entries]
+    least = _NOISE * max(sizes)
+    return [ZERO if e.op == "num" and size < least else e for e, size in zip(entries, sizes, strict=True)]
 
 
 def total(parts: Iterable[Inertia]) -> Inertia:
@@ -213,8 +226,8 @@ def _shared(segment: Segment, inertia: Inertia) -> tuple[Inertia, Inertia]:
     """What a segment keeps of an inertia, in its frame, and what its parent takes over, in the parent's.
 
     Mass on the axis of a hinge moves with the parent as well, and so does mass at the centre of a ball joint; how a
-    slide's segment turns is how its parent turns.  The parent takes over as much of this as makes mass, first moment and
-    second moment along the axis vanish, which leaves fewer operations and the same equations of motion (Khalil &
+    slide's segment turns is how its parent turns.  The parent takes over as much of this as makes mass, first moment
+    and second moment along the axis vanish, which leaves fewer operations and the same equations of motion (Khalil &
     Dombre, Modeling, Identification and Control of Robots, chapter 9, call the rest base parameters).
     """
     kind, mass, first, second = segment.joint.kind, inertia.mass, inertia.first, inertia.second
@@ -257,15 +270,30 @@ def _symmetric(lower: Sequence[Sequence[Expr]]) -> Matrix:
     return (xx, yx, zx), (yx, yy, zy), (zx, zy, zz)
 
 
-def _axes(joint: Joint) -> tuple[Rotation, tuple[float, float, float]]:
-    """A segment's axes in its body's, and the joint's direction in these."""
-    axis = np.array(joint.axis)
-    if joint.kind == "hinge" and not any(abs(entry) == 1.0 for entry in _clean(axis)):
-        across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-        across /= np.linalg.norm(across)
-        return np.array([across, np.cross(axis, across), axis]).T, (0.0, 0.0, 1.0)
-    x, y, z = _clean(axis)
-    return np.eye(3), (x, y, z)
+def _axes(joint: Joint, turn: Rotation) -> tuple[Rotation, tuple[float, float, float]]:
+    """The axes of a joint's segment in its parent's, and the joint's direction in them.
+
+    Args:
+        joint: any.
+        turn: the axes of its body in the parent's segment.
+    """
+    if joint.kind == "ball":
+        return turn, (0.0, 0.0, 1.0)
+    direction = np.array(_clean(turn @ joint.axis))
+    if joint.kind in ("slide", "free") or np.abs(direction).max() == 1.0:
+        x, y, z = direction.tolist()
+        return np.eye(3), (x, y, z)
+    # One axis of the parent's stays where the direction is at right angles to one.
+    k = int(np.argmax(np.abs(direction)))
+    m = int(np.argmin(np.abs(direction)))
+    axes = np.zeros((3, 3))
+    axes[:, k] = direction / np.linalg.norm(direction)
+    axes[:, m] = np.eye(3)[m] - axes[m, k] * axes[:, k]
+    axes[:, m] /= np.linalg.norm(axes[:, m])
+    j = 3 - k - m
+    axes[:, j] = np.cross(axes[:, (j + 1) % 3], axes[:, (j + 2) % 3])
+    x, y, z = np.eye(3)[k].tolist()
+    return axes, (x, y, z)
 
 
 def rotation(quaternion: Sequence[float]) -> Rotation:
@@ -278,10 +306,6 @@ def rotation(quaternion: Sequence[float]) -> Rotation:
             [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
         ]
     )
-
-
-#: Entries of constant rotations this close to 0, 1 or -1 are meant to be these.
-_NOISE = 1e-15
 
 
 def _clean(values: Rotation) -> list:
