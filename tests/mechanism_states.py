@@ -110,6 +110,6 @@ def actuation(m: mujoco.MjModel, d: mujoco.MjData) -> np.ndarray:
 
 
 def relative_error(found: np.ndarray, wanted: np.ndarray) -> float:
-    """The largest difference at any state, in the size of the largest value there (of 1e-3 of that anywhere at least)."""
+    """The largest difference at any state in the size of the largest value there, or of 1e-3 of that anywhere."""
     sizes = np.abs(wanted).max(axis=0)
     return float((np.abs(found - wanted).max(axis=0) / np.maximum(sizes, 1e-3 * sizes.max() + 1e-300)).max())

@@ -328,6 +328,7 @@ class Mechanism:
         n_coordinates, n_freedoms: lengths of ``qpos`` and ``qvel``.
         n_controls, n_activations: lengths of ``ctrl`` and ``act``.
         excluded: pairs of bodies that never touch.
+        warnings: what MuJoCo said as it read the file.
         left_out: kinds of things that are knowingly not in it; see :mod:`stc.mechanism.refusals`.
         others: elements that have no counterpart here, such as flexes and plugins: kind, name and place.
     """
@@ -349,6 +350,7 @@ class Mechanism:
     n_controls: int
     n_activations: int
     others: tuple[tuple[str, str, Place | None], ...] = ()
+    warnings: tuple[str, ...] = ()
     left_out: frozenset[str] = frozenset()
 
     @property

@@ -6,10 +6,11 @@ A number is named by its path, the one that ``set`` lines have: ``("body", "tors
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Mapping, Sequence
 
 from stc.records import dataclass
-from stc.symbolic.expr import ZERO, Expr, num, sym
+from stc.symbolic.expr import ZERO, Expr, evaluate, num, substitute, sym
+from stc.symbolic.structure import mentions
 
 Path = tuple[str, ...]
 
@@ -53,7 +54,7 @@ class Numbers:
     values
         The model's own value of every number that has become a symbol.
     derived
-        What derived numbers are in terms of those: expressions without any variable.
+        What derived numbers are in terms of those and of derived numbers that come before them.
     """
 
     def __init__(
@@ -83,3 +84,33 @@ class Numbers:
         if self.derived.setdefault(key, e) is not e:
             raise ValueError(f"two derived numbers with the name {'.'.join(name)}")
         return sym(key)
+
+    def derived_values(self, values: Mapping[Hashable, float]) -> dict[Hashable, float]:
+        """The values of all derived numbers.
+
+        Parameters
+        ----------
+        values
+            Of the symbols of numbers, by their keys: ``ModelNumber(path)`` where no other ones were asked for.
+        """
+        found: dict[Hashable, float] = dict(values)
+        for key, e in self.derived.items():
+            found[key] = evaluate(e, found)
+        return {key: found[key] for key in self.derived}
+
+    def expanded(self, expressions: Sequence[Expr], depends: Callable[[Hashable], bool]) -> list[Expr]:
+        """Expressions with the derived numbers replaced that follow from some numbers: where these are unknowns.
+
+        Parameters
+        ----------
+        expressions
+            Any.
+        depends
+            Whether the symbol with a key is one of those numbers.
+        """
+        replaced: dict[Hashable, Expr] = {}
+        for key, e in self.derived.items():
+            whole = substitute(e, replaced)
+            if mentions(whole, depends):
+                replaced[key] = whole
+        return [substitute(e, replaced) for e in expressions]

@@ -6,6 +6,7 @@ Nothing of MuJoCo is left in the result but numbers.
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -55,16 +56,19 @@ def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mecha
     import mujoco
 
     try:
-        if text is None:
-            spec = mujoco.MjSpec.from_file(os.fsdecode(source))
-        else:
-            spec = mujoco.MjSpec.from_string(text)
-        model = spec.compile()
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            if text is None:
+                spec = mujoco.MjSpec.from_file(os.fsdecode(source))
+            else:
+                spec = mujoco.MjSpec.from_string(text)
+            model = spec.compile()
     except (ValueError, OSError, FileNotFoundError) as error:
         raise ModelFileError(f"MuJoCo does not accept {source}: {' '.join(str(error).split())}") from None
     name = os.fsdecode(source)
     content = text if text is not None else Path(name).read_text(encoding="utf-8", errors="replace")
-    return _Reader(model, spec, Places(name, content)).mechanism(name)
+    told = tuple([str(warning.message) for warning in said])
+    return _Reader(model, spec, Places(name, content)).mechanism(name, told)
 
 
 def _floats(values: Any) -> tuple[Any, ...]:
@@ -79,7 +83,7 @@ class _Reader:
         self.spec = spec
         self.places = places
 
-    def mechanism(self, source: str) -> Mechanism:
+    def mechanism(self, source: str, told: tuple[str, ...]) -> Mechanism:
         m = self.m
         self.body_names = self._names("bodies", "BODY", m.nbody, lambda i: "world" if i == 0 else f"body{i}")
         self.joint_names = self._names("joints", "JOINT", m.njnt, lambda i: self.body_names[m.jnt_bodyid[i]])
@@ -116,6 +120,7 @@ class _Reader:
             n_controls=int(m.nu),
             n_activations=int(m.na),
             others=self._others(),
+            warnings=told,
         )
 
     def _name(self, kind: str, index: int) -> str:

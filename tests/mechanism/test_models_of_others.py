@@ -1,0 +1,95 @@
+"""The equations of motion of models that ship, and of others', against MuJoCo's inverse dynamics."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mechanism_states import Compared, actuation, inverse, relative_error
+
+from stc import models
+from stc.mechanism.read import read_model
+from stc.mechanism.refusals import refusals, without
+
+
+def folder(package: str, below: str) -> Path | None:
+    """A folder of an installed package, None where that is not installed."""
+    found = importlib.util.find_spec(package)
+    return None if found is None or found.origin is None else Path(found.origin).parent / below
+
+
+GYMNASIUM = folder("gymnasium", "envs/mujoco/assets")
+CONTROL = folder("dm_control", "suite")
+OF_GYMNASIUM = (
+    "hopper", "walker2d", "walker2d_v5", "half_cheetah", "ant", "humanoid", "humanoidstandup", "pusher", "pusher_v5",
+    "reacher", "inverted_pendulum", "inverted_double_pendulum", "point", "swimmer",
+)  # fmt: skip
+OF_CONTROL = (
+    "cartpole", "acrobot", "pendulum", "cheetah", "walker", "hopper", "humanoid", "humanoid_CMU", "quadruped", "dog",
+    "ball_in_cup", "finger", "fish", "manipulator", "point_mass", "reacher", "stacker", "swimmer",
+)  # fmt: skip
+
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*settotalmass")  # what a model says about itself
+
+
+def check(path: Path) -> None:
+    both = Compared(path)
+    both.model.opt.density = both.model.opt.viscosity = 0.0
+    dyn, nv = both.dynamics, both.model.nv
+    found = both.values([*dyn.inverse(), *dyn.passive_forces(), *dyn.actuation()])
+    assert relative_error(found[:nv], both.in_mujoco(inverse)) < 1e-9
+    assert np.abs(found[nv : 2 * nv] - both.in_mujoco(lambda m, d: d.qfrc_passive)).max() < 1e-9
+    acting = both.in_mujoco(actuation)
+    assert np.abs(found[2 * nv :] - acting).max() < 1e-9 * max(1.0, np.abs(acting).max())
+
+
+@pytest.mark.parametrize("name", models.names())
+def test_shipped_models(name: str) -> None:
+    """Inverse dynamics, passive forces and actuation, to 1e-9 of the largest force at 1000 random states."""
+    path = models.locate(name)
+    assert path is not None
+    assert not refusals(read_model(path))
+    check(path)
+
+
+@pytest.mark.skipif(GYMNASIUM is None, reason="gymnasium is not installed: pip install 'stc[dev]'")
+@pytest.mark.parametrize("name", OF_GYMNASIUM)
+def test_models_of_gymnasium(name: str) -> None:
+    """As of the models that ship; the swimmer's fluid is left out on both sides."""
+    assert GYMNASIUM is not None
+    path = GYMNASIUM / f"{name}.xml"
+    refused = {refusal.kind for refusal in refusals(read_model(path))}
+    assert refused == ({"fluid"} if name == "swimmer" else set())
+    check(path)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CONTROL is None, reason="dm_control is not installed: pip install 'stc[models]'")
+@pytest.mark.parametrize("name", OF_CONTROL)
+def test_models_of_dm_control(name: str) -> None:
+    """As of the models that ship; fluids are left out on both sides."""
+    assert CONTROL is not None
+    path = CONTROL / f"{name}.xml"
+    refused = {refusal.kind for refusal in refusals(read_model(path))}
+    assert refused == ({"fluid"} if name in ("fish", "swimmer") else set())
+    check(path)
+
+
+@pytest.mark.skipif(GYMNASIUM is None, reason="gymnasium is not installed: pip install 'stc[dev]'")
+def test_fluid_is_refused_with_its_line() -> None:
+    """The message names what is in the way and where it stands; a word leaves it out."""
+    assert GYMNASIUM is not None
+    path = GYMNASIUM / "swimmer.xml"
+    model = read_model(path)
+    found = refusals(model)
+    assert [refusal.kind for refusal in found] == ["fluid", "fluid"]
+    assert found[0].place is not None
+    assert found[0].place.file == str(path)
+    assert "<option" in path.read_text().splitlines()[found[0].place.line - 1]
+    assert "density" in found[0].reason
+    left = without(model, ["fluid"])
+    assert not refusals(left)
+    assert left.left_out == {"fluid"}
