@@ -39,6 +39,8 @@ def activation_rates(
     Raises:
         ValueError: the dynamics cannot be stated.
     """
+    if not actuator.enabled:  # what its states do does not matter
+        return dict.fromkeys(actuator.activations, ZERO)
     if not actuator.activations:
         return {}
     state, control = actuator.activations[-1], controls[actuator.controls[0]]

@@ -1,7 +1,7 @@
 """In which file and on which line the elements of a model stand, also of models that include others.
 
-MuJoCo remembers the line of each element, but not whether that is a line of the file itself or of an included one.
-So the files are looked through once: which of them has such an element on such a line.
+MuJoCo remembers the lines of elements of the file itself.  Of included files it does not, nor of free joints written
+``<freejoint/>``: these are looked for by their name, or else by what they belong to.
 """
 
 from __future__ import annotations
@@ -44,17 +44,24 @@ class Places:
         self._seen: set[Path] = set()
         self._look_through(name, text, Path(name).parent)
 
-    def of(self, info: str, kind: str, name: str) -> Place | None:
-        """The place of an element from what MuJoCo remembers of it (``line 12``)."""
-        found = re.search(r"line (\d+)", info or "")
+    def of(self, info: str, kind: str, name: str, owner: Place | None = None) -> Place | None:
+        """The place of an element.
+
+        Args:
+            info: what MuJoCo remembers of it, such as ``line 12``.
+            kind: ``body``, ``joint``, ...
+            name: its name, possibly empty.
+            owner: the place of the body that it belongs to, which stands in for its own where that is not known.
+        """
         tags = _TAGS.get(kind, {kind})
-        if found is None:
-            known = [each for each in self._elements if each.tag in tags and name and each.name == name]
-            return Place(known[0].file, known[0].line) if known else None
-        line = int(found.group(1))
-        here = [each for each in self._elements if each.line == line and each.tag in tags]
+        found = re.search(r"line (\d+)", info or "")
+        line = int(found.group(1)) if found is not None else 0
+        if line:
+            here = [each for each in self._elements if each.line == line and each.tag in tags]
+        else:
+            here = [each for each in self._elements if name and each.name == name and each.tag in tags]
         here = [each for each in here if each.name == name] or here
-        return Place(here[0].file, line) if here else None
+        return Place(here[0].file, here[0].line) if here else owner
 
     def first(self, tag: str) -> Place | None:
         """The place of the last element with a tag: of several, MuJoCo lets the last one count."""

@@ -85,9 +85,11 @@ class _Reader:
 
     def mechanism(self, source: str, told: tuple[str, ...]) -> Mechanism:
         m = self.m
-        self.body_names = self._names("bodies", "BODY", m.nbody, lambda i: "world" if i == 0 else f"body{i}")
-        self.joint_names = self._names("joints", "JOINT", m.njnt, lambda i: self.body_names[m.jnt_bodyid[i]])
-        self.tendon_names = self._names("tendons", "TENDON", m.ntendon, lambda i: f"tendon{i + 1}")
+        self.body_names = self._names("BODY", m.nbody, lambda i: "world" if i == 0 else f"body{i}")
+        self.joint_names = self._names("JOINT", m.njnt, lambda i: self.body_names[m.jnt_bodyid[i]])
+        self.body_places: list[Place | None] = [None] * m.nbody
+        self.body_places = self._places("bodies", "body", m.body_parentid)
+        self.tendon_names = self._names("TENDON", m.ntendon, lambda i: f"tendon{i + 1}")
         return Mechanism(
             source=source,
             bodies=self._bodies(),
@@ -128,7 +130,7 @@ class _Reader:
 
         return mujoco.mj_id2name(self.m, getattr(mujoco.mjtObj, f"mjOBJ_{kind}"), index) or ""
 
-    def _names(self, _: str, kind: str, count: int, called: Callable[[int], str]) -> list[str]:
+    def _names(self, kind: str, count: int, called: Callable[[int], str]) -> list[str]:
         """Names of all elements of a kind; those without one are ``called`` something, numbered where that is taken."""
         names = [self._name(kind, index) for index in range(count)]
         taken = set(names)
@@ -143,16 +145,19 @@ class _Reader:
                 taken.add(free)
         return names
 
-    def _places(self, elements: str, tag: str, count: int) -> list[Place | None]:
-        found: list[Place | None] = [None] * count
+    def _places(self, elements: str, tag: str, bodies: Sequence[int]) -> list[Place | None]:
+        """The places of elements, of which each belongs to one of the bodies (0, the world, for those to none)."""
+        found: list[Place | None] = [None] * len(bodies)
         for element in getattr(self.spec, elements):
-            if 0 <= element.id < count:
-                found[element.id] = self.places.of(element.info, tag, element.name)
+            if 0 <= element.id < len(bodies):
+                body = bodies[element.id]
+                owner = self.body_places[body] if body else None
+                found[element.id] = self.places.of(element.info, tag, element.name, owner)
         return found
 
     def _bodies(self) -> tuple[Body, ...]:
         m = self.m
-        places = self._places("bodies", "body", m.nbody)
+        places = self.body_places
         return tuple(
             [
                 Body(
@@ -177,7 +182,7 @@ class _Reader:
 
     def _joints(self) -> tuple[Joint, ...]:
         m = self.m
-        places = self._places("joints", "joint", m.njnt)
+        places = self._places("joints", "joint", m.jnt_bodyid)
         kinds = ("free", "ball", "slide", "hinge")
         joints = []
         for i in range(m.njnt):
@@ -214,7 +219,7 @@ class _Reader:
 
     def _geoms(self) -> tuple[Geom, ...]:
         m = self.m
-        places = self._places("geoms", "geom", m.ngeom)
+        places = self._places("geoms", "geom", m.geom_bodyid)
         return tuple(
             [
                 Geom(
@@ -243,7 +248,7 @@ class _Reader:
 
     def _sites(self) -> tuple[Site, ...]:
         m = self.m
-        places = self._places("sites", "site", m.nsite)
+        places = self._places("sites", "site", m.site_bodyid)
         return tuple(
             [
                 Site(
@@ -261,7 +266,7 @@ class _Reader:
 
     def _tendons(self) -> tuple[Tendon, ...]:
         m = self.m
-        places = self._places("tendons", "tendon", m.ntendon)
+        places = self._places("tendons", "tendon", [0] * m.ntendon)
         tendons = []
         for i in range(m.ntendon):
             steps = range(m.tendon_adr[i], m.tendon_adr[i] + m.tendon_num[i])
@@ -298,8 +303,8 @@ class _Reader:
 
     def _actuators(self) -> tuple[Actuator, ...]:
         m = self.m
-        places = self._places("actuators", "actuator", m.nactuator)
-        names = self._names("actuators", "ACTUATOR", m.nactuator, self._acts_on)
+        places = self._places("actuators", "actuator", [0] * m.nactuator)
+        names = self._names("ACTUATOR", m.nactuator, self._acts_on)
         actuators = []
         for i in range(m.nactuator):
             u, out, act = int(m.actuator_ctrladr[i]), int(m.actuator_outadr[i]), int(m.actuator_actadr[i])
@@ -354,9 +359,9 @@ class _Reader:
 
     def _equalities(self) -> tuple[Equality, ...]:
         m = self.m
-        places = self._places("equalities", "equality", m.neq)
+        places = self._places("equalities", "equality", [0] * m.neq)
         kinds = [_member("mjtEq", "mjEQ_", kind) for kind in m.eq_type]
-        names = self._names("equalities", "EQUALITY", m.neq, lambda i: kinds[i])
+        names = self._names("EQUALITY", m.neq, lambda i: kinds[i])
         return tuple(
             [
                 Equality(
@@ -377,7 +382,7 @@ class _Reader:
 
     def _keyframes(self) -> tuple[Keyframe, ...]:
         m = self.m
-        names = self._names("keys", "KEY", m.nkey, lambda i: f"keyframe{i + 1}")
+        names = self._names("KEY", m.nkey, lambda i: f"keyframe{i + 1}")
         return tuple(
             [
                 Keyframe(

@@ -156,6 +156,8 @@ def transmission(
     if kind == "slidercrank":
         crank, slider = sites[actuator.target], sites[actuator.reference]
         return _slider_crank(kinematics, crank, slider, actuator.crank_length).geared(gear[0])
+    if not actuator.enabled:
+        return Transmission(ZERO, ZERO, {})
     raise ValueError(f"actuator {actuator.name} acts by {kind}")
 
 

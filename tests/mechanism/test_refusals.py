@@ -1,0 +1,89 @@
+"""What cannot be stated is named, with its line, and can be left out by a word."""
+
+from __future__ import annotations
+
+import pytest
+from mechanism_states import dynamics_of
+
+from stc.mechanism.read import read_model
+from stc.mechanism.refusals import KINDS, refusals, without
+
+BODY = '<body name="b"><joint name="j"/><geom name="g" size=".1"/><site name="s"/></body>'
+WORLD = f'<site name="w" pos="1 0 0"/><geom name="pole" type="cylinder" size=".1 1" pos=".5 0 0"/>{BODY}'
+
+
+def model(rest: str = "", world: str = WORLD, options: str = "") -> str:
+    return f"<mujoco>\n{options}\n<worldbody>\n{world}\n</worldbody>\n{rest}\n</mujoco>"
+
+
+def acting(actuator: str) -> str:
+    return model(f"<actuator>{actuator}</actuator>")
+
+
+def with_attribute(name: str, attributes: str) -> str:
+    return model(world=WORLD.replace(f'name="{name}"', f'name="{name}" {attributes}'))
+
+
+#: Of each kind a model, the element that is named, and a piece of its line.
+REFUSED = {
+    "fluid": (model(options='<option viscosity=".1"/>'), "option", "viscosity"),
+    "muscles": (acting('<muscle name="m" joint="j" lengthrange="0 1"/>'), 'actuator "m"', "muscle"),
+    "actuators": (
+        acting('<dcmotor name="m" joint="j" motorconst="1" resistance="1"/>'),
+        'actuator "m"',
+        "dcmotor",
+    ),
+    "wrapping": (
+        model(
+            '<tendon><spatial name="t"><site site="w"/><geom geom="pole"/><site site="s"/></spatial></tendon>'
+        ),
+        'tendon "t"',
+        "spatial",
+    ),
+    "adhesion": (acting('<adhesion name="m" body="b" ctrlrange="0 1"/>'), 'actuator "m"', "adhesion"),
+    "yielding": (with_attribute("j", 'stiffness="3" springyield=".1"'), 'joint "j"', 'name="j"'),
+    "delays": (acting('<motor name="m" joint="j" delay=".1" nsample="4"/>'), 'actuator "m"', "delay"),
+    "conveyors": (with_attribute("pole", 'surfacevel="1 0 0 0 0 0"'), 'geom "pole"', "surfacevel"),
+    "flexes": (
+        model(
+            world=WORLD
+            + '\n<flexcomp name="cloth" type="grid" dim="2" count="3 3 1" spacing=".1 .1 .1" mass="1"/>'
+        ),
+        'flex "cloth"',
+        "flexcomp",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_what_is_refused(kind: str) -> None:
+    """It is named with its line; a word leaves it out, and then there are equations."""
+    text, element, line = REFUSED[kind]
+    read = read_model("robot.xml", text=text)
+    found = refusals(read)
+    assert {refusal.kind for refusal in found} == {kind}
+    first = found[0]
+    assert first.element == element
+    assert first.place is not None
+    assert line in text.splitlines()[first.place.line - 1]
+    assert str(first).startswith(f"robot.xml:{first.place.line}: {element}: ")
+    left = without(read, [kind])
+    assert refusals(left) == []
+    assert left.left_out == {kind}
+    assert len(dynamics_of(left).residual()) == read.n_freedoms
+
+
+def test_words_are_known() -> None:
+    """A word that stands for nothing is a mistake, and the message lists those that do."""
+    with pytest.raises(ValueError, match="fluid, muscles"):
+        without(read_model("robot.xml", text=model()), ["fluids"])
+    assert set(REFUSED) <= set(KINDS)
+
+
+def test_what_is_off_is_not_refused() -> None:
+    """An actuator that the model's options switch off stands in nobody's way."""
+    text = model(
+        '<actuator><muscle name="m" joint="j" lengthrange="0 1" group="3"/></actuator>',
+        options='<option actuatorgroupdisable="3"/>',
+    )
+    assert refusals(read_model("robot.xml", text=text)) == []
