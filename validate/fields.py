@@ -12,7 +12,7 @@ path                                           field, in MuJoCo's units
 ``body.NAME.com.x`` (``.y``, ``.z``)           centre of mass in the body's frame, m
 ``body.NAME.pos.x`` (``.y``, ``.z``)           place in the parent's frame, m
 ``body.NAME.gravcomp``                         share of gravity that is compensated
-``joint.NAME.damping``                         N s/m or N m s/rad
+``joint.NAME.damping``                         N s/m or N m s/rad, of all degrees of freedom
 ``joint.NAME.armature``                        added inertia, kg or kg m^2
 ``joint.NAME.frictionloss``                    dry friction, N or N m
 ``joint.NAME.stiffness``                       spring, N/m or N m/rad
@@ -20,6 +20,8 @@ path                                           field, in MuJoCo's units
 ``joint.NAME.lower``, ``joint.NAME.upper``     range, m or rad; it limits the joint from then on
 ``geom.NAME.friction.slide``                   friction coefficients of a geom
 (``.spin``, ``.roll``)
+``geom.NAME.pos.x``, ``site.NAME.pos.x``       place in the body's frame, m
+(``.y``, ``.z``)
 ``actuator.NAME.gear``                         force of the actuator per unit of its control
 =============================================  =============================================================
 
@@ -47,15 +49,17 @@ _FRICTION = {"slide": 0, "spin": 1, "roll": 2}
 
 #: Per kind of object and field: which array holds it, which address the object has there, which components.
 #: Addresses are functions of the model and the object's index; None stands for a field of one number.
-Address = Callable[[Any, int], int]
+Address = Callable[[Any, int], int | slice]
 
 
 def _own(_: Any, index: int) -> int:
     return index
 
 
-def _dof(model: Any, index: int) -> int:
-    return int(model.jnt_dofadr[index])
+def _dofs(model: Any, index: int) -> slice:
+    """All degrees of freedom of a joint."""
+    freedoms = (6, 3, 1, 1)[model.jnt_type[index]]
+    return slice(int(model.jnt_dofadr[index]), int(model.jnt_dofadr[index]) + freedoms)
 
 
 def _qpos(model: Any, index: int) -> int:
@@ -71,15 +75,16 @@ _FIELDS: Mapping[str, Mapping[str, tuple[str, Address, Mapping[str, int] | int |
         "gravcomp": ("body_gravcomp", _own, None),
     },
     "joint": {
-        "damping": ("dof_damping", _dof, None),
-        "armature": ("dof_armature", _dof, None),
-        "frictionloss": ("dof_frictionloss", _dof, None),
+        "damping": ("dof_damping", _dofs, None),
+        "armature": ("dof_armature", _dofs, None),
+        "frictionloss": ("dof_frictionloss", _dofs, None),
         "stiffness": ("jnt_stiffness", _own, None),
         "springref": ("qpos_spring", _qpos, None),
         "lower": ("jnt_range", _own, 0),
         "upper": ("jnt_range", _own, 1),
     },
-    "geom": {"friction": ("geom_friction", _own, _FRICTION)},
+    "geom": {"friction": ("geom_friction", _own, _FRICTION), "pos": ("geom_pos", _own, _AXES)},
+    "site": {"pos": ("site_pos", _own, _AXES)},
     "actuator": {"gear": ("actuator_gear", _own, 0)},
 }
 _OPTIONS: Mapping[str, Mapping[str, int] | None] = {
@@ -151,7 +156,7 @@ def _set_field(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> No
             raise ModelError(f"{written}: {path[2]} has no parts")
         at = address(model, index)
         if array_name == "jnt_range":
-            _begin_to_limit(model, at)
+            _begin_to_limit(model, index)
         elif array[at, components + 1 :].any():
             raise ModelError(
                 f"{written}: the model gives the {path[0]} a {path[2]} of several parts; this would set the first"

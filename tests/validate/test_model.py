@@ -77,6 +77,7 @@ FIELDS = [
     ("geom.skin.friction.slide", 0.6, lambda m: m.geom_friction[0, 0]),
     ("geom.skin.friction.spin", 0.02, lambda m: m.geom_friction[0, 1]),
     ("geom.skin.friction.roll", 0.03, lambda m: m.geom_friction[0, 2]),
+    ("geom.skin.pos.x", 0.4, lambda m: m.geom_pos[0, 0]),
     ("actuator.push.gear", 5.0, lambda m: m.actuator_gear[0, 0]),
 ]
 
@@ -107,6 +108,17 @@ def test_a_range_that_is_set_limits_the_joint() -> None:
         assert model.jnt_limited[0]
         assert model.jnt_range[0].tolist() == [low, high]
         assert model.jnt_range[1].tolist() == before.jnt_range[1].tolist()
+
+
+def test_a_joint_with_several_freedoms_is_set_in_all() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><joint name="hip" type="ball"/><geom size=".1"/><site name="toe"/>'
+        '<body><joint name="knee"/><geom size=".1"/></body></body></worldbody></mujoco>'
+    )
+    stated = [line("set joint.hip.damping", 0.4), line("set site.toe.pos.z", -0.3)]
+    apply_fields(model, solution_of("trapezoidal", TIME, {("x", 0): ZERO}, stated))
+    assert model.dof_damping.tolist() == [0.4, 0.4, 0.4, 0.0]
+    assert model.site_pos[0].tolist() == [0.0, 0.0, -0.3]
 
 
 def test_a_gear_of_several_parts_is_not_set_by_one() -> None:
