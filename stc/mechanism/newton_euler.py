@@ -1,8 +1,8 @@
 """Generalised forces by the recursive Newton-Euler method, as expressions.
 
 From the motion of the segments follow the forces and torques that they need; from the outermost segment inwards these
-are added up, and their parts along the joints are the generalised forces (Featherstone, Rigid Body Dynamics Algorithms,
-chapter 5).
+are added up, and their parts along the joints are the generalised forces [Featherstone 2008,
+chapter 5].
 """
 
 from __future__ import annotations

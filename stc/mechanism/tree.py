@@ -227,8 +227,8 @@ def _shared(segment: Segment, inertia: Inertia) -> tuple[Inertia, Inertia]:
 
     Mass on the axis of a hinge moves with the parent as well, and so does mass at the centre of a ball joint; how a
     slide's segment turns is how its parent turns.  The parent takes over as much of this as makes mass, first moment
-    and second moment along the axis vanish, which leaves fewer operations and the same equations of motion (Khalil &
-    Dombre, Modeling, Identification and Control of Robots, chapter 9, call the rest base parameters).
+    and second moment along the axis vanish, which leaves fewer operations and the same equations of motion
+    [Khalil & Dombre 2002, chapter 9].
     """
     kind, mass, first, second = segment.joint.kind, inertia.mass, inertia.first, inertia.second
     if kind == "free":
