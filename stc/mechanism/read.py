@@ -336,7 +336,7 @@ class _Reader:
                     armature=float(m.actuator_armature[i]),
                     damping=float(m.actuator_damping[i]),
                     damping_poly=_floats(m.actuator_dampingpoly[i]),
-                    crank_length=float(m.actuator_cranklength[out]),
+                    crank_length=float(m.actuator_cranklength[i]),
                     enabled=not (0 <= group < 31 and int(m.opt.disableactuator) >> group & 1),
                     plugin=int(m.actuator_plugin[i]) >= 0,
                     place=places[i],
@@ -416,17 +416,19 @@ class _Reader:
         )
 
     def _others(self) -> tuple[tuple[str, str, Place | None], ...]:
-        found: list[tuple[str, str, Place | None]] = []
-        for kind, elements, count in (
-            ("flex", "flexes", self.m.nflex),
-            ("plugin", "plugins", self.m.nplugin),
-        ):
-            listed = list(getattr(self.spec, elements))
-            for index in range(count):
-                element = listed[index] if index < len(listed) else None
-                name = element.name if element is not None else ""
-                place = self.places.of(element.info, kind, name) if element is not None else None
-                found.append((kind, name, place or self.places.first(kind)))
+        """Flexes, and plugins that may exert forces by themselves: shapes and sensors do not, actuators say so."""
+        m, found = self.m, list[tuple[str, str, Place | None]]()
+        for element in list(self.spec.flexes)[: m.nflex]:
+            place = self.places.of(element.info, "flex", element.name)
+            found.append(("flex", element.name, place or self.places.first("flexcomp")))
+        harmless = {int(k) for each in (m.geom_plugin, m.sensor_plugin, m.actuator_plugin) for k in each}
+        bodies = {int(instance): body for body, instance in enumerate(m.body_plugin)}
+        for instance in range(m.nplugin):
+            body = bodies.get(instance)
+            if body is not None:
+                found.append(("plugin", f"of {self.body_names[body]}", self.body_places[body]))
+            elif instance not in harmless:
+                found.append(("plugin", self._name("PLUGIN", instance), self.places.first("instance")))
         return tuple(found)
 
 

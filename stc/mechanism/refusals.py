@@ -18,6 +18,7 @@ KINDS = {
     "plugins": "plugins",
     "adhesion": "adhesion of geoms and adhesive actuators",
     "yielding": "springs that yield",
+    "branches": "tendons with armature whose ends are on different branches",
     "delays": "controls that arrive late",
     "equalities": "equality constraints of kinds that cannot be stated",
     "conveyors": "surfaces that move by themselves",
@@ -53,9 +54,9 @@ def refusals(mechanism: Mechanism) -> list[Refusal]:
     found = [
         *_medium(mechanism),
         *_of_actuators(mechanism.actuators),
-        *_of_tendons(mechanism.tendons),
+        *_of_tendons(mechanism),
         *_of_joints(mechanism),
-        *_of_equalities(mechanism.equalities),
+        *_of_equalities(mechanism),
         *_of_geoms(mechanism.geoms),
         *_others(mechanism),
     ]
@@ -82,10 +83,12 @@ def without(mechanism: Mechanism, kinds: Iterable[str]) -> Mechanism:
             )
         actuators.append(actuator)
     tendons = []
-    for tendon in mechanism.tendons:
+    for index, tendon in enumerate(mechanism.tendons):
         if "wrapping" in left and _wraps(tendon):
             tendon = replace(tendon, path=(), kind="fixed", stiffness=0.0, damping=0.0, armature=0.0)
             tendon = replace(tendon, stiffness_poly=(0.0, 0.0), damping_poly=(0.0, 0.0), limited=False)
+        if "branches" in left and _branches(mechanism, index):
+            tendon = replace(tendon, armature=0.0)
         tendons.append(replace(tendon, spring_yield=0.0) if "yielding" in left else tendon)
     joints, geoms, options = mechanism.joints, mechanism.geoms, mechanism.options
     if "yielding" in left:
@@ -180,14 +183,47 @@ def _reason(actuator: Actuator) -> tuple[str, str] | None:
     return None
 
 
-def _of_tendons(tendons: Iterable[Tendon]) -> Iterator[Refusal]:
-    for tendon in tendons:
+def _of_tendons(mechanism: Mechanism) -> Iterator[Refusal]:
+    for index, tendon in enumerate(mechanism.tendons):
         element = _named("tendon", tendon.name)
         if _wraps(tendon):
             sentence = "it wraps around a geom, and its length cannot be stated"
             yield Refusal("wrapping", element, sentence, tendon.place)
         if tendon.spring_yield:
             yield Refusal("yielding", element, "its spring yields, and remembers how far", tendon.place)
+        if _branches(mechanism, index):
+            sentence = "it has armature and ties different branches, between which MuJoCo has no inertia"
+            yield Refusal("branches", element, sentence, tendon.place)
+
+
+def _branches(mechanism: Mechanism, index: int) -> bool:
+    """Whether a tendon has armature and acts on bodies of which neither hangs on the other.
+
+    MuJoCo's inertia matrix has no entries between branches of the tree, and leaves out what would stand there.
+    """
+    tendon = mechanism.tendons[index]
+    drives = [
+        each.armature for each in mechanism.actuators if (each.transmission, each.target) == ("tendon", index)
+    ]
+    if not tendon.armature and not any(drives):
+        return False
+    moved: set[int] = set()
+    if tendon.kind == "fixed":
+        moved = {mechanism.joints[step.index].body for step in tendon.path}
+    for first, second in zip(tendon.path, tendon.path[1:]):
+        if first.kind == second.kind == "site":
+            ends = [_above(mechanism, mechanism.sites[step.index].body) for step in (first, second)]
+            moved |= {body for body in ends[0] ^ ends[1] if mechanism.bodies[body].joints}
+    return any(a not in _above(mechanism, b) and b not in _above(mechanism, a) for a in moved for b in moved)
+
+
+def _above(mechanism: Mechanism, body: int) -> set[int]:
+    """A body and all that it hangs on."""
+    found = {body}
+    while body:
+        body = mechanism.bodies[body].parent
+        found.add(body)
+    return found
 
 
 def _of_joints(mechanism: Mechanism) -> Iterator[Refusal]:
@@ -197,11 +233,19 @@ def _of_joints(mechanism: Mechanism) -> Iterator[Refusal]:
             yield Refusal("yielding", element, "its spring yields, and remembers how far", joint.place)
 
 
-def _of_equalities(equalities: Iterable[Equality]) -> Iterator[Refusal]:
-    for equality in equalities:
-        if equality.kind not in _EQUALITIES:
+def _of_equalities(mechanism: Mechanism) -> Iterator[Refusal]:
+    for equality in mechanism.equalities:
+        word = _word_of(equality)
+        if word == "equalities":
             sentence = f"an equality of kind {equality.kind} cannot be stated"
-            yield Refusal("equalities", _named("equality", equality.name), sentence, equality.place)
+            yield Refusal(word, _named("equality", equality.name), sentence, equality.place)
+
+
+def _word_of(equality: Equality) -> str:
+    """The word that leaves an equality out, empty for those that can be stated; flexes have their own ones."""
+    if equality.kind in _EQUALITIES:
+        return ""
+    return "flexes" if equality.kind.startswith("flex") else "equalities"
 
 
 def _of_geoms(geoms: Iterable[Geom]) -> Iterator[Refusal]:

@@ -42,6 +42,16 @@ REFUSED = {
     ),
     "adhesion": (acting('<adhesion name="m" body="b" ctrlrange="0 1"/>'), 'actuator "m"', "adhesion"),
     "yielding": (with_attribute("j", 'stiffness="3" springyield=".1"'), 'joint "j"', 'name="j"'),
+    "branches": (
+        model(
+            '<tendon>\n<fixed name="t" armature="1"><joint joint="j" coef="1"/><joint joint="k" coef="1"/></fixed>\n'
+            "</tendon>",
+            world=WORLD
+            + BODY.replace('"b"', '"c"').replace('"j"', '"k"').replace('"g"', '"h"').replace('"s"', '"v"'),
+        ),
+        'tendon "t"',
+        "armature",
+    ),
     "delays": (acting('<motor name="m" joint="j" delay=".1" nsample="4"/>'), 'actuator "m"', "delay"),
     "conveyors": (with_attribute("pole", 'surfacevel="1 0 0 0 0 0"'), 'geom "pole"', "surfacevel"),
     "flexes": (
@@ -78,6 +88,16 @@ def test_words_are_known() -> None:
     with pytest.raises(ValueError, match="fluid, muscles"):
         without(read_model("robot.xml", text=model()), ["fluids"])
     assert set(REFUSED) <= set(KINDS)
+
+
+def test_a_tendon_along_one_branch_may_have_armature() -> None:
+    """Also where it begins in the world and passes several bodies."""
+    inner = BODY.replace('"b"', '"c"').replace('"j"', '"k"').replace('"g"', '"h"').replace('"s"', '"v"')
+    text = model(
+        '<tendon><spatial name="t" armature="1"><site site="w"/><site site="s"/><site site="v"/></spatial></tendon>',
+        world=WORLD.replace("</body>", f"{inner}</body>"),
+    )
+    assert refusals(read_model("robot.xml", text=text)) == []
 
 
 def test_what_is_off_is_not_refused() -> None:
