@@ -230,7 +230,7 @@ class Dynamics:
 
     def _loads(self, body: int) -> quantities.Loads:
         if body not in self._known_loads:
-            self._known_loads[body] = quantities.loads(self.tree, self.mechanism.below(body))
+            self._known_loads[body] = quantities.loads(self.tree, body)
         return self._known_loads[body]
 
     @cached_property

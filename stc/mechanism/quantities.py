@@ -5,7 +5,7 @@ They are added up from the outermost segments inwards, each in its own axes, as 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from stc.mechanism.kinematics import Kinematics
 from stc.mechanism.tree import NOTHING, WORLD, Inertia, Tree, total
@@ -51,15 +51,19 @@ class Sums:
         return Sums(self.mass, first, plus(momentum, scaled(self.mass, velocity)), angular)
 
 
-def loads(tree: Tree, bodies: Iterable[int]) -> dict[int, Inertia]:
-    """The inertias of some bodies, those of one segment added up."""
-    wanted = set(bodies)
+def loads(tree: Tree, body: int) -> dict[int, Inertia]:
+    """The inertias of a body and all that hangs on it, those of one segment added up; of the world, of everything."""
     found: dict[int, Inertia] = {}
-    for index, segment in enumerate(tree.segments):
-        own = [part for body, part in segment.parts.items() if body in wanted]
-        found[index] = segment.inertia if len(own) == len(segment.parts) else total(own)
-    found[WORLD] = total([part for body, part in tree.fixed.items() if body in wanted])
-    return {segment: inertia for segment, inertia in found.items() if inertia.mass is not ZERO}
+    if body == 0:
+        found.update({index: segment.effective for index, segment in enumerate(tree.segments)})
+        found[WORLD] = tree.ground
+    else:
+        wanted = set(tree.mechanism.below(body))
+        for index, segment in enumerate(tree.segments):
+            own = [part for each, part in segment.parts.items() if each in wanted]
+            found[index] = segment.inertia if len(own) == len(segment.parts) else total(own)
+        found[WORLD] = total([part for each, part in tree.fixed.items() if each in wanted])
+    return {segment: inertia for segment, inertia in found.items() if inertia != NOTHING}
 
 
 def total_mass(parts: Loads) -> Expr:

@@ -69,7 +69,8 @@ class Segment:
         turn, at: its frame in the parent's, where its joint is at its reference.
         axis: the direction of a hinge or slide in its frame.
         inertia: of all its bodies together.
-        effective: what of it and of what hangs on it needs to be here for the equations of motion; see :func:`_shared`.
+        effective: what of it and of what hangs on it has to be counted here, the rest being with the parents; see
+            :func:`_shared`.
         parts: of each of its bodies with mass.
     """
 
@@ -94,6 +95,8 @@ class Tree:
         Of every body.
     fixed
         Inertias of bodies that nothing moves, in the world's frame, by body.
+    ground
+        Their sum with what segments have handed down to the world.
     """
 
     def __init__(self, mechanism: Mechanism, numbers: Numbers) -> None:
@@ -178,13 +181,14 @@ class Tree:
     def _merge(self) -> None:
         """Add up the inertias of the bodies of each segment, and hand down what its parent can carry as well."""
         carried = [[*segment.parts.values()] for segment in self.segments]
+        ground = [*self.fixed.values()]
         for index in reversed(range(len(self.segments))):
             segment = self.segments[index]
             segment.inertia = self._named(total(segment.parts.values()), "joint", segment.joint.name)
             kept, handed = _shared(segment, total(carried[index]))
             segment.effective = self._named(kept, "joint", segment.joint.name, "effective")
-            if segment.parent != WORLD:
-                carried[segment.parent].append(handed)
+            (carried[segment.parent] if segment.parent != WORLD else ground).append(handed)
+        self.ground = total(ground)
 
     def _named(self, inertia: Inertia, *name: str) -> Inertia:
         x, y, z = inertia.second
@@ -227,7 +231,7 @@ def _shared(segment: Segment, inertia: Inertia) -> tuple[Inertia, Inertia]:
 
     Mass on the axis of a hinge moves with the parent as well, and so does mass at the centre of a ball joint; how a
     slide's segment turns is how its parent turns.  The parent takes over as much of this as makes mass, first moment
-    and second moment along the axis vanish, which leaves fewer operations and the same equations of motion
+    and second moment along the axis vanish, which leaves fewer operations and the same motion of all mass
     [Khalil & Dombre 2002, chapter 9].
     """
     kind, mass, first, second = segment.joint.kind, inertia.mass, inertia.first, inertia.second
