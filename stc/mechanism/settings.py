@@ -19,7 +19,9 @@ path                                           what it is
 ``actuator.NAME.gear``                         the first number of its gear
 =============================================  ================================================================
 
-A mass does not scale an inertia.
+A mass does not scale an inertia.  Places are not among them where MuJoCo's own numbers would follow: those of bodies in
+a model with a connect of bodies, which is anchored where the file draws it; those of bodies and sites in a model that
+ties lengths of tendons in space to each other.
 """
 
 from __future__ import annotations
@@ -59,6 +61,24 @@ _FIELDS: Mapping[str, tuple[str, Mapping[str, tuple[str, tuple[str, ...]]]]] = {
 
 def settable(mechanism: Mechanism) -> dict[Path, float]:
     """The paths of all numbers that can be set, and their values."""
+    followed = _followed(mechanism)
+    return {path: value for path, value in _all(mechanism).items() if (path[0], path[2]) not in followed}
+
+
+def _followed(mechanism: Mechanism) -> set[tuple[str, str]]:
+    """Kinds and fields that other numbers of the model follow."""
+    found = set()
+    for equality in mechanism.equalities:
+        if equality.kind == "connect" and equality.between == "body":
+            found.add(("body", "pos"))
+        if equality.kind == "tendon":
+            ends = [mechanism.tendons[index] for index in (equality.first, equality.second) if index >= 0]
+            if any(tendon.kind == "spatial" for tendon in ends):
+                found |= {("body", "pos"), ("site", "pos")}
+    return found
+
+
+def _all(mechanism: Mechanism) -> dict[Path, float]:
     found: dict[Path, float] = {
         ("option", "gravity", axis): value
         for axis, value in zip(_AXES, mechanism.options.gravity, strict=True)

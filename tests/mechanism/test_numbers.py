@@ -11,6 +11,7 @@ from mechanism_states import PARTS, Compared, dynamics_of, inverse, relative_err
 from stc.codegen.reference import run
 from stc.codegen.tape import build_tape
 from stc.mechanism.numbers import DerivedNumber, ModelNumber, Numbers, all_of_them
+from stc.mechanism.read import read_model
 from stc.mechanism.settings import changed, settable
 from stc.symbolic.expr import Expr, symbols
 from stc.symbolic.structure import mentions
@@ -119,6 +120,18 @@ def test_settings() -> None:
     assert changed(both.mechanism, {("joint", "root", "damping"): 2.0}).joints[0].damping == 2.0
     with pytest.raises(ValueError, match=r"body.b9.mass"):
         changed(both.mechanism, {("body", "b9", "mass"): 1.0})
+
+
+def test_places_that_other_numbers_follow_cannot_be_set() -> None:
+    """A connect of bodies is anchored where the file draws it; one of sites is where these are."""
+    joined = '<equality><connect {0}="{1}0" {2}="{1}2"{3}/></equality></mujoco>'
+    for tie, free in (
+        (joined.format("body1", "b", "body2", ' anchor="0 0 0"'), False),
+        (joined.format("site1", "s", "site2", ""), True),
+    ):
+        mechanism = read_model("m.xml", text=robot().replace("</mujoco>", tie))
+        assert (("body", "b1", "pos", "x") in settable(mechanism)) == free
+        assert ("body", "b1", "mass") in settable(mechanism)
 
 
 @pytest.mark.parametrize("name", TERMS)
