@@ -131,6 +131,26 @@ TERMS = {
             '<general joint="a" dyntype="filterexact" dynprm=".3" gainprm="2" biastype="affine" biasprm="0 0 -1"/>',
         ),
     ),
+    "controllers": chain(
+        *TWO,
+        BALL.format("ball", ""),
+        rest=on(
+            '<pid joint="a" kp="3" kv="1" gear="2"/>',
+            '<pid joint="b" kp="3" kv="1" ki="2" input="pos vel ff"/>',
+            '<pid joint="b" kp="3" input="pos"/>',
+            '<pid joint="ball" kp="3" kv=".5" ki="2" gear="1 -1 2"/>',
+        ),
+    ),
+    "electric motors": chain(
+        *TWO,
+        rest=on(
+            '<dcmotor joint="a" motorconst=".5" resistance="2" gear="3"/>',
+            '<dcmotor joint="b" motorconst=".5" resistance="2" inductance=".1 0" cogging=".3 4 .5"/>',
+            '<dcmotor joint="b" motorconst=".5" resistance="2" input="pos vel ff" controller="3 2 1"/>',
+            '<dcmotor joint="a" motorconst=".5" resistance="2" input="pos" inductance=".1 0" controller="3 2 1"/>',
+            '<dcmotor joint="a" motorconst=".5" resistance="2" input="none"/>',
+        ),
+    ),
     "servos of ball joints": chain(
         BALL.format("ball", ""),
         rest=on(

@@ -325,6 +325,7 @@ class _Reader:
                     dynamics_parameters=_floats(m.actuator_dynprm[i]),
                     controls=controls,
                     activations=range(act, act + int(m.actuator_actnum[i])) if act >= 0 else range(0),
+                    inputs=self._inputs(i),
                     control_limited=bool(m.actuator_ctrllimited[u]) if controls else False,
                     control_range=_floats(m.actuator_ctrlrange[u]) if controls else (0.0, 0.0),
                     force_limited=bool(m.actuator_forcelimited[i]),
@@ -343,6 +344,17 @@ class _Reader:
                 )
             )
         return tuple(actuators)
+
+    def _inputs(self, actuator: int) -> tuple[str, ...]:
+        """What the controls of a controller or an electric motor are."""
+        import mujoco
+
+        if _member("mjtGain", "mjGAIN_", self.m.actuator_gaintype[actuator]) not in ("pid", "dcmotor"):
+            return ()
+        members = mujoco.mjtCtrlInput.__members__.items()
+        given = int(self.m.actuator_ctrlspec[actuator])
+        named = {int(bit): name.removeprefix("mjINPUT_").lower() for name, bit in members if given & int(bit)}
+        return tuple([named[bit] for bit in sorted(named) if named[bit] != "none"])
 
     def _acts_on(self, actuator: int) -> str:
         """What an actuator without a name is called by."""
