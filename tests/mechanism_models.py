@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 #: Bodies with masses off their joints and turned inertias; {joint} stands where their joints go.
 BODY = '<inertial pos=".1 .05 -.2" mass="{mass}" fullinertia=".03 .05 .04 .01 -.005 .008"/>'
 
@@ -42,6 +44,16 @@ TERMS = {
     ),
     "positions that the file does not draw at zero": chain(
         hinge("a", more='ref="25" springref="-10" stiffness="3"'), SLIDE.format("b", 'ref=".4" stiffness="2"')
+    ),
+    "axes that are nearly those of the parent": re.sub(
+        ' euler="[^"]*"',
+        "",
+        chain(
+            *[
+                hinge(f"j{k}", axis)
+                for k, axis in enumerate(("1 3e-8 0", "0 -1 1e-7", "1e-13 0 1", "0 1 1e-15"))
+            ]
+        ),
     ),
     "free, ball, hinge and slide": chain(*ON_ALL),
     "springs of ball and free joints": chain(
