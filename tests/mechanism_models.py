@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 #: Bodies with masses off their joints and turned inertias; {joint} stands where their joints go.
 BODY = '<inertial pos=".1 .05 -.2" mass="{mass}" fullinertia=".03 .05 .04 .01 -.005 .008"/>'
 
@@ -42,6 +44,16 @@ TERMS = {
     ),
     "positions that the file does not draw at zero": chain(
         hinge("a", more='ref="25" springref="-10" stiffness="3"'), SLIDE.format("b", 'ref=".4" stiffness="2"')
+    ),
+    "axes that are nearly those of the parent": re.sub(
+        ' euler="[^"]*"',
+        "",
+        chain(
+            *[
+                hinge(f"j{k}", axis)
+                for k, axis in enumerate(("1 3e-8 0", "0 -1 1e-7", "1e-13 0 1", "0 1 1e-15"))
+            ]
+        ),
     ),
     "free, ball, hinge and slide": chain(*ON_ALL),
     "springs of ball and free joints": chain(
@@ -129,6 +141,26 @@ TERMS = {
             '<general joint="b" dyntype="integrator" gainprm="3"/>',
             '<general joint="b" dyntype="filter" dynprm=".2" gainprm="3"/>',
             '<general joint="a" dyntype="filterexact" dynprm=".3" gainprm="2" biastype="affine" biasprm="0 0 -1"/>',
+        ),
+    ),
+    "controllers": chain(
+        *TWO,
+        BALL.format("ball", ""),
+        rest=on(
+            '<pid joint="a" kp="3" kv="1" gear="2"/>',
+            '<pid joint="b" kp="3" kv="1" ki="2" input="pos vel ff"/>',
+            '<pid joint="b" kp="3" input="pos"/>',
+            '<pid joint="ball" kp="3" kv=".5" ki="2" gear="1 -1 2"/>',
+        ),
+    ),
+    "electric motors": chain(
+        *TWO,
+        rest=on(
+            '<dcmotor joint="a" motorconst=".5" resistance="2" gear="3"/>',
+            '<dcmotor joint="b" motorconst=".5" resistance="2" inductance=".1 0" cogging=".3 4 .5"/>',
+            '<dcmotor joint="b" motorconst=".5" resistance="2" input="pos vel ff" controller="3 2 1"/>',
+            '<dcmotor joint="a" motorconst=".5" resistance="2" input="pos" inductance=".1 0" controller="3 2 1"/>',
+            '<dcmotor joint="a" motorconst=".5" resistance="2" input="none"/>',
         ),
     ),
     "servos of ball joints": chain(

@@ -57,6 +57,7 @@ class Compared:
         m.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
         for limited in (m.actuator_forcelimited, m.jnt_actfrclimited, m.tendon_actfrclimited):
             limited[:] = 0  # the expressions hold inside the limits
+        m.actuator_actearly[:] = 0  # and at infinitely small time steps
         self.data = mujoco.MjData(m)
         self.dynamics = dynamics_of(self.mechanism)
         rng = np.random.default_rng(seed)

@@ -133,8 +133,8 @@ class Dynamics:
     def activation_rates(self) -> list[Expr]:
         """The time derivatives of all activations."""
         rates: dict[int, Expr] = {}
-        for actuator in self.mechanism.actuators:
-            rates.update(activation_rates(actuator, self.controls, self.activations))
+        for actuator, line in zip(self.mechanism.actuators, self.lines, strict=True):
+            rates.update(activation_rates(actuator, line, self.controls, self.activations))
         return [rates[index] for index in range(self.mechanism.n_activations)]
 
     @cached_property

@@ -219,6 +219,7 @@ class Actuator:
         gain, gain_parameters: ``fixed``, ``affine``, ...; bias, bias_parameters: ``none``, ``affine``, ...
         dynamics, dynamics_parameters: ``none``, or how its activation follows its control.
         controls, activations: addresses among all controls and all activations.
+        inputs: what the controls of a controller or an electric motor are: ``pos``, ``vel``, ``ff``, ``voltage``.
         control_limited, control_range: of its first control; force_limited, ...; activation_limited, ...
         early: whether MuJoCo steps the activation before it takes the force, which matters at finite time steps only.
         armature, damping, damping_poly: of the drive, before the gear.
@@ -239,6 +240,7 @@ class Actuator:
     dynamics_parameters: tuple[float, ...]
     controls: range
     activations: range
+    inputs: tuple[str, ...]
     control_limited: bool
     control_range: Range
     force_limited: bool

@@ -53,22 +53,36 @@ def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mecha
     ModelFileError
         MuJoCo does not accept it, or it is not there.
     """
+    try:
+        model, spec, told = _compiled(source, text)
+    except (ValueError, OSError) as error:
+        raise ModelFileError(f"MuJoCo does not accept {source}: {' '.join(str(error).split())}") from None
+    name = os.fsdecode(source)
+    content = text if text is not None else Path(name).read_text(encoding="utf-8", errors="replace")
+    return _Reader(model, spec, Places(name, content)).mechanism(name, told)
+
+
+def _compiled(
+    source: str | os.PathLike[str], text: str | None
+) -> tuple[mujoco.MjModel, Any, tuple[str, ...]]:
+    """A compiled model, its description, and what MuJoCo has said, which would go to a file ``MUJOCO_LOG.TXT``."""
     import mujoco
 
+    said: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)
     try:
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             if text is None:
                 spec = mujoco.MjSpec.from_file(os.fsdecode(source))
             else:
                 spec = mujoco.MjSpec.from_string(text)
             model = spec.compile()
-    except (ValueError, OSError, FileNotFoundError) as error:
-        raise ModelFileError(f"MuJoCo does not accept {source}: {' '.join(str(error).split())}") from None
-    name = os.fsdecode(source)
-    content = text if text is not None else Path(name).read_text(encoding="utf-8", errors="replace")
-    told = tuple([str(warning.message) for warning in said])
-    return _Reader(model, spec, Places(name, content)).mechanism(name, told)
+    finally:
+        mujoco.set_mju_user_warning(before)
+    said += [str(warning.message) for warning in caught]
+    return model, spec, tuple(dict.fromkeys([" ".join(each.split()) for each in said]))
 
 
 def _floats(values: Any) -> tuple[Any, ...]:
@@ -325,6 +339,7 @@ class _Reader:
                     dynamics_parameters=_floats(m.actuator_dynprm[i]),
                     controls=controls,
                     activations=range(act, act + int(m.actuator_actnum[i])) if act >= 0 else range(0),
+                    inputs=self._inputs(i),
                     control_limited=bool(m.actuator_ctrllimited[u]) if controls else False,
                     control_range=_floats(m.actuator_ctrlrange[u]) if controls else (0.0, 0.0),
                     force_limited=bool(m.actuator_forcelimited[i]),
@@ -343,6 +358,17 @@ class _Reader:
                 )
             )
         return tuple(actuators)
+
+    def _inputs(self, actuator: int) -> tuple[str, ...]:
+        """What the controls of a controller or an electric motor are."""
+        import mujoco
+
+        if _member("mjtGain", "mjGAIN_", self.m.actuator_gaintype[actuator]) not in ("pid", "dcmotor"):
+            return ()
+        members = mujoco.mjtCtrlInput.__members__.items()
+        given = int(self.m.actuator_ctrlspec[actuator])
+        named = {int(bit): name.removeprefix("mjINPUT_").lower() for name, bit in members if given & int(bit)}
+        return tuple([named[bit] for bit in sorted(named) if named[bit] != "none"])
 
     def _acts_on(self, actuator: int) -> str:
         """What an actuator without a name is called by."""

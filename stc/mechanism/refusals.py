@@ -136,9 +136,9 @@ def _medium(mechanism: Mechanism) -> Iterator[Refusal]:
 
 
 #: What is known to be stated of actuators.
-_GAINS = {"fixed", "affine"}
-_BIASES = {"none", "affine"}
-_DYNAMICS = {"none", "integrator", "filter", "filterexact"}
+_GAINS = {"fixed", "affine", "pid", "dcmotor"}
+_BIASES = {"none", "affine", "dcmotor"}
+_DYNAMICS = {"none", "integrator", "filter", "filterexact", "pid", "dcmotor"}
 _EQUALITIES = {"connect", "weld", "joint", "tendon"}
 #: Words and reasons for elements that have no counterpart.
 _OTHERS = {
@@ -178,9 +178,33 @@ def _reason(actuator: Actuator) -> tuple[str, str] | None:
     ]
     if unknown:
         return "actuators", f"it has {' and '.join(unknown)}, which cannot be stated"
+    kinks = _kinks(actuator)
+    if kinks:
+        return "actuators", f"it has {' and '.join(kinks)}, which cannot be stated"
     if actuator.delay:
         return "delays", f"its control arrives {actuator.delay:g} s late"
     return None
+
+
+def _kinks(actuator: Actuator) -> list[str]:
+    """What of a controller or an electric motor is no smooth equation."""
+    dynamics, gain = actuator.dynamics_parameters, actuator.gain_parameters
+    found: list[tuple[str, float]] = []
+    if actuator.dynamics == "pid":
+        found = [
+            ("a limit of its integral", dynamics[0]),
+            ("a limit of how fast it is commanded", dynamics[1]),
+        ]
+    if actuator.gain == "dcmotor":
+        found = [
+            ("a limit of its voltage", gain[7]),
+            ("a limit of how fast its current changes", dynamics[1]),
+            ("a temperature", dynamics[2]),
+            ("friction of bristles", dynamics[5]),
+            ("a limit of how fast it is commanded", dynamics[7]),
+            ("a limit of its integral", dynamics[8]),
+        ]
+    return [what for what, size in found if size > 0.0]
 
 
 def _of_tendons(mechanism: Mechanism) -> Iterator[Refusal]:

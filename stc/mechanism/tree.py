@@ -284,8 +284,11 @@ def _axes(joint: Joint, turn: Rotation) -> tuple[Rotation, tuple[float, float, f
     if joint.kind == "ball":
         return turn, (0.0, 0.0, 1.0)
     direction = np.array(_clean(turn @ joint.axis))
-    if joint.kind in ("slide", "free") or np.abs(direction).max() == 1.0:
+    if joint.kind in ("slide", "free"):
         x, y, z = direction.tolist()
+        return np.eye(3), (x, y, z)
+    if np.count_nonzero(direction) == 1:
+        x, y, z = np.sign(direction).tolist()
         return np.eye(3), (x, y, z)
     # One axis of the parent's stays where the direction is at right angles to one.
     k = int(np.argmax(np.abs(direction)))

@@ -35,6 +35,12 @@ OF_CONTROL = (
 pytestmark = pytest.mark.filterwarnings("ignore:.*settotalmass")  # what a model says about itself
 
 
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """MuJoCo writes what it warns of into a file of the working directory."""
+    monkeypatch.chdir(tmp_path)
+
+
 def check(path: Path) -> None:
     both = Compared(path)
     both.model.opt.density = both.model.opt.viscosity = 0.0

@@ -151,6 +151,17 @@ def test_urdf(tmp_path: Path) -> None:
     assert relative_error(both.values(both.dynamics.inverse()), both.in_mujoco(inverse)) < 1e-9
 
 
+def test_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What MuJoCo says about a file is in the data, and nowhere else."""
+    monkeypatch.chdir(tmp_path)
+    body = '<worldbody><body><joint/><geom size=".1"/></body></worldbody>'
+    model = read_model("m.xml", text=f'<mujoco><compiler settotalmass="3"/>{body}</mujoco>')
+    assert len(model.warnings) == 1
+    assert "settotalmass" in model.warnings[0]
+    assert not list(tmp_path.iterdir())
+    assert read_model("m.xml", text="<mujoco/>").warnings == ()
+
+
 def test_what_is_no_model(tmp_path: Path) -> None:
     """The message names the file and carries MuJoCo's own."""
     broken = tmp_path / "broken.xml"

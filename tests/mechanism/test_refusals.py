@@ -29,9 +29,9 @@ REFUSED = {
     "fluid": (model(options='<option viscosity=".1"/>'), "option", "viscosity"),
     "muscles": (acting('<muscle name="m" joint="j" lengthrange="0 1"/>'), 'actuator "m"', "muscle"),
     "actuators": (
-        acting('<dcmotor name="m" joint="j" motorconst="1" resistance="1"/>'),
+        acting('<pid name="m" joint="j" kp="1" slewmax="2"/>'),
         'actuator "m"',
-        "dcmotor",
+        "slewmax",
     ),
     "wrapping": (
         model(
