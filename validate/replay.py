@@ -209,7 +209,7 @@ class _Simulation:
                 now = slice(2 * part, 2 * part + 3)
                 control = controls[now]
                 if law is not None:
-                    correction = law.correction(part, data)
+                    correction = law.correction(part, data.qpos, data.qvel)
                     control = control + correction
                     result.corrections[frame] += model.opt.timestep * correction
                     result.feedback += model.opt.timestep * np.abs(correction)

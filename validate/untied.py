@@ -19,7 +19,7 @@ import numpy as np
 from stc.validate import limits
 from stc.validate.equalities import constraint_rows
 from stc.validate.metrics import FloatArray
-from stc.validate.model import joint_titles
+from stc.validate.model import joint_names
 from stc.validate.progress import steps
 
 if TYPE_CHECKING:
@@ -259,6 +259,6 @@ def _constraints(setup: Setup, path: FloatArray, free: np.ndarray) -> tuple[bool
         constrained |= bool(on_free.any())
         both = on_free & touched[:, tied].any(axis=1)
         coupled[free] |= touched[both][:, free].any(axis=0)
-    titles = joint_titles(model)
+    titles = joint_names(model)
     names = [titles[model.dof_jntid[dof]] for dof in np.flatnonzero(coupled)]
     return constrained, list(dict.fromkeys(names))
