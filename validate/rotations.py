@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from stc.validate.metrics import FloatArray
+
+if TYPE_CHECKING:
+    import mujoco
 
 #: Below this sine of half an angle the angle is the sine to rounding.
 _TINY = 1e-12
@@ -51,3 +56,36 @@ def turned(quaternion: FloatArray, rotation: FloatArray) -> FloatArray:
     # np.sinc is sin(pi x)/(pi x).
     change = np.concatenate([np.cos(0.5 * angle), 0.5 * rotation * np.sinc(angle / (2.0 * np.pi))], axis=-1)
     return normalised(product(quaternion, change))
+
+
+def turning_dofs(model: mujoco.MjModel) -> np.ndarray:
+    """(k, 3) the degrees of freedom of each orientation of a model: those of its ball joints and free joints."""
+    import mujoco
+
+    free, ball = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+    first = [
+        int(dof) + (3 if kind == free else 0)
+        for kind, dof in zip(model.jnt_type, model.jnt_dofadr)
+        if kind in (free, ball)
+    ]
+    return np.array(first, dtype=np.intp).reshape(-1, 1) + np.arange(3)
+
+
+def rate_of_way(way: FloatArray, velocity: FloatArray, turning: np.ndarray) -> FloatArray:
+    """(nv,) how fast a way changes along which ``mj_integratePos`` moves a pose, where the pose there has a velocity.
+
+    Rotations do not commute: a Runge-Kutta method that adds up the stages' angular velocities is of second order.  Its
+    full order is that of the rotation vector's own differential equation (Munthe-Kaas, Numerische Mathematik 87, 1999),
+    whose series is taken up to the terms that the fourth order needs.
+
+    Args:
+        way: (nv,) from the pose where the step starts.
+        velocity: (nv,) in the pose at the way's end.
+        turning: (k, 3) from :func:`turning_dofs`.
+    """
+    if not len(turning):
+        return velocity
+    found, u, w = velocity.copy(), way[turning], velocity[turning]
+    once = np.cross(u, w)
+    found[turning] = w + 0.5 * once + np.cross(u, once) / 12.0
+    return found
