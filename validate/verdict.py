@@ -20,6 +20,7 @@ from stc.validate.contact_cones import beyond_contacts
 from stc.validate.contact_forces import ContactForces, contact_force_metrics, contact_forces, windows_of
 from stc.validate.contact_meter import ContactMeter
 from stc.validate.energy import energy_balance
+from stc.validate.explanation import explanation
 from stc.validate.impacts import jumping_frames, velocity_jumps
 from stc.validate.inverse import InverseDynamics, inverse_dynamics
 from stc.validate.linearisation import growth, linearised
@@ -54,6 +55,7 @@ class Replays:
         tracked_by: ``LQR``, ``PD`` or "".
         external: open loop with the solved contact forces in place of the model's contacts; None without any.
         ground: the contact forces, solved and as MuJoCo found them in the open-loop replay.
+        explanation: which number of the model explains a residual, in words; "" where none does.
         touching: geoms that touch where the spec has no contact, in words.
         notes: what was noticed on the way.
     """
@@ -65,6 +67,7 @@ class Replays:
     tracked_by: str = ""
     external: Replay | None = None
     ground: list[ContactForces] = field(default_factory=list)
+    explanation: str = ""
     touching: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -217,6 +220,8 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck]) -> Report:
     setup, motion = replays.setup, replays.open_loop
     solution = setup.solution
     inverse = inverse_dynamics(setup)
+    if inverse is not None and np.any(inverse.share(inverse.at_nodes) > inverse.limits(solution.method)):
+        replays.explanation = explanation(setup)
     metrics = _open_loop_metrics(replays)
     tracked = _tracked_metrics(replays, 0.0 if inverse is None else inverse.scale)
     if setup.compiled.na and tracked:

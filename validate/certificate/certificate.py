@@ -90,7 +90,8 @@ class Certificate:
             text += f"; not judged: {', '.join(self.report.unjudged)}"
         if not self.passed and not self.findings:
             setup = self.replays.setup
-            text = "; ".join([text, *causes.beyond_limits(setup), *causes.clamped_controls(setup)])
+            why = [self.replays.explanation] if self.replays.explanation else []
+            text = "; ".join([text, *why, *causes.beyond_limits(setup), *causes.clamped_controls(setup)])
         return text
 
     @property
