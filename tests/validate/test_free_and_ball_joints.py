@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from rigid_motions import BALL, BOX, QUATERNION, ball_pendulum, held, made, motion, tumbling_box
 
 from stc.solution import ReplayChannel, Solution
 from stc.trajectory import Channel
@@ -18,7 +19,6 @@ from stc.validate.robustness import robustness
 from stc.validate.rotations import angle_between, rotation_between, turned
 from stc.validate.steps import step_errors
 from stc.validate.verdict import open_setup, run_replays
-from tests.rigid_motions import BALL, BOX, QUATERNION, ball_pendulum, held, made, motion, tumbling_box
 
 
 def values(metrics: list[Metric], name: str) -> dict[str, float]:
@@ -176,7 +176,7 @@ ARM = """<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="a" pos="0 0
 
 def test_a_swapped_axis_is_named(tmp_path: Path) -> None:
     start = ([0.0, 0.3], [1.0, 0.5])
-    solution = motion(tmp_path, ARM, start, lambda t: [np.cos(3 * t), 1.5 + np.sin(4 * t)])
+    solution = motion(tmp_path, ARM, start, lambda t: [np.cos(3 * t), 1.5 + np.sin(4 * t)], n=80)
     assert certify(solution).passed
     (tmp_path / "model.xml").write_text(ARM.replace('"two" axis="0 1 0"', '"two" axis="1 0 0"'))
     assert "the axis of joint.two were 0 1 0 instead of 1 0 0" in certify(solution).headline
