@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.validate.contact_meter import TOUCHES, body_of_line, contact_jacobian, touchable, touching, welded
+from stc.validate.contact_meter import TOUCHES, contact_jacobian, touchable, touching, welded
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -54,12 +54,12 @@ class TouchingModel:
         self.turns = ~slides[model.dof_jntid] & ~(free[model.dof_jntid] & first)
         self.joints: dict[int, int] = {}
         self.wholes = {}
-        for column, line in enumerate(setup.contact.lines):
-            kind, name = line.path[:2]
-            if kind == "joint":
-                self.joints[column] = int(model.joint(name).id)
+        where = setup.contact.where
+        for column, (place, dof) in enumerate(zip(where.places, where.dofs)):
+            if place is None:
+                self.joints[column] = int(model.dof_jntid[dof])
             else:
-                self.wholes[column] = welded(model, body_of_line(model, kind, name))
+                self.wholes[column] = welded(model, place.body)
 
     def is_in_the_air(self, column: int) -> bool:
         """Whether the body of a line touches nothing in this pose."""

@@ -15,21 +15,22 @@ import numpy as np
 
 from stc.validate import limits
 from stc.validate.metrics import FloatArray, Metric
+from stc.validate.ties import Coordinate
 from stc.validate.transmissions import driven_dofs
 
 if TYPE_CHECKING:
     import mujoco
 
     from stc.validate.contact_forces import ContactForces
-    from stc.validate.model import Tie
     from stc.validate.replay import Replay
     from stc.validate.setup import Setup
+    from stc.validate.ties import Tie
 
 
 def travelled(setup: Setup) -> float:
     """How far the base goes, in m: the largest distance between two places of its path, at least a short way."""
-    slides = [tie.line.value.before for tie in _parts(setup)[0]]
-    return max(limits.LEAST_WAY, float(np.hypot.reduce([0.0, *(np.ptp(values) for values in slides)])))
+    ways = [np.ptp(tie.line.value.before) for tie in _parts(setup)[0]]
+    return max(limits.LEAST_WAY, float(np.hypot.reduce([0.0, *ways])))
 
 
 def contact_metrics(
@@ -51,7 +52,7 @@ def contact_metrics(
         most = limits.CONTACT_TRACKED_BASE if tracked else limits.CONTACT_BASE
         share = _base_share(setup, base, motion, forces, limits.CONTACT_HEIGHT / most)
         rows.append(("base", share, "of its way", most, limits.CONTACT_END_BASE))
-    for tie, distance in zip(others, _distances(others, motion)):
+    for tie, distance in zip(others, _distances(others, motion.positions)):
         allowed = limits.CONTACT_TRACKED_JOINTS if tracked else limits.CONTACT_JOINTS
         most, at_end = (
             limits.of_extent(by_unit[tie.unit], limits.CONTACT_SHARE, extent, limits.CONTACT_FLOOR)
@@ -68,7 +69,7 @@ def contact_metrics(
 
 
 def _base_share(
-    setup: Setup, base: list[Tie], motion: Replay, forces: Sequence[ContactForces], height: float
+    setup: Setup, base: list[Coordinate], motion: Replay, forces: Sequence[ContactForces], height: float
 ) -> FloatArray:
     """(n+1,) how far the base is from its place, each slide as a share of its own way.
 
@@ -87,7 +88,7 @@ def _base_share(
     sliding = any(one.slides.any() for one in forces)
     ways = [np.ptp([tie.line.value.before, tie.line.value.after]) for tie in base]
     least = height if sliding else limits.LEAST_WAY
-    errors = _distances(base, motion)
+    errors = _distances(base, motion.positions)
     share = np.linalg.norm(errors / np.maximum(ways, least)[:, None], axis=0)
     across = [
         np.abs(np.sum((errors.T @ axes) * np.nan_to_num(one.normal), axis=1)) / height for one in forces
@@ -95,14 +96,14 @@ def _base_share(
     return np.maximum.reduce([share, *across])
 
 
-def _axes(setup: Setup, slides: list[Tie]) -> FloatArray:
+def _axes(setup: Setup, slides: list[Coordinate]) -> FloatArray:
     """(k, 3) where slides go, in the world, where the motion starts."""
     import mujoco
 
     data = mujoco.MjData(setup.compiled)
     setup.reference.put(data, setup.reference.at("after", 0)[:2])
     mujoco.mj_kinematics(setup.compiled, data)
-    return np.array([data.xaxis[setup.compiled.dof_jntid[tie.velocity]] for tie in slides])
+    return np.array([tie.direction(data) for tie in slides])
 
 
 def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -116,28 +117,16 @@ def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, F
         (samples, k, n+1) of the base's sliding joints in m, of the joints that motors turn in rad, and of all others,
         each in its unit.  Where the motion is not one on the ground: of all sliding joints, of all hinges, of none.
     """
+    base: Sequence[Tie]
     if len(setup.contact):
         base, others = _parts(setup)
         driven = driven_dofs(setup)
-        turned: list[Tie] = []
-        rest: list[Tie] = []
-        for tie in others:
-            (turned if tie.unit == "rad" and tie.velocity in driven else rest).append(tie)
+        turned = [tie for tie in others if tie.unit == "rad" and driven.intersection(tie.velocities)]
+        rest = [tie for tie in others if tie not in turned]
     else:
         base = [tie for tie in setup.ties if tie.unit == "m"]
         turned, rest = [tie for tie in setup.ties if tie.unit == "rad"], []
-    count, frames = positions.shape[:2]
-    found = []
-    for ties in (base, turned, rest):
-        rows = [
-            np.minimum(
-                np.abs(positions[:, :, tie.position] - tie.line.value.before),
-                np.abs(positions[:, :, tie.position] - tie.line.value.after),
-            )
-            for tie in ties
-        ]
-        found.append(np.array(rows).reshape(len(rows), count, frames).swapaxes(0, 1))
-    return found[0], found[1], found[2]
+    return _distances(base, positions), _distances(turned, positions), _distances(rest, positions)
 
 
 def missing_contacts(setup: Setup) -> list[Metric]:
@@ -187,26 +176,25 @@ def friction_note(setup: Setup) -> str:
     return f"MuJoCo's own contacts give every ground force{friction}"
 
 
-def _parts(setup: Setup) -> tuple[list[Tie], list[Tie]]:
+def _parts(setup: Setup) -> tuple[list[Coordinate], list[Tie]]:
     """The base, which slides and is not driven, and all other tied joints."""
     driven = driven_dofs(setup)
-    base: list[Tie] = []
+    base: list[Coordinate] = []
     others: list[Tie] = []
     for tie in setup.ties:
-        (base if tie.unit == "m" and tie.velocity not in driven else others).append(tie)
+        if isinstance(tie, Coordinate) and tie.unit == "m" and tie.velocity not in driven:
+            base.append(tie)
+        else:
+            others.append(tie)
     return base, others
 
 
-def _distances(ties: list[Tie], motion: Replay) -> FloatArray:
-    """(k, n+1) distance of each coordinate from the solved one."""
-    found = [
-        np.minimum(
-            np.abs(motion.positions[:, tie.position] - tie.line.value.before),
-            np.abs(motion.positions[:, tie.position] - tie.line.value.after),
-        )
-        for tie in ties
-    ]
-    return np.array(found).reshape(len(found), len(motion.positions))
+def _distances(ties: Sequence[Tie], positions: FloatArray) -> FloatArray:
+    """(..., k, n+1) distance of each of k ties from the solved motion, of replays (..., n+1, nq)."""
+    found = [tie.distances(positions) for tie in ties]
+    if not found:
+        return np.zeros((*positions.shape[:-2], 0, positions.shape[-2]))
+    return np.stack(found, axis=-2)
 
 
 def _rms(values: FloatArray) -> float:

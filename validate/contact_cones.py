@@ -64,12 +64,8 @@ class ContactFit:
         for column, (line, channel) in enumerate(
             zip(self._setup.contact.lines, self._setup.contact.channels)
         ):
-            joint = self._touching.joints.get(column)
-            turns = (
-                line.path[-1][0] == "m"
-                if joint is None
-                else self._touching.turns[self._model.jnt_dofadr[joint]]
-            )
+            dof = self._setup.contact.where.dofs[column]
+            turns = line.path[-1][0] == "m" if dof < 0 else self._touching.turns[dof]
             sides = [channel.before, channel.after, *([] if channel.mid is None else [channel.mid])]
             found.append((turns, max(float(np.abs(side).max(initial=0.0)) for side in sides)))
         forces = [value for turns, value in found if not turns]

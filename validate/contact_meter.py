@@ -23,11 +23,6 @@ if TYPE_CHECKING:
 TOUCHES = 1e-3
 
 
-def body_of_line(model: mujoco.MjModel, kind: str, name: str) -> int:
-    """The body that a line on a ``body`` or ``site`` of that name acts on."""
-    return int(model.site_bodyid[model.site(name).id] if kind == "site" else model.body(name).id)
-
-
 def welded(model: mujoco.MjModel, body: int) -> set[int]:
     """The bodies that move as one with a body, itself among them; of what is fixed to the world the body alone."""
     whole = int(model.body_weldid[body])
@@ -89,7 +84,8 @@ class ContactMeter:
 
     Attributes:
         columns: per body and part (``fx`` ... ``mz``) which contact lines speak of it.  Bodies that are welded together
-            are one; of one with forces at sites, or on several of its bodies, torques are left out: they have arms.
+            are one; of one with forces elsewhere than at its origin, or on several of its bodies, torques are left out:
+            they have arms.
         impulses: per body (n, 6) the impulse in N s and its moment about the body's origin in N m s, along the world's
             axes, during each frame step.
     """
@@ -98,14 +94,12 @@ class ContactMeter:
         model = setup.compiled
         self.columns: dict[int, dict[str, list[int]]] = {}
         armed = set()
-        for column, line in enumerate(setup.contact.lines):
-            kind, *rest = line.path
-            if kind not in ("body", "site"):
+        for column, (line, place) in enumerate(zip(setup.contact.lines, setup.contact.where.places)):
+            if place is None:
                 continue
-            own = body_of_line(model, kind, rest[0])
-            body = next((known for known in self.columns if own in welded(model, known)), own)
-            self.columns.setdefault(body, {}).setdefault(rest[1], []).append(column)
-            if kind == "site" or own != body:
+            body = next((known for known in self.columns if place.body in welded(model, known)), place.body)
+            self.columns.setdefault(body, {}).setdefault(line.path[-1], []).append(column)
+            if not place.at_origin or place.body != body:
                 armed.add(body)
         for body in armed:
             self.columns[body] = {part: lines for part, lines in self.columns[body].items() if part[0] == "f"}

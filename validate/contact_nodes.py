@@ -127,9 +127,8 @@ def step_integrals(setup: Setup, nodes: list[Node]) -> FloatArray:
 
 def _jumps(setup: Setup) -> np.ndarray:
     """(n+1,) whether the motion or a contact force has two values at a frame."""
-    channels = [tie.line.value for tie in setup.ties] + [tie.line.rate for tie in setup.ties]
-    channels += setup.contact.channels
-    differ = [channel.before != channel.after for channel in channels if channel is not None]
+    channels = [channel for tie in setup.ties for part in (0, 1) for channel in tie.channels(part)]
+    differ = [channel.before != channel.after for channel in [*channels, *setup.contact.channels]]
     return np.asarray(np.any(differ, axis=0))
 
 

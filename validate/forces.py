@@ -3,9 +3,9 @@
 ``actuator NAME = e``
     the control of an actuator.
 ``apply joint.NAME = e``, ``apply body.NAME.fx = e``, ``apply site.NAME.my = e`` (...)
-    a force that acts whatever the model itself supplies: a generalised force on a joint; a force (``fx``,
-    ``fy``, ``fz``, in N, along the world's axes) at the origin of a body's frame or at a site, or a torque
-    (``mx``, ``my``, ``mz``, in N m) on that body.
+    a force that acts whatever the model itself supplies: a generalised force on a joint (on a free joint's ``.x``,
+    ``.y``, ``.z``, ``.wx``, ``.wy`` or ``.wz``); a force (``fx``, ``fy``, ``fz``, in N, along the world's axes) at a
+    place of the model (:mod:`stc.validate.places`), or a torque (``mx``, ``my``, ``mz``, in N m) on its body.
 ``contact body.NAME.fx = e`` (...)
     the same, for a force that the ground gives.  Where the model has its own contacts, they supply it; the
     solved one acts where those are switched off, as in the inverse dynamics.
@@ -18,15 +18,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.records import dataclass
 from stc.solution import Solution
 from stc.validate.metrics import FloatArray
-from stc.validate.model import ModelError, find_actuator, find_object, lines_of, nearest
+from stc.validate.model import ModelError, find_actuator, lines_of
+from stc.validate.places import Place, find_place, require_kind
 from stc.validate.signals import Signals
+from stc.validate.ties import joint_dof, joint_part
 
 if TYPE_CHECKING:
     import mujoco
 
+#: Of a force and a torque.
 _PARTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
@@ -63,18 +65,15 @@ class Controls(Signals):
         return found
 
 
-@dataclass(frozen=True, slots=True)
-class _Target:
-    """Where an outer force acts: on degree of freedom ``dof``, or as part of a wrench at a body or site."""
-
-    dof: int = -1
-    kind: str = ""
-    index: int = -1
-    part: int = -1
-
-
 class Attachments:
-    """Where outer forces act on a model, and what they amount to."""
+    """Where outer forces act on a model, and what they amount to.
+
+    Attributes:
+        names: the lines as they are written.
+        places: of each line where it acts; None for lines on joints.
+        parts: of each line with a place, which of force and torque it is: an index in fx, fy, fz, mx, my, mz.
+        dofs: of each line on a joint the degree of freedom; -1 for all others.
+    """
 
     def __init__(self, model: mujoco.MjModel, lines: Sequence[tuple[str, tuple[str, ...]]]) -> None:
         """Find the places of lines given by their kind and path.
@@ -83,7 +82,16 @@ class Attachments:
             ModelError: an unknown path.
         """
         self.names = [f"{kind} {'.'.join(path)}" for kind, path in lines]
-        self._targets = [_target(model, name, path) for name, (_, path) in zip(self.names, lines)]
+        self.places: list[Place | None] = []
+        self.parts: list[int] = []
+        self.dofs: list[int] = []
+        for written, (_, path) in zip(self.names, lines):
+            require_kind(path[0], written)
+            on_joint = path[0] == "joint"
+            place, part = (None, -1) if on_joint else _part_of_place(model, written, path)
+            self.places.append(place)
+            self.parts.append(part)
+            self.dofs.append(_dof(model, written, path[1:]) if on_joint else -1)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -103,31 +111,35 @@ class Attachments:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         data.qfrc_applied[:] = 0.0
-        for target, value in zip(self._targets, values):
-            if target.dof >= 0:
-                data.qfrc_applied[target.dof] += value
+        for dof, value in zip(self.dofs, values):
+            if dof >= 0:
+                data.qfrc_applied[dof] += value
         total = np.zeros(model.nv)
-        for (kind, index), wrench in self.wrenches(values).items():
-            body = index if kind == "body" else int(model.site_bodyid[index])
-            point = (data.xpos if kind == "body" else data.site_xpos)[index]
-            mujoco.mj_applyFT(model, data, wrench[:3], wrench[3:], point, body, total)
+        for place, wrench in self.wrenches(values).items():
+            mujoco.mj_applyFT(
+                model, data, wrench[:3], wrench[3:], place.point(model, data), place.body, total
+            )
         data.qfrc_applied[:] += total
 
-    def wrenches(self, values: FloatArray) -> dict[tuple[str, int], FloatArray]:
-        """Per body or site (its kind and index) the force in N and torque in N m, (6,) along the world's axes.
+    def wrenches(self, values: FloatArray) -> dict[Place, FloatArray]:
+        """Per place the force in N and torque in N m, (6,) along the world's axes.
 
         Args:
             values: (k,) the forces; generalised ones on joints are left out.
         """
-        found: dict[tuple[str, int], FloatArray] = {}
-        for target, value in zip(self._targets, values):
-            if target.dof < 0:
-                found.setdefault((target.kind, target.index), np.zeros(6))[target.part] += value
+        found: dict[Place, FloatArray] = {}
+        for place, part, value in zip(self.places, self.parts, values):
+            if place is not None:
+                found.setdefault(place, np.zeros(6))[part] += value
         return found
 
 
 class OuterForces(Signals):
-    """Forces on the model that are not its actuators': ``apply`` or ``contact`` lines over time."""
+    """Forces on the model that are not its actuators': ``apply`` or ``contact`` lines over time.
+
+    Attributes:
+        where: see :class:`Attachments`.
+    """
 
     def __init__(self, model: mujoco.MjModel, solution: Solution, kinds: tuple[str, ...]) -> None:
         """Tie the lines of the given kinds to the model.
@@ -136,25 +148,23 @@ class OuterForces(Signals):
             ModelError: an unknown path.
         """
         super().__init__(solution, [line for kind in kinds for line in lines_of(solution, kind)])
-        self._places = Attachments(model, [(line.kind, line.path) for line in self.lines])
+        self.where = Attachments(model, [(line.kind, line.path) for line in self.lines])
         #: See :meth:`Attachments.apply` and :meth:`Attachments.wrenches`.
-        self.apply, self.wrenches = self._places.apply, self._places.wrenches
+        self.apply, self.wrenches = self.where.apply, self.where.wrenches
 
 
-def _target(model: mujoco.MjModel, written: str, path: tuple[str, ...]) -> _Target:
-    kind, *rest = path
-    if kind not in ("joint", "body", "site"):
-        known = nearest(kind, ["joint", "body", "site"])
-        raise ModelError(f"{written}: a force acts on a joint, a body or a site, not on {kind}{known}")
-    if not rest:
-        raise ModelError(f"{written}: the name of the {kind} is missing")
-    index = find_object(model, kind, rest[0], written)
-    if kind == "joint":
-        if len(rest) > 1:
-            raise ModelError(f"{written}: the force on a joint has no parts")
-        if model.jnt_type[index] < 2:  # free and ball joints come first
-            raise ModelError(f"{written}: a ball or free joint has several coordinates")
-        return _Target(dof=int(model.jnt_dofadr[index]))
-    if len(rest) != 2 or rest[1] not in _PARTS:
+def _part_of_place(model: mujoco.MjModel, written: str, path: tuple[str, ...]) -> tuple[Place, int]:
+    if len(path) < 3 or path[-1] not in _PARTS:
+        find_place(model, path[:2], written)  # tells of a missing or unknown name first
         raise ModelError(f"{written}: end the path in one of .{', .'.join(_PARTS)}")
-    return _Target(kind=kind, index=index, part=_PARTS.index(rest[1]))
+    return find_place(model, path[:-1], written), _PARTS.index(path[-1])
+
+
+def _dof(model: mujoco.MjModel, written: str, path: tuple[str, ...]) -> int:
+    """The degree of freedom that a force on a joint acts on."""
+    if not path:
+        raise ModelError(f"{written}: the name of the joint is missing")
+    dof = joint_dof(model, *joint_part(model, path))
+    if dof is None:
+        raise ModelError(f"{written}: no force acts on a component of a quaternion: write .wx, .wy or .wz")
+    return dof

@@ -20,9 +20,11 @@ from stc.validate.impulse_fit import LEAST_IMPULSE, ImpulseFit
 
 if TYPE_CHECKING:
     from stc.validate.metrics import FloatArray
+    from stc.validate.places import Place
     from stc.validate.setup import Setup
 
-_FORCES = ("fx", "fy", "fz")
+#: Of a force and a torque, the components of the force.
+_FORCES = (0, 1, 2)
 
 #: Edges of a friction cone in space.
 _EDGES = 16
@@ -37,7 +39,7 @@ class VelocityJumps:
 
     Attributes:
         frames: at which some velocity jumps.
-        residual: (k,) per tied joint, largest impulse in kg m/s or kg m^2/s that no contact gives.
+        residual: (k,) per tied degree of freedom, largest impulse in kg m/s or kg m^2/s that no contact gives.
         scale: largest generalised momentum at these frames.
         outside: largest impulse in the same units that the named contacts give only by pulling or beyond the model's
             friction; None where the model touches nothing in these places.
@@ -107,9 +109,7 @@ def velocity_jumps(setup: Setup) -> VelocityJumps | None:
 def jumping_frames(setup: Setup) -> list[int]:
     """The frames at which the velocity of a tied joint jumps."""
     jump = np.zeros(setup.solution.n + 1, dtype=bool)
-    for tie in setup.ties:
-        rate = tie.line.rate
-        assert rate is not None
+    for rate in (channel for tie in setup.ties for channel in tie.channels(1)):
         jump |= np.abs(rate.after - rate.before) > 1e-12 * max(1.0, float(np.abs(rate.before).max()))
     return [int(k) for k in np.flatnonzero(jump)]
 
@@ -140,17 +140,15 @@ class _Places:
 
         self._model = touchable(setup.model())
         self._data = mujoco.MjData(self._model)
-        #: Per body or site of the lines the body, and by axis the line; lines that are no force there give either way.
-        self._forces: dict[tuple[str, str], tuple[int, dict[int, int]]] = {}
+        #: Per place of the lines by axis the line; lines that are no force there give either way.
+        self._forces: dict[Place, dict[int, int]] = {}
         self._others: list[int] = []
-        for column, line in enumerate(setup.contact.lines):
-            kind, *rest = line.path
-            if kind == "joint" or rest[1] not in _FORCES:
+        where = setup.contact.where
+        for column, (place, part) in enumerate(zip(where.places, where.parts)):
+            if place is None or part not in _FORCES:
                 self._others.append(column)
-                continue
-            body = setup.compiled.body(rest[0]).id if kind == "body" else setup.compiled.site(rest[0]).bodyid
-            _, axes = self._forces.setdefault((kind, rest[0]), (int(np.squeeze(body)), {}))
-            axes[_FORCES.index(rest[1])] = column
+            else:
+                self._forces.setdefault(place, {})[part] = column
 
     def cones(self, position: FloatArray, directions: FloatArray) -> FloatArray | None:
         """The generalised impulses (nv, k) that the edges of all cones give; None where nothing is touched.
@@ -165,11 +163,11 @@ class _Places:
         mujoco.mj_fwdPosition(self._model, self._data)
         free = [directions[:, column] for column in self._others]
         columns, touched = [*free, *(-one for one in free)], False
-        for body, parts in self._forces.values():
+        for place, parts in self._forces.items():
             along = np.zeros((directions.shape[0], 3))
             for axis, column in parts.items():
                 along[:, axis] = directions[:, column]
-            edges = self._edges(body, sorted(parts))
+            edges = self._edges(place.body, sorted(parts))
             touched = touched or bool(edges)
             # A body that touches nothing here is judged by what the replay does.
             columns += [along @ edge for edge in edges or [*np.eye(3), *-np.eye(3)]]

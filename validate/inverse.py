@@ -143,7 +143,7 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
             scale, *(float(np.abs(f[order]).max()) for f in (needed, delivered, data.qfrc_bias, gathered))
         )
         left = ties.without(data.qpos, needed - delivered)
-        return np.abs(_without_dry_friction(left, data.qvel, loss))
+        return np.abs(without_dry_friction(left, data.qvel, loss))
 
     first, last = solution.force_frames or (0, solution.n)
     at_nodes, between = np.zeros(model.nv), np.zeros(model.nv)
@@ -181,7 +181,7 @@ def _only(chosen: np.ndarray, force: FloatArray) -> FloatArray:
     return found
 
 
-def _without_dry_friction(force: FloatArray, velocity: FloatArray, loss: FloatArray) -> FloatArray:
+def without_dry_friction(force: FloatArray, velocity: FloatArray, loss: FloatArray) -> FloatArray:
     """(nv,) what is left of a generalised force without the joints' dry friction, at most ``loss`` each."""
     at_rest = np.abs(velocity) <= AT_REST
     friction = np.where(at_rest, np.clip(force, -loss, loss), -loss * np.sign(velocity))

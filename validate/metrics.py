@@ -59,20 +59,15 @@ class Metric:
         }
 
 
-def drift(simulated: FloatArray, before: FloatArray, after: FloatArray) -> tuple[float, float]:
-    """Largest and root-mean-square distance of a simulated signal from the solved one over the frames.
-
-    Where the solved signal has two values at a frame, the nearer one counts.
+def drift(distances: FloatArray) -> tuple[float, float]:
+    """Largest and root-mean-square distance of a replayed quantity from the solved one over the frames.
 
     Args:
-        simulated: (n+1,) values at the frames, not finite once the simulation has broken down.
-        before: (n+1,) solved values as the step to the left sees them.
-        after: (n+1,) solved values as the step to the right sees them.
+        distances: (n+1,) at the frames, not finite once the simulation has broken down.
 
     Returns:
         The maximum and the RMS, infinite where the simulation broke down.
     """
-    distance = np.minimum(np.abs(simulated - before), np.abs(simulated - after))
-    if not np.all(np.isfinite(distance)):
+    if not np.all(np.isfinite(distances)):
         return math.inf, math.inf
-    return float(distance.max()), float(np.sqrt(np.mean(distance**2)))
+    return float(distances.max()), float(np.sqrt(np.mean(distances**2)))

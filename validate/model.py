@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import importlib
+import itertools
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -14,7 +15,6 @@ import numpy as np
 
 from stc import models
 from stc.errors import StcError
-from stc.records import dataclass
 from stc.solution import ReplayChannel, Solution
 
 if TYPE_CHECKING:
@@ -23,25 +23,6 @@ if TYPE_CHECKING:
 
 class ModelError(StcError):
     """The model file, or what a ``replay:`` line asks of it, does not fit."""
-
-
-@dataclass(frozen=True, slots=True)
-class Tie:
-    """A joint of the model tied to the spec.
-
-    Attributes:
-        name: the joint's name.
-        position: its index in ``qpos``.
-        velocity: its index in ``qvel``.
-        unit: ``m`` for a sliding joint, ``rad`` for a hinge.
-        line: the replay line.
-    """
-
-    name: str
-    position: int
-    velocity: int
-    unit: str
-    line: ReplayChannel
 
 
 def find_model(name: str, folders: Iterable[str | Path]) -> Path:
@@ -171,16 +152,48 @@ def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
     return [name for name in found if name]
 
 
-def joint_titles(model: mujoco.MjModel) -> list[str]:
-    """What each joint is called, in the model's order: its name, or the body that it moves."""
+def joint_names(model: mujoco.MjModel) -> list[str]:
+    """What each joint is called, in the model's order: its name, or that of the body that it moves."""
     import mujoco
 
-    found = []
-    for joint in range(model.njnt):
-        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
-        body = int(model.jnt_bodyid[joint])
-        of = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or f"number {body}"
-        found.append(name or f"that of body {of}")
+    bodies = [
+        mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or f"body{body}"
+        for body in range(model.nbody)
+    ]
+    return _called(model, "joint", [bodies[body] for body in model.jnt_bodyid])
+
+
+def actuator_names(model: mujoco.MjModel) -> list[str]:
+    """What each actuator is called: its name, or that of the joint, tendon or site that it acts on."""
+    import mujoco
+
+    kinds, joints = mujoco.mjtTrn, joint_names(model)
+    tendons = _called(model, "tendon", [f"tendon{k + 1}" for k in range(model.ntendon)])
+    wanted = []
+    for actuator, (kind, target) in enumerate(zip(model.actuator_trntype, model.actuator_trnid[:, 0])):
+        own = f"actuator{actuator + 1}"
+        if kind in (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT)):
+            own = joints[target]
+        elif kind == int(kinds.mjTRN_TENDON):
+            own = tendons[target]
+        elif kind in (int(kinds.mjTRN_SITE), int(kinds.mjTRN_SLIDERCRANK)):
+            own = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_SITE, target) or own
+        wanted.append(own)
+    return _called(model, "actuator", wanted)
+
+
+def _called(model: mujoco.MjModel, kind: str, wanted: Sequence[str]) -> list[str]:
+    """Names of all objects of a kind; those without one get the wanted one, with a number where that is taken."""
+    import mujoco
+
+    object_type = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
+    found = [mujoco.mj_id2name(model, object_type, index) or "" for index in range(len(wanted))]
+    taken = set(found)
+    for index, own in enumerate(found):
+        if not own:
+            free = itertools.chain([wanted[index]], (f"{wanted[index]}_{k}" for k in itertools.count(2)))
+            found[index] = next(name for name in free if name not in taken)
+            taken.add(found[index])
     return found
 
 
@@ -205,10 +218,16 @@ def find_object(model: mujoco.MjModel, kind: str, name: str, line: str) -> int:
     """
     import mujoco
 
-    index = mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name)
+    titles = {"joint": joint_names, "actuator": actuator_names}.get(kind)
+    if titles is not None:
+        known = titles(model)
+        index = known.index(name) if name in known else -1
+    else:
+        known = names_of(model, kind)
+        index = int(mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name))
     if index < 0:
-        raise ModelError(f"{line}: the model has no {kind} {name}{nearest(name, names_of(model, kind))}")
-    return int(index)
+        raise ModelError(f"{line}: the model has no {kind} {name}{nearest(name, known)}")
+    return index
 
 
 def lines_of(solution: Solution, kind: str) -> list[ReplayChannel]:
@@ -245,40 +264,6 @@ def find_actuator(model: mujoco.MjModel, name: str) -> int:
     if model.actuator_ctrlnum[index] != 1:
         raise ModelError(f"actuator {name} takes {model.actuator_ctrlnum[index]} controls, not one")
     return index
-
-
-def find_joint(model: mujoco.MjModel, name: str) -> tuple[int, int, str]:
-    """A slide or hinge joint: its index in ``qpos``, its index in ``qvel``, its unit.
-
-    Raises:
-        ModelError: there is none of this name, or it has several coordinates.
-    """
-    import mujoco
-
-    units = {int(mujoco.mjtJoint.mjJNT_SLIDE): "m", int(mujoco.mjtJoint.mjJNT_HINGE): "rad"}
-    index = find_object(model, "joint", name, f"joint {name}")
-    unit = units.get(int(model.jnt_type[index]))
-    if unit is None:
-        raise ModelError(
-            f"joint {name}: a ball or free joint has several coordinates and cannot take one expression; "
-            "build it from slide and hinge joints"
-        )
-    return int(model.jnt_qposadr[index]), int(model.jnt_dofadr[index]), unit
-
-
-def tied_joints(model: mujoco.MjModel, solution: Solution) -> list[Tie]:
-    """The joints that the spec's ``joint`` lines speak of, with their velocities.
-
-    Raises:
-        ModelError: an unknown joint, one with several coordinates, or one whose velocity the solution lacks.
-    """
-    ties = []
-    for line in lines_of(solution, "joint"):
-        position, velocity, unit = find_joint(model, line.name)
-        if line.rate is None:
-            raise ModelError(f"joint {line.name}: the solution does not know how fast it moves at the start")
-        ties.append(Tie(line.name, position, velocity, unit, line))
-    return ties
 
 
 def single_number(line: ReplayChannel) -> float:

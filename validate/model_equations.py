@@ -23,7 +23,8 @@ from stc.validate.equalities import Equalities
 from stc.validate.fields import set_fields
 from stc.validate.forces import Attachments
 from stc.validate.metrics import FloatArray
-from stc.validate.model import ModelError, find_actuator, find_joint, load_model, names_of
+from stc.validate.model import ModelError, find_actuator, load_model, names_of
+from stc.validate.ties import find_joint
 
 if TYPE_CHECKING:
     import mujoco

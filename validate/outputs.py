@@ -21,6 +21,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.solution import ReplayChannel, Solution
+from stc.validate.metrics import FloatArray
 from stc.validate.model import ModelError, find_object, lines_of, nearest
 
 if TYPE_CHECKING:
@@ -46,6 +47,11 @@ class Output:
     line: ReplayChannel
     unit: str
     read: Read
+
+    def distances(self, values: FloatArray) -> FloatArray:
+        """(n+1,) distance of replayed values (n+1,) from the solved ones, from the nearer side where these jump."""
+        solved = self.line.value
+        return np.minimum(np.abs(values - solved.before), np.abs(values - solved.after))
 
 
 def compared_outputs(model: mujoco.MjModel, solution: Solution) -> list[Output]:

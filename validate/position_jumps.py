@@ -8,20 +8,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from stc.validate import limits
 from stc.validate.metrics import Metric
 
 if TYPE_CHECKING:
-    from stc.validate.metrics import FloatArray
-    from stc.validate.model import Tie
     from stc.validate.setup import Setup
 
 
 def position_jumps(setup: Setup) -> list[Metric]:
     """The largest jump of each tied joint, in its unit; nothing where no joint has two values at a frame."""
-    jumps = [_largest_jump(setup, tie) for tie in setup.ties]
+    jumps = [tie.largest_jump(bool(setup.compiled.jnt_limited[tie.joint])) for tie in setup.ties]
     if not any(jumps):
         return []
     # Both sides are unknowns of their own, which rows hold together as well as the solver met them.
@@ -31,20 +27,3 @@ def position_jumps(setup: Setup) -> list[Metric]:
         Metric("jump of position", f"joint {tie.name}", jump, tie.unit, limit)
         for tie, jump in zip(setup.ties, jumps)
     ]
-
-
-def _largest_jump(setup: Setup, tie: Tie) -> float:
-    """How far the value after a frame is from the one before it, at most.
-
-    Inside the motion the replay tells turns apart.  At its ends nothing does: a hinge that may turn all around is where
-    it is however many turns are counted.
-    """
-    value = tie.line.value
-    jump = value.after - value.before
-    if tie.unit == "rad" and not setup.compiled.jnt_limited[setup.compiled.dof_jntid[tie.velocity]]:
-        jump = np.concatenate([_less_turns(jump[:1]), jump[1:-1], _less_turns(jump[-1:])])
-    return float(np.abs(jump).max(initial=0.0))
-
-
-def _less_turns(angle: FloatArray) -> FloatArray:
-    return np.asarray(angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi)))

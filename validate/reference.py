@@ -1,80 +1,133 @@
-"""The solved motion of the tied joints as a function of time, by the transcription's own polynomials."""
+"""The solved motion of the tied joints as a function of time, by the transcription's own polynomials.
+
+Quaternions are interpolated component by component and normalised, angular velocities by curves of their own.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stc.solution import Solution
-from stc.trajectory import Channel, curves, horner
+from stc.trajectory import curves, horner
 from stc.validate.metrics import FloatArray
-from stc.validate.model import Tie
+from stc.validate.rotations import normalised, rotation_between, turned
 from stc.validate.signals import node_value
+from stc.validate.ties import Orientation, Source, Tie
 
 if TYPE_CHECKING:
     import mujoco
 
 
 class Reference:
-    """Positions, velocities and accelerations of the tied joints.
+    """Positions, velocities and accelerations of the tied joints: p positions and v velocities, not always as many.
 
     Attributes:
+        ties: what is tied.
         has_acceleration: whether the solution knows them all.
-        positions: (k,) indices of the tied joints in ``qpos``.
-        velocities: (k,) indices in ``qvel``.
+        positions: (p,) indices of the tied joints in ``qpos``.
+        velocities: (v,) indices in ``qvel``.
+        dofs: names of the v degrees of freedom.
+        columns: of each tie, which of the p positions are its own.
     """
 
     def __init__(self, solution: Solution, ties: Sequence[Tie]) -> None:
         self.ties = list(ties)
-        self.has_acceleration = all(tie.line.acceleration is not None for tie in ties)
-        self.positions = np.array([tie.position for tie in ties], dtype=np.intp)
-        self.velocities = np.array([tie.velocity for tie in ties], dtype=np.intp)
-        n = solution.n
-        steps, lengths = np.arange(n), np.diff(solution.time)
-        found: list[list[list[FloatArray]]] = []
-        for tie in ties:
-            orders: dict[int, Channel] = {}
-            for order, channel in enumerate((tie.line.value, tie.line.rate, tie.line.acceleration)):
-                if channel is not None:
-                    orders[order] = channel
-            by_order = curves(solution.method, orders, steps, lengths) if n else {}
-            found.append([by_order[k] for k in sorted(by_order)])
-        count = 3 if self.has_acceleration else 2
+        self.has_acceleration = all(tie.knows_acceleration for tie in ties)
+        self.positions = np.array([k for tie in ties for k in tie.positions], dtype=np.intp)
+        self.velocities = np.array([k for tie in ties for k in tie.velocities], dtype=np.intp)
+        self.dofs = [name for tie in ties for name in tie.dofs]
+        self.columns = _slices([len(tie.positions) for tie in ties])
+        #: Of each orientation, which positions and velocities are its own; and all other positions and velocities.
+        rates = _slices([len(tie.velocities) for tie in ties])
+        self._turning = [
+            (place, rate)
+            for tie, place, rate in zip(ties, self.columns, rates)
+            if isinstance(tie, Orientation)
+        ]
+        kept = [
+            (place, rate) for place, rate in zip(self.columns, rates) if (place, rate) not in self._turning
+        ]
+        self._straight = tuple(
+            np.array([k for pair in kept for k in range(pair[i].start, pair[i].stop)], dtype=np.intp)
+            for i in (0, 1)
+        )
+        #: Per order the curve of each entry.
+        self._sources = [
+            [source for tie in ties for source in tie.sources[part]]
+            for part in range(3 if self.has_acceleration else 2)
+        ]
         #: Per order and power of s an array (n, k) of coefficients.
-        self._coefficients = [_by_power([f[k] for f in found], n) for k in range(count)] if n else []
+        self._coefficients = [_by_power(sources, solution) for sources in self._sources] if solution.n else []
 
     def in_step(self, step: int, shares: FloatArray) -> list[FloatArray]:
-        """Positions, velocities and, where known, accelerations at shares of a step: (len(shares), k) each."""
-        return [horner([c[step] for c in powers], shares[:, None]) for powers in self._coefficients]
+        """Positions (s, p), velocities and, where known, accelerations (s, v) at s shares of a step."""
+        found = [horner([c[step] for c in powers], shares[:, None]) for powers in self._coefficients]
+        return [self._on_sphere(found[0]), *found[1:]]
 
     def at(self, part: str, index: int) -> list[FloatArray]:
-        """The same at a node, (k,) each: ``before`` or ``after`` a frame, or ``mid`` of a step."""
-        found = []
-        for field in ("value", "rate", "acceleration")[: 3 if self.has_acceleration else 2]:
-            channels = [getattr(tie.line, field) for tie in self.ties]
-            found.append(np.array([node_value(channel, part, index) for channel in channels]))
-        return found
+        """The same at a node, (p,) and (v,): ``before`` or ``after`` a frame, or ``mid`` of a step."""
+        found = [
+            np.array([node_value(orders[order], part, index) for orders, order in sources])
+            for sources in self._sources
+        ]
+        return [self._on_sphere(found[0]), *found[1:]]
 
     @property
     def extent(self) -> float:
         """The longest way of a tied joint, in m or rad: the distance between two of its places at the frames."""
-        return max(float(np.ptp([tie.line.value.before, tie.line.value.after])) for tie in self.ties)
+        return max(tie.extent for tie in self.ties)
 
     def put(self, data: mujoco.MjData, state: Sequence[FloatArray]) -> None:
-        """Write positions, velocities and, if given, accelerations (k,) into a simulation."""
+        """Write positions (p,), velocities and, if given, accelerations (v,) into a simulation."""
         data.qpos[self.positions] = state[0]
         data.qvel[self.velocities] = state[1]
         if len(state) > 2:
             data.qacc[self.velocities] = state[2]
 
+    def deviation(self, start: FloatArray, end: FloatArray) -> FloatArray:
+        """(..., v) the way from one pose (..., p) to another: differences, and rotations about the body's own axes.
 
-def _by_power(joints: Sequence[Sequence[FloatArray]], n: int) -> list[FloatArray]:
-    """Coefficient arrays (n, k) per power, from one list of (n,) coefficients per joint."""
-    degree = max(len(curve) for curve in joints)
-    found = [np.zeros((n, len(joints))) for _ in range(degree)]
-    for column, curve in enumerate(joints):
+        For all of a model's joints this is what ``mj_differentiatePos`` gives.
+        """
+        found = np.zeros((*np.broadcast_shapes(start.shape, end.shape)[:-1], len(self.velocities)))
+        places, rates = self._straight
+        found[..., rates] = end[..., places] - start[..., places]
+        for place, rate in self._turning:
+            found[..., rate] = rotation_between(start[..., place], end[..., place])
+        return found
+
+    def moved(self, pose: FloatArray, way: FloatArray) -> FloatArray:
+        """(..., p) the pose at the end of a way (..., v): the inverse of :meth:`deviation`."""
+        found = np.array(np.broadcast_to(pose, (*way.shape[:-1], pose.shape[-1])))
+        places, rates = self._straight
+        found[..., places] += way[..., rates]
+        for place, rate in self._turning:
+            found[..., place] = turned(found[..., place], way[..., rate])
+        return found
+
+    def _on_sphere(self, positions: FloatArray) -> FloatArray:
+        """The same positions (..., p) with quaternions of length one, in place."""
+        for place, _ in self._turning:
+            positions[..., place] = normalised(positions[..., place])
+        return positions
+
+
+def _slices(lengths: Sequence[int]) -> list[slice]:
+    ends = np.cumsum([0, *lengths])
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def _by_power(sources: Sequence[Source], solution: Solution) -> list[FloatArray]:
+    """Coefficient arrays (n, k) per power of k curves."""
+    n = solution.n
+    steps, lengths = np.arange(n), np.diff(solution.time)
+    made = [curves(solution.method, orders, steps, lengths)[order] for orders, order in sources]
+    found = [np.zeros((n, len(made))) for _ in range(max(len(curve) for curve in made))]
+    for column, curve in enumerate(made):
         for power, coefficient in enumerate(curve):
             found[power][:, column] = coefficient
     return found

@@ -22,6 +22,7 @@ from stc.validate import limits
 from stc.validate.dynamics import mass_matrices
 from stc.validate.metrics import FloatArray
 from stc.validate.progress import steps
+from stc.validate.rotations import rate_of_way, turning_dofs
 
 if TYPE_CHECKING:
     import mujoco
@@ -166,6 +167,7 @@ class _Simulation:
         self.restarts = set(setup.solution.frames_that_jump()) if external else set()
         self.forces: OuterForces = setup.all_forces if external else setup.applied
         self.data = mujoco.MjData(model)
+        self.turning = turning_dofs(model)
         self.advance = self._runge_kutta if integrator == "rk4" else self._mujoco_step
         n, outputs = setup.solution.n, len(setup.outputs)
         self.result = Replay(
@@ -209,7 +211,7 @@ class _Simulation:
                 now = slice(2 * part, 2 * part + 3)
                 control = controls[now]
                 if law is not None:
-                    correction = law.correction(part, data)
+                    correction = law.correction(part, data.qpos, data.qvel)
                     control = control + correction
                     result.corrections[frame] += model.opt.timestep * correction
                     result.feedback += model.opt.timestep * np.abs(correction)
@@ -242,8 +244,7 @@ class _Simulation:
     def _runge_kutta(self, controls: FloatArray, forces: FloatArray) -> None:
         """One time step of the classical Runge-Kutta method.
 
-        Positions move along velocities by ``mj_integratePos``, as MuJoCo's own Runge-Kutta does, so that
-        quaternions stay on their sphere.
+        Positions move by ``mj_integratePos``, so that quaternions stay on their sphere.
 
         Args:
             controls: (3, k) at the start, middle and end of the step.
@@ -255,13 +256,14 @@ class _Simulation:
         h = model.opt.timestep
         start, qpos, qvel, act = data.time, data.qpos.copy(), data.qvel.copy(), data.act.copy()
         velocity, acceleration, activation = np.zeros(model.nv), np.zeros(model.nv), np.zeros(model.na)
+        rate, way = qvel, np.zeros(model.nv)
         for stage, (share, weight) in enumerate(((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))):
             if stage:
                 ahead = share * h
-                rate, change, act_rate = data.qvel.copy(), data.qacc.copy(), data.act_dot.copy()
+                change, act_rate = data.qacc.copy(), data.act_dot.copy()
                 data.time = start + ahead
-                data.qpos[:] = qpos
-                mj_integratePos(model, data.qpos, rate, ahead)
+                data.qpos[:], way = qpos, ahead * rate
+                mj_integratePos(model, data.qpos, way, 1.0)
                 data.qvel[:] = qvel + ahead * change
                 data.act[:] = act + ahead * act_rate
             data.ctrl[addresses] = controls[int(2 * share)]
@@ -271,7 +273,8 @@ class _Simulation:
                 self.meter.add(self.frame, model, data, weight * h)
             if not stage:
                 data.qacc_warmstart[:] = data.qacc
-            velocity += weight * data.qvel
+            rate = rate_of_way(way, data.qvel.copy(), self.turning)
+            velocity += weight * rate
             acceleration += weight * data.qacc
             activation += weight * data.act_dot
         data.time = start + h

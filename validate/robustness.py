@@ -250,12 +250,14 @@ def _simulate(
     start = reference.at("after", 0)
     qpos[:, reference.positions], qvel[:, reference.velocities] = start[0], start[1]
     if kind in ("start", "all"):
-        driven = _driven_ties(setup)
-        for array, where, size in (
-            (qpos, reference.positions[driven], limits.PERTURBED_POSITION),
-            (qvel, reference.velocities[driven], limits.PERTURBED_VELOCITY),
-        ):
-            array[:, where] += size * rng.standard_normal((count, len(where)))
+        # A foot on the ground is not lifted or sunk into it.
+        driven = np.isin(reference.velocities, list(driven_dofs(setup)))
+        way, change = (
+            size * _spread(rng, count, driven)
+            for size in (limits.PERTURBED_POSITION, limits.PERTURBED_VELOCITY)
+        )
+        qpos[:, reference.positions] = reference.moved(start[0], way)
+        qvel[:, reference.velocities] += change
     steps = sims.expand("opt.timestep")
     found = np.full((count, solution.n + 1, model.nq), math.nan)
     found[:, 0] = qpos
@@ -268,9 +270,8 @@ def _simulate(
         law = feedback.in_step(frame, np.arange(parts) / parts)
         pushes = outer(frame, middles)
         for part in range(parts):
-            state = np.concatenate([qpos[:, law.positions], qvel[:, law.velocities]], axis=1)
             with np.errstate(invalid="ignore", over="ignore"):
-                correction = (law.targets[part] - state) @ law.gains[part].T
+                correction = law.correction(part, qpos, qvel)
             ctrl[:, setup.controls.addresses] = controls[part] + np.nan_to_num(correction)
             if pushes is not None:
                 force[:] = pushes[part]
@@ -292,10 +293,11 @@ def _perturb_model(sims: batch.Batch, setup: Setup, kind: str, rng: np.random.Ge
     sims.set_const()
 
 
-def _driven_ties(setup: Setup) -> np.ndarray:
-    """Which tied joints an actuator moves: a foot on the ground is not lifted or sunk into it."""
-    moved = driven_dofs(setup)
-    return np.array([k for k, tie in enumerate(setup.ties) if tie.velocity in moved], dtype=np.intp)
+def _spread(rng: np.random.Generator, count: int, chosen: np.ndarray) -> FloatArray:
+    """(count, k) normal numbers where some of k entries are chosen, zeros elsewhere."""
+    found = np.zeros((count, len(chosen)))
+    found[:, chosen] = rng.standard_normal((count, int(chosen.sum())))
+    return found
 
 
 def _outer_forces(setup: Setup, model: mujoco.MjModel) -> Any:

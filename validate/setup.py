@@ -16,17 +16,15 @@ from stc.validate.fields import apply_fields, set_fields
 from stc.validate.forces import Attachments, Controls, OuterForces
 from stc.validate.model import (
     ModelError,
-    Tie,
+    actuator_names,
     find_actuator,
-    find_joint,
     find_model,
-    joint_titles,
+    joint_names,
     load_model,
-    names_of,
-    tied_joints,
 )
 from stc.validate.outputs import Output, compared_outputs, find_output
 from stc.validate.reference import Reference
+from stc.validate.ties import Tie, joint_part, tied_joints
 
 if TYPE_CHECKING:
     import mujoco
@@ -43,7 +41,7 @@ class Setup:
         path: of the model file.
         compiled: the model as the spec sets it up; take a :meth:`model` of it to change options.
         fields: model fields that the spec set, by path.
-        ties: the joints that the spec speaks of.
+        ties: the joints that the spec speaks of, part by part.
         reference: their solved motion as a function of time.
         controls: of the actuators.
         applied: forces that always act.
@@ -92,20 +90,20 @@ class Setup:
     @property
     def all_tied(self) -> bool:
         """Whether the solution tells how every coordinate of the model moves."""
-        return len(self.ties) == self.compiled.nv
+        return len(self.reference.velocities) == self.compiled.nv
 
     def notes(self) -> list[str]:
         """What the spec leaves out of the model, and where the model will not do what it is told."""
         notes = [*self.remarks]
         if self.solution.status != "optimal":
             notes.append(f"the solution is not optimal: {self.solution.status}")
-        tied = {tie.name for tie in self.ties}
-        loose = [name for name in joint_titles(self.compiled) if name not in tied]
+        tied = {tie.joint for tie in self.ties}
+        loose = [name for joint, name in enumerate(joint_names(self.compiled)) if joint not in tied]
         if loose:
             notes.append(
                 f"joints not tied to the spec start at rest where the model has them: {', '.join(loose)}"
             )
-        idle = [name for name in names_of(self.compiled, "actuator") if name not in self.controls.names]
+        idle = [name for name in actuator_names(self.compiled) if name not in self.controls.names]
         if idle:
             notes.append(f"actuators not driven by the spec get the control 0: {', '.join(idle)}")
         clamped = self.controls.beyond_range(self.compiled)
@@ -177,7 +175,7 @@ def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> Non
         ModelError: it is not in the model.
     """
     if kind == "joint":
-        find_joint(model, ".".join(path))
+        joint_part(model, path)
     elif kind == "actuator":
         find_actuator(model, ".".join(path))
     elif kind == "set":

@@ -17,8 +17,8 @@ from stc.validate.metrics import FloatArray, Metric
 if TYPE_CHECKING:
     import mujoco
 
-    from stc.validate.model import Tie
     from stc.validate.setup import Setup
+    from stc.validate.ties import Tie
 
 #: Of each step of the second-order methods the position is off by this times the step's square and what the
 #: acceleration changes by in it.
@@ -38,26 +38,21 @@ def beyond_range(setup: Setup, tie: Tie) -> tuple[float, float, float] | None:
     import mujoco
 
     model = setup.compiled
-    joint = int(model.dof_jntid[tie.velocity])
-    if not model.jnt_limited[joint] or model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
+    if not model.jnt_limited[tie.joint] or model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
         return None
-    value = tie.line.value
-    values = np.concatenate([value.before, value.after, [] if value.mid is None else value.mid])
-    lower, upper = (float(bound) for bound in model.jnt_range[joint])
-    least, most = float(values.min()), float(values.max())
-    return max((lower - least, least, lower), (most - upper, most, upper))
+    return tie.beyond(*(float(bound) for bound in model.jnt_range[tie.joint]))
 
 
 def limit_metrics(setup: Setup) -> list[Metric]:
     """How far each tied joint goes beyond its range at the nodes; for information where a line states its stop."""
-    lines = [*setup.applied.lines, *setup.contact.lines]
     # A stop that yields lets the joint go as far as its force, which the spec states, takes.
-    stated = {line.path[1] for line in lines if line.path[0] == "joint"}
+    dofs = [dof for dof in (*setup.applied.where.dofs, *setup.contact.where.dofs) if dof >= 0]
+    stated = {int(setup.compiled.dof_jntid[dof]) for dof in dofs}
     found = []
     for tie in setup.ties:
         beyond = beyond_range(setup, tie)
         if beyond is not None:
-            limit = None if tie.name in stated else _allowed(setup, tie)
+            limit = None if tie.joint in stated else _allowed(setup, tie)
             beyond_by = max(beyond[0], 0.0)
             found.append(Metric("joint beyond its range", f"joint {tie.name}", beyond_by, tie.unit, limit))
     return found
@@ -67,10 +62,9 @@ def _allowed(setup: Setup, tie: Tie) -> float:
     """How far beyond its range a joint may be: rounding of a stated bound, the solver's error, the method's own."""
     solution = setup.solution
     left = limits.BEYOND_RANGE + limits.left_by_solver(solution.violation)
-    acceleration = tie.line.acceleration
-    if solution.method == "hermite-simpson" or acceleration is None or not solution.n:
+    if solution.method == "hermite-simpson" or not tie.knows_acceleration or not solution.n:
         return left
-    changes = np.ptp(np.concatenate([acceleration.before, acceleration.after]))
+    changes = max(np.ptp([channel.before, channel.after]) for channel in tie.channels(2))
     error = _TRUNCATION * float(np.diff(solution.time).max()) ** 2 * float(changes)
     return left + min(error, limits.OPEN_LOOP_DRIFT[solution.method])
 

@@ -25,11 +25,13 @@ def step_errors(setup: Setup, time_step: float = limits.TIME_STEP) -> FloatArray
         time_step: longest time step of the simulation, in seconds.
     """
     motion = replay(setup, time_step, external=bool(len(setup.contact)), every_step=True)
-    total = np.zeros(setup.solution.n)
-    for tie in setup.ties:
-        total += (motion.positions[1:, tie.position] - tie.line.value.before[1:]) ** 2
-        if tie.line.rate is not None:
-            gap = motion.velocities[1:, tie.velocity] - tie.line.rate.before[1:]
-            total += (gap / limits.TRACKING_RATE) ** 2
+    reference, total = setup.reference, np.zeros(setup.solution.n)
+    for frame in range(1, setup.solution.n + 1):
+        place, rate = reference.at("before", frame)[:2]
+        gaps = [
+            reference.deviation(place, motion.positions[frame, reference.positions]),
+            (motion.velocities[frame, reference.velocities] - rate) / limits.TRACKING_RATE,
+        ]
+        total[frame - 1] = np.sum(np.square(gaps))
     errors = np.sqrt(total)
     return np.where(np.isfinite(errors), errors, np.inf)

@@ -7,8 +7,8 @@ gains follow from the Riccati recursion backwards in time (Anderson and Moore, O
 Quadratic Methods, 1990, section 2.4).
 
 Where that cannot be had (the solution does not tell how every coordinate moves, contacts make the linear map
-meaningless, or the recursion breaks down) each actuator that moves one tied joint gets a proportional-
-derivative law for that joint, tuned to the inertia that it has on the way.
+meaningless, or the recursion breaks down) each actuator that moves a tied joint, or several by a fixed tendon, gets
+a proportional-derivative law for these, tuned to the inertia that they have on the way.
 """
 
 from __future__ import annotations
@@ -23,34 +23,35 @@ from stc.validate import limits
 from stc.validate.dynamics import mass_matrices
 from stc.validate.linearisation import Linearisation
 from stc.validate.metrics import FloatArray
-from stc.validate.transmissions import joint_dof
+from stc.validate.transmissions import own_pull, pulls
 
 if TYPE_CHECKING:
-    import mujoco
-
+    from stc.validate.reference import Reference
     from stc.validate.setup import Setup
 
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """Feedback inside one frame step; k tied joints, m actuators, p instants.
+    """Feedback inside one frame step; p tied positions, v tied velocities, m actuators, s instants.
 
     Attributes:
-        gains: (p, m, 2k) corrections per deviation of positions, then velocities.
-        targets: (p, 2k) the solved positions and velocities.
-        positions: (k,) indices of the joints in ``qpos``.
-        velocities: (k,) indices in ``qvel``.
+        gains: (s, m, 2v) corrections per deviation of positions, then velocities.
+        poses: (s, p) the solved positions.
+        rates: (s, v) the solved velocities.
+        reference: the motion that is tracked.
     """
 
     gains: FloatArray
-    targets: FloatArray
-    positions: np.ndarray
-    velocities: np.ndarray
+    poses: FloatArray
+    rates: FloatArray
+    reference: Reference
 
-    def correction(self, part: int, data: mujoco.MjData) -> FloatArray:
-        """What to add to the controls, (m,), given the state at instant ``part``."""
-        state = np.concatenate([data.qpos[self.positions], data.qvel[self.velocities]])
-        return np.asarray(self.gains[part] @ (self.targets[part] - state))
+    def correction(self, part: int, qpos: FloatArray, qvel: FloatArray) -> FloatArray:
+        """What to add to the controls, (..., m), given states (..., nq) and (..., nv) at instant ``part``."""
+        reference = self.reference
+        way = reference.deviation(qpos[..., reference.positions], self.poses[part])
+        change = self.rates[part] - qvel[..., reference.velocities]
+        return np.asarray(np.concatenate([way, change], axis=-1) @ self.gains[part].T)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ class Feedback:
     Attributes:
         kind: ``LQR`` or ``PD``.
         setup: the motion that is tracked.
-        gains: function of a frame step and shares of it (p,), giving gains (p, m, 2k).
+        gains: function of a frame step and shares of it (s,), giving gains (s, m, 2v).
     """
 
     kind: str
@@ -68,11 +69,10 @@ class Feedback:
     gains: Callable[[int, FloatArray], FloatArray]
 
     def in_step(self, frame: int, shares: FloatArray) -> Law:
-        """The law at the given shares (p,) of a frame step."""
+        """The law at the given shares (s,) of a frame step."""
         reference = self.setup.reference
-        motion = reference.in_step(frame, shares)
-        targets = np.concatenate([motion[0], motion[1]], axis=1)
-        return Law(self.gains(frame, shares), targets, reference.positions, reference.velocities)
+        pose, rate = reference.in_step(frame, shares)[:2]
+        return Law(self.gains(frame, shares), pose, rate, reference)
 
 
 def regulator(setup: Setup, maps: Linearisation) -> Feedback | None:
@@ -125,20 +125,22 @@ def _riccati(maps: Linearisation, scales: FloatArray) -> FloatArray | None:
 
 
 def proportional(setup: Setup) -> Feedback | None:
-    """A proportional-derivative law for every actuator that moves one tied joint; None where there is none."""
-    model, k = setup.compiled, len(setup.ties)
-    gain = np.zeros((len(setup.controls), 2 * k))
-    inertia = np.mean([mass.diagonal() for mass in mass_matrices(setup, 20)], axis=0)
-    joints = {int(dof): j for j, dof in enumerate(setup.reference.velocities)}
-    for row, actuator in enumerate(setup.controls.actuators):
-        dof = joint_dof(model, actuator)
-        if dof is None:
+    """A proportional-derivative law for every actuator with tied joints of its own; None where there is none.
+
+    An actuator that pulls along a direction e of the generalised forces, with the strength s, gets what makes the
+    deviation along e an oscillator of :data:`limits.PD_RATE` with the inertia that the model has along e.
+    """
+    tied = setup.reference.velocities
+    gain = np.zeros((len(setup.controls), 2 * len(tied)))
+    inertia = np.mean(list(mass_matrices(setup, 20)), axis=0)
+    for row, pull in enumerate(own_pull(setup)):
+        strength = float(np.linalg.norm(pull))
+        if strength == 0.0 or not set(np.flatnonzero(pull)) <= set(tied.tolist()):
             continue
-        strength = model.actuator_gear[actuator, 0] * model.actuator_gainprm[actuator, 0]
-        if dof in joints and strength != 0.0:
-            stiffness = inertia[dof] * limits.PD_RATE**2 / strength
-            gain[row, joints[dof]] = stiffness
-            gain[row, k + joints[dof]] = 2.0 * limits.PD_DAMPING * stiffness / limits.PD_RATE
+        along = pull / strength
+        stiffness = float(along @ inertia @ along) * limits.PD_RATE**2 / strength
+        gain[row, : len(tied)] = stiffness * along[tied]
+        gain[row, len(tied) :] = 2.0 * limits.PD_DAMPING / limits.PD_RATE * stiffness * along[tied]
     if not gain.any():
         return None
     return Feedback("PD", setup, lambda _, shares: np.broadcast_to(gain, (len(shares), *gain.shape)))
@@ -146,26 +148,13 @@ def proportional(setup: Setup) -> Feedback | None:
 
 def strengths(setup: Setup) -> FloatArray:
     """(m,) the largest generalised force, in N or N m, that one unit of each control gives where the motion starts."""
-    import mujoco
-
-    model = setup.model(contacts=False)
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
-    data = mujoco.MjData(model)
-    setup.reference.put(data, setup.reference.at("after", 0)[:2])
-    mujoco.mj_forward(model, data)
-    idle, found = data.qfrc_actuator.copy(), np.zeros(len(setup.controls))
-    for k, address in enumerate(setup.controls.addresses):
-        data.ctrl[:] = 0.0
-        data.ctrl[address] = 1.0
-        mujoco.mj_forward(model, data)
-        found[k] = np.abs(data.qfrc_actuator - idle).max(initial=0.0)
-    return found
+    return np.abs(pulls(setup)).max(axis=1, initial=0.0)
 
 
 def contact_effort(setup: Setup) -> FloatArray:
-    """(m,) what the solved contact forces give to the joint of each actuator, as the integral of a control's magnitude.
+    """(m,) what solved contact forces give to the joints of each actuator, as the integral of a control's magnitude.
 
-    Zero for actuators that act on no single joint.
+    Zero for actuators without joints of their own.
     """
     import mujoco
 
@@ -182,9 +171,9 @@ def contact_effort(setup: Setup) -> FloatArray:
         force[:] = data.qfrc_applied
     sizes = np.abs(forces)
     effort = np.diff(setup.solution.time) @ (sizes[1:] + sizes[:-1]) / 2.0
-    for row, actuator in enumerate(setup.controls.actuators):
-        dof = joint_dof(model, actuator)
-        strength = abs(float(model.actuator_gear[actuator, 0] * model.actuator_gainprm[actuator, 0]))
-        if dof is not None and strength > 0.0:
-            found[row] = effort[dof] / strength
+    for row, pull in enumerate(own_pull(setup)):
+        strength = float(np.linalg.norm(pull))
+        if strength > 0.0:
+            # What a control has to give along its own direction: exactly, where that is one joint's.
+            found[row] = np.abs(pull) @ effort / strength**2
     return found

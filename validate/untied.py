@@ -19,8 +19,9 @@ import numpy as np
 from stc.validate import limits
 from stc.validate.equalities import constraint_rows
 from stc.validate.metrics import FloatArray
-from stc.validate.model import joint_titles
+from stc.validate.model import joint_names
 from stc.validate.progress import steps
+from stc.validate.rotations import rate_of_way, turning_dofs
 
 if TYPE_CHECKING:
     import mujoco
@@ -70,6 +71,7 @@ class UntiedMotion:
         model = setup.model(contacts=False)
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self._model, self._data = model, mujoco.MjData(model)
+        self._turning = turning_dofs(model)
         self._outer = setup.all_forces
         #: The state in which each step begins.
         self._starts: list[State] = []
@@ -153,12 +155,14 @@ class UntiedMotion:
         for part in range(parts):
             rates: list[State] = []
             for offset, ahead in ((0, 0.0), (1, 0.5), (1, 0.5), (2, 1.0)):
-                q, v = position.copy(), velocity.copy()
+                q, v, way = position.copy(), velocity.copy(), np.zeros_like(velocity)
                 if rates:
-                    mujoco.mj_integratePos(self._model, q, self._only_free(rates[-1][0]), ahead * h)
+                    way = ahead * h * self._only_free(rates[-1][0])
+                    mujoco.mj_integratePos(self._model, q, way, 1.0)
                     v = v + ahead * h * rates[-1][1]
                 k = 2 * part + offset
-                rates.append((v, self._rate((q, v), [one[k] for one in tied], controls[k], forces[k])))
+                change = self._rate((q, v), [one[k] for one in tied], controls[k], forces[k])
+                rates.append((rate_of_way(way, v, self._turning), change))
             mean = [sum(w * r[i] for w, r in zip((1, 2, 2, 1), rates)) / 6.0 for i in range(2)]
             position = position.copy()
             mujoco.mj_integratePos(self._model, position, self._only_free(np.asarray(mean[0])), h)
@@ -259,6 +263,6 @@ def _constraints(setup: Setup, path: FloatArray, free: np.ndarray) -> tuple[bool
         constrained |= bool(on_free.any())
         both = on_free & touched[:, tied].any(axis=1)
         coupled[free] |= touched[both][:, free].any(axis=0)
-    titles = joint_titles(model)
+    titles = joint_names(model)
     names = [titles[model.dof_jntid[dof]] for dof in np.flatnonzero(coupled)]
     return constrained, list(dict.fromkeys(names))

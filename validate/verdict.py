@@ -21,6 +21,7 @@ from stc.validate.contact_cones import beyond_contacts
 from stc.validate.contact_forces import ContactForces, contact_force_metrics, contact_forces, windows_of
 from stc.validate.contact_meter import ContactMeter
 from stc.validate.energy import energy_balance
+from stc.validate.explanation import explanation
 from stc.validate.impacts import jumping_frames, velocity_jumps
 from stc.validate.inverse import InverseDynamics, inverse_dynamics
 from stc.validate.linearisation import growth, linearised
@@ -55,6 +56,7 @@ class Replays:
         tracked_by: ``LQR``, ``PD`` or "".
         external: open loop with the solved contact forces in place of the model's contacts; None without any.
         ground: the contact forces, solved and as MuJoCo found them in the open-loop replay.
+        explanation: which number of the model explains a residual, in words; "" where none does.
         touching: geoms that touch in the motion where the spec has no contact force.
         strays: the same of those that do in a replay only.
         notes: what was noticed on the way.
@@ -67,6 +69,7 @@ class Replays:
     tracked_by: str = ""
     external: Replay | None = None
     ground: list[ContactForces] = field(default_factory=list)
+    explanation: str = ""
     touching: list[Touch] = field(default_factory=list)
     strays: list[Touch] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -230,6 +233,8 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claim
     setup, motion = replays.setup, replays.open_loop
     solution = setup.solution
     inverse = inverse_dynamics(setup)
+    if inverse is not None and np.any(inverse.share(inverse.at_nodes) > inverse.limits(solution.method)):
+        replays.explanation = explanation(setup)
     metrics = [*claims.metrics, *_open_loop_metrics(replays)]
     tracked = _tracked_metrics(replays, 0.0 if inverse is None else inverse.scale)
     if setup.compiled.na and tracked:
@@ -289,8 +294,7 @@ def _unjudged(setup: Setup, metrics: Sequence[Metric]) -> list[str]:
     if not setup.solution.n:
         return []
     wanted = ["inverse-dynamics residual", "energy balance"]
-    rates = [tie.line.rate for tie in setup.ties]
-    if any(rate is not None and np.any(rate.before != rate.after) for rate in rates):
+    if any(np.any(rate.before != rate.after) for tie in setup.ties for rate in tie.channels(1)):
         wanted.append("unexplained impulse")
     if len(setup.contact) and not len(setup.applied) and not setup.all_tied:
         wanted.append("momentum in flight")
@@ -385,21 +389,25 @@ def _drifts(
 ) -> list[Metric]:
     """How far joints and compared outputs drift; of a small motion less than the limit is allowed if ``of_extent``."""
     method = setup.solution.method
+    # An output may be a speed, which is large where the motion is small and fast.
     signals = [
-        (f"joint {tie.name}", tie.unit, motion.positions[:, tie.position], tie.line) for tie in setup.ties
+        (f"joint {tie.name}", tie.unit, tie.distances(motion.positions), tie.extent) for tie in setup.ties
     ]
     signals += [
-        (f"output {output.line.name}", output.unit, motion.outputs[:, k], output.line)
+        (
+            f"output {output.line.name}",
+            output.unit,
+            output.distances(motion.outputs[:, k]),
+            float(np.ptp([output.line.value.before, output.line.value.after])),
+        )
         for k, output in enumerate(setup.outputs)
     ]
     metrics = []
-    for subject, unit, simulated, line in signals:
-        largest, rms = drift(simulated, line.value.before, line.value.after)
+    for subject, unit, distances, way in signals:
+        largest, rms = drift(distances)
         allowed = None if limit is None else limit[method]
         if allowed is not None and of_extent:
-            # An output may be a speed, which is large where the motion is small and fast.
-            extent = max(setup.reference.extent, float(np.ptp([line.value.before, line.value.after])))
-            floor = limits.DRIFT_FLOOR[method]
+            extent, floor = max(setup.reference.extent, way), limits.DRIFT_FLOOR[method]
             allowed = limits.of_extent(allowed, limits.DRIFT_SHARE[method], extent, floor)
         metrics.append(Metric(f"{name}, largest", subject, largest, unit, allowed))
         metrics.append(Metric(f"{name}, RMS", subject, rms, unit))
@@ -411,24 +419,23 @@ def _physics_metrics(setup: Setup, inverse: InverseDynamics | None) -> list[Metr
     method = setup.solution.method
     metrics = []
     if inverse is not None:
-        between = np.full(len(setup.ties), limits.INVERSE_DYNAMICS_BETWEEN[method])
+        dofs = setup.reference.dofs
+        between = np.full(len(dofs), limits.INVERSE_DYNAMICS_BETWEEN[method])
         for name, residual, most in (
             ("inverse-dynamics residual", inverse.at_nodes, inverse.limits(method)),
             ("residual between frames", inverse.between, np.maximum(between, inverse.limits(method))),
         ):
-            for tie, share, limit in zip(setup.ties, inverse.share(residual), most):
-                metrics.append(Metric(name, f"joint {tie.name}", float(share), "share", float(limit)))
+            for dof, share, limit in zip(dofs, inverse.share(residual), most):
+                metrics.append(Metric(name, f"joint {dof}", float(share), "share", float(limit)))
     energy = energy_balance(setup)
     if energy is not None:
         limit = limits.ENERGY_BALANCE[method]
         metrics.append(Metric("energy balance", "work against energy", energy.share, "share", limit))
     jumps = velocity_jumps(setup)
     if jumps is not None:
-        for tie, share in zip(setup.ties, jumps.share):
+        for dof, share in zip(setup.reference.dofs, jumps.share):
             metrics.append(
-                Metric(
-                    "unexplained impulse", f"joint {tie.name}", float(share), "share", limits.VELOCITY_JUMP
-                )
+                Metric("unexplained impulse", f"joint {dof}", float(share), "share", limits.VELOCITY_JUMP)
             )
         outside = jumps.outside_share
         if outside is not None:

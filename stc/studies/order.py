@@ -166,10 +166,7 @@ def _level(solution: Solution) -> Level:
     motion = replay(setup, external=bool(len(setup.contact)))
     gaps = {}
     for tie in setup.ties:
-        simulated = motion.positions[:, tie.position]
-        gaps[tie.name] = np.minimum(
-            np.abs(simulated - tie.line.value.before), np.abs(simulated - tie.line.value.after)
-        )
+        gaps[tie.name] = tie.distances(motion.positions)
     together = np.sqrt(sum(gap**2 for gap in gaps.values()))
     return Level(
         solution.n,

@@ -240,15 +240,9 @@ class _Judged:
 
 def _largest(setup: Setup, motion: Replay) -> tuple[float, str]:
     """The largest drift of a replay, and of what."""
-    drifts = {
-        f"joint {tie.name}": drift_of(
-            motion.positions[:, tie.position], tie.line.value.before, tie.line.value.after
-        )[0]
-        for tie in setup.ties
-    }
+    drifts = {f"joint {tie.name}": drift_of(tie.distances(motion.positions))[0] for tie in setup.ties}
     for k, output in enumerate(setup.outputs):
-        line = output.line.value
-        drifts[f"output {output.line.name}"] = drift_of(motion.outputs[:, k], line.before, line.after)[0]
+        drifts[f"output {output.line.name}"] = drift_of(output.distances(motion.outputs[:, k]))[0]
     subject = max(drifts, key=lambda name: drifts[name])
     return drifts[subject], subject
 
@@ -292,7 +286,7 @@ def _wrong_physics(found: Verification, solution: Solution, judged: _Judged) -> 
     if found.equations is not None and found.equations.findings:
         return f"the equations of motion are not the model's, which no frames mend: {found.equations.findings[0]}"
     if shares is not None and float(shares.max()) > SURELY_WRONG:
-        worst = setup.ties[int(shares.argmax())].name
+        worst = setup.reference.dofs[int(shares.argmax())]
         return (
             f"the solved forces do not give the solved accelerations in the model: at joint {worst} "
             f"{float(shares.max()):.2g} of the largest force is missing, which no frames mend; compare the lines "

@@ -154,8 +154,8 @@ class Motion:
         controls = self.setup.controls.in_step(step, at)[0]
         for actuator, value in zip(self.setup.controls.actuators, controls):
             shapes += self._actuator(actuator, float(value), offset)
-        for (kind, index), wrench in self._forces.wrenches(self._forces.in_step(step, at)[0]).items():
-            point = (data.xpos if kind == "body" else data.site_xpos)[index] + offset
+        for place, wrench in self._forces.wrenches(self._forces.in_step(step, at)[0]).items():
+            point = place.point(self._model, data) + offset
             tail = line_of_action(point, wrench[:3], wrench[3:])
             # Where hardly any force acts its line is far away: what is drawn stays at the body.
             if np.linalg.norm(tail - point) > 0.5 * self.extent:
@@ -234,10 +234,32 @@ class Motion:
         joint = int(model.actuator_trnid[actuator, 0])
         share = value / self._largest_torque
         anchor, axis = data.xanchor[joint] + offset, data.xaxis[joint]
-        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
+        body, kinds = int(model.jnt_bodyid[joint]), mujoco.mjtJoint
+        if model.jnt_type[joint] in (int(kinds.mjJNT_BALL), int(kinds.mjJNT_FREE)):
+            return self._turning(actuator, anchor, data.xmat[body].reshape(3, 3), share)
+        if model.jnt_type[joint] == kinds.mjJNT_HINGE:
             return list(torque_arc(anchor, axis, share, _ARC * self.extent, TORQUE))
-        body = int(model.jnt_bodyid[joint])
         return force_arrow(data.xipos[body] + offset, axis * share, self._longest, self._longest, TORQUE)
+
+    def _turning(self, actuator: int, anchor: FloatArray, frame: FloatArray, share: float) -> list[Shape]:
+        """The torque of a motor on a ball or free joint about the axis of its gear, its force along it."""
+        import mujoco
+
+        model, gear = self._model, self._model.actuator_gear[actuator]
+        joint = int(model.actuator_trnid[actuator, 0])
+        free = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
+        force, torque = (gear[:3], gear[3:6]) if free else (np.zeros(3), gear[:3])
+        if model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINTINPARENT and not free:
+            parent = int(model.body_parentid[model.jnt_bodyid[joint]])
+            frame = self._data.xmat[parent].reshape(3, 3)
+        shapes: list[Shape] = []
+        if torque.any():
+            axis = frame @ (torque / np.linalg.norm(torque))
+            shapes += torque_arc(anchor, axis, share, _ARC * self.extent, TORQUE)
+        if force.any():
+            way = share * force / np.linalg.norm(force)
+            shapes += force_arrow(anchor, way, self._longest, self._longest, TORQUE)
+        return shapes
 
     def _scale_of_forces(self) -> float:
         """Metres of arrow per newton: the largest force of the motion gets the longest arrow."""
@@ -256,6 +278,6 @@ def _places(setup: Setup) -> list[tuple[str, int]]:
     """What the spec compares or the outermost bodies, and what touches the ground or is pushed."""
     found = dict.fromkeys(usual_places(setup))
     forces = setup.all_forces
-    for kind, index in forces.wrenches(np.zeros(len(forces))):
-        found.setdefault(("xpos" if kind == "body" else "site_xpos", index))
+    for place in forces.wrenches(np.zeros(len(forces))):
+        found.setdefault((place.array, place.index))
     return list(found)

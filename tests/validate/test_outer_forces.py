@@ -107,12 +107,12 @@ def test_a_contact_force_is_left_to_the_models_contacts() -> None:
 @pytest.mark.parametrize(
     ("path", "message"),
     [
-        ("geom.ball.fx", "a force acts on a joint, a body or a site, not on geom"),
+        ("tendon.ball.fx", "a force acts on a joint, a body, a site or a geom, not on tendon"),
         ("body", "the name of the body is missing"),
         ("body.particle", r"end the path in one of \.fx"),
         ("body.particle.f", r"end the path in one of \.fx"),
         ("body.partcle.fx", r"the model has no body partcle; did you mean particle\?"),
-        ("joint.x.fx", "the force on a joint has no parts"),
+        ("joint.x.fx", "a slide or hinge joint has no parts: write joint x"),
     ],
 )
 def test_lines_that_do_not_fit_are_explained(path: str, message: str) -> None:

@@ -12,9 +12,11 @@ import pytest
 from closed_form_motions import smooth_particle, waypoint_spline
 from rich.console import Console
 
-from stc.solution import Solution
+from stc.solution import ReplayChannel, Solution
+from stc.trajectory import Channel
 from stc.validate import Metric, NotOptimalError, Report, limits, validate
 from stc.validate.metrics import drift
+from stc.validate.ties import Coordinate
 
 
 def spline(**more: object) -> Solution:
@@ -41,9 +43,11 @@ def test_a_report_passes_on_all_limits_and_never_on_none() -> None:
 
 
 def test_drift_takes_the_nearer_side_of_a_jump() -> None:
-    before, after = np.array([0.0, 1.0, 5.0]), np.array([0.0, 3.0, 5.0])
-    assert drift(np.array([0.0, 2.9, 5.0]), before, after) == pytest.approx((0.1, 0.1 / math.sqrt(3)))
-    assert drift(np.array([0.0, math.nan, 5.0]), before, after) == (math.inf, math.inf)
+    solved = Channel(np.array([0.0, 1.0, 5.0]), np.array([0.0, 3.0, 5.0]))
+    tie = Coordinate("x", 0, (1, 0), "m", ReplayChannel("joint", ("x",), solved, solved))
+    for value, expected in ((2.9, (0.1, 0.1 / math.sqrt(3))), (math.nan, (math.inf, math.inf))):
+        positions = np.array([[9.0, 0.0], [9.0, value], [9.0, 5.0]])
+        assert drift(tie.distances(positions)) == pytest.approx(expected)
 
 
 def test_the_report_says_what_produced_it() -> None:

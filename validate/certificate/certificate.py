@@ -94,7 +94,9 @@ class Certificate:
         if not self.passed and not self.findings:
             setup = self.replays.setup
             touching = [touch.line for touch in self.replays.touching]
-            text = "; ".join([text, *causes.beyond_limits(setup), *causes.clamped_controls(setup), *touching])
+            why = [self.replays.explanation] if self.replays.explanation else []
+            limits = [*causes.beyond_limits(setup), *causes.clamped_controls(setup)]
+            text = "; ".join([text, *why, *limits, *touching])
         return text
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 from stc.validate import limits
 from stc.validate.certificate.advice import FRICTION_STEP
 from stc.validate.contact import missing_contacts
-from stc.validate.contact_meter import TOUCHES, body_of_line, touchable, touching, welded
+from stc.validate.contact_meter import TOUCHES, touchable, touching, welded
 from stc.validate.contact_nodes import nodes_of, pose
 
 if TYPE_CHECKING:
@@ -44,14 +44,16 @@ def given_by_nothing(replays: Replays) -> list[str]:
     if not nodes or missing_contacts(setup):  # which is said by itself
         return []
     values = np.abs([node.forces for node in nodes])
+    where = setup.contact.where
     for column, line in enumerate(setup.contact.lines):
-        force = values[:, column]
-        kind, name = line.path[0], line.path[1]
+        force, place = values[:, column], where.places[column]
         # What holds a joint may be a rope, too.
-        stops = kind == "joint" and (model.jnt_limited[model.joint(name).id] or model.tendon_limited.any())
+        stops = place is None and (
+            model.jnt_limited[model.dof_jntid[where.dofs[column]]] or model.tendon_limited.any()
+        )
         if not force.any() or stops:
             continue
-        bodies = [] if kind == "joint" else [body_of_line(model, kind, name)]
+        bodies = [] if place is None else [place.body]
 
         def touches(row: int, bodies: list[int] = bodies) -> bool:
             pose(setup, model, data, nodes[row], bodies)

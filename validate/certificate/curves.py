@@ -72,7 +72,7 @@ def _thinned(count: int) -> np.ndarray:
 
 
 def solved_positions(replays: Replays, times: FloatArray) -> FloatArray:
-    """(len(times), k) solved positions of the tied joints at any times, right sides where they jump."""
+    """(len(times), p) solved positions of the tied joints at any times, right sides where they jump."""
     solution, reference = replays.setup.solution, replays.setup.reference
     if solution.n == 0:
         return np.broadcast_to(reference.at("after", 0)[0], (len(times), len(reference.positions)))
@@ -94,11 +94,12 @@ def _joints(replays: Replays) -> list[Panel]:
         times = motion.time[at]
         truth = solved_positions(replays, times)
         for k, tie in enumerate(setup.ties):
-            simulated = motion.path[at, tie.position]
+            own = truth[:, setup.reference.columns[k]]
+            simulated = motion.path[np.ix_(at, np.array(tie.positions))]
             if not solved[k]:
-                solved[k].append(Line("solved", times, truth[:, k]))
-            solved[k].append(Line(kind, times, simulated))
-            differences[k].append(Line(kind, times, simulated - truth[:, k]))
+                solved[k].append(Line("solved", times, tie.shown(own)))
+            solved[k].append(Line(kind, times, tie.shown(simulated)))
+            differences[k].append(Line(kind, times, tie.gap(own, simulated)))
     return [Panel("joint", tie.name, tie.unit, solved[k], differences[k]) for k, tie in enumerate(setup.ties)]
 
 

@@ -8,8 +8,9 @@ The file holds NumPy arrays for a model with nq positions, nv velocities and nu 
 ``ctrl``            (K, nu)           controls to hold during each step
 ``qpos``, ``qvel``  (K+1, nq or nv)   the solved motion
 ``qfrc_applied``    (K, nv)           forces of ``apply`` lines; only where the spec has any
-``gain``            (K, nu, 2 nv)     feedback, where there is one: add ``gain[k] @ concatenate([qpos[k] - data.qpos,
-                                      qvel[k] - data.qvel])`` to the control (models without quaternions)
+``gain``            (K, nu, 2 nv)     feedback, where there is one: add ``gain[k] @ concatenate([way, qvel[k] -
+                                      data.qvel])`` to the control, with ``way`` from ``mj_differentiatePos(model,
+                                      way, 1, data.qpos, qpos[k])``: ``qpos[k] - data.qpos`` without quaternions
 ==================  ================  =====================================================================
 
 Each control is that of the middle of its step, so that holding it errs by the square of the step only.
@@ -61,7 +62,7 @@ def sequence(setup: Setup, time_step: float | None = None) -> dict[str, FloatArr
         "qvel": _velocities(setup, edges),
     }
     law = _law(setup)
-    if law is not None and model.nq == model.nv:
+    if law is not None:
         found["gain"] = np.zeros((count, model.nu, 2 * model.nv))
         order = np.concatenate([setup.reference.velocities, model.nv + setup.reference.velocities])
     if len(setup.applied):

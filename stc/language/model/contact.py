@@ -216,7 +216,8 @@ class Contacts:
         index = index_of(self.scope.mechanism.bodies, rest[0])
         self.paths.frame(of, rest[0])  # tells of a name that is not there
         assert index is not None
-        return self.scope.dynamics.point(index, [float(x or 0.0) for x in numbers]), ("body", rest[0])
+        place = [float(x or 0.0) for x in numbers]
+        return self.scope.dynamics.point(index, place), ("body", rest[0], *(repr(x) for x in place))
 
     def _schedule(self, statement: syntax.ContactPlace, where: FrameRange, ranged: bool) -> None:
         contact = self.contacts.get(statement.name.name)

@@ -1,0 +1,163 @@
+"""Where outer forces act on a model: a point fixed in a body, a site, or where a geom touches.
+
+=============================  ==================================================================================
+``body.NAME``                  the origin of the body's frame
+``body.NAME.X.Y.Z``            the point at X, Y, Z (numbers, in m) of that frame
+``site.NAME``                  the site
+``geom.NAME``                  of a sphere its point nearest to the ground, of a box the middle of its lower face
+                               (along its own z), of all others their middle
+=============================  ==================================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.records import dataclass
+from stc.validate.metrics import FloatArray
+from stc.validate.model import ModelError, find_object, nearest
+
+if TYPE_CHECKING:
+    import mujoco
+
+_ARRAYS = {"body": "xpos", "site": "site_xpos", "geom": "geom_xpos"}
+KINDS = tuple(_ARRAYS)
+
+#: How far ahead the ground is looked for under a sphere, in m.
+_FAR = 1e3
+
+#: A plane whose normal has this much along the world's z axis is level.
+_LEVEL = 1.0 - 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place on a model.
+
+    Attributes:
+        kind: ``body``, ``site`` or ``geom``.
+        index: of that object in the model.
+        body: the body that it moves with.
+        offset: in the object's frame, in m.
+        radius: of a sphere, whose touching point it is; 0 elsewhere.
+        grounds: fixed geoms that the sphere may touch, unless all are level.
+    """
+
+    kind: str
+    index: int
+    body: int
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)
+    radius: float = 0.0
+    grounds: tuple[int, ...] = ()
+
+    @property
+    def array(self) -> str:
+        """The array of a simulation that has the object's own place in the world."""
+        return _ARRAYS[self.kind]
+
+    @property
+    def at_origin(self) -> bool:
+        """Whether it is the origin of its body's frame."""
+        return self.kind == "body" and not any(self.offset)
+
+    def point(self, model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+        """(3,) where it is in the world, in m, once the kinematics are up to date."""
+        centre = np.array(getattr(data, self.array)[self.index])
+        if self.radius:
+            return self._touching(model, data, centre)
+        if not any(self.offset):
+            return centre
+        frames = {"body": data.xmat, "site": data.site_xmat, "geom": data.geom_xmat}[self.kind]
+        return np.asarray(centre + frames[self.index].reshape(3, 3) @ np.array(self.offset))
+
+    def _touching(self, model: mujoco.MjModel, data: mujoco.MjData, centre: FloatArray) -> FloatArray:
+        """(3,) the point of a sphere that is nearest to the ground."""
+        import mujoco
+
+        best, found = _FAR, centre - np.array([0.0, 0.0, self.radius])
+        segment = np.zeros(6)
+        for ground in self.grounds:
+            distance = mujoco.mj_geomDistance(model, data, self.index, ground, best, segment)
+            if distance < best:
+                best, found = distance, segment[:3].copy()
+        return found
+
+
+def find_place(model: mujoco.MjModel, path: Sequence[str], written: str) -> Place:
+    """The place that a path names; ``written`` is the replay line for the message.
+
+    Raises:
+        ModelError: the model has no such place.
+    """
+    kind, *rest = path
+    if not rest:
+        raise ModelError(f"{written}: the name of the {kind} is missing")
+    index = find_object(model, kind, rest[0], written)
+    numbers = rest[1:]
+    if numbers and (kind != "body" or len(numbers) != 3):
+        raise ModelError(f"{written}: a point in a body is written body.{rest[0]}.X.Y.Z")
+    if kind == "body":
+        try:
+            at = tuple(float(number) for number in numbers) or (0.0, 0.0, 0.0)
+        except ValueError:
+            raise ModelError(f"{written}: a point in a body is given by three numbers") from None
+        return Place("body", index, index, at)
+    if kind == "site":
+        return Place("site", index, int(model.site_bodyid[index]))
+    return _geom(model, index)
+
+
+def require_kind(kind: str, written: str) -> None:
+    """Tell of a first word of a path that is no place.
+
+    Raises:
+        ModelError: it is none.
+    """
+    known = ["joint", *KINDS]
+    if kind not in known:
+        raise ModelError(
+            f"{written}: a force acts on a joint, a body, a site or a geom, not on {kind}{nearest(kind, known)}"
+        )
+
+
+def _geom(model: mujoco.MjModel, index: int) -> Place:
+    import mujoco
+
+    kinds, body, kind = mujoco.mjtGeom, int(model.geom_bodyid[index]), int(model.geom_type[index])
+    if kind == int(kinds.mjGEOM_BOX):
+        return Place("geom", index, body, (0.0, 0.0, -float(model.geom_size[index, 2])))
+    if kind != int(kinds.mjGEOM_SPHERE):
+        return Place("geom", index, body)
+    fixed = [
+        ground
+        for ground in range(model.ngeom)
+        if model.body_weldid[model.geom_bodyid[ground]] == 0 and _meets(model, index, ground)
+    ]
+    if all(_is_level(model, ground) for ground in fixed):
+        fixed = []
+    return Place("geom", index, body, radius=float(model.geom_size[index, 0]), grounds=tuple(fixed))
+
+
+def _meets(model: mujoco.MjModel, first: int, second: int) -> bool:
+    """Whether two geoms may touch."""
+    paired = {(int(a), int(b)) for a, b in zip(model.pair_geom1, model.pair_geom2)}
+    types, affinities = model.geom_contype, model.geom_conaffinity
+    return bool(
+        types[first] & affinities[second]
+        or types[second] & affinities[first]
+        or paired & {(first, second), (second, first)}
+    )
+
+
+def _is_level(model: mujoco.MjModel, geom: int) -> bool:
+    """Whether a fixed geom is a horizontal plane."""
+    import mujoco
+
+    if int(model.geom_type[geom]) != int(mujoco.mjtGeom.mjGEOM_PLANE):
+        return False
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return float(data.geom_xmat[geom][8]) >= _LEVEL
