@@ -12,7 +12,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate.contact import can_touch
-from stc.validate.contact_meter import body_of_line, contact_jacobian, touchable
+from stc.validate.contact_meter import contact_jacobian, touchable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -81,13 +81,15 @@ def _acting(setup: Setup) -> dict[int, np.ndarray]:
     """Per body with contact lines, by the first of those that are welded to it: (n+1,) whether their force acts at a
     frame or at one beside it."""
     found: dict[int, np.ndarray] = {}
-    for line in setup.contact.lines:
+    for line, place in zip(setup.contact.lines, setup.contact.where.places, strict=True):
+        if place is None:
+            continue
         sides = [line.value.before, line.value.after]
         if line.value.mid is not None:
             sides += [np.append(line.value.mid, 0.0), np.append(0.0, line.value.mid)]
         size = np.max(np.abs(sides), axis=0)
         acts = np.pad(size > _ACTS * size.max(initial=0.0), 1)
-        body = setup.compiled.body_weldid[body_of_line(setup.compiled, line.path[0], line.path[1])]
+        body = setup.compiled.body_weldid[place.body]
         known = found.setdefault(int(body), np.zeros(len(size), bool))
         known |= acts[:-2] | acts[1:-1] | acts[2:]
     return found

@@ -109,7 +109,7 @@ class Recovery:
         return found
 
     def derived(self) -> frozenset[tuple[str, int]]:
-        """Which of the trajectories are no unknowns though their order is not above the variable's: quaternions' rates."""
+        """The trajectories that follow from unknowns: the rates of quaternions."""
         return frozenset((name, 1) for r in self.problem.rotations for name in r.quaternion)
 
     def channel(self, body: Expr) -> Channel:
