@@ -240,7 +240,11 @@ class Poses:
         return poses[min(1, len(poses) - 1)]
 
     def repeated(self, values: Values, periodic: syntax.Pose) -> Values:
-        """Values moved by what a motion advances in a period."""
+        """Values at the end of a period: moved by what the motion advances in it, mirrored where it is."""
+        if periodic.mirrored:
+            from stc.language.model.mirror import mirror_image
+
+            values = mirror_image(self.scope, values)
         moved = values if periodic.shift is None else self._moved(values, periodic.shift)
         return values if moved is None else moved
 
