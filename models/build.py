@@ -17,7 +17,7 @@ import numpy as np
 import trimesh
 
 from stc import models, specs
-from stc.models import arm, arm7, cart_pole, cat, humanoid, luxo, luxo3d, quadruped
+from stc.models import arm, arm7, cart_pole, cat, gymnast, humanoid, luxo, luxo3d, quadruped
 from stc.models.description import Description
 from stc.models.measures import rewrite, table
 
@@ -35,6 +35,7 @@ def descriptions() -> list[Description]:
         cart_pole.describe(),
         quadruped.describe(),
         humanoid.describe(),
+        gymnast.describe(),
         cat.describe(),
     ]
 
