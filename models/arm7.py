@@ -1,8 +1,8 @@
 """An arm of seven hinges on a pedestal that holds a ball beside a post.
 
-At all joints zero it stands straight up.  From the pedestal outwards it turns about its own length and bends by turns; a
-positive bend is towards the x axis, where the post stands.  Every body weighs what its geoms weigh, and what is drawn besides
-weighs nothing; nothing touches anything, so that a spec has to say what may not meet.
+At all joints zero it stands straight up.  From the pedestal outwards it turns about its own length and bends by turns;
+a positive bend is towards the x axis, where the post stands.  Every body weighs what its geoms weigh, and what is drawn
+besides weighs nothing; nothing touches anything, so that a spec has to say what may not meet.
 """
 
 from __future__ import annotations
@@ -84,15 +84,23 @@ def _arm() -> Element:
         _part("cylinder", "cap", 0.3, pos=(0.0, 0.0, 0.085), size=(0.034, 0.018)),
         _drawn("cylinder", "ring", pos=(0.0, 0.0, 0.107), size=(0.036, 0.004)),
         *(
-            _drawn("capsule", "iron", fromto=(0.0, side * 0.028, 0.11, 0.0, side * 0.064, HAND), size=(0.008,))
+            _drawn(
+                "capsule", "iron", fromto=(0.0, side * 0.028, 0.11, 0.0, side * 0.064, HAND), size=(0.008,)
+            )
             for side in (1.0, -1.0)
         ),
         element(
-            "geom", name="ball", class_="part", type="sphere", material="brass", mass=BALL_MASS,
-            pos=(0.0, 0.0, HAND), size=(BALL_RADIUS,),
-        ),  # fmt: skip
+            "geom",
+            name="ball",
+            class_="part",
+            type="sphere",
+            material="brass",
+            mass=BALL_MASS,
+            pos=(0.0, 0.0, HAND),
+            size=(BALL_RADIUS,),
+        ),
         name="hand",
-    )  # fmt: skip
+    )
     wrist = element(
         "body",
         hinge("wrist", axis=_BEND, range=(-2.1, 2.1)),

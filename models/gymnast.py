@@ -1,7 +1,7 @@
 """A gymnast of 62 kg in the plane of x and z, below a high bar: torso, arms, thighs, shins and feet.
 
-The x axis is ahead, z up.  At all joints zero the body is straight with the arms overhead and the feet flat.  Both arms, and
-both legs, move as one: their joints' motors are those of both sides.  Every body weighs what its geoms weigh.
+The x axis is ahead, z up.  At all joints zero the body is straight with the arms overhead and the feet flat.  Both
+arms, and both legs, move as one: their joints' motors are those of both sides.  Every body weighs what its geoms weigh.
 """
 
 from __future__ import annotations

@@ -124,7 +124,7 @@ class ModelStatements:
         return found
 
     def guess(self, pose: syntax.Pose, where: FrameRange) -> list[Guess]:
-        """A pose under `guess:`: on a range as it stands; on a single frame one that the way to others leads through."""
+        """A pose under `guess:`: as it stands on a range; at a single frame the way between poses leads through it."""
         assert self.poses is not None
         if where.first != where.last:
             return self.poses.guesses(pose, where)
@@ -134,7 +134,7 @@ class ModelStatements:
         return []
 
     def guesses(self) -> Iterator[Guess]:
-        """From one pinned or guessed pose to the next, thrown up where nothing stands; contacts that bear the weight."""
+        """From pose to pose, pinned or guessed, thrown up where nothing stands; contacts that bear the weight."""
         pinned = {frame: one.values for frame, one in self.pinned.items() if one.values is not None}
         known = self.guessed | pinned
         assert self.poses is not None
