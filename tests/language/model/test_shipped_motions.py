@@ -16,7 +16,7 @@ from .bodies import put
 #: Each with what it should reach at the last frame: a body and its place.
 MOTIONS = {
     "arm_swing": ("hand", None),
-    "falling_cat": ("chest", (0.0, 0.0, None)),
+    "falling_cat": ("chest", None),
     "high_bar": ("torso", (1.5, 0.0, 0.88)),
     "humanoid_jump": ("pelvis", (0.3, 0.0, None)),
     "humanoid_step": ("pelvis", None),
