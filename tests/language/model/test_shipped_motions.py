@@ -17,7 +17,7 @@ from .bodies import put
 MOTIONS = {
     "arm_swing": ("hand", None),
     "falling_cat": ("chest", None),
-    "high_bar": ("torso", (1.5, 0.0, 0.88)),
+    "high_bar": ("torso", (1.5, 0.0, 0.864)),
     "humanoid_jump": ("pelvis", (0.3, 0.0, None)),
     "humanoid_step": ("pelvis", None),
     "lamp_turn": ("base", (0.0, 0.0, 0.0)),
