@@ -58,6 +58,7 @@ def test_a_motion_is_found_and_obeys_the_equations_of_mujoco(name: str) -> None:
     assert solution.status == "optimal"
     error, d = against_mujoco(solution)
     assert error < 1e-7
+    assert drift(solution) < 5e-3
     body, place = MOTIONS[name]
     for found, wanted in zip(d.body(body).xpos, place or (), strict=False):
         assert wanted is None or found == pytest.approx(wanted, abs=5e-3)
@@ -101,6 +102,28 @@ def against_mujoco(solution: Solution) -> tuple[float, mujoco.MjData]:
     put(m, d, lambda name, order=0: float(known[name, order].before[-1]))
     mujoco.mj_forward(m, d)
     return error / largest, d
+
+
+def drift(solution: Solution) -> float:
+    """How far what stands, and does not roll, moves within a phase of contact, in m."""
+    file = next(line for line in solution.source.splitlines() if line.startswith("model:")).split('"')[1]
+    m = mujoco.MjModel.from_xml_path(str(models.locate(file)))
+    d = mujoco.MjData(m)
+    farthest, began = 0.0, dict[str, np.ndarray]()
+    lines = [line for line in solution.replay if line.kind == "contact" and line.path[2] == "fz"]
+    for frame in range(solution.n + 1):
+        put(m, d, lambda name, order=0, at=frame: float(solution.trajectories[name, order].before[at]))
+        mujoco.mj_kinematics(m, d)
+        for line in lines:
+            of, name, _ = line.path
+            if of == "geom" and m.geom(name).type[0] == mujoco.mjtGeom.mjGEOM_SPHERE:
+                continue
+            if max(abs(line.value.before[frame]), abs(line.value.after[frame])) < 1e-6:
+                began.pop(name, None)
+                continue
+            place = place_of(m, d, of, name)[0].copy()
+            farthest = max(farthest, float(np.linalg.norm(place - began.setdefault(name, place))))
+    return farthest
 
 
 def place_of(m: mujoco.MjModel, d: mujoco.MjData, of: str, name: str) -> tuple[np.ndarray, int]:
