@@ -238,6 +238,7 @@ class TestInterruption:
         out, err = capsys.readouterr()
         assert (json.loads(out)["status"], err) == ("interrupted", "stc: interrupted\n")
 
+    @pytest.mark.needs("terminal")
     def test_the_live_line_shows_on_a_terminal_only(self, tmp_path: Path) -> None:
         ours, theirs = pty.openpty()
         running = self.start(tmp_path, stderr=theirs)
