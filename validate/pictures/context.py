@@ -67,7 +67,9 @@ def make_context(model: mujoco.MjModel, width: int, height: int) -> tuple[Any, m
             except Exception as error:
                 context.free()
                 why = " ".join(str(error).split())
-                raise PictureError(f"OpenGL ({backend}) cannot render this model at {width}x{height}: {why}") from error
+                raise PictureError(
+                    f"OpenGL ({backend}) cannot render this model at {width}x{height}: {why}"
+                ) from error
         _in_vain[backends] = f"no OpenGL to render with ({'; '.join(problems)})\n  {_HINT}"
     raise PictureError(_in_vain[backends])
 
@@ -87,7 +89,9 @@ def _current_context(backend: str, width: int, height: int) -> Any:
         context = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
         context.make_current()
         if not _is_current(backend):
-            raise PictureError("no window can be opened" if backend == "glfw" else "no context becomes current")
+            raise PictureError(
+                "no window can be opened" if backend == "glfw" else "no context becomes current"
+            )
     return context
 
 
