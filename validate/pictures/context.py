@@ -28,10 +28,7 @@ _LIBRARIES = {
     "osmesa": (("libOSMesa.so.8", "libOSMesa.so.6"),),
 }
 
-_HINT = (
-    "without a screen it takes Mesa's EGL (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri libopengl0) or, with "
-    "MUJOCO_GL=osmesa, its software renderer (libosmesa6); after an installation Python is to be started again"
-)
+_HINT = "Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri libopengl0, then start Python again; no screen is needed"
 
 #: What has been found out in this process: for backends that were tried in vain, the message that says so.
 _in_vain: dict[tuple[str, ...], str] = {}
