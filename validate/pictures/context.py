@@ -80,7 +80,7 @@ def _current_context(backend: str, width: int, height: int) -> Any:
     missing = [names for names in _LIBRARIES.get(backend, ()) if not any(map(_loads, names))]
     if missing:
         # Found out before MuJoCo's module of the backend is imported: it settles on the backend for good.
-        raise PictureError(" and ".join(" or ".join(names) for names in missing) + " cannot be loaded")
+        raise PictureError(" and ".join(names[0] for names in missing) + " cannot be loaded")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         context = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
