@@ -171,11 +171,7 @@ class Attempts:
         from stc.solver.narrowing import narrowed_start
 
         monitor = self.monitor
-        limits = replace(
-            self.options,
-            max_iterations=min(NARROWED, monitor.limit - monitor.iterations),
-            time_limit=monitor.time_left,
-        )
+        limits = replace(self.options, max_iterations=min(NARROWED, monitor.limit - monitor.iterations))
         begin = monitor.iterations
 
         def told(record: IterationRecord) -> bool:

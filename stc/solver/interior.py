@@ -300,9 +300,7 @@ class _Loop:
         from stc.solver.recession import falls_forever
 
         self.doubted_at = np.inf
-        left = replace(
-            self.options, max_iterations=monitor.limit - monitor.iterations, time_limit=monitor.time_left
-        )
+        left = replace(self.options, max_iterations=monitor.limit - monitor.iterations)
         falls, spent = falls_forever(form.nlp, form.user_variables(it.w[: form.n]), form.x_scale, left)
         monitor.iterations += spent
         return falls

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stc.deadline import within
 from stc.solver.active_set import fitting_multipliers, smaller_multipliers
 from stc.solver.attempts import Attempts
 from stc.solver.convexity import is_convex
@@ -76,7 +77,7 @@ def minimize(
         The result; a limit, an interruption (Ctrl-C too) or a failure is a status, not an exception.
     """
     options = options or Options()
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), within(options.time_limit):
         # Where no step is allowed the start is what is asked for, not what equations make of it.
         less = presolved(nlp) if options.presolve and options.max_iterations > 0 else None
         if less is not None:

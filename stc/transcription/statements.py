@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.deadline import look
 from stc.errors import Diagnostic, SpecError
 from stc.problem import ObjectiveTerm, ParameterRef, Problem, Relation, VariableRef
 from stc.records import dataclass, field
@@ -121,6 +122,7 @@ class Sorter:
         """
         self._links()
         for number, relation in enumerate(self.problem.relations):
+            look()
             self._relation(number, relation)
         for number, term in enumerate(self.problem.objective):
             if term.integral:
