@@ -170,6 +170,15 @@ class NewtonSystem:
         """Forget the last stiffening; the factorisation stays."""
         self.work.s[STIFFNESS], self.work.s[SHIFT] = self._before
 
+    def bears(self, shift: float) -> bool:
+        """Factorise with that shift instead; whether the inertia is right. Where it is not, the shift is as before."""
+        s = self.work.s
+        before, s[SHIFT] = s[SHIFT], shift
+        if shift < before and self._is_right():
+            return True
+        s[SHIFT] = before
+        return False
+
     def tighten(self) -> None:
         """Halve the shift as often as the inertia stays right, and factorise with the last one."""
         s = self.work.s

@@ -10,6 +10,7 @@ import numpy as np
 from stc.solver.active_set import fitting_multipliers, smaller_multipliers
 from stc.solver.attempts import Attempts
 from stc.solver.convexity import is_convex
+from stc.solver.curvature import SecondOrder, second_order_at
 from stc.solver.interior import optimise
 from stc.solver.judgement import Judgement, Point
 from stc.solver.keeping import give_back, kept_form, key_of, once
@@ -35,10 +36,13 @@ from stc.solver.status import (
     sentence,
 )
 from stc.solver.unboundedness import falling_to
+from stc.solver.workspace import workspace_of
 
 __all__ = ["minimize"]
 
 RESCALINGS = 3
+ESCAPES = 5
+"""Stationary points that bend downwards, one after the other."""
 UNCHANGED = 1e-9
 LARGE_MULTIPLIER = 1e6
 DISPROOF = 0.1
@@ -241,7 +245,7 @@ class _Solve:
         if self.start.row_multipliers is None and self.judgement.is_met(x0, judged.violation):
             point = Point(x0, form.as_stated(x0, fitting_multipliers(form, x0 / form.x_scale))[1])
             judged = self.judgement.assess(point)
-        if self.judgement.confirms(point, point.y) and not self.judgement.may_gain(point):
+        if self._is_solution(point):
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         stated = point.x, point.y
         self.monitor.record(
@@ -314,6 +318,22 @@ class _Solve:
         return self._least if self._least.end is End.STATIONARY_VIOLATION else outcome
 
     def _settle(self, outcome: Outcome) -> Outcome:
+        """A solution that meets the conditions of the first order and of the second, or what else an outcome leads to.
+
+        A stationary point that bends downwards is left, and gone on from; where that has been done too often, or where
+        nothing lower is found, it is no solution.
+        """
+        for _ in range(ESCAPES):
+            outcome = self._confirmed(outcome)
+            if outcome.end is not End.CONVERGED or outcome.minimum:
+                return outcome
+            outcome = self._beyond_saddle(outcome)
+        outcome = self._confirmed(outcome)
+        if outcome.end is End.CONVERGED and not outcome.minimum:
+            outcome.end = End.SADDLE
+        return outcome
+
+    def _confirmed(self, outcome: Outcome) -> Outcome:
         """Hold a solution against the problem as stated; where it fails there, scale anew at it and go on.
 
         A point where the iteration stalled counts as a solution when the problem as stated confirms it, or when
@@ -358,6 +378,22 @@ class _Solve:
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome
+
+    def _beyond_saddle(self, outcome: Outcome) -> Outcome:
+        """The outcome where it is a minimum, or what following its negative curvature leads to."""
+        form = outcome.form
+        assert isinstance(form, ScaledProblem)
+        found = second_order_at(form, outcome.x, outcome.y, self.options.seed)
+        it = workspace_of(form).it
+        if found is SecondOrder.HOLDS:
+            return replace(outcome, minimum=True)
+        if found is SecondOrder.FAILS:
+            return replace(outcome, end=End.SADDLE)
+        x = it.w[: form.n].copy()
+        if found is SecondOrder.ENDLESS:
+            return Outcome(End.UNBOUNDED, form, x, outcome.y, np.inf)
+        self.monitor.count()
+        return self.rescalings.on_from(form, Point(*form.as_stated(x, outcome.y)), Tactics())
 
     def _better(self, one: Outcome, other: Outcome) -> Outcome:
         """The outcome that says more; of two that say the same, that with the smaller violation."""
@@ -441,13 +477,18 @@ class _Solve:
             y = np.zeros(self.nlp.m)
         point = Point(x, y)
         # Where many points are as good, one may have been passed on the way to nowhere.
-        if (
-            status is Status.FAILED
-            and self.judgement.confirms(point, y)
-            and not self.judgement.may_gain(point)
-        ):
+        if status is Status.FAILED and self._is_solution(point):
             status = Status.OPTIMAL
         return self._result(status, x, y, at=point)
+
+    def _is_solution(self, point: Point) -> bool:
+        """Whether a point that was not solved for meets the conditions of the first order and of the second."""
+        if not self.judgement.confirms(point, point.y) or self.judgement.may_gain(point):
+            return False
+        form = self.form
+        assert form is not None
+        x, y = point.x / form.x_scale, form.scaled_multipliers(point.y)
+        return second_order_at(form, x, y, self.options.seed) is SecondOrder.HOLDS
 
     def _result(
         self, status: Status, x: Floats, y: Floats | None = None, message: str = "", at: Point | None = None
