@@ -58,18 +58,21 @@ def leave_saddle(system: NewtonSystem, seed: int) -> SecondOrder:
     form, work = system.form, system.work
     it = work.it
     mu = inner(it.gap, it.z) / max(1, form.gaps)
+    negligible = NEGLIGIBLE * max(1.0, float(np.abs(it.hess).max(initial=0.0)))
     try:
         system.factorize(max(mu, 1e-9), exact=True)
         if system.shift == 0.0:
             return SecondOrder.HOLDS
-        flat = system.bears(NEGLIGIBLE * max(1.0, float(np.abs(it.hess).max(initial=0.0))))
+        flat = system.bears(negligible)
         if not flat:
             system.tighten()
-    except SingularSystem:
-        return SecondOrder.FAILS
-    dw = _most_bent(system, seed)
-    if dw is None:
-        return SecondOrder.HOLDS if flat else SecondOrder.FAILS
+    except SingularSystem:  # constraints depend on each other too much for the condition to say anything
+        return SecondOrder.HOLDS
+    bent = _most_bent(system, seed)
+    if bent is None:
+        return SecondOrder.HOLDS
+    dw, curvature = bent
+    flat = flat or curvature > -negligible  # what inertia says of a badly scaled matrix may be rounding
     if inner(it.dual[: form.n], dw[: form.n]) > 0.0:
         dw = -dw
     moved = _lower(system, dw, flat)
@@ -84,12 +87,15 @@ def leave_saddle(system: NewtonSystem, seed: int) -> SecondOrder:
     return SecondOrder.ENDLESS if followed.endless else SecondOrder.LEFT
 
 
-def _most_bent(system: NewtonSystem, seed: int) -> Floats | None:
-    """The direction (n + m,) of length 1 that bends downwards most, by inverse iteration from a random one."""
+def _most_bent(system: NewtonSystem, seed: int) -> tuple[Floats, float] | None:
+    """The direction (n + m,) that bends downwards most, its variables of length 1, and how much it bends.
+
+    By inverse iteration from a random direction; None where that breaks down.
+    """
     form, hess = system.form, system.work.it.hess
     v = np.random.default_rng(seed).standard_normal(form.n) * form.free
     zeros, rhs = np.zeros(form.m), np.zeros(form.size)
-    before = np.inf
+    curvature = np.inf
     for _ in range(POWER_STEPS):
         rhs[: form.n] = v
         dw, _ = system.solve(rhs, zeros)
@@ -98,11 +104,10 @@ def _most_bent(system: NewtonSystem, seed: int) -> Floats | None:
             return None
         dw = dw / length
         v = dw[: form.n]
-        curvature = inner(v, form.hessian_times(hess, v))
+        before, curvature = curvature, inner(v, form.hessian_times(hess, v))
         if abs(curvature - before) <= SETTLED * abs(curvature):
             break
-        before = curvature
-    return dw
+    return dw, curvature
 
 
 def _lower(system: NewtonSystem, dw: Floats, flat: bool) -> Floats | None:

@@ -171,10 +171,13 @@ class NewtonSystem:
         self.work.s[STIFFNESS], self.work.s[SHIFT] = self._before
 
     def bears(self, shift: float) -> bool:
-        """Factorise with that shift instead; whether the inertia is right. Where it is not, the shift is as before."""
+        """Whether such a shift is enough: the one in use is no larger, or the inertia is right with this one, too."""
         s = self.work.s
-        before, s[SHIFT] = s[SHIFT], shift
-        if shift < before and self._is_right():
+        before = s[SHIFT]
+        if before <= shift:
+            return True
+        s[SHIFT] = shift
+        if self._is_right():
             return True
         s[SHIFT] = before
         return False
