@@ -82,7 +82,9 @@ class Attempts:
         x, y = np.where(form.held, form.held_value, x0 / form.x_scale), np.zeros(form.m)
         point = newton_point(form, x, y)
         if point is not None:
-            outcome = Outcome(End.CONVERGED, form, point.x.copy(), point.y.copy(), 0.0, minimum=bends_upwards(form))
+            outcome = Outcome(
+                End.CONVERGED, form, point.x.copy(), point.y.copy(), 0.0, minimum=bends_upwards(form)
+            )
             stated = self.judgement.stated(outcome)
             judged = self.judgement.assess(stated)
             outcome.error = max(judged.violation, judged.optimality)

@@ -39,7 +39,7 @@ NEGLIGIBLE = 1e-8
 point within the tolerance leaves in it."""
 FRACTION = 0.9
 FIRST_TRIAL = 0.1
-TRIALS, TRIALS_WHERE_FLAT = 16, 3
+TRIALS, FEW_TRIALS = 16, 3
 RETURNS = 3
 SIGNIFICANT = 1e-11
 
@@ -47,14 +47,20 @@ SIGNIFICANT = 1e-11
 class SecondOrder(Enum):
     """What became of a stationary point."""
 
-    HOLDS = "nothing bends downwards"
+    HOLDS = "everything bends upwards"
+    FLAT = "nothing bends downwards, but something does not bend at all"
     LEFT = "the iterate was moved to a lower point"
     ENDLESS = "the objective falls along a curve of feasible points without end"
     FAILS = "something bends downwards, but no lower point was found"
 
 
-def leave_saddle(system: NewtonSystem, seed: int) -> SecondOrder:
-    """Check the second-order condition at the iterate, and move off along negative curvature where it fails."""
+def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> SecondOrder:
+    """Check the second-order condition at the iterate, and move off along negative curvature where it fails.
+
+    Args:
+        seed: of the random direction that inverse iteration begins with.
+        probe: also look for a lower point where something does not bend at all.
+    """
     form, work = system.form, system.work
     it = work.it
     mu = inner(it.gap, it.z) / max(1, form.gaps)
@@ -64,20 +70,24 @@ def leave_saddle(system: NewtonSystem, seed: int) -> SecondOrder:
         if system.shift == 0.0:
             return SecondOrder.HOLDS
         flat = system.bears(negligible)
+        if flat and not probe:
+            return SecondOrder.FLAT
         if not flat:
             system.tighten()
     except SingularSystem:  # constraints depend on each other too much for the condition to say anything
-        return SecondOrder.HOLDS
+        return SecondOrder.FLAT
     bent = _most_bent(system, seed)
     if bent is None:
-        return SecondOrder.HOLDS
+        return SecondOrder.FLAT
     dw, curvature = bent
     flat = flat or curvature > -negligible  # what inertia says of a badly scaled matrix may be rounding
+    if flat and not probe:
+        return SecondOrder.FLAT
     if inner(it.dual[: form.n], dw[: form.n]) > 0.0:
         dw = -dw
-    moved = _lower(system, dw, flat)
+    moved = _lower(system, dw, few=flat, beyond_errors=probe)
     if moved is None:
-        return SecondOrder.HOLDS if flat else SecondOrder.FAILS
+        return SecondOrder.FLAT if flat else SecondOrder.FAILS
     followed = follow(form, it.w, moved)
     new = evaluate(form, followed.w, it.y.copy(), it.z.copy())
     if not new.is_finite and not followed.endless:
@@ -110,21 +120,23 @@ def _most_bent(system: NewtonSystem, seed: int) -> tuple[Floats, float] | None:
     return dw, curvature
 
 
-def _lower(system: NewtonSystem, dw: Floats, flat: bool) -> Floats | None:
+def _lower(system: NewtonSystem, dw: Floats, *, few: bool, beyond_errors: bool) -> Floats | None:
     """A lower point (n + m,) along ``dw`` or its opposite, back on the rows after each trial, or None.
 
-    Where ``dw`` is flat, lower by more than the first-order errors of the iterate explain, and not very near.
+    Args:
+        few: try a few lengths only: nothing promises that a shorter one will do.
+        beyond_errors: lower by more than the first-order errors of the iterate explain.
     """
     form, it = system.form, system.work.it
     n = form.n
     scale = FIRST_TRIAL * max(1.0, float(np.abs(it.w[:n]).max(initial=0.0)))
     price = 1.0 + 2.0 * float(np.abs(it.y).max(initial=0.0))
     merit = it.f + price * it.theta
-    slope = abs(inner(it.dual - form.scatter(it.z), dw)) if flat else 0.0
-    products = inner(it.gap, it.z) if flat else 0.0
+    slope = abs(inner(it.dual - form.scatter(it.z), dw)) if beyond_errors else 0.0
+    products = inner(it.gap, it.z) if beyond_errors else 0.0
     for direction in (dw, -dw):
         alpha = scale * largest_step(it.gap, scale * (form.sign * direction[form.index]), FRACTION)
-        for _ in range(TRIALS_WHERE_FLAT if flat else TRIALS):
+        for _ in range(FEW_TRIALS if few else TRIALS):
             enough = SIGNIFICANT * (1.0 + abs(it.f)) + alpha * slope + products
             w = it.w + alpha * direction
             for _ in range(RETURNS):
@@ -144,8 +156,11 @@ def _lower(system: NewtonSystem, dw: Floats, flat: bool) -> Floats | None:
 
 
 def second_order_at(form: ScaledProblem, x: Floats, y: Floats, seed: int) -> SecondOrder:
-    """The same at a point (n,) with multipliers (m,), scaled; a lower one is the iterate of the form's workspace."""
+    """The same at a point (n,) with multipliers (m,), scaled, what is flat being probed as well.
+
+    A lower point that this leads to is the iterate of the form's workspace.
+    """
     work = workspace_of(form)
     work.load(active_iterate(form, x, y))
     work.calls.forget()
-    return leave_saddle(NewtonSystem(work), seed)
+    return leave_saddle(NewtonSystem(work), seed, probe=True)

@@ -5,8 +5,8 @@ least length, the correctors, lead back onto them (E. L. Allgower and K. Georg, 
 chapters 2 and 6). Lengths are doubled as long as the objective falls in proportion. On rows that are curved, such as
 ``y = x^2``, that tells what a ray cannot: that an objective falls without limit.
 
-Lengths are measured relative to the gaps of bounds, as affine scaling does, so that a curve slides along a bound that is
-near instead of ending at it.
+Lengths are measured relative to the gaps of bounds, as affine scaling does: a curve slides along a bound that is near
+instead of ending at it.
 """
 
 from __future__ import annotations

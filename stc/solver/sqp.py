@@ -10,7 +10,6 @@ import numpy as np
 from stc.solver.active_set import fitting_multipliers, smaller_multipliers
 from stc.solver.attempts import Attempts
 from stc.solver.convexity import is_convex
-from stc.solver.curvature import SecondOrder, second_order_at
 from stc.solver.interior import optimise
 from stc.solver.judgement import Judgement, Point
 from stc.solver.keeping import give_back, kept_form, key_of, once
@@ -25,18 +24,19 @@ from stc.solver.products import between, inner
 from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess, rows_missed
+from stc.solver.saddles import beyond_saddle, is_minimum
 from stc.solver.scaled_problem import ScaledProblem, is_small, relative_violation
 from stc.solver.status import (
     FIXED_ROWS_MISSED,
     FLAT_BUT_FOR_ROUNDING,
     MET_BUT_FOR_ROUNDING,
+    NO_MINIMUM,
     STILL_FALLING,
     Status,
     advice,
     sentence,
 )
 from stc.solver.unboundedness import falling_to
-from stc.solver.workspace import workspace_of
 
 __all__ = ["minimize"]
 
@@ -245,7 +245,7 @@ class _Solve:
         if self.start.row_multipliers is None and self.judgement.is_met(x0, judged.violation):
             point = Point(x0, form.as_stated(x0, fitting_multipliers(form, x0 / form.x_scale))[1])
             judged = self.judgement.assess(point)
-        if self._is_solution(point):
+        if self._is_stationary(point) and self._is_minimum(point):
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         stated = point.x, point.y
         self.monitor.record(
@@ -327,7 +327,7 @@ class _Solve:
             outcome = self._confirmed(outcome)
             if outcome.end is not End.CONVERGED or outcome.minimum:
                 return outcome
-            outcome = self._beyond_saddle(outcome)
+            outcome = beyond_saddle(outcome, self.rescalings)
         outcome = self._confirmed(outcome)
         if outcome.end is End.CONVERGED and not outcome.minimum:
             outcome.end = End.SADDLE
@@ -378,22 +378,6 @@ class _Solve:
         if outcome.end is End.CONVERGED:
             outcome.end = End.STUCK
         return outcome
-
-    def _beyond_saddle(self, outcome: Outcome) -> Outcome:
-        """The outcome where it is a minimum, or what following its negative curvature leads to."""
-        form = outcome.form
-        assert isinstance(form, ScaledProblem)
-        found = second_order_at(form, outcome.x, outcome.y, self.options.seed)
-        it = workspace_of(form).it
-        if found is SecondOrder.HOLDS:
-            return replace(outcome, minimum=True)
-        if found is SecondOrder.FAILS:
-            return replace(outcome, end=End.SADDLE)
-        x = it.w[: form.n].copy()
-        if found is SecondOrder.ENDLESS:
-            return Outcome(End.UNBOUNDED, form, x, outcome.y, np.inf)
-        self.monitor.count()
-        return self.rescalings.on_from(form, Point(*form.as_stated(x, outcome.y)), Tactics())
 
     def _better(self, one: Outcome, other: Outcome) -> Outcome:
         """The outcome that says more; of two that say the same, that with the smaller violation."""
@@ -477,18 +461,20 @@ class _Solve:
             y = np.zeros(self.nlp.m)
         point = Point(x, y)
         # Where many points are as good, one may have been passed on the way to nowhere.
-        if status is Status.FAILED and self._is_solution(point):
-            status = Status.OPTIMAL
-        return self._result(status, x, y, at=point)
+        message = ""
+        if status is Status.FAILED and self._is_stationary(point):
+            minimum = self._is_minimum(point)
+            status, message = (Status.OPTIMAL, "") if minimum else (status, NO_MINIMUM)
+        return self._result(status, x, y, message, at=point)
 
-    def _is_solution(self, point: Point) -> bool:
-        """Whether a point that was not solved for meets the conditions of the first order and of the second."""
-        if not self.judgement.confirms(point, point.y) or self.judgement.may_gain(point):
-            return False
-        form = self.form
-        assert form is not None
-        x, y = point.x / form.x_scale, form.scaled_multipliers(point.y)
-        return second_order_at(form, x, y, self.options.seed) is SecondOrder.HOLDS
+    def _is_stationary(self, point: Point) -> bool:
+        """Whether a point that was not solved for meets the conditions of the first order."""
+        return self.judgement.confirms(point, point.y) and not self.judgement.may_gain(point)
+
+    def _is_minimum(self, point: Point) -> bool:
+        """Whether a stationary point meets those of the second."""
+        assert self.form is not None
+        return is_minimum(self.form, point, self.options.seed)
 
     def _result(
         self, status: Status, x: Floats, y: Floats | None = None, message: str = "", at: Point | None = None
