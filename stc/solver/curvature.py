@@ -49,7 +49,8 @@ class SecondOrder(Enum):
 
     HOLDS = "everything bends upwards"
     FLAT = "nothing bends downwards, but something does not bend at all"
-    LEFT = "the iterate was moved to a lower point"
+    LOWER = "the same, but a lower point was found, to which the iterate was moved"
+    LEFT = "something bends downwards, and the iterate was moved to a lower point"
     ENDLESS = "the objective falls along a curve of feasible points without end"
     FAILS = "something bends downwards, but no lower point was found"
 
@@ -94,7 +95,9 @@ def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> Second
         new = evaluate(form, moved, it.y.copy(), it.z.copy())
     work.load(new)
     work.provide_attempt()
-    return SecondOrder.ENDLESS if followed.endless else SecondOrder.LEFT
+    if followed.endless:
+        return SecondOrder.ENDLESS
+    return SecondOrder.LOWER if flat else SecondOrder.LEFT
 
 
 def _most_bent(system: NewtonSystem, seed: int) -> tuple[Floats, float] | None:
@@ -156,11 +159,12 @@ def _lower(system: NewtonSystem, dw: Floats, *, few: bool, beyond_errors: bool) 
 
 
 def second_order_at(form: ScaledProblem, x: Floats, y: Floats, seed: int) -> SecondOrder:
-    """The same at a point (n,) with multipliers (m,), scaled, what is flat being probed as well.
+    """The same at a point (n,) with multipliers (m,), scaled; what is flat is probed as well.
 
-    A lower point that this leads to is the iterate of the form's workspace.
+    In a quadratic program what is flat is flat all the way, and needs no probe. A lower point that this leads to is the
+    iterate of the form's workspace.
     """
     work = workspace_of(form)
     work.load(active_iterate(form, x, y))
     work.calls.forget()
-    return leave_saddle(NewtonSystem(work), seed, probe=True)
+    return leave_saddle(NewtonSystem(work), seed, probe=not form.quadratic_program)

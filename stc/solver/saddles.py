@@ -19,20 +19,25 @@ from stc.solver.workspace import workspace_of
 __all__ = ["beyond_saddle", "is_minimum", "is_saddle"]
 
 
-def beyond_saddle(outcome: Outcome, rescalings: Rescalings) -> Outcome:
-    """The outcome, a stationary point, where it is a minimum; else what negative curvature leads to from there."""
+def beyond_saddle(outcome: Outcome, rescalings: Rescalings) -> tuple[Outcome, Outcome | None]:
+    """A stationary point where it is a minimum; else what negative curvature leads to from there.
+
+    Returns:
+        That, and the stationary point again where it would do if that leads nowhere: where nothing bends downwards.
+    """
     form, attempts = outcome.form, rescalings.attempts
     assert isinstance(form, ScaledProblem)
     found = second_order_at(form, outcome.x, outcome.y, attempts.options.seed)
     if found in (SecondOrder.HOLDS, SecondOrder.FLAT):
-        return replace(outcome, minimum=True)
+        return replace(outcome, minimum=True), None
     if found is SecondOrder.FAILS:
-        return replace(outcome, end=End.SADDLE)
+        return replace(outcome, end=End.SADDLE), None
     x = workspace_of(form).it.w[: form.n].copy()
     if found is SecondOrder.ENDLESS:
-        return Outcome(End.UNBOUNDED, form, x, outcome.y, np.inf)
+        return Outcome(End.UNBOUNDED, form, x, outcome.y, np.inf), None
     attempts.monitor.count()
-    return rescalings.on_from(form, Point(*form.as_stated(x, outcome.y)), Tactics())
+    on = rescalings.on_from(form, Point(*form.as_stated(x, outcome.y)), Tactics())
+    return on, replace(outcome, minimum=True) if found is SecondOrder.LOWER else None
 
 
 def is_minimum(form: ScaledProblem, point: Point, seed: int) -> bool:

@@ -323,15 +323,18 @@ class _Solve:
         A stationary point that bends downwards is left, and gone on from; where that has been done too often, or where
         nothing lower is found, it is no solution.
         """
+        flat: Outcome | None = None  # the last one that would do
         for _ in range(ESCAPES):
             outcome = self._confirmed(outcome)
-            if outcome.end is not End.CONVERGED or outcome.minimum:
+            if not outcome.is_answer:
+                return flat or outcome
+            if outcome.end is End.UNBOUNDED or outcome.minimum:
                 return outcome
-            outcome = beyond_saddle(outcome, self.rescalings)
+            outcome, flat = beyond_saddle(outcome, self.rescalings)
         outcome = self._confirmed(outcome)
         if outcome.end is End.CONVERGED and not outcome.minimum:
             outcome.end = End.SADDLE
-        return outcome
+        return outcome if outcome.is_answer else flat or outcome
 
     def _confirmed(self, outcome: Outcome) -> Outcome:
         """Hold a solution against the problem as stated; where it fails there, scale anew at it and go on.
