@@ -20,6 +20,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     target = Path(path)
     temporary = target.with_name(f".{target.stem}.{os.getpid()}.tmp{target.suffix}")
+    _unfinished.add(temporary)
     try:
         yield temporary
         with temporary.open("r+b") as stream:
@@ -32,4 +33,21 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise OSError(error.errno, os.strerror(error.errno), str(target)) from error
     finally:
         with suppress(OSError):  # where nothing can be written, nothing was
+            temporary.unlink(missing_ok=True)
+        _unfinished.discard(temporary)
+
+
+#: The temporary files that this process is writing.
+_unfinished: set[Path] = set()
+
+
+def is_writing() -> bool:
+    """Whether this process is writing such a file."""
+    return bool(_unfinished)
+
+
+def give_up() -> None:
+    """Remove the files that are not whole yet, for a process that ends while others of its threads write them."""
+    for temporary in tuple(_unfinished):
+        with suppress(OSError):
             temporary.unlink(missing_ok=True)

@@ -216,6 +216,18 @@ class UnsolvedError(UsageError):
         return UnsolvedError, (self.message, self.hint, self.status)
 
 
+class EndedError(StcError):
+    """Work was ended before it had come to anything; ``status`` is ``time_limit`` or ``interrupted``."""
+
+    def __init__(self, message: str, status: str) -> None:
+        super().__init__(message, status)
+        self.message = message
+        self.status = status
+
+    def __str__(self) -> str:
+        return self.message
+
+
 def raise_errors(diagnostics: Sequence[Diagnostic]) -> None:
     """Raise a :class:`SpecError` with the errors among the diagnostics, in text order, if there are any."""
     errors = [d for d in diagnostics if d.severity == "error"]

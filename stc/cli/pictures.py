@@ -14,6 +14,7 @@ from stc.cli.options import SolveOptions, ready_to_write
 from stc.errors import UsageError
 
 if TYPE_CHECKING:
+    from stc.cli.outcome import Outcome
     from stc.solution import Solution
     from stc.validate.pictures.film import Look
 
@@ -93,7 +94,7 @@ def look(size: str, camera: str | None, rate: int, speed: float | None, tiles: i
 
 def _motion(
     target: str, options: SolveOptions, force: bool, as_json: bool, *needs: str
-) -> tuple[jobs.Outcome, Solution | Path]:
+) -> tuple[Outcome, Solution | Path]:
     """The motion to draw; ``needs`` as of :func:`stc.cli.jobs.to_show`."""
     outcome, motion = jobs.to_show(target, options, as_json, *needs)
     jobs.require_optimal(outcome.solution, "drawn", force)
