@@ -17,6 +17,7 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import zip_longest
 from typing import NoReturn
 
 from stc import deadline
@@ -86,7 +87,7 @@ def _obey_limit(arguments: Sequence[str]) -> None:
     """
     if arguments[:1] == ["view"]:  # whose limit is for each of its solves
         return
-    for word, after in zip(arguments, [*arguments[1:], ""], strict=True):
+    for word, after in zip_longest(arguments, arguments[1:], fillvalue=""):
         name, equals, value = word.partition("=")
         if name == "--time-limit":
             with suppress(ValueError):

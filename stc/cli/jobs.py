@@ -392,10 +392,13 @@ def _judged(
         reason = f"the command was ended: {why}"
         return _not_validated(outcome, reason, page, as_json, why, shown=True)
 
-    with validating(outcome.solution.name), guard.on_end(ended):
-        certificate = certify(
-            motion, force=force, equations=True if page is not None else None, further=further
-        )
+    try:
+        with validating(outcome.solution.name), guard.on_end(ended):
+            certificate = certify(
+                motion, force=force, equations=True if page is not None else None, further=further
+            )
+    except EndedError as error:
+        return ended(error.status)
     if not as_json:
         # What was found is shown before anything else can go wrong.
         console.show_certificate(certificate)

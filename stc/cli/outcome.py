@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from stc.cli import BAD, console, guard, reasons, record
 from stc.cli.searches import Found
+from stc.deadline import unlimited
 from stc.errors import Diagnostic
 from stc.records import dataclass
 
@@ -148,7 +149,8 @@ def keep_solution(solution: Solution, file: Path, keep: Callable[[Path], object]
             from stc.cli.keeping import keep_optimal
 
             keep_optimal(file, solution.status)
-        (keep or solution.save)(file)
+        with unlimited():
+            (keep or solution.save)(file)
     except OSError as error:
         if error.errno is None:
             raise
