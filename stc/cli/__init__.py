@@ -17,12 +17,13 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import NoReturn
+from typing import NoReturn, TextIO, cast
 
 from stc import deadline
 from stc.cli import guard
 from stc.errors import EndedError, EvaluationError, SpecError, StcError, UnsolvedError
 from stc.memory import keep_freed_memory, stay_within_memory
+from stc.visible import VisibleStream
 
 __all__ = ["main", "run"]
 
@@ -131,8 +132,13 @@ def run(arguments: Sequence[str]) -> int:
     ended_by = 0
     deadline.begin(math.inf)
     _obey_limit(arguments)
-    status = _carried_out(arguments)
-    guard.settle()
+    streams = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (cast(TextIO, VisibleStream(stream)) for stream in streams)
+    try:
+        status = _carried_out(arguments)
+        guard.settle()
+    finally:
+        sys.stdout, sys.stderr = streams
     return 128 + ended_by if ended_by else status
 
 

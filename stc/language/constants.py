@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from stc.errors import UsageError
 from stc.language import syntax
@@ -132,8 +132,8 @@ class Constants:
             raise NotANumber(node, f"a constant cannot use `{name}`, {RESERVED[name]}", hint)
         raise self.undeclared(node)
 
-    def undeclared(self, node: syntax.Name, candidates: Iterable[str] | None = None) -> NotANumber | Unknown:
-        """The exception for a name that nothing declares."""
+    def undeclared(self, node: syntax.Name, meant: str = "") -> NotANumber | Unknown:
+        """The exception for a name that nothing declares; ``meant`` is what was probably meant, where that is known."""
         name = node.name
         if name in self.damaged or name in self.reported or name == "?":
             return Unknown()
@@ -143,8 +143,7 @@ class Constants:
             return NotANumber(
                 node, message, "declare it under `constants:` or set it from outside with `--set n=value`"
             )
-        found = self.table.of_kind("constant") if candidates is None else candidates
-        hint = did_you_mean(name, found) or FUNCTION_ADVICE.get(name, "") or "declare it under `constants:`"
+        hint = meant or did_you_mean(name, self.table.of_kind("constant")) or FUNCTION_ADVICE.get(name, "") or "declare it under `constants:`"
         return NotANumber(node, f"`{name}` is not declared", hint)
 
     def _last_frame(self) -> int | None:
