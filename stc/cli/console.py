@@ -30,12 +30,15 @@ _TAG = re.compile(r"(\\*)(\[[a-z#/@][^[]*?\])")
 #: Between two columns.
 _GAP = "   "
 
+#: So many warnings about a spec are shown.
+MOST_WARNINGS = 20
+
 #: More parameters than this are counted instead of listed.
 MOST_PARAMETERS = 12
 
 
-def show_solution(solution: Solution, file: Path | None) -> None:
-    """The outcome of a solve; ``file`` is where it is saved, None when it is not."""
+def show_solution(solution: Solution, file: Path | None, was_read: bool = False) -> None:
+    """The outcome of a solve; ``file`` is where it is saved, or was read from, None when it is nowhere."""
     good = solution.status == "optimal"
     status = f"[green]{solution.status}[/green]" if good else f"[bold red]{solution.status}[/bold red]"
     rows = [
@@ -52,7 +55,7 @@ def show_solution(solution: Solution, file: Path | None) -> None:
         rows.append(("", f"and {len(solution.parameters) - MOST_PARAMETERS} more parameters"))
     rows.append(("time", times(solution)))
     if file is not None:
-        rows.append(("saved", escape(str(file))))
+        rows.append(("read from" if was_read else "saved", escape(str(file))))
     print_table(f"{solution.name}, {solution.method}, n = {solution.n}", rows)
     if not good and solution.message:
         print(solution.message)
@@ -249,8 +252,11 @@ def escape(text: str) -> str:
 
 def warn(diagnostics: Iterable[Diagnostic]) -> None:
     """Warnings about a spec, on standard error."""
-    for one in diagnostics:
+    found = list(diagnostics)
+    for one in found[:MOST_WARNINGS]:
         print(one.render(), file=sys.stderr)
+    if len(found) > MOST_WARNINGS:
+        print(f"and {len(found) - MOST_WARNINGS} more warnings", file=sys.stderr)
 
 
 @contextmanager

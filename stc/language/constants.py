@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from stc.errors import UsageError
 from stc.language import syntax
-from stc.language.diagnostics import Diagnostics, did_you_mean
+from stc.language.diagnostics import Diagnostics, did_you_mean, shortened
 from stc.language.names import NameTable, dependency_order
 from stc.language.numbers import NOISE, NotANumber, Unknown, affine
 from stc.language.words import FUNCTION_ADVICE, RESERVED
@@ -73,7 +73,7 @@ class Constants:
             circular.update(cycle)
             entry = self.table.entries[cycle[0]]
             message = f"the constant `{cycle[0]}` is defined by itself"
-            hint = " needs ".join(f"`{name}`" for name in cycle)
+            hint = " needs ".join(shortened([f"`{name}`" for name in cycle]))
             self.diagnostics.error(message, entry.start, entry.end, hint)
         for name in order:
             self.values[name] = self._value(name, overrides, circular)
