@@ -195,6 +195,8 @@ def _carried_out(arguments: Sequence[str]) -> int:
             return _report(as_json, "error", _usage(error), MISTAKE)
         if isinstance(error, ImportError) and "failed to map segment" in str(error):  # the loader says so
             return _report(as_json, "failed", _NO_MEMORY, BAD)
+        if type(error).__module__.partition(".")[0] == "mujoco":  # which is not imported for its exceptions
+            return _report(as_json, "failed", f"MuJoCo cannot go on: {' '.join(str(error).split())}", BAD)
         return _unexpected(as_json, error)
 
 
