@@ -13,7 +13,6 @@ _UNSEEN = re.compile(
 )
 
 
-
 def _spelled(found: re.Match[str]) -> str:
     code = ord(found[0])
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"

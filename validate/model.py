@@ -103,7 +103,8 @@ def load_model(path: Path) -> mujoco.MjModel:
     """Compile a model file.
 
     Raises:
-        ModelError: MuJoCo does not accept it, and the message carries MuJoCo's own; or it takes too much time or memory.
+        ModelError: MuJoCo does not accept it, and the message carries MuJoCo's own; or it takes too much time or
+            memory.
     """
     require_mujoco()
     import mujoco

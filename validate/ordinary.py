@@ -68,7 +68,9 @@ def refusal(path: Path) -> str:
     except OSError:  # no process can be started
         return ""
     said = " ".join(tried.stdout.decode("utf-8", "replace").split())
-    if tried.returncode == 3 or "allocate" in said or "unknown exception" in said:  # of C++, which has no memory left
+    if (
+        tried.returncode == 3 or "allocate" in said or "unknown exception" in said
+    ):  # of C++, which has no memory left
         return f"it takes more than {MEMORY >> 30} GB of memory; make its numbers of copies, cells or rows smaller"
     if tried.returncode == 4:
         return said

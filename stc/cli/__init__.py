@@ -181,7 +181,12 @@ def _carried_out(arguments: Sequence[str]) -> int:
     except StcError as error:
         return _report(as_json, "error", str(error), MISTAKE, error)
     except RecursionError:
-        return _report(as_json, "error", "what this asks for is nested too deep: name fewer things through others", MISTAKE)
+        return _report(
+            as_json,
+            "error",
+            "what this asks for is nested too deep: name fewer things through others",
+            MISTAKE,
+        )
     except MemoryError:
         return _report(as_json, "failed", _NO_MEMORY, BAD)
     except OSError as error:

@@ -143,7 +143,12 @@ class Constants:
             return NotANumber(
                 node, message, "declare it under `constants:` or set it from outside with `--set n=value`"
             )
-        hint = meant or did_you_mean(name, self.table.of_kind("constant")) or FUNCTION_ADVICE.get(name, "") or "declare it under `constants:`"
+        hint = (
+            meant
+            or did_you_mean(name, self.table.of_kind("constant"))
+            or FUNCTION_ADVICE.get(name, "")
+            or "declare it under `constants:`"
+        )
         return NotANumber(node, f"`{name}` is not declared", hint)
 
     def _last_frame(self) -> int | None:

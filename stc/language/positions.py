@@ -37,7 +37,10 @@ class Positions:
         self.formulas = formulas
         self.diagnostics = diagnostics
         self.structural: set[str] = set()
-        self._values: dict[bool, dict[str, tuple[float, float] | NotANumber | Unknown]] = {True: {}, False: {}}
+        self._values: dict[bool, dict[str, tuple[float, float] | NotANumber | Unknown]] = {
+            True: {},
+            False: {},
+        }
         self._headers: dict[int, FrameRange | None] = {}
 
     def structural_value(self, name: str) -> float | None:
@@ -63,15 +66,15 @@ class Positions:
             if name == "i" and indexed:
                 return 1.0, 0.0
             if kind == "definition" and name in self.formulas:
-                value = self._value_of_definition(name, indexed, resolve)
-                if isinstance(value, NotANumber):
+                made = self._value_of_definition(name, indexed, resolve)
+                if isinstance(made, NotANumber):
                     hint = f"{what} is made of constants{' and `i`' if indexed else ''}"
-                    root = value.__cause__ if isinstance(value.__cause__, NotANumber) else value
+                    root = made.__cause__ if isinstance(made.__cause__, NotANumber) else made
                     message = f"`{name}` is no number before solving: {root.message}"
                     raise NotANumber(node, message, hint) from root
-                if isinstance(value, Unknown):
-                    raise value
-                return value
+                if isinstance(made, Unknown):
+                    raise made
+                return made
             if kind is not None or name in ("i", "t", "inf"):
                 shown = f"the {kind} `{name}`" if kind else f"`{name}`"
                 raise NotANumber(

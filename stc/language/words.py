@@ -84,7 +84,9 @@ FRAMES_MEANT = {
     **dict.fromkeys(
         ("last", "end", "final", "finish", "stop", "tf", "t_f", "nn", "n_end"), "`[n]` is the last frame"
     ),
-    **dict.fromkeys(("first", "begin", "beginning", "start", "initial", "t0", "t_0"), "`[0]` is the first frame"),
+    **dict.fromkeys(
+        ("first", "begin", "beginning", "start", "initial", "t0", "t_0"), "`[0]` is the first frame"
+    ),
 }
 
 #: What people write after numbers, and where angles are no radians.

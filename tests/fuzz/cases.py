@@ -58,7 +58,10 @@ class Corpus:
 def corpus(folder: Path) -> Corpus:
     """All bundled specs, those of the tests, and solutions of the quick ones, solved in ``folder``."""
     here = Path(__file__).parents[1]
-    paths = [*sorted(here.rglob("*.stc")), *(Path(specs.__file__).parent / f"{name}.stc" for name in specs.names())]
+    paths = [
+        *sorted(here.rglob("*.stc")),
+        *(Path(specs.__file__).parent / f"{name}.stc" for name in specs.names()),
+    ]
     quick = [(Path(specs.__file__).parent / f"{name}.stc").read_text(encoding="utf-8") for name in QUICK]
     found = Corpus([path.read_text(encoding="utf-8") for path in paths], quick, {"npz": [], "csv": []})
     for name in QUICK[:2]:
@@ -73,7 +76,14 @@ def corpus(folder: Path) -> Corpus:
 def case(seed: int, number: int, given: Corpus) -> Case:
     """One case; the same for the same seed, number and corpus."""
     random_ = random.Random(f"{seed} {number}")
-    kinds: list[Callable[[random.Random, Corpus], Case]] = [_spec, _solve, _solution, _model, _table, _options]
+    kinds: list[Callable[[random.Random, Corpus], Case]] = [
+        _spec,
+        _solve,
+        _solution,
+        _model,
+        _table,
+        _options,
+    ]
     return random_.choices(kinds, [35, 10, 20, 12, 12, 11])[0](random_, given)
 
 
@@ -118,8 +128,26 @@ def _solution(random_: random.Random, given: Corpus) -> Case:
             ["validate", file, *_json(random_)],
             ["validate", file, "--force", *_json(random_)],
             ["export", file, "--format", random_.choice(FORMATS), "-o", "exported"],
-            ["solve", "spec.stc", "--warm-start", file, "-o", "out.npz", *_plain_solve(random_), *_json(random_)],
-            ["solve", "spec.stc", "--guess-from", file, "-o", "out.npz", *_plain_solve(random_), *_json(random_)],
+            [
+                "solve",
+                "spec.stc",
+                "--warm-start",
+                file,
+                "-o",
+                "out.npz",
+                *_plain_solve(random_),
+                *_json(random_),
+            ],
+            [
+                "solve",
+                "spec.stc",
+                "--guess-from",
+                file,
+                "-o",
+                "out.npz",
+                *_plain_solve(random_),
+                *_json(random_),
+            ],
         ]
     )
     return Case("solution", files, words, "exported" if words[0] == "export" else "out.npz")
@@ -154,8 +182,10 @@ def _table(random_: random.Random, given: Corpus) -> Case:
 
 def _options(random_: random.Random, given: Corpus) -> Case:
     """Words that do not belong together, values that are none."""
-    value = lambda: random_.choice([*mutations.NUMBERS, *mutations.CHARACTERS, "spec.stc", "in.npz", "none.npz"])  # noqa: E731
-    option = lambda: random_.choice(  # noqa: E731
+    value = lambda: random_.choice(
+        [*mutations.NUMBERS, *mutations.CHARACTERS, "spec.stc", "in.npz", "none.npz"]
+    )
+    option = lambda: random_.choice(
         [
             ["--set", f"{random_.choice(['n', 'h', 'm', 'T', 'none', '', chr(27)])}={value()}"],
             ["--method", random_.choice(["central", "trapezoidal", value()])],
@@ -169,7 +199,10 @@ def _options(random_: random.Random, given: Corpus) -> Case:
             ["--seed", value()],
             ["--refine", random_.choice(["1", "0", value()])],
             ["--threads", value()],
-            ["-o", random_.choice(["new/out.npz", "out.txt", ".", "spec.stc", "in.npz/x.npz", "a\x1b[31m.npz"])],
+            [
+                "-o",
+                random_.choice(["new/out.npz", "out.txt", ".", "spec.stc", "in.npz/x.npz", "a\x1b[31m.npz"]),
+            ],
             ["--explain"],
             ["--profile"],
             ["--direct"],
@@ -179,7 +212,20 @@ def _options(random_: random.Random, given: Corpus) -> Case:
         ]
     )
     command = random_.choice(
-        ["solve", "solve", "run", "check", "show", "validate", "compare", "export", "plot", "list", "new", value()]
+        [
+            "solve",
+            "solve",
+            "run",
+            "check",
+            "show",
+            "validate",
+            "compare",
+            "export",
+            "plot",
+            "list",
+            "new",
+            value(),
+        ]
     )
     target = random_.choice(["spec.stc", "spec.stc", "in.npz", "in.csv", "particle_waypoints", value()])
     words = [command, target] if command not in ("list", "new") else [command]

@@ -16,21 +16,80 @@ NUMBERS = [
 #: Words and signs of the language, and some that are not of it.
 WORDS = [
     *("constants:", "variables:", "parameters:", "definitions:", "guess:", "constraints:", "objective:"),
-    *("jumps:", "method:", "replay:", "lagrangian:", "forces:", "contact:", "n", "h", "t", "i", "x", "x'", "T"),
+    *(
+        "jumps:",
+        "method:",
+        "replay:",
+        "lagrangian:",
+        "forces:",
+        "contact:",
+        "n",
+        "h",
+        "t",
+        "i",
+        "x",
+        "x'",
+        "T",
+    ),
     *("[0]:", "[n]:", "[0, n]:", "[last]:", "[n/2]:", "[n+1]:", "[-1]:", "[i]", "[i-1]", "[", "]", "(", ")"),
-    *("+", "-", "*", "/", "^", "'", "''", ",", ";", ":", "=", "<=", ">=", "<", "==", "complements", "integral("),
-    *("before(", "after(", "sin(", "sqrt(", "log(", "atan2(", "tanh(", "exp(", "inf", "pi", '"', '"q.xml"', "#"),
+    *(
+        "+",
+        "-",
+        "*",
+        "/",
+        "^",
+        "'",
+        "''",
+        ",",
+        ";",
+        ":",
+        "=",
+        "<=",
+        ">=",
+        "<",
+        "==",
+        "complements",
+        "integral(",
+    ),
+    *(
+        "before(",
+        "after(",
+        "sin(",
+        "sqrt(",
+        "log(",
+        "atan2(",
+        "tanh(",
+        "exp(",
+        "inf",
+        "pi",
+        '"',
+        '"q.xml"',
+        "#",
+    ),
     *("central;", "hermite-simpson;", "trapezoidal;", "\n", "set option.gravity.z = 1;", "joint x = x;"),
 ]
 #: Characters that are no part of any of them.
-CHARACTERS = ["\x00", "\x1b", "\x1b]0;title\x07", "\r", "\x9b31m", "\u202e", "\ufeff", "é", "∂", "𝕏", "\t", "\x7f"]
+CHARACTERS = [
+    "\x00",
+    "\x1b",
+    "\x1b]0;title\x07",
+    "\r",
+    "\x9b31m",
+    "\u202e",
+    "\ufeff",
+    "é",
+    "∂",
+    "𝕏",
+    "\t",
+    "\x7f",
+]
 
 _TOKEN = re.compile(r"\s+|\w+|\d+\.?\d*|.", re.DOTALL)
 _NUMBER = re.compile(rb"-?\d+\.?\d*(?:e-?\d+)?")
 
 
 def text(random_: random.Random, given: str) -> bytes:
-    """A spec with some of its tokens lost, doubled, exchanged or replaced, some of its lines moved, or its bytes spoilt."""
+    """A spec with tokens lost, doubled, exchanged or replaced, or with spoilt bytes."""
     tokens = _TOKEN.findall(given)
     for _ in range(random_.choice([1, 1, 1, 2, 3, 8])):
         if not tokens:
@@ -54,7 +113,9 @@ def text(random_: random.Random, given: str) -> bytes:
         elif way == 6:
             tokens.insert(at, random_.choice(CHARACTERS))
         elif way == 7:
-            tokens = tokens[:at] if random_.random() < 0.3 else tokens[: min(at, other)] + tokens[max(at, other) :]
+            tokens = (
+                tokens[:at] if random_.random() < 0.3 else tokens[: min(at, other)] + tokens[max(at, other) :]
+            )
         else:
             repeated = random_.choice(["(", "[", "-", "'", "x^", "sin(", "+x", "*x", ";", ",", "x;", "a:"])
             tokens.insert(at, repeated * random_.choice([5, 200, 5000]))
@@ -121,9 +182,21 @@ def _forged_header(random_: random.Random, member: bytes) -> bytes:
     if not member.startswith(b"\x93NUMPY"):
         return member
     size = struct.unpack("<H", member[8:10])[0]
-    kind = random_.choice(["<f8", ">f8", "<f4", "|O", "<U5", "<i8", "|b1", "<c16", "|V9", "<f8, <f8", "<M8[s]"])
+    kind = random_.choice(
+        ["<f8", ">f8", "<f4", "|O", "<U5", "<i8", "|b1", "<c16", "|V9", "<f8, <f8", "<M8[s]"]
+    )
     shape = random_.choice(
-        ["()", "(0,)", "(1,)", "(7, 3)", "(1000000000000,)", "(-1,)", "(3, -4)", "(99999999999999999999,)", "1"]
+        [
+            "()",
+            "(0,)",
+            "(1,)",
+            "(7, 3)",
+            "(1000000000000,)",
+            "(-1,)",
+            "(3, -4)",
+            "(99999999999999999999,)",
+            "1",
+        ]
     )
     order = random_.choice(["True", "False"])
     text_ = f"{{'descr': '{kind}', 'fortran_order': {order}, 'shape': {shape}, }}"
@@ -204,7 +277,9 @@ def model(random_: random.Random, given: str) -> bytes:
             found = list(re.finditer(r'"[^"]*"', spoilt))
             if found:
                 at_ = random_.choice(found)
-                value = random_.choice([*NUMBERS, "\x1b[31mX", "&#27;[31mX", "x" * 5000, "é", "1 2 3 4 5 6 7 8"])
+                value = random_.choice(
+                    [*NUMBERS, "\x1b[31mX", "&#27;[31mX", "x" * 5000, "é", "1 2 3 4 5 6 7 8"]
+                )
                 spoilt = f'{spoilt[: at_.start()]}"{value}"{spoilt[at_.end() :]}'
         else:
             return data(random_, spoilt.encode("utf-8", "replace"))
@@ -214,7 +289,9 @@ def model(random_: random.Random, given: str) -> bytes:
 def table(random_: random.Random, names: list[str]) -> bytes:
     """A table of guesses, most of them with something wrong."""
     columns = random_.sample(names, random_.randint(0, len(names)))
-    columns += random_.sample(["t", "time", "frame", "x'", "zz", "", "\x1b[31m", "x", "n"], random_.randint(0, 3))
+    columns += random_.sample(
+        ["t", "time", "frame", "x'", "zz", "", "\x1b[31m", "x", "n"], random_.randint(0, 3)
+    )
     mark = random_.choice([",", ",", ";", "\t", "|"])
     rows = random_.choice([0, 1, 2, 5, 30])
     lines = [mark.join(columns)]

@@ -23,7 +23,7 @@ def _steers(words: list[str]) -> int:
 
 
 def _warns(words: list[str]) -> int:
-    print("RuntimeWarning: overflow encountered in divide", file=sys.stderr)
+    print("note: overflow encountered in divide", file=sys.stderr)
     return 0
 
 
@@ -48,7 +48,7 @@ def _leaves(words: list[str]) -> int:
         (lambda words: 3, "exit status 3"),
         (_raises, "ValueError: never handled"),
         (_steers, "control characters"),
-        (_warns, "RuntimeWarning"),
+        (_warns, "encountered in"),
         (_loses, "spec.stc is lost"),
         (_spoils, "out.npz is no whole file"),
         (_leaves, "left behind"),

@@ -49,7 +49,9 @@ def test_what_is_nested_without_end_is_refused(statement: str, message: str) -> 
         ("integral(f^2)", "{}+1", "objective: {};"),
     ],
 )
-def test_definitions_made_of_each_other_are_a_chain_of_any_length(first: str, following: str, use: str) -> None:
+def test_definitions_made_of_each_other_are_a_chain_of_any_length(
+    first: str, following: str, use: str
+) -> None:
     chain = "".join(f"d{k} = {following.format(f'd{k - 1}')};\n" for k in range(1, DEEP))
     text = f"{HEAD}definitions:\nd0 = {first};\n{chain}{MOTION}{use.format(f'd{DEEP - 1}')}\n"
     assert len(_problem(text).variables) == 2
@@ -65,7 +67,7 @@ def test_what_a_long_chain_comes_to_is_told_once() -> None:
 
 def test_integrals_that_double_are_refused() -> None:
     chain = "".join(f"d{k} = d{k - 1} + d{k - 1};\n" for k in range(1, 64))
-    with pytest.raises(SpecError, match="more than .* integrals"):
+    with pytest.raises(SpecError, match=r"more than .* integrals"):
         _problem(f"{HEAD}definitions:\nd0 = integral(f^2);\n{chain}{MOTION}objective: d63;\n")
 
 
