@@ -12,6 +12,7 @@ import os
 import struct
 import subprocess
 import sys
+import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import suppress
@@ -57,12 +58,19 @@ def refusal(path: Path) -> str:
     """Why a model cannot be compiled within limits; "" where it can, or where nothing speaks against it."""
     if is_ordinary(path):
         return ""
-    command = [sys.executable, "-c", _TRIAL, os.fspath(path), str(MEMORY)]
+    command = [sys.executable, "-c", _TRIAL, os.fspath(path.resolve()), str(MEMORY)]
     environment = {**os.environ, "MUJOCO_GL": "off"}
     try:
-        tried = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=TIME, env=environment, check=False
-        )
+        with tempfile.TemporaryDirectory() as folder:  # where MuJoCo leaves its log
+            tried = subprocess.run(
+                command,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                timeout=TIME,
+                env=environment,
+                cwd=folder,
+                check=False,
+            )
     except subprocess.TimeoutExpired:
         return f"to compile it takes MuJoCo more than {TIME:g} s; make its numbers of copies, cells or rows smaller"
     except OSError:  # no process can be started
