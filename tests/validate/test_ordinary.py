@@ -87,7 +87,8 @@ def test_what_mujoco_says_of_a_large_model_is_told(tmp_path: Path) -> None:
         load_model(_written(tmp_path, inside))
 
 
-def test_values_that_mujoco_cannot_take_are_told() -> None:
+def test_values_that_mujoco_cannot_take_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # where MuJoCo leaves its log
     file = models.locate("particle.xml")
     assert file is not None
     with pytest.raises(
