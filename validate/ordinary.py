@@ -39,6 +39,7 @@ import os, sys
 try:
     import resource
     resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
+    resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[3]),) * 2)  # should the one that waits be gone
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 except (ImportError, ValueError, OSError):
     pass
@@ -58,7 +59,7 @@ def refusal(path: Path) -> str:
     """Why a model cannot be compiled within limits; "" where it can, or where nothing speaks against it."""
     if is_ordinary(path):
         return ""
-    command = [sys.executable, "-c", _TRIAL, os.fspath(path.resolve()), str(MEMORY)]
+    command = [sys.executable, "-c", _TRIAL, os.fspath(path.resolve()), str(MEMORY), str(math.ceil(2 * TIME))]
     environment = {**os.environ, "MUJOCO_GL": "off"}
     try:
         with tempfile.TemporaryDirectory() as folder:  # where MuJoCo leaves its log

@@ -87,7 +87,7 @@ def _obey_limit(arguments: Sequence[str]) -> None:
     """
     if arguments[:1] == ["view"]:  # whose limit is for each of its solves
         return
-    for word, after in zip(arguments, [*arguments[1:], ""], strict=True):
+    for word, after in zip(arguments, [*arguments[1:], ""]):
         name, equals, value = word.partition("=")
         if name == "--time-limit":
             with suppress(ValueError):
