@@ -165,7 +165,7 @@ def solved(
 
         path = existing_solution(target)
         # The file and not the solution is handed on: the model may lie beside it.
-        outcome = Outcome(read(path), path)
+        outcome = Outcome(read(path), path, was_read=True)
         if needs_model and outcome.solution.model is None:
             raise UsageError(_no_replay(outcome.solution.name, needs_model), f"{without}; {_HOW}")
         return outcome, path
