@@ -20,7 +20,7 @@ from pathlib import Path
 
 from stc.errors import EndedError
 
-__all__ = ["begin", "left", "look", "process_began", "until", "within"]
+__all__ = ["begin", "left", "look", "process_began", "unlimited", "until", "within"]
 
 #: Whether all work of this process is asked to stop; the command line says so.
 asked_to_stop = False
@@ -30,6 +30,9 @@ _until: ContextVar[float] = ContextVar("until", default=math.inf)
 
 #: Seconds that work may be late that has not led to a motion yet, but soon may.
 LATE = 0.1
+
+
+_unlimited: ContextVar[bool] = ContextVar("unlimited", default=False)
 
 
 def until() -> float:
@@ -52,6 +55,16 @@ def within(seconds: float) -> Iterator[None]:
         _until.reset(token)
 
 
+@contextmanager
+def unlimited() -> Iterator[None]:
+    """Inside, :func:`look` lets everything go on: what there is when the time is up is still to be saved."""
+    token = _unlimited.set(True)
+    try:
+        yield
+    finally:
+        _unlimited.reset(token)
+
+
 def begin(at: float) -> None:
     """Let the time of this thread be up at a moment of ``time.perf_counter``, whatever held before."""
     _until.set(at)
@@ -63,6 +76,8 @@ def look() -> None:
     Raises:
         EndedError: the time is up, or this process was asked to stop.
     """
+    if _unlimited.get():
+        return
     if asked_to_stop:
         raise EndedError("interrupted", "interrupted")
     if time.perf_counter() > _until.get() + LATE:

@@ -53,12 +53,16 @@ Callback = Callable[[Any], bool | None]
 FloatArray = NDArray[np.float64]
 
 
+#: Characters that a spec may have: far more than anybody writes, few enough to be read in seconds.
+MOST_CHARACTERS = 2_000_000
+
+
 def read_source(spec: str | os.PathLike[str]) -> Source:
     """The text of a spec: a path, a bundled name, or the text itself (anything with a line break or a colon).
 
     Raises:
         UsageError: no such spec, a file that is not UTF-8 text, or one that holds a solution or table instead; a
-            text or file without anything in it.
+            text or file without anything in it, or a file too long to be a spec.
     """
     if not isinstance(spec, str | os.PathLike):
         raise UsageError(f"a spec is a path, a bundled name or its text, not {spec!r}")
@@ -72,7 +76,8 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
 
         refuse_as_spec(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as stream:
+            text = stream.read(MOST_CHARACTERS + 1)  # of what has no end as well
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
         raise UsageError(
@@ -81,6 +86,11 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
         ) from error
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
+    if len(text) > MOST_CHARACTERS:
+        raise UsageError(
+            f"{path} has more than {MOST_CHARACTERS} characters",
+            "a statement under a range header says for many frames what need not be written for each",
+        )
     return with_text(Source(str(spec) if Path(spec).is_file() else path.name, text, str(path)))
 
 

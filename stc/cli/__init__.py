@@ -17,12 +17,14 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import NoReturn
+from itertools import zip_longest
+from typing import NoReturn, TextIO, cast
 
 from stc import deadline
 from stc.cli import guard
 from stc.errors import EndedError, EvaluationError, SpecError, StcError, UnsolvedError
 from stc.memory import keep_freed_memory, stay_within_memory
+from stc.visible import VisibleStream
 
 __all__ = ["main", "run"]
 
@@ -86,7 +88,7 @@ def _obey_limit(arguments: Sequence[str]) -> None:
     """
     if arguments[:1] == ["view"]:  # whose limit is for each of its solves
         return
-    for word, after in zip(arguments, [*arguments[1:], ""], strict=True):
+    for word, after in zip_longest(arguments, arguments[1:], fillvalue=""):
         name, equals, value = word.partition("=")
         if name == "--time-limit":
             with suppress(ValueError):
@@ -131,8 +133,13 @@ def run(arguments: Sequence[str]) -> int:
     ended_by = 0
     deadline.begin(math.inf)
     _obey_limit(arguments)
-    status = _carried_out(arguments)
-    guard.settle()
+    streams = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (cast(TextIO, VisibleStream(stream)) for stream in streams)
+    try:
+        status = _carried_out(arguments)
+        guard.settle()
+    finally:
+        sys.stdout, sys.stderr = streams
     return 128 + ended_by if ended_by else status
 
 
@@ -174,6 +181,13 @@ def _carried_out(arguments: Sequence[str]) -> int:
         return _report(as_json, error.status, str(error), BAD, error)
     except StcError as error:
         return _report(as_json, "error", str(error), MISTAKE, error)
+    except RecursionError:
+        return _report(
+            as_json,
+            "error",
+            "what this asks for is nested too deep: name fewer things through others",
+            MISTAKE,
+        )
     except MemoryError:
         return _report(as_json, "failed", _NO_MEMORY, BAD)
     except OSError as error:
@@ -187,6 +201,8 @@ def _carried_out(arguments: Sequence[str]) -> int:
             return _report(as_json, "error", _usage(error), MISTAKE)
         if isinstance(error, ImportError) and "failed to map segment" in str(error):  # the loader says so
             return _report(as_json, "failed", _NO_MEMORY, BAD)
+        if type(error).__module__.partition(".")[0] == "mujoco":  # which is not imported for its exceptions
+            return _report(as_json, "failed", f"MuJoCo cannot go on: {' '.join(str(error).split())}", BAD)
         return _unexpected(as_json, error)
 
 

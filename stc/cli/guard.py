@@ -159,9 +159,14 @@ def _finish() -> None:
     def hand_over() -> None:
         _ending.acquire()  # not while the main thread saves what it has found
         begun.set()
-        with suppress(BaseException):  # whatever goes wrong, the process ends
+        try:
             assert _State.on_end is not None
             codes.append(_State.on_end(_State.status))
+        except BaseException:  # whatever goes wrong, the process ends
+            if os.environ.get("STC_DEBUG"):
+                import traceback
+
+                traceback.print_exc()
         done.set()
 
     _thread.start_new_thread(hand_over, ())
@@ -169,9 +174,10 @@ def _finish() -> None:
     while not done.wait(max(0.0, _State.latest - time.perf_counter())):
         # What is being written is not given up; where there is nothing to be written yet, there is no time for it.
         if not atomic.is_writing():
-            cli.say_ended(_State.status)
             break
         done.wait(PERIOD)
+    if not codes:
+        cli.say_ended(_State.status)
     _leave(128 + cli.ended_by if cli.ended_by else codes[0] if codes else cli.BAD)
 
 

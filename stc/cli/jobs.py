@@ -165,7 +165,7 @@ def solved(
 
         path = existing_solution(target)
         # The file and not the solution is handed on: the model may lie beside it.
-        outcome = Outcome(read(path), path)
+        outcome = Outcome(read(path), path, was_read=True)
         if needs_model and outcome.solution.model is None:
             raise UsageError(_no_replay(outcome.solution.name, needs_model), f"{without}; {_HOW}")
         return outcome, path
@@ -395,10 +395,13 @@ def _judged(
         reason = f"the command was ended: {why}"
         return _not_validated(outcome, reason, page, as_json, why, shown=True)
 
-    with validating(outcome.solution.name), guard.on_end(ended):
-        certificate = certify(
-            motion, force=force, equations=True if page is not None else None, further=further
-        )
+    try:
+        with validating(outcome.solution.name), guard.on_end(ended):
+            certificate = certify(
+                motion, force=force, equations=True if page is not None else None, further=further
+            )
+    except EndedError as error:
+        return ended(error.status)
     if not as_json:
         # What was found is shown before anything else can go wrong.
         console.show_certificate(certificate)

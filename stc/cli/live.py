@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import stc.cli as cli
 from stc import deadline
+from stc.visible import visible
 
 if TYPE_CHECKING:
     from stc.solver.report import IterationRecord
@@ -47,12 +48,13 @@ class Line:
         if not self.visible:
             return
         if self._live is None:
-            from rich.console import Console
             from rich.live import Live
 
-            self._live = Live(console=Console(stderr=True), auto_refresh=False, transient=True)
+            from stc.cli.console import rich_console
+
+            self._live = Live(console=rich_console(stderr=True), auto_refresh=False, transient=True)
             self._live.start()
-        self._live.update(text, refresh=True)
+        self._live.update(visible(text), refresh=True)
         self._next_update = time.monotonic() + PERIOD
 
     def close(self) -> None:

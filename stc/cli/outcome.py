@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from stc.cli import BAD, console, guard, reasons, record
 from stc.cli.searches import Found
+from stc.deadline import unlimited
 from stc.errors import Diagnostic
 from stc.records import dataclass
 
@@ -25,7 +26,7 @@ __all__ = ["Ending", "Outcome", "keep_solution"]
 class Outcome:
     """A solution with where it is saved (None: nowhere), the warnings about its spec, and the reasons known.
 
-    ``unsaved`` tells why it is not, where it was to be.
+    ``unsaved`` tells why it is not, where it was to be; ``was_read`` that the file was there already.
     """
 
     solution: Solution
@@ -36,6 +37,7 @@ class Outcome:
     found: Found | None = None
     profile: Sequence[Part] = ()
     unsaved: str = ""
+    was_read: bool = False
 
     @property
     def status(self) -> str:
@@ -63,7 +65,7 @@ class Outcome:
 
     def show(self) -> None:
         """What people see of it."""
-        console.show_solution(self.solution, self.file)
+        console.show_solution(self.solution, self.file, self.was_read)
         if self.found is not None and (in_all := self.found.in_all()):
             print(in_all)
         if self.found is not None and self.found.message:
@@ -148,7 +150,8 @@ def keep_solution(solution: Solution, file: Path, keep: Callable[[Path], object]
             from stc.cli.keeping import keep_optimal
 
             keep_optimal(file, solution.status)
-        (keep or solution.save)(file)
+        with unlimited():
+            (keep or solution.save)(file)
     except OSError as error:
         if error.errno is None:
             raise

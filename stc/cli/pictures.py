@@ -12,6 +12,7 @@ from stc.cli import GOOD, jobs, record
 from stc.cli.live import validating
 from stc.cli.options import SolveOptions, ready_to_write
 from stc.errors import UsageError
+from stc.visible import unfiltered
 
 if TYPE_CHECKING:
     from stc.cli.outcome import Outcome
@@ -134,8 +135,8 @@ class _Counter:
     def __call__(self, done: int, total: int) -> None:
         if self._shown and (done == total or time.monotonic() - self._last > 0.2):
             self._last = time.monotonic()
-            print(f"\r{done} of {total} images", end="", file=sys.stderr, flush=True)
+            print(f"\r{done} of {total} images", end="", file=unfiltered(sys.stderr), flush=True)
 
     def __exit__(self, *_: object) -> None:
         if self._shown and self._last:
-            print("\r" + " " * 40 + "\r", end="", file=sys.stderr, flush=True)
+            print("\r" + " " * 40 + "\r", end="", file=unfiltered(sys.stderr), flush=True)

@@ -35,8 +35,8 @@ __all__ = ["SecondOrder", "leave_saddle", "second_order_at"]
 POWER_STEPS = 30
 SETTLED = 0.1
 NEGLIGIBLE = 1e-8
-"""Curvature, relative to the Hessian's largest entry or to 1, that counts as none: of the size of the errors that a
-point within the tolerance leaves in it."""
+"""Curvature that counts as none, of the size of the errors that a point within the tolerance leaves in it: relative to
+what it is made of, whatever the units of the variables; on the way, to the Hessian's largest entry or to 1."""
 FRACTION = 0.9
 FIRST_TRIAL = 0.1
 TRIALS, FEW_TRIALS = 16, 3
@@ -80,9 +80,10 @@ def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> Second
     bent = _most_bent(system, seed)
     if bent is None:
         return SecondOrder.FLAT
-    dw, curvature = bent
-    flat = flat or curvature > -negligible  # what inertia says of a badly scaled matrix may be rounding
-    if flat and not probe:
+    dw, curvature, uncertain = bent
+    # What inertia says of a badly scaled matrix may be rounding, and its largest entry may hide what bends.
+    flat = curvature >= -NEGLIGIBLE * uncertain if probe else flat or curvature > -negligible
+    if flat and (not probe or (form.linear and form.quadratic_objective)):
         return SecondOrder.FLAT
     if inner(it.dual[: form.n], dw[: form.n]) > 0.0:
         dw = -dw
@@ -100,8 +101,9 @@ def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> Second
     return SecondOrder.LOWER if flat else SecondOrder.LEFT
 
 
-def _most_bent(system: NewtonSystem, seed: int) -> tuple[Floats, float] | None:
-    """The direction (n + m,) that bends downwards most, its variables of length 1, and how much it bends.
+def _most_bent(system: NewtonSystem, seed: int) -> tuple[Floats, float, float] | None:
+    """The direction (n + m,) that bends downwards most, its variables of length 1; how much it bends, and what that
+    changes by, relative changes of the Hessian's entries and of the direction added up.
 
     By inverse iteration from a random direction; None where that breaks down.
     """
@@ -120,7 +122,8 @@ def _most_bent(system: NewtonSystem, seed: int) -> tuple[Floats, float] | None:
         before, curvature = curvature, inner(v, form.hessian_times(hess, v))
         if abs(curvature - before) <= SETTLED * abs(curvature):
             break
-    return dw, curvature
+    of_entries = inner(np.abs(v), form.hessian_times(np.abs(hess), np.abs(v)))
+    return dw, curvature, of_entries + 2.0 * norm(form.hessian_times(hess, v))
 
 
 def _lower(system: NewtonSystem, dw: Floats, *, few: bool, beyond_errors: bool) -> Floats | None:
@@ -167,4 +170,4 @@ def second_order_at(form: ScaledProblem, x: Floats, y: Floats, seed: int) -> Sec
     work = workspace_of(form)
     work.load(active_iterate(form, x, y))
     work.calls.forget()
-    return leave_saddle(NewtonSystem(work), seed, probe=not form.quadratic_program)
+    return leave_saddle(NewtonSystem(work), seed, probe=True)

@@ -116,6 +116,16 @@ def test_the_condition_concerns_the_critical_cone_alone() -> None:
     assert second_order_at(_form(other), np.zeros(2), np.zeros(1), 0) is SecondOrder.ENDLESS
 
 
+@pytest.mark.parametrize("stiff", [1.0, 1e6, 1e12])
+def test_units_hide_no_curvature(stiff: float) -> None:
+    """What bends downwards in one variable does so however steep another one is."""
+    program = SymbolicProgram([0.0, 0.0], lambda x: stiff * x[1] ** 2 - x[0] ** 2 + x[0] ** 4)
+    assert second_order_at(_form(program), np.zeros(2), np.zeros(0), 0) is SecondOrder.LEFT
+    result = minimize(program)
+    assert result.status is Status.OPTIMAL
+    assert result.objective == pytest.approx(-0.25, abs=1e-6)
+
+
 def test_curves_are_followed_to_where_the_objective_rises() -> None:
     """On a circle from just beside its top down to the lowest point, on the rows all the way."""
     program = SymbolicProgram([0.0, 1.0], lambda x: x[1], lambda x: [(x[0] ** 2 + x[1] ** 2, 1.0, 1.0)])
