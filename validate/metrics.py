@@ -75,4 +75,10 @@ def drift(simulated: FloatArray, before: FloatArray, after: FloatArray) -> tuple
     distance = np.minimum(np.abs(simulated - before), np.abs(simulated - after))
     if not np.all(np.isfinite(distance)):
         return math.inf, math.inf
-    return float(distance.max()), float(np.sqrt(np.mean(distance**2)))
+    return float(distance.max()), root_mean_square(distance)
+
+
+def root_mean_square(sizes: FloatArray) -> float:
+    """The root of the mean square of finite numbers >= 0, in their unit, though a square is beyond all doubles."""
+    largest = float(sizes.max(initial=0.0))
+    return largest * float(np.sqrt(np.mean((sizes / largest) ** 2))) if largest > 0.0 else 0.0
