@@ -32,7 +32,7 @@ __all__ = ["minimize_in_child"]
 #: Seconds between two looks at requests to stop.
 PERIOD = 0.05
 #: Seconds after the time limit in which the other process may end by itself, with what it makes of its last point.
-OWN_END = 0.1
+OWN_END = 0.05
 
 Method = Callable[[Callback | None], Result]
 
