@@ -17,7 +17,7 @@ import numpy as np
 import trimesh
 
 from stc import models, specs
-from stc.models import arm, cart_pole, cat, humanoid, luxo, quadruped
+from stc.models import arm, arm7, cart_pole, cat, gymnast, humanoid, luxo, luxo3d, quadruped
 from stc.models.description import Description
 from stc.models.measures import rewrite, table
 
@@ -29,10 +29,13 @@ def descriptions() -> list[Description]:
     """All described models."""
     return [
         luxo.describe(),
+        luxo3d.describe(),
         arm.describe(),
+        arm7.describe(),
         cart_pole.describe(),
         quadruped.describe(),
         humanoid.describe(),
+        gymnast.describe(),
         cat.describe(),
     ]
 

@@ -11,6 +11,7 @@ them closely but adds what a lamp needs to look like one: forks, axles, a hollow
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, sin
 
@@ -207,13 +208,20 @@ MATERIALS = [
 ]
 
 
-def _lamp(found: Bodies, *base_joints: Element) -> Element:
-    """The tree of bodies; without ``base_joints`` the base is fixed to the floor."""
+def lamp(
+    found: Bodies, *base_joints: Element, swivels: tuple[Element, ...] = (), limited: bool = False
+) -> Element:
+    """The tree of bodies; without ``base_joints`` the base is fixed to the floor.
+
+    Args:
+        swivels: joints between base and lower arm below the hip.
+        limited: whether the joints' ranges bound them.
+    """
     axis = (0.0, 1.0, 0.0)
     head = element(
         "body",
         inertial(found.head),
-        hinge("neck", axis=axis, range=RANGES["neck"], limited=False),
+        hinge("neck", axis=axis, range=RANGES["neck"], limited=limited),
         seen("luxo_axle_upper", "brass"),
         seen("luxo_socket", "enamel"),
         seen("luxo_shade", "enamel"),
@@ -240,7 +248,7 @@ def _lamp(found: Bodies, *base_joints: Element) -> Element:
     upper = element(
         "body",
         inertial(found.upper),
-        hinge("elbow", axis=axis, range=RANGES["elbow"], limited=False),
+        hinge("elbow", axis=axis, range=RANGES["elbow"], limited=limited),
         seen("luxo_upper", "steel"),
         seen("luxo_axle_upper", "brass"),
         head,
@@ -250,7 +258,8 @@ def _lamp(found: Bodies, *base_joints: Element) -> Element:
     lower = element(
         "body",
         inertial(found.lower),
-        hinge("hip", axis=axis, range=RANGES["hip"], limited=False),
+        *swivels,
+        hinge("hip", axis=axis, range=RANGES["hip"], limited=limited),
         seen("luxo_lower", "steel"),
         seen("luxo_axle_lower", "brass"),
         upper,
@@ -332,17 +341,21 @@ def _hurdle() -> Element:
     return element("body", bar, *posts, name="hurdle", pos=(0.2, 0.0, 0.1))
 
 
-def _document(
-    name: str, comment: str, found: Bodies, *base_joints: Element, scenery: tuple[Element, ...] = ()
-) -> str:
+def scene(name: str, comment: str, standing: Sequence[Element], drives: Element, *more: Element) -> str:
+    """The document of a lamp in its room.
+
+    Args:
+        standing: the lamp, and before it what else stands there.
+        drives: its actuators.
+        more: further sections.
+    """
     world = element(
         "worldbody",
         stage.sun(),
         stage.camera("side", (0.2, -2.3, 0.42), (0.0, 1.0, -0.05), 25.0),
         stage.camera("portrait", (1.02, -1.36, 0.50), (-0.56, 0.80, -0.15), 27.0),
         stage.floor(contype=1.0, conaffinity=1.0, friction="0.66 0.005 0.0001", solref="0.0002 1"),
-        *scenery,
-        _lamp(found, *base_joints),
+        *standing,
     )
     return document(
         name,
@@ -353,8 +366,16 @@ def _document(
         stage.defaults(),
         element("asset", *stage.assets(), *MATERIALS, *meshes(shapes())),
         world,
-        motors("hip", "elbow", "neck"),
+        drives,
+        *more,
     )
+
+
+def _planar(
+    name: str, comment: str, found: Bodies, *base_joints: Element, scenery: tuple[Element, ...] = ()
+) -> str:
+    """The lamp in the plane, its motors without limits."""
+    return scene(name, comment, (*scenery, lamp(found, *base_joints)), motors("hip", "elbow", "neck"))
 
 
 def describe() -> Description:
@@ -372,24 +393,24 @@ def describe() -> Description:
         name="luxo",
         measures=measures(found),
         documents={
-            "luxo.xml": _document(
+            "luxo.xml": _planar(
                 "luxo", f"The lamp, standing free in the x-z plane.\n{written}", found, *free
             ),
-            "luxo_step.xml": _document(
+            "luxo_step.xml": _planar(
                 "luxo_step",
                 f"The lamp, standing free, and a step.\n{written}",
                 found,
                 *free,
                 scenery=(_step(),),
             ),
-            "luxo_hurdle.xml": _document(
+            "luxo_hurdle.xml": _planar(
                 "luxo_hurdle",
                 f"The lamp, standing free, and a hurdle.\n{written}",
                 found,
                 *free,
                 scenery=(_hurdle(),),
             ),
-            "luxo_fixed.xml": _document("luxo_fixed", f"The lamp with its base fixed.\n{written}", found),
+            "luxo_fixed.xml": _planar("luxo_fixed", f"The lamp with its base fixed.\n{written}", found),
         },
         meshes=shapes(),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -46,3 +47,12 @@ def number(text: str, where: str) -> float:
         raise UsageError(f"{where}: {error.diagnostics[0].message}", error.diagnostics[0].hint) from None
     except NotANumber as error:
         raise UsageError(f"{where}: {error.message}", error.hint) from None
+
+
+#: A constant's name, or the path of a number of the model: words with dots between them, others in quotes.
+_NAME = re.compile(r'[^\W\d]\w*(\.(\w+|"[^"]+"))*')
+
+
+def names_a_constant(text: str) -> bool:
+    """Whether a text can be the name of a constant, as ``g`` or ``body.trunk.mass``."""
+    return _NAME.fullmatch(text) is not None

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stc.bundled import SOLUTION_SUFFIXES, is_solution
-from stc.cli.inputs import number
+from stc.cli.inputs import names_a_constant, number
 from stc.cli.searches import Search, search_options
 from stc.errors import UsageError
 from stc.records import dataclass, field
@@ -134,7 +134,7 @@ def constants(settings: Sequence[str] | None) -> dict[str, float]:
     for setting in settings or ():
         name, equals, value = setting.partition("=")
         name = name.strip()
-        if not equals or not name.isidentifier() or not value.strip():
+        if not equals or not names_a_constant(name) or not value.strip():
             raise UsageError(
                 f"--set wants NAME=VALUE, not `{setting}`", "for example: --set g=1.62 --set h=1/30"
             )

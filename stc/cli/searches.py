@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from stc.cli.console import Rows, escape
-from stc.cli.inputs import number
+from stc.cli.inputs import names_a_constant, number
 from stc.errors import UsageError
 from stc.records import dataclass, field
 
@@ -152,7 +152,12 @@ def walk_option(text: str) -> Walk:
     """
     name, equals, values = text.partition("=")
     name, parts = name.strip(), values.split(":")
-    if not equals or not name.isidentifier() or len(parts) not in (2, 3) or not all(p.strip() for p in parts):
+    if (
+        not equals
+        or not names_a_constant(name)
+        or len(parts) not in (2, 3)
+        or not all(p.strip() for p in parts)
+    ):
         raise UsageError(
             f"--continue wants NAME=FIRST:LAST:STEPS, not `{text}`", "for example: --continue g=0:9.8:20"
         )

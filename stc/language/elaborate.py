@@ -281,8 +281,7 @@ class _Elaborator(Context):
         for _, where, pose in self.statements("guess", syntax.Pose):
             if self._has_model(pose) and where is not None:
                 assert self.model_statements is not None
-                assert self.model_statements.poses is not None
-                found += self.model_statements.poses.guesses(pose, where)
+                found += self.model_statements.guess(pose, where)
         for _, where, statement in self.statements("guess", syntax.Assignment):
             body = self.builder.build(statement.value)
             name = statement.name.name

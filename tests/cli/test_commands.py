@@ -159,6 +159,14 @@ def test_constants_from_outside_may_be_expressions(stc_: Stc) -> None:
     assert last_line(out)["objective"] == pytest.approx(20.0)
 
 
+def test_numbers_of_a_model_are_given_by_their_paths(stc_: Stc) -> None:
+    status, out, _ = stc_("solve", "arm_swing", "--json", "--set", "body.hand.mass=0.3")
+    assert status == 0
+    assert last_line(out)["objective"] < 500.0
+    _, _, told = stc_("solve", "arm_swing", "--set", "body.hands.mass=1")
+    assert "did you mean `body.hand.mass`" in told
+
+
 def test_the_later_of_two_values_wins(stc_: Stc) -> None:
     _, out, _ = stc_("solve", "point", "--json", "--set", "c=1", "--set", "c=10")
     assert last_line(out)["objective"] == pytest.approx(20.0)

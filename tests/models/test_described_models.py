@@ -13,6 +13,11 @@ from stc.models import build, luxo
 
 MODELS = ["luxo.xml", "luxo_fixed.xml", "luxo_step.xml", "luxo_hurdle.xml", "arm.xml", "cart_pole.xml"]
 
+ROBOTS = [
+    "arm7.xml", "cat.xml", "gymnast.xml", "humanoid.xml", "luxo3d.xml", "quadruped.xml", "quadruped_box.xml",
+]  # fmt: skip
+"""Models with limits of their own, for specs that name them under `model:`."""
+
 
 def load(name: str) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_path(str(models.locate(name)))
@@ -24,7 +29,55 @@ def measures(name: str) -> Mapping[str, float]:
 
 
 def test_every_described_model_is_tested() -> None:
-    assert sorted(name for d in build.descriptions() for name in d.documents) == sorted(MODELS)
+    assert sorted(name for d in build.descriptions() for name in d.documents) == sorted(MODELS + ROBOTS)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_robots_have_a_limited_motor_at_every_hinge_but_the_roots(name: str) -> None:
+    model = load(name)
+    driven = {int(model.actuator_trnid[k, 0]) for k in range(model.nu)}
+    undriven = {model.joint(k).name for k in range(model.njnt)} - {model.joint(k).name for k in driven}
+    assert undriven <= {"root", "x", "z", "pitch"}
+    assert model.actuator_ctrllimited.all()
+    assert all(model.jnt_limited[k] for k in driven)
+
+
+@pytest.mark.parametrize("name", [name for name in ROBOTS if name not in ("arm7.xml", "cat.xml")])
+def test_who_stands_touches_the_floor_with_the_feet_and_nothing_else(name: str) -> None:
+    model = load(name)
+    model.geom_margin[:] = 1e-6  # a height of 1e-17 m still counts as touching
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("stand").id)
+    mujoco.mj_forward(model, data)
+    floor = model.geom("floor").id
+    pairs = [set(contact.geom.tolist()) for contact in data.contact]
+    assert pairs
+    assert all(floor in pair for pair in pairs)
+    assert max(abs(contact.dist) for contact in data.contact) < 1e-9
+    feet = {k for k in range(model.ngeom) if model.geom_contype[k]} - {floor}
+    assert set().union(*pairs) == feet | {floor}
+
+
+def test_the_seven_joint_arm_holds_its_ball_on_either_side_of_the_post() -> None:
+    model = load("arm7.xml")
+    data = mujoco.MjData(model)
+    post, found = model.geom("post"), []
+    for key in ("left", "right"):
+        mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
+        mujoco.mj_forward(model, data)
+        found.append(data.geom("ball").xpos.copy())
+        assert np.hypot(*(found[-1] - post.pos)[:2]) > 2 * (post.size[0] + model.geom("ball").size[0])
+    assert found[0][1] == pytest.approx(-found[1][1])
+    assert found[0][1] > 0.2
+
+
+def test_the_gymnast_holds_the_bar_in_the_handstand_and_hanging() -> None:
+    model = load("gymnast.xml")
+    data = mujoco.MjData(model)
+    for key in ("hang", "handstand"):
+        mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
+        mujoco.mj_forward(model, data)
+        assert data.site("grip").xpos == pytest.approx(data.geom("bar").xpos, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", MODELS)

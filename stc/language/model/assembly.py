@@ -13,6 +13,7 @@ from stc.language.context import Context
 from stc.language.model.contact import Contacts
 from stc.language.model.holdings import Equalities, Holding
 from stc.language.model.independence import Matrix, Point, independent, pins_to_keep, stacked
+from stc.language.model.mirror import other_side
 from stc.language.model.poses import Poses, Stated, Values
 from stc.language.model.scope import ModelScope
 from stc.language.model.start import way_between
@@ -64,6 +65,7 @@ class ModelStatements:
         self.equalities = Equalities(context, scope)
         self.pinned: dict[int, Pinned] = {}
         self.periodic: list[tuple[Stated, syntax.Pose, FrameRange]] = []
+        self.guessed: dict[int, Values] = {}
         self.poses: Poses | None = None
 
     def jumps(self) -> list[Jump]:
@@ -121,9 +123,24 @@ class ModelStatements:
             found.append(ObjectiveTerm(body, False, where, span, "landing"))
         return found
 
+    def guess(self, pose: syntax.Pose, where: FrameRange) -> list[Guess]:
+        """A pose under `guess:`: as it stands on a range; at a single frame the way between poses leads through it."""
+        assert self.poses is not None
+        if where.first != where.last:
+            return self.poses.guesses(pose, where)
+        values = self.poses.values(pose)
+        if values is not None:
+            self.guessed[where.first] = values
+        return []
+
     def guesses(self) -> Iterator[Guess]:
-        """From one pinned pose to the next, thrown up where nothing stands; contacts that bear the weight."""
-        known = {frame: pinned.values for frame, pinned in self.pinned.items() if pinned.values is not None}
+        """From pose to pose, pinned or guessed, thrown up where nothing stands; contacts that bear the weight."""
+        pinned = {frame: one.values for frame, one in self.pinned.items() if one.values is not None}
+        known = self.guessed | pinned
+        assert self.poses is not None
+        for _, statement, _ in self.periodic[:1]:
+            known.setdefault(0, self.poses.usual())
+            known.setdefault(self.context.n, self.poses.repeated(known[0], statement))
         yield from way_between(self.context, self.scope, known, self.contacts.flights())
         yield from self.contacts.guesses()
 
@@ -245,7 +262,7 @@ class _Independence:
         moving: dict[int, Matrix] = {}
         for one in self.holdings:
             frame = one.frames.first
-            if self.s.periodic and frame == 0 and self._held_at_end(one):
+            if self.s.periodic and frame == 0 and self._fixed_at_end(one):
                 continue  # what has fixed it there holds here, too
             point, where = self._at(frame), FrameRange(frame, frame)
             if frame not in placed:
@@ -267,12 +284,24 @@ class _Independence:
         """How the places that are held change with the coordinates."""
         return point.jacobian([self.context.builder.derivative(body, 1) for body in one.places])
 
-    def _held_at_end(self, one: Holding) -> bool:
-        """Whether the same contact holds at the last frame in a later phase."""
-        return any(
-            other.name == one.name and other.frames.first > 0 and other.frames.last == self.context.n
-            for other in self.holdings
-        )
+    def _fixed_at_end(self, one: Holding) -> bool:
+        """Whether what the first frame repeats is fixed where a later phase begins.
+
+        A phase that lasts throughout is followed to the one that it repeats in turn, mirrored on the other side.
+        """
+        mirrored = any(statement.mirrored for _, statement, _ in self.s.periodic)
+        seen: list[str] = []
+        name = one.name
+        while name not in seen:
+            seen.append(name)
+            if mirrored:
+                name = other_side(name, {other.name for other in self.holdings})
+            last = [o for o in self.holdings if o.name == name and o.frames.last == self.context.n]
+            if not last:
+                return False
+            if last[0].frames.first > 0:
+                return True
+        return False
 
     def _check_place(self, one: Holding, point: Point) -> None:
         """A pinned pose has its contacts on their surfaces."""

@@ -34,7 +34,7 @@ def mirrored_rows(
         return sym(VariableRef(key.name, key.order, 0, frame))
 
     for one in scope.coordinates:
-        other = others.get(_other_side(one.joint.name, set(others)), one)
+        other = others.get(other_side(one.joint.name, set(others)), one)
         signs = _signs(scope, one, other)
         if signs is None:
             hint = "its axis and that of its mirror image do not fit; state what repeats by itself"
@@ -58,8 +58,25 @@ def mirrored_rows(
     return found
 
 
-def _other_side(name: str, known: set[str]) -> str:
-    """The name of a joint on the other side; its own where it has none."""
+def mirror_image(scope: ModelScope, values: Values) -> Values:
+    """A pose with left and right swapped; coordinates without a mirror image stay as they are."""
+    others = {one.joint.name: one for one in scope.coordinates}
+    found = dict(values)
+    for one in scope.coordinates:
+        other = others[other_side(one.joint.name, set(others))]
+        signs = _signs(scope, one, other)
+        if signs is None:
+            continue
+        for name, image, sign in zip(one.positions, other.positions, signs, strict=False):
+            found[name] = mul(num(sign), values[image])
+        if one.rotation is not None and other.rotation is not None:
+            w, x, y, z = [values[name] for name in other.rotation.quaternion]
+            found.update(zip(one.rotation.quaternion, (w, neg(x), y, neg(z)), strict=True))
+    return found
+
+
+def other_side(name: str, known: set[str]) -> str:
+    """The name of a joint, or of a contact, on the other side; its own where it has none."""
     for left, right in _SIDES:
         for here, there in ((left, right), (right, left)):
             # A single letter stands by itself: at an end, or beside something that is no letter of its case.

@@ -234,6 +234,20 @@ class Poses:
             return None
         return [part / length for part in parts]
 
+    def usual(self) -> Values:
+        """The pose to begin from where a spec names none: the model's first keyframe, else how its file draws it."""
+        poses = list(self.named.values())
+        return poses[min(1, len(poses) - 1)]
+
+    def repeated(self, values: Values, periodic: syntax.Pose) -> Values:
+        """Values at the end of a period: moved by what the motion advances in it, mirrored where it is."""
+        if periodic.mirrored:
+            from stc.language.model.mirror import mirror_image
+
+            values = mirror_image(self.scope, values)
+        moved = values if periodic.shift is None else self._moved(values, periodic.shift)
+        return values if moved is None else moved
+
     # --------------------------------------------------------------- relations
 
     def rows(self, pose: syntax.Pose) -> list[Stated] | None:

@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stc.problem import ConstantRef, IndexRef
 from stc.solution import Solution
+from stc.symbolic.expr import evaluate
 
 from .bodies import FEET, load, quadruped, residual
 
@@ -192,3 +194,64 @@ def test_a_number_that_is_zero_in_the_model_can_be_set(tmp_path: Path) -> None:
     force = 5 * damped["actuator.lag.activation"] + damped["joint.x.friction"]
     assert np.abs(damped["joint.x''"] + 0.5 * damped["joint.x'"] - force).max() < 1e-8
     assert {line.path for line in damped.replay if line.kind == "set"} >= {("joint", "x", "damping")}
+
+
+TROT = f"""constants: n = 8, T = 0.3, h = T/n, v = 0.8;
+{FEET}
+  [0, 3]: FL; RR;
+  [5, n]: FR; RL;
+constraints: [0, n]: periodic mirrored + (v*T, 0, 0);
+objective: [0, n]: integral(effort + 1e-2*joint.*''^2);
+"""
+
+
+def test_half_a_trot_ends_as_the_mirror_image_of_its_beginning(tmp_path: Path) -> None:
+    solution = load(tmp_path, quadruped(), TROT).solve()
+    assert solution.status == "optimal"
+    assert residual(solution, quadruped(), ("FL", "FR", "RL", "RR")) < 1e-9
+    place = {axis: solution[f"joint.root.{axis}"] for axis in "xyz"}
+    assert place["x"][-1] - place["x"][0] == pytest.approx(0.8 * 0.3)
+    assert place["y"][-1] == pytest.approx(-place["y"][0])
+    for left, right in (("FL", "FR"), ("RL", "RR")):
+        for joint, sign in (("a", -1.0), ("h", 1.0), ("k", 1.0)):
+            for order in (0, 1):
+                here, there = (solution.trajectories[f"joint.{leg}{joint}", order] for leg in (left, right))
+                assert here.before[-1] == pytest.approx(sign * there.after[0], abs=1e-8)
+
+
+def started(tmp_path: Path, spec: str, name: str) -> np.ndarray:
+    """Where a variable starts from at every frame, (n+1,)."""
+    problem = load(tmp_path, quadruped(), spec).problem()
+    known = {ConstantRef(key): value for key, value in problem.constants.items()}
+    found = np.full(problem.n + 1, np.nan)
+    for guess in problem.guesses:
+        if guess.name == name:
+            for frame in range(guess.range.first, guess.range.last + 1):
+                found[frame] = float(evaluate(guess.body, {**known, IndexRef(): float(frame)}))
+    return found
+
+
+def test_the_way_from_pose_to_pose_leads_through_a_guessed_one(tmp_path: Path) -> None:
+    spec = f"""constants: n = 12, T = 0.4, h = T/n;
+    poses: crouch = keyframe.stand, {BENT};
+    constraints: [0]: keyframe.stand; rest;  [n]: keyframe.stand; rest;
+    guess: [4]: crouch;"""
+    knee = started(tmp_path, spec, "joint.FLk")
+    assert knee[:5] == pytest.approx(np.linspace(-1.6, -2.0, 5))
+    assert knee[4:] == pytest.approx(np.linspace(-2.0, -1.6, 9))
+
+
+def test_a_mirrored_motion_starts_from_a_pose_and_its_mirror_image(tmp_path: Path) -> None:
+    spec = """constants: n = 10, T = 0.4, h = T/n;
+    poses: stride = keyframe.stand, joint.FLh = 1.2, joint.RRa = 0.2;
+    constraints: [0, n]: periodic mirrored + (0.3, 0, 0);
+    guess: [0]: stride;"""
+    assert started(tmp_path, spec, "joint.FRh") == pytest.approx(np.linspace(0.8, 1.2, 11))
+    assert started(tmp_path, spec, "joint.RLa") == pytest.approx(np.linspace(0.0, -0.2, 11))
+    assert started(tmp_path, spec, "joint.root.x") == pytest.approx(np.linspace(0.0, 0.3, 11))
+
+
+def test_a_periodic_motion_without_a_pose_starts_in_the_first_keyframe(tmp_path: Path) -> None:
+    spec = "constants: n = 10, T = 0.4, h = T/n; constraints: [0, n]: periodic + (0.3, 0, 0);"
+    assert started(tmp_path, spec, "joint.FLk") == pytest.approx(-1.6)
+    assert started(tmp_path, spec, "joint.root.x") == pytest.approx(np.linspace(0.0, 0.3, 11))
