@@ -6,7 +6,7 @@ arms, and both legs, move as one: their joints' motors are those of both sides. 
 
 from __future__ import annotations
 
-from math import pi
+from math import cos, pi
 
 from stc.models import stage
 from stc.models.description import Description
@@ -21,6 +21,9 @@ BAR = 2.75
 SOLE = (0.11, 0.10, 0.015)
 """Half lengths of the box of both feet, m; its middle is `AHEAD` of the ankle."""
 AHEAD = 0.04
+
+KNEE = 0.4
+"""Of the slightly bent legs in the keyframe `stand`, rad; hip and ankle take half of it each."""
 
 TORQUES = {"shoulder": 220.0, "hip": 320.0, "knee": 360.0, "ankle": 240.0}
 """What the motors of both sides can give together, N m."""
@@ -171,9 +174,9 @@ def describe() -> Description:
             ),
         ]
     )
-    reach, leg = TORSO + ARM, THIGH + SHIN + ANKLE
+    reach, leg, bent = TORSO + ARM, (THIGH + SHIN) * cos(KNEE / 2) + ANKLE, (-KNEE / 2, KNEE, -KNEE / 2)
     keys = [
-        element("key", name="stand", qpos=(0.0, leg, 0.0, pi - 0.1, 0.0, 0.0, 0.0)),
+        element("key", name="stand", qpos=(0.0, leg, 0.0, pi - 0.1, *bent)),
         element("key", name="hang", qpos=(0.0, BAR - reach, 0.0, 0.0, 0.0, 0.0, 0.0)),
         element("key", name="handstand", qpos=(0.0, BAR + reach, pi, 0.0, 0.0, 0.0, 0.0)),
     ]

@@ -36,6 +36,7 @@ MATERIALS = [
     material("frame", (0.16, 0.18, 0.22), 0.5, 0.5),
     material("joint", (0.72, 0.74, 0.78), 0.9, 0.7),
     material("rubber", (0.07, 0.07, 0.08), 0.2, 0.2),
+    material("crate", (0.62, 0.48, 0.34), 0.2, 0.2),
     material("glass", (0.35, 0.75, 0.95), 1.0, 1.0),
 ]
 
@@ -140,7 +141,7 @@ def _box() -> Element:
         "geom",
         name="box",
         type="box",
-        material="frame",
+        material="crate",
         size=BOX,
         pos=(BEFORE + BOX[0], 0.0, BOX[2]),
         conaffinity=1.0,
