@@ -10,8 +10,9 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
 RECIPE := pyproject.toml setup.py
-# A module's tests stay together: they share what it solves once.
-PYTEST := $(BIN)/python -m pytest -q -n auto --dist loadfile
+# A module's tests stay together: they share what it solves once.  A worker that dies is not replaced, since pytest-xdist
+# may wait for ever for one that is: what it had left to do is not run, and the run fails.
+PYTEST := $(BIN)/python -m pytest -q -n auto --dist loadfile --max-worker-restart 0
 
 .PHONY: run test check nightly format bench tree clean
 

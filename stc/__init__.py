@@ -19,7 +19,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from stc.errors import Diagnostic, EvaluationError, SpecError, StcError, UsageError
+    from stc.errors import Diagnostic, EndedError, EvaluationError, SpecError, StcError, UsageError
     from stc.pipeline import Model, load
     from stc.solution import Solution, SolutionError, read
 
@@ -27,6 +27,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Diagnostic",
+    "EndedError",
     "EvaluationError",
     "Model",
     "Solution",
@@ -41,6 +42,7 @@ __all__ = [
 
 _HOME = {
     "Diagnostic": "stc.errors",
+    "EndedError": "stc.errors",
     "EvaluationError": "stc.errors",
     "Model": "stc.pipeline",
     "Solution": "stc.solution",

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
+
+#: How a temporary file is called: after its target, the process that writes it, and where that process runs.
+_TEMPORARY = re.compile(r"\..*\.(\d+)-([0-9a-f]{8})\.tmp(?:\.[^.]*)?", re.DOTALL)
 
 
 @contextmanager
@@ -13,13 +19,16 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A path to write to, beside ``path`` and with its suffix; what is there in the end becomes the file ``path``.
 
     A reader sees the old file or the new one, never a part. When the block is left by an exception, Ctrl-C among
-    them, the old file stays as it was, and where there was none there is none.
+    them, the old file stays as it was, and where there was none there is none. What a process that was killed had
+    left behind in the folder is removed.
 
     Raises:
         OSError: the file cannot be written; its ``filename`` is the one that was asked for.
     """
     target = Path(path)
-    temporary = target.with_name(f".{target.stem}.{os.getpid()}.tmp{target.suffix}")
+    temporary = target.with_name(f".{target.stem}.{os.getpid()}-{_where()}.tmp{target.suffix}")
+    _unfinished.add(temporary)
+    _sweep(target.parent)
     try:
         yield temporary
         with temporary.open("r+b") as stream:
@@ -33,3 +42,52 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # where nothing can be written, nothing was
             temporary.unlink(missing_ok=True)
+        _unfinished.discard(temporary)
+
+
+#: The temporary files that this process is writing.
+_unfinished: set[Path] = set()
+
+
+def is_writing() -> bool:
+    """Whether this process is writing such a file."""
+    return bool(_unfinished)
+
+
+def give_up() -> None:
+    """Remove the files that are not whole yet, for a process that ends while others of its threads write them."""
+    for temporary in tuple(_unfinished):
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+@cache
+def _where() -> str:
+    """Eight digits that tell the machine, and the container in it, whose processes can be seen from here."""
+    seen = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")
+    with suppress(OSError):
+        seen += f" {Path('/proc/self/ns/pid').stat().st_ino}"
+    return f"{zlib.crc32(os.fsencode(seen)):08x}"
+
+
+def _sweep(folder: Path) -> None:
+    """Remove the temporary files in a folder whose process, one of this machine, is no more."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            named = _TEMPORARY.fullmatch(entry.name) if entry.name.startswith(".") else None
+            if named and named[2] == _where() and not _runs(int(named[1])):
+                with suppress(OSError):  # another process has swept it up
+                    Path(entry.path).unlink()
+
+
+def _runs(process: int) -> bool:
+    """Whether there is a process of this number; True where that cannot be told."""
+    if os.name == "nt":  # where asking would end it
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:  # another user's
+        return True
+    return True

@@ -15,6 +15,7 @@ from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 
 from stc.records import dataclass, field
+from stc.visible import visible
 
 #: Lines longer than this are shown as a window around the place that is meant.
 EXCERPT_WIDTH = 110
@@ -89,8 +90,10 @@ class Span:
         number, column = self.source.position(self.start)
         line = self.source.line(number)
         width = max(1, min(self.end - self.start, len(line) - column + 1))
-        before, marked = line[: column - 1].expandtabs(4), line[column - 1 : column - 1 + width].expandtabs(4)
-        after = line[column - 1 + width :].expandtabs(4)
+        # A piece of a long line is enough: nothing is measured that is not shown.
+        before = _shown(line[max(0, column - 1 - EXCERPT_WIDTH) : column - 1])
+        marked = _shown(line[column - 1 : column - 1 + min(width, EXCERPT_WIDTH)])
+        after = _shown(line[column - 1 + width : column - 1 + width + EXCERPT_WIDTH])
         if len(before) + len(marked) + len(after) > EXCERPT_WIDTH:
             room = max(20, (EXCERPT_WIDTH - len(marked)) // 2)
             if len(before) > room:
@@ -128,6 +131,11 @@ class Diagnostic:
 
     def __str__(self) -> str:
         return self.render()
+
+
+def _shown(text: str) -> str:
+    """A piece of a line as an excerpt shows it: a character for each column."""
+    return visible(text.expandtabs(4))
 
 
 class StcError(Exception):
@@ -214,6 +222,18 @@ class UnsolvedError(UsageError):
 
     def __reduce__(self) -> tuple[type[UnsolvedError], tuple[str, str, str]]:
         return UnsolvedError, (self.message, self.hint, self.status)
+
+
+class EndedError(StcError):
+    """Work was ended before it had come to anything; ``status`` is ``time_limit`` or ``interrupted``."""
+
+    def __init__(self, message: str, status: str) -> None:
+        super().__init__(message, status)
+        self.message = message
+        self.status = status
+
+    def __str__(self) -> str:
+        return self.message
 
 
 def raise_errors(diagnostics: Sequence[Diagnostic]) -> None:

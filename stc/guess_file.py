@@ -120,14 +120,14 @@ class TableValues:
             return None
         n = len(time) - 1
         known = np.isfinite(column)
-        if len(column) == 1:
-            return np.full(n + 1, column[0]), np.full(n + 1, column[0]), np.full(n, column[0])
         frames: FloatArray = np.arange(n + 1.0)
         if self.place == "t":
             frames = time
         elif not self.place:
             frames = frames / max(n, 1)
         self._check_coverage(frames)
+        if len(column) == 1:
+            return np.full(n + 1, column[0]), np.full(n + 1, column[0]), np.full(n, column[0])
         at = self.at if self.place else np.linspace(0.0, 1.0, len(column))
         at, column = at[known], column[known]
         aside = APART * max(float(at[-1] - at[0]), 1e-300) if (np.diff(at) == 0).any() else 0.0

@@ -5,11 +5,16 @@ from __future__ import annotations
 import ctypes
 import gc
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 #: Parameters of the GNU C library's ``mallopt``, see ``malloc.h``, and the largest values that it takes for them.
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 _LARGEST_TRIM, _LARGEST_MMAP = 2**31 - 1, 32 * 2**20
+
+
+#: Bytes that a process is let have in any case.
+SMALLEST = 2**28
 
 
 def keep_freed_memory() -> None:
@@ -24,6 +29,37 @@ def keep_freed_memory() -> None:
         return
     mallopt(_MMAP_THRESHOLD, _LARGEST_MMAP)
     mallopt(_TRIM_THRESHOLD, _LARGEST_TRIM)
+
+
+def stay_within_memory() -> None:
+    """Let allocations that the machine cannot serve fail with MemoryError, which can be told of.
+
+    Linux grants them otherwise and kills the process, or another one, once the memory is used.
+    """
+    free = _available()
+    if free is None:
+        return
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    most = max(free, SMALLEST)
+    if (soft == resource.RLIM_INFINITY or most < soft) and (hard == resource.RLIM_INFINITY or most < hard):
+        with suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
+
+
+def _available() -> int | None:
+    """Bytes that this process may still take without anything being pushed out; None where the system does not tell."""
+    try:
+        with Path("/proc/meminfo").open(encoding="ascii") as lines:
+            free = next(1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable:"))
+    except (OSError, ValueError, IndexError, StopIteration):
+        return None
+    with suppress(OSError, ValueError):  # "max" where the group of processes has no limit of its own
+        group = Path("/sys/fs/cgroup")
+        limit = int((group / "memory.max").read_text(encoding="ascii"))
+        free = min(free, limit - int((group / "memory.current").read_text(encoding="ascii")))
+    return free
 
 
 @contextmanager

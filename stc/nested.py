@@ -7,16 +7,17 @@ the refinement of meshes in J. T. Betts, Practical methods for optimal control, 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from math import ceil, gcd
 
 import numpy as np
 
+from stc import deadline
 from stc.alignment import Alignment
-from stc.errors import SpecError, UsageError
+from stc.errors import EndedError, SpecError, UsageError
 from stc.language.constants import Constants
 from stc.language.diagnostics import Diagnostics
 from stc.language.elaborate import elaborate
@@ -195,7 +196,6 @@ class Nested:
     fine: Callable[[Options, Start | None, Callback | None], Result]
     options: Options
     callback: Callback | None
-    _begin: float = 0.0
     _iterations: int = 0
     _factorizations: int = 0
     _stopped: bool = False
@@ -213,7 +213,6 @@ class Nested:
         Args:
             ratio: see :class:`FewerFrames`.
         """
-        self._begin = time.monotonic()
         before = self._before()
         if self._stopped or self._over:  # the next solve ends at once, with the motion so far
             return self._counted(self._on_all(self._left(), Start(self.start(before).x)))
@@ -279,7 +278,10 @@ class Nested:
         if self._over:
             return None, 0
         self._went_half_way = True
-        solved = self.between(before, self._attempt(min(left, 2 * ITERATIONS)), self._afar)
+        try:
+            solved = self.between(before, self._attempt(min(left, 2 * ITERATIONS)), self._afar)
+        except EndedError:  # while it was being derived: whoever asks will see that himself
+            return None, 0
         if solved is None:
             return None, 0
         found, ratio = solved
@@ -307,19 +309,19 @@ class Nested:
             own: the guess.
             offered: whether there are fewer frames to be solved, of that fineness; called when they are needed.
         """
-        self._begin = time.monotonic()
         levels = iter(COARSE)
 
         def another(left: int) -> tuple[Start | None, int]:
             spent = 0
-            for fineness in levels:
-                if self._over or not offered(fineness):
-                    break
-                before = self._before(min(left - spent, ITERATIONS))
-                spent += before.iterations
-                self._pass_on_stop()
-                if before.status == "optimal":
-                    return self.start(before), spent
+            with suppress(EndedError):  # while they were being derived: whoever asks will see that himself
+                for fineness in levels:
+                    if self._over or not offered(fineness):
+                        break
+                    before = self._before(min(left - spent, ITERATIONS))
+                    spent += before.iterations
+                    self._pass_on_stop()
+                    if before.status == "optimal":
+                        return self.start(before), spent
             return None, spent
 
         start = Start(own.x, own.row_multipliers, own.bound_multipliers, another)
@@ -352,17 +354,12 @@ class Nested:
     @property
     def _over(self) -> bool:
         """Whether a limit of the whole solve is reached."""
-        spent = time.monotonic() - self._begin
-        return self._iterations >= self.options.max_iterations or spent >= self.options.time_limit
+        return self._iterations >= self.options.max_iterations or deadline.left() <= 0.0
 
     def _left(self) -> Options:
         """The options with what is left of the limits: nothing where the user has stopped the solve."""
         most = 0 if self._stopped else max(0, self.options.max_iterations - self._iterations)
-        return replace(
-            self.options,
-            max_iterations=most,
-            time_limit=max(0.0, self.options.time_limit - (time.monotonic() - self._begin)),
-        )
+        return replace(self.options, max_iterations=most)
 
     def _attempt(self, most: int = ITERATIONS) -> Options:
         """The same for a solve that is given up where it does not get on."""

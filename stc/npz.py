@@ -118,7 +118,10 @@ def _array(name: str, content: bytes) -> np.ndarray:
     read_header = (
         np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     )
-    shape, by_columns, dtype = read_header(stream)
+    try:
+        shape, by_columns, dtype = read_header(stream)
+    except Exception:  # NumPy takes a header apart as Python's text, which fails in many ways
+        raise ContentsError(f"its member {name} has no readable header") from None
     if dtype.kind not in "fiub":
         raise ContentsError(f"its member {name} holds other data than numbers")
     count, rest = math.prod(shape), len(content) - stream.tell()

@@ -20,11 +20,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stc import unfinished
 from stc.alignment import Alignment
 from stc.arguments import numbers
 from stc.bundled import find_spec, is_solution, with_text
 from stc.collecting import collect
-from stc.errors import Diagnostic, Source, SpecError, UsageError
+from stc.deadline import within
+from stc.errors import Diagnostic, EndedError, Source, SpecError, UsageError
 from stc.kept_transcriptions import KeptTranscriptions
 from stc.language import read_problem
 from stc.language.elaborate import elaborate
@@ -32,7 +34,7 @@ from stc.language.parser import parse
 from stc.nested import FINE, FewerFrames, Fineness, fewer_frames
 from stc.problem import Problem
 from stc.solution import Solution, read
-from stc.solver import IterationRecord, Result, Start, Status
+from stc.solver import IterationRecord, Options, Start, Status
 from stc.solver.optimizers import DEFAULT, Minimizer
 from stc.solver.options import given_options
 from stc.solving import ColdSolve, solve
@@ -40,6 +42,7 @@ from stc.transcription import Transcription, transcribe
 from stc.transcription.bind import BoundProgram
 from stc.transcription.guess import check_motion, check_names
 from stc.transcription.schemes import METHODS
+from stc.unfinished import Unfinished, motion_at
 from stc.warm_start import aligned, start_from
 
 if TYPE_CHECKING:
@@ -50,12 +53,16 @@ Callback = Callable[[Any], bool | None]
 FloatArray = NDArray[np.float64]
 
 
+#: Characters that a spec may have: far more than anybody writes, few enough to be read in seconds.
+MOST_CHARACTERS = 2_000_000
+
+
 def read_source(spec: str | os.PathLike[str]) -> Source:
     """The text of a spec: a path, a bundled name, or the text itself (anything with a line break or a colon).
 
     Raises:
         UsageError: no such spec, a file that is not UTF-8 text, or one that holds a solution or table instead; a
-            text or file without anything in it.
+            text or file without anything in it, or a file too long to be a spec.
     """
     if not isinstance(spec, str | os.PathLike):
         raise UsageError(f"a spec is a path, a bundled name or its text, not {spec!r}")
@@ -69,7 +76,8 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
 
         refuse_as_spec(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as stream:
+            text = stream.read(MOST_CHARACTERS + 1)  # of what has no end as well
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
         raise UsageError(
@@ -78,6 +86,11 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
         ) from error
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
+    if len(text) > MOST_CHARACTERS:
+        raise UsageError(
+            f"{path} has more than {MOST_CHARACTERS} characters",
+            "a statement under a range header says for many frames what need not be written for each",
+        )
     return with_text(Source(str(spec) if Path(spec).is_file() else path.name, text, str(path)))
 
 
@@ -195,7 +208,7 @@ class Model:
             method: ``central``, ``trapezoidal`` or ``hermite-simpson`` instead of the spec's own.
             tolerance: of the optimality conditions, between 1e-14 and 1.
             max_iterations: limit on iterations.
-            time_limit: limit in seconds of wall time.
+            time_limit: limit in seconds of wall time, deriving and compiling included.
             warm_start: an earlier solution or its file, whose multipliers and active set are used too; resampled
                 where the number of frames differs.
             guess: values to start from by name, or a file of them (see :mod:`stc.guess_file`); what it does not name
@@ -214,16 +227,63 @@ class Model:
 
         Raises:
             SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
+            EndedError: the time limit was reached before there was even a start.
             UsageError: an unknown constant, method, optimizer or file, a tolerance or limit that cannot be meant, an
                 optimizer that cannot do it, or an earlier solution that shares no variable.
         """
-        begin = time.perf_counter()
         options = given_options(tolerance, max_iterations, time_limit)
+        unfinished.current = None
+        with within(options.time_limit):
+            try:
+                solution = self._solved(
+                    options,
+                    method,
+                    warm_start,
+                    guess,
+                    callback,
+                    optimizer,
+                    minimizer,
+                    fewer_first,
+                    {**numbers(constants or {}), **numbers(overrides)},
+                )
+            except EndedError as ended:
+                solution = self._ended(ended)
+        unfinished.current = None
+        solution.origin = self
+        return solution
+
+    def _ended(self, ended: EndedError) -> Solution:
+        """What there is where a solve was ended before it had begun: its start, if that is known or can be had.
+
+        Raises:
+            EndedError: it cannot.
+        """
+        under_way = unfinished.current
+        solution = None if under_way is None else under_way.solution(Status(ended.status))
+        if solution is None:
+            raise ended
+        return solution
+
+    def _solved(
+        self,
+        options: Options,
+        method: str | None,
+        warm_start: Solution | str | os.PathLike[str] | None,
+        guess: Mapping[str, ArrayLike] | GivenValues | Solution | str | os.PathLike[str] | None,
+        callback: Callback | None,
+        optimizer: str,
+        minimizer: Minimizer | None,
+        fewer_first: bool,
+        constants: Mapping[str, float],
+    ) -> Solution:
+        """What :meth:`solve` does within its time limit; arguments as there."""
+        begin = time.perf_counter()
         parse_seconds, self._parse_seconds = self._parse_seconds, 0.0  # counts for the first solve only
         if callback is not None and not callable(callback):
             raise UsageError(f"the callback must be a function, not {callback!r}")
-        given = {**self.overrides, **numbers(constants or {}), **numbers(overrides)}
+        given = {**self.overrides, **constants}
         problem, transcription = self.transcription(method, **given)
+        unfinished.current = Unfinished(transcription, problem.constants, given, optimizer)
         seconds = {"parse": parse_seconds + time.perf_counter() - begin}
         seconds["derive"] = transcription.seconds.pop("derive", 0.0)
         seconds["parse"] = max(0.0, seconds["parse"] - seconds["derive"])
@@ -255,9 +315,7 @@ class Model:
         seconds["solve"] += time.perf_counter() - solving
         self.warnings = tuple(problem.warnings)
         seconds["total"] = parse_seconds + time.perf_counter() - begin
-        solution = collect(transcription, result, problem.constants, given, seconds, optimizer)
-        solution.origin = self
-        return solution
+        return collect(transcription, result, problem.constants, given, seconds, optimizer)
 
     def on_fewer_frames(
         self, problem: Problem, given: Mapping[str, float], fineness: Fineness
@@ -289,21 +347,9 @@ class Model:
         given = {**self.overrides, **(constants or {})}
         problem, transcription = self.transcription(method, **given)
         assert record.x is not None
-        x = record.x.copy()
-        result = Result(
-            status=Status.INTERRUPTED,
-            x=x,
-            row_multipliers=np.zeros(transcription.program.row_count),
-            bound_multipliers=np.zeros(len(x)),
-            objective=record.objective,
-            violation=record.violation,
-            optimality=record.optimality,
-            scaled_optimality=record.optimality,
-            iterations=record.iteration,
-            factorizations=0,
-            message=f"iterate {record.iteration} of a solve that goes on",
-        )
-        solution = collect(transcription, result, problem.constants, given, {})
+        message = f"iterate {record.iteration} of a solve that goes on"
+        copied = replace(record, x=record.x.copy())
+        solution = motion_at(transcription, copied, problem.constants, given, Status.INTERRUPTED, message)
         solution.origin = self
         return solution
 

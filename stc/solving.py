@@ -11,13 +11,16 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from stc import unfinished
 from stc.collecting import collect
+from stc.deadline import left
 from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way, only_once
 from stc.problem import Problem
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.solver import Options, Result, Start, Status
 from stc.solver.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
+from stc.solver.status import advice, sentence
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
 from stc.transcription.statements import highest_orders
@@ -82,8 +85,13 @@ def solve(
         bound = transcription.bind(constants, None if start is None else start.x)
         if start is not None:
             start = replace(start, x=bound.x0)
+    under_way = unfinished.current
+    if under_way is not None and under_way.transcription is transcription:
+        under_way.start = bound.x0
     if bound.contradictions:
         return bound, _contradicted(transcription, bound)
+    if left() <= 0.0:
+        return bound, _unmoved(bound, Status.TIME_LIMIT)
     if remark := caution(optimizer, bound):
         warnings.warn(remark, SizeWarning, stacklevel=2)
     result = minimizer(bound, options or Options(), start=start, callback=callback)
@@ -119,14 +127,21 @@ def contradictions_of(transcription: Transcription, bound: BoundProgram) -> list
 def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
     """The result where bounds exclude each other before any step is taken."""
     lines = contradictions_of(transcription, bound)
+    worst = max((c.gap for c in bound.contradictions), default=0.0)
+    return _unmoved(
+        bound, Status.INFEASIBLE, "The bounds contradict each other: " + "; ".join(lines) + ".", worst
+    )
+
+
+def _unmoved(bound: BoundProgram, status: Status, message: str = "", least: float = 0.0) -> Result:
+    """The start as the result, where no step is taken; its violation is known to be ``least`` or more."""
     objective, rows = bound.values(bound.x0)
     with np.errstate(invalid="ignore"):
         low = np.maximum(bound.x_lower - bound.x0, bound.x0 - bound.x_upper)
         rlow = np.maximum(bound.row_lower - rows, rows - bound.row_upper)
-    worst = max((c.gap for c in bound.contradictions), default=0.0)
-    violation = float(max(np.max(low, initial=0.0), np.max(rlow, initial=0.0), worst))
+    violation = float(max(np.max(low, initial=0.0), np.max(rlow, initial=0.0), least))
     return Result(
-        status=Status.INFEASIBLE,
+        status=status,
         x=bound.x0,
         row_multipliers=np.zeros(bound.m),
         bound_multipliers=np.zeros(bound.n),
@@ -136,7 +151,7 @@ def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
         scaled_optimality=float("nan"),
         iterations=0,
         factorizations=0,
-        message="The bounds contradict each other: " + "; ".join(lines) + ".",
+        message=message or f"{sentence(status)} {advice(status)}",
     )
 
 

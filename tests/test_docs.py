@@ -40,13 +40,25 @@ def test_whole_specs_solve(spec: str) -> None:
     assert not model.warnings
 
 
-def test_commands_of_the_readme_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def commands(page: str, renders: bool) -> list[list[str]]:
+    """The command lines of a page that render pictures, or the others."""
+    lines = re.findall(r"^    stc (.*?)(?:  +#.*)?$", (ROOT / page).read_text(), re.MULTILINE)
+    found = [words for line in lines if ((words := line.split())[0] == "render") is renders]
+    assert len(found) >= 1
+    return found
+
+
+with_and_without_pictures = pytest.mark.parametrize(
+    "renders", [False, pytest.param(True, marks=pytest.mark.needs("opengl"))], ids=["other", "render"]
+)
+
+
+@with_and_without_pictures
+def test_commands_of_the_readme_work(renders: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(["new", "myspec"]) == 0
-    lines = re.findall(r"^    stc (.*?)(?:  +#.*)?$", (ROOT / "README.md").read_text(), re.MULTILINE)
-    assert len(lines) > 5
-    for line in lines:
-        assert run(line.split()) == 0, line
+    for words in commands("README.md", renders):
+        assert run(words) == 0, words
 
 
 def test_python_of_the_readme_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,16 +126,17 @@ def test_the_searches_from_python_work() -> None:
     assert names["sure"].verified and len(names["found"].optima) >= 1  # type: ignore[attr-defined]
 
 
-def test_the_model_of_ones_own_is_what_its_spec_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@with_and_without_pictures
+def test_the_model_of_ones_own_is_what_its_spec_says(
+    renders: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (model,) = blocks("docs/own_model.md", "xml")
     (spec,) = blocks("docs/own_model.md")
     (tmp_path / "rod.xml").write_text(model)
     (tmp_path / "rod.stc").write_text(spec)
-    lines = re.findall(r"^    stc (.*?)(?:  +#.*)?$", (ROOT / "docs/own_model.md").read_text(), re.MULTILINE)
-    assert len(lines) == 4
-    for line in lines:
-        assert run(line.split()) == 0, line
+    for words in commands("docs/own_model.md", renders):
+        assert run(words) == 0, words
 
 
 @pytest.mark.nightly

@@ -87,6 +87,7 @@ HUGE = [
     ("claims .* numbers", header("(4294967296, 4294967296)"), zipfile.ZIP_STORED),
     ("claims", header("(-1, -8)") + bytes(64), zipfile.ZIP_STORED),
     ("other data than numbers", header("(2,)", "|O") + bytes(16), zipfile.ZIP_STORED),
+    ("no readable header", header("(1,").replace(b", }", b"   "), zipfile.ZIP_STORED),
     ("compressed", header("(100000000,)") + bytes(100_000_000), zipfile.ZIP_DEFLATED),
 ]
 

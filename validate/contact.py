@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.validate import limits
-from stc.validate.metrics import FloatArray, Metric
+from stc.validate.metrics import FloatArray, Metric, root_mean_square
 from stc.validate.ties import Coordinate
 from stc.validate.transmissions import driven_dofs
 
@@ -198,4 +198,4 @@ def _distances(ties: Sequence[Tie], positions: FloatArray) -> FloatArray:
 
 
 def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if np.all(np.isfinite(values)) else np.inf
+    return root_mean_square(np.abs(values)) if np.all(np.isfinite(values)) else np.inf

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -37,6 +37,9 @@ _NAMED = 3
 #: Steps of Gauss and Newton's method, and what the numbers are changed by for its differences, of their size.
 _STEPS, _CHANGE = 6, 1e-4
 
+#: Numbers whose slopes leave more than this share of the residual have little to do with it.
+_HOPELESS = 0.9
+
 #: Numbers below this share of the size of their kind are nothing.
 _NOTHING = 1e-9
 
@@ -58,12 +61,12 @@ class _Numbers:
 
     title: str
     array: Array
-    at: tuple[object, ...]
+    at: tuple[Any, ...]
     size: float
     positive: bool = False
 
     def read(self, model: mujoco.MjModel) -> FloatArray:
-        return np.array([np.ravel(self.array(model)[at])[0] for at in self.at], dtype=float)
+        return np.array([np.ravel(self.array(model)[at])[0] for at in self.at], dtype=np.float64)
 
     def write(self, model: mujoco.MjModel, values: FloatArray) -> None:
         for at, value in zip(self.at, values):
@@ -151,7 +154,10 @@ class _Residuals:
             slope = np.array(slopes).T
             if not slope.any() or not np.all(np.isfinite(slope)):
                 break
-            new = values - np.linalg.lstsq(slope, residual, rcond=None)[0]
+            way = -np.linalg.lstsq(slope, residual, rcond=None)[0]
+            if np.linalg.norm(residual + slope @ way) > _HOPELESS * left:
+                break
+            new = values + way
             if numbers.positive and np.any(new < _NOTHING * numbers.size):
                 break
             numbers.write(model, new)
@@ -196,8 +202,8 @@ def _candidates(model: mujoco.MjModel) -> Iterator[_Numbers]:
     for actuator, name in enumerate(actuator_names(model)):
         for parameter in ("gainprm", "biasprm"):
             for k in np.flatnonzero(getattr(model, f"actuator_{parameter}")[actuator]):
-                array = _array(f"actuator_{parameter}")
-                yield _Numbers(f"actuator.{name}.{parameter}[{k}]", array, ((actuator, int(k)),), 1.0)
+                title, at = f"actuator.{name}.{parameter}[{k}]", ((actuator, int(k)),)
+                yield _Numbers(title, _array(f"actuator_{parameter}"), at, 1.0)
         gears = tuple((actuator, k) for k in range(3 if np.any(model.actuator_gear[actuator, 1:3]) else 1))
         yield _Numbers(f"actuator.{name}.gear", _array("actuator_gear"), gears, 1.0)
     for axis, letter in enumerate("xyz"):

@@ -114,7 +114,7 @@ def set_fields(model: mujoco.MjModel, values: Mapping[tuple[str, ...], float]) -
     """Set model fields by their paths, and let MuJoCo derive its constants anew.
 
     Raises:
-        ModelError: an unknown path.
+        ModelError: an unknown path, or values with which MuJoCo can derive none.
     """
     import mujoco
 
@@ -123,7 +123,11 @@ def set_fields(model: mujoco.MjModel, values: Mapping[tuple[str, ...], float]) -
             _set_option(model, path, value)
         else:
             _set_field(model, path, value)
-    mujoco.mj_setConst(model, mujoco.MjData(model))
+    try:
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+    except mujoco.FatalError as error:
+        given = ", ".join(f"{'.'.join(path)} = {value:g}" for path, value in values.items())
+        raise ModelError(f"MuJoCo does not accept what is set in the model ({given}): {error}") from None
 
 
 def _set_option(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> None:

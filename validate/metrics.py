@@ -70,4 +70,10 @@ def drift(distances: FloatArray) -> tuple[float, float]:
     """
     if not np.all(np.isfinite(distances)):
         return math.inf, math.inf
-    return float(distances.max()), float(np.sqrt(np.mean(distances**2)))
+    return float(distances.max()), root_mean_square(distances)
+
+
+def root_mean_square(sizes: FloatArray) -> float:
+    """The root of the mean square of finite numbers >= 0, in their unit, though a square is beyond all doubles."""
+    largest = float(sizes.max(initial=0.0))
+    return largest * float(np.sqrt(np.mean((sizes / largest) ** 2))) if largest > 0.0 else 0.0

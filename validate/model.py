@@ -84,14 +84,19 @@ def load_model(path: Path) -> mujoco.MjModel:
     """Compile a model file.
 
     Raises:
-        ModelError: MuJoCo does not accept it; the message carries MuJoCo's own.
+        ModelError: MuJoCo does not accept it, and the message carries MuJoCo's own; or it takes too much time or
+            memory.
     """
     require_mujoco()
     import mujoco
 
+    from stc.validate.ordinary import refusal
+
+    if why := refusal(path):
+        raise ModelError(f"MuJoCo does not accept {path}: {why}")
     try:
         return mujoco.MjModel.from_xml_path(as_bytes(path))
-    except ValueError as error:
+    except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
         text = " ".join(str(error).split())
         raise ModelError(f"MuJoCo does not accept {path}: {text}") from None
 

@@ -106,10 +106,10 @@ def _riccati(maps: Linearisation, scales: FloatArray) -> FloatArray | None:
         [np.full(nv, limits.TRACKING_POSITION), np.full(nv, limits.TRACKING_POSITION * limits.TRACKING_RATE)]
     )
     state_weight = np.diag(1.0 / tolerable**2)
-    control_weight = np.diag(1.0 / (limits.TRACKING_CONTROL * scales) ** 2)
     cost = state_weight / limits.TRACKING_RATE
     gains = np.zeros((len(maps.step), len(scales), 2 * nv))
     with np.errstate(all="ignore"):
+        control_weight = np.diag(1.0 / (limits.TRACKING_CONTROL * scales) ** 2)
         for k in range(len(maps.step) - 1, -1, -1):
             A, B, h = maps.state[k], maps.control[k], maps.step[k]
             steer = B.T @ cost

@@ -10,15 +10,21 @@ from __future__ import annotations
 
 import atexit
 import gc
+import math
 import os
 import sys
 import threading
+import time
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import NoReturn
+from itertools import zip_longest
+from typing import NoReturn, TextIO, cast
 
-from stc.errors import EvaluationError, SpecError, StcError, UnsolvedError
-from stc.memory import keep_freed_memory
+from stc import deadline
+from stc.cli import guard
+from stc.errors import EndedError, EvaluationError, SpecError, StcError, UnsolvedError
+from stc.memory import keep_freed_memory, stay_within_memory
+from stc.visible import VisibleStream
 
 __all__ = ["main", "run"]
 
@@ -53,10 +59,42 @@ def main() -> NoReturn:
     owns_process = True
     gc.set_threshold(_COLLECT_EVERY, 20, 20)
     keep_freed_memory()
+    stay_within_memory()
     _stand_in_for_closed_streams()
     if not any(name in os.environ for name in _MATRIX_THREADS):  # NumPy is not imported yet
         os.environ[_MATRIX_THREADS[0]] = "1"
+    if sys.argv[1:2] != ["view"]:  # its window is open until somebody closes it, and Ctrl-C does
+        guard.start(ended)
     _leave(run(sys.argv[1:]))
+
+
+def ended(status: str) -> int:
+    """End this process's command where there is nothing to hand over; returns its exit status."""
+    guard.settle()
+    say_ended(status)
+    return BAD
+
+
+def say_ended(status: str) -> None:
+    """Say that this process's command is ended with nothing to hand over."""
+    words = {"time_limit": "the time limit was reached before there was anything to keep"}
+    _say("--json" in sys.argv, status, words.get(status, status))
+
+
+def _obey_limit(arguments: Sequence[str]) -> None:
+    """Let a command with ``--time-limit`` end so long after its beginning: imports and its own options come later.
+
+    What is no limit is refused when the options are read.
+    """
+    if arguments[:1] == ["view"]:  # whose limit is for each of its solves
+        return
+    for word, after in zip_longest(arguments, arguments[1:], fillvalue=""):
+        name, equals, value = word.partition("=")
+        if name == "--time-limit":
+            with suppress(ValueError):
+                seconds = float(value if equals else after)
+                if seconds > 0.0:
+                    guard.limit(seconds, deadline.process_began() if owns_process else time.perf_counter())
 
 
 def _stand_in_for_closed_streams() -> None:
@@ -93,7 +131,15 @@ def run(arguments: Sequence[str]) -> int:
     """
     global ended_by
     ended_by = 0
-    status = _carried_out(arguments)
+    deadline.begin(math.inf)
+    _obey_limit(arguments)
+    streams = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (cast(TextIO, VisibleStream(stream)) for stream in streams)
+    try:
+        status = _carried_out(arguments)
+        guard.settle()
+    finally:
+        sys.stdout, sys.stderr = streams
     return 128 + ended_by if ended_by else status
 
 
@@ -125,6 +171,8 @@ def _carried_out(arguments: Sequence[str]) -> int:
         return _report(as_json, "interrupted", "interrupted", BAD)
     except SystemExit as exit_:
         return exit_.code if isinstance(exit_.code, int) else BAD
+    except EndedError as error:
+        return _report(as_json, error.status, str(error), BAD)
     except SpecError as error:
         return _report(as_json, "error", _mistakes(error), MISTAKE, error)
     except UnsolvedError as error:
@@ -133,8 +181,15 @@ def _carried_out(arguments: Sequence[str]) -> int:
         return _report(as_json, error.status, str(error), BAD, error)
     except StcError as error:
         return _report(as_json, "error", str(error), MISTAKE, error)
+    except RecursionError:
+        return _report(
+            as_json,
+            "error",
+            "what this asks for is nested too deep: name fewer things through others",
+            MISTAKE,
+        )
     except MemoryError:
-        return _report(as_json, "failed", "there is not enough memory for this: ask for less of it", BAD)
+        return _report(as_json, "failed", _NO_MEMORY, BAD)
     except OSError as error:
         if error.errno is None:
             return _unexpected(as_json, error)
@@ -144,7 +199,14 @@ def _carried_out(arguments: Sequence[str]) -> int:
         # Wrong usage of a command: the parser has several classes for it, which all know how to say so.
         if hasattr(error, "format_message"):
             return _report(as_json, "error", _usage(error), MISTAKE)
+        if isinstance(error, ImportError) and "failed to map segment" in str(error):  # the loader says so
+            return _report(as_json, "failed", _NO_MEMORY, BAD)
+        if type(error).__module__.partition(".")[0] == "mujoco":  # which is not imported for its exceptions
+            return _report(as_json, "failed", f"MuJoCo cannot go on: {' '.join(str(error).split())}", BAD)
         return _unexpected(as_json, error)
+
+
+_NO_MEMORY = "there is not enough memory for this: ask for less of it"
 
 
 def _mistakes(error: SpecError) -> str:
@@ -183,6 +245,12 @@ def _unexpected(as_json: bool, error: Exception) -> int:
 
 def _report(as_json: bool, status: str, message: str, code: int, error: StcError | None = None) -> int:
     """Print what went wrong on standard error and, if asked, the JSON object on standard output."""
+    guard.settle()
+    _say(as_json, status, message, error)
+    return code
+
+
+def _say(as_json: bool, status: str, message: str, error: StcError | None = None) -> None:
     has_place = isinstance(error, SpecError | EvaluationError)
     text = message if has_place or message.startswith("stc ") else f"stc: {message}"
     print(text, file=sys.stderr)
@@ -190,5 +258,4 @@ def _report(as_json: bool, status: str, message: str, code: int, error: StcError
         from stc.cli import record
 
         with suppress(OSError):  # where standard output is what failed, it is told of above
-            record.write(record.of_failure(status, message, error))
-    return code
+            record.put(record.of_failure(status, message, error))

@@ -10,7 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stc.visible import unfiltered, visible
+
 if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions
+
     from stc.errors import Diagnostic
     from stc.solution import Solution
     from stc.studies.compare import Run
@@ -26,12 +30,15 @@ _TAG = re.compile(r"(\\*)(\[[a-z#/@][^[]*?\])")
 #: Between two columns.
 _GAP = "   "
 
+#: So many warnings about a spec are shown.
+MOST_WARNINGS = 20
+
 #: More parameters than this are counted instead of listed.
 MOST_PARAMETERS = 12
 
 
-def show_solution(solution: Solution, file: Path | None) -> None:
-    """The outcome of a solve; ``file`` is where it is saved, None when it is not."""
+def show_solution(solution: Solution, file: Path | None, was_read: bool = False) -> None:
+    """The outcome of a solve; ``file`` is where it is saved, or was read from, None when it is nowhere."""
     good = solution.status == "optimal"
     status = f"[green]{solution.status}[/green]" if good else f"[bold red]{solution.status}[/bold red]"
     rows = [
@@ -48,7 +55,7 @@ def show_solution(solution: Solution, file: Path | None) -> None:
         rows.append(("", f"and {len(solution.parameters) - MOST_PARAMETERS} more parameters"))
     rows.append(("time", times(solution)))
     if file is not None:
-        rows.append(("saved", escape(str(file))))
+        rows.append(("read from" if was_read else "saved", escape(str(file))))
     print_table(f"{solution.name}, {solution.method}, n = {solution.n}", rows)
     if not good and solution.message:
         print(solution.message)
@@ -121,10 +128,8 @@ def show_profile(parts: Sequence[Part]) -> None:
 
 def show_certificate(certificate: Certificate) -> None:
     """What the validation found, below the solution."""
-    from rich.console import Console
-
     print()
-    Console(highlight=False, width=None if sys.stdout.isatty() else WIDE).print(certificate)
+    rich_console(width=None if sys.stdout.isatty() else WIDE).print(certificate)
 
 
 def print_table(title: str, rows: Sequence[Sequence[str]], header: Sequence[str] = ()) -> None:
@@ -160,9 +165,7 @@ class Rows:
                 print(_GAP.join(cell.ljust(width) for cell, width in zip(line, self._widths)).rstrip())
             sys.stdout.flush()
             return
-        from rich.console import Console
-
-        width = Console().width
+        width = rich_console().width
         gap = next((gap for gap in (len(_GAP), 1) if self._extent(gap) <= width), len(_GAP))
         if self._header and self._extent(gap) > width:
             named = [f"{name.replace(',', '')} {cell}" for name, cell in zip(self._header, cells) if cell]
@@ -202,9 +205,34 @@ def _print(what: Any, style: str | None = None, markup: bool = True) -> None:
     if not sys.stdout.isatty():
         print(what)
         return
-    from rich.console import Console
+    rich_console().print(what, style=style, markup=markup)
 
-    Console(highlight=False, soft_wrap=False).print(what, style=style, markup=markup)
+
+def rich_console(**settings: Any) -> Console:
+    """Rich's console on standard output, or with ``stderr=True`` on standard error.
+
+    It writes past the filter of these streams, since colours are controls of the terminal as well; the text that it
+    is given goes through the same filter before it is coloured.
+    """
+    from rich.console import Console, RenderHook
+    from rich.segment import Segment
+
+    class Shown:
+        def __init__(self, what: Any) -> None:
+            self.what = what
+
+        def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
+            for segment in console.render(self.what, options):
+                yield segment if segment.control else Segment(visible(segment.text), segment.style)
+
+    class Hook(RenderHook):
+        def process_renderables(self, renderables: list[Any]) -> list[Any]:
+            return [Shown(one) for one in renderables]
+
+    stream = sys.stderr if settings.pop("stderr", False) else sys.stdout
+    console = Console(file=unfiltered(stream), highlight=False, soft_wrap=False, **settings)
+    console.push_render_hook(Hook())
+    return console
 
 
 def _shown_width(cell: str) -> int:
@@ -224,8 +252,11 @@ def escape(text: str) -> str:
 
 def warn(diagnostics: Iterable[Diagnostic]) -> None:
     """Warnings about a spec, on standard error."""
-    for one in diagnostics:
+    found = list(diagnostics)
+    for one in found[:MOST_WARNINGS]:
         print(one.render(), file=sys.stderr)
+    if len(found) > MOST_WARNINGS:
+        print(f"and {len(found) - MOST_WARNINGS} more warnings", file=sys.stderr)
 
 
 @contextmanager

@@ -5,91 +5,35 @@ Mistakes in the input are raised and turned into a message in :mod:`stc.cli`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+import time
+from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import stc.cli as cli
+from stc import deadline
 from stc.arguments import spare
 from stc.bundled import is_solution
-from stc.cli import BAD, GOOD, console, reasons, record, searches
+from stc.cli import BAD, GOOD, console, guard, reasons, record, searches
 from stc.cli.inputs import load
 from stc.cli.live import Watch, validating
 from stc.cli.options import SolveOptions, existing_solution, writable_solution
-from stc.errors import Diagnostic, UsageError
-from stc.records import dataclass
+from stc.cli.outcome import Ending, Outcome, keep_solution
+from stc.errors import Diagnostic, EndedError, UsageError
 
 if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.solution import Solution
-    from stc.studies.blame import Blame
     from stc.studies.compare import Run
-    from stc.studies.explain import Explanation
-    from stc.studies.profile import Part
     from stc.validate.certificate import Certificate
     from stc.validate.metrics import Metric
 
 #: What is compared unless others are named.
 COMPARED = "sqp,nlopt:slsqp,nlopt:auglag"
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """A solution with where it is saved (None: nowhere), the warnings about its spec, and the reasons known.
-
-    ``unsaved`` tells why it is not, where it was to be.
-    """
-
-    solution: Solution
-    file: Path | None
-    warnings: Sequence[Diagnostic] = ()
-    blame: Blame | None = None
-    explanation: Explanation | None = None
-    found: searches.Found | None = None
-    profile: Sequence[Part] = ()
-    unsaved: str = ""
-
-    @property
-    def status(self) -> str:
-        """How the solve ended; a search that did not get where it was sent is not optimal."""
-        return self.solution.status if self.found is None else self.found.status
-
-    @property
-    def good(self) -> bool:
-        """Whether all that was asked of the solve was reached."""
-        found = self.status == "optimal" if self.found is None else self.found.good
-        return found and not self.unsaved
-
-    def record(self) -> record.Record:
-        """What ``--json`` prints of it."""
-        known = record.of_solution(
-            self.solution, None if self.file is None else str(self.file), self.warnings
-        )
-        known["blame"] = None if self.blame is None else self.blame.to_dict()
-        known.update({} if self.explanation is None else self.explanation.to_dict())
-        if self.profile:
-            known["profile"] = [part.to_dict() for part in self.profile]
-        if self.unsaved:
-            known["message"] = f"{known['message']} {self.unsaved}"
-        return known if self.found is None else self.found.added_to(known)
-
-    def show(self) -> None:
-        """What people see of it."""
-        console.show_solution(self.solution, self.file)
-        if self.found is not None and (in_all := self.found.in_all()):
-            print(in_all)
-        if self.found is not None and self.found.message:
-            console.note(self.found.message)
-        if self.blame is not None:
-            reasons.show_blame(self.blame)
-        if self.explanation is not None:
-            reasons.show_explanation(self.explanation)
-        if self.profile:
-            console.show_profile(self.profile)
-        if self.unsaved:
-            console.note(self.unsaved)
 
 
 def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
@@ -134,7 +78,32 @@ def compare(spec: str, optimizers: str | None, options: SolveOptions, *, as_json
             watch.clear()
             table.add(run)
 
-    with Watch(model.name) as watch, console.warnings_as_notes(), suppress(KeyboardInterrupt):
+    def announce(name: str, number: int, count: int) -> None:
+        # That of the first one began with the process, if it was given.
+        if options.time_limit is not None and (number > 1 or math.isinf(deadline.until())):
+            guard.limit(options.time_limit, time.perf_counter())
+        watch.announce(f"{model.name}  {name} ({number} of {count})")
+
+    def told(why: str) -> int:
+        """The last word; ``why`` it comes before all have been run, if it does."""
+        if not as_json:
+            table.end()
+        console.warn(model.warnings)
+        if why:
+            console.note(f"{why}; {len(runs)} of {len(names)} optimizers were run")
+        good = any(run.status == "optimal" for run in runs) and not why
+        if as_json:
+            rows = [run.to_dict() for run in runs]
+            status = why or ("ok" if good else "failed")
+            record.write({"status": status, "name": model.name, "optimizers": rows})
+        return GOOD if good else BAD
+
+    with (
+        Watch(model.name) as watch,
+        console.warnings_as_notes(),
+        guard.on_end(told),
+        suppress(KeyboardInterrupt),
+    ):
         run_all(
             model,
             names,
@@ -145,19 +114,9 @@ def compare(spec: str, optimizers: str | None, options: SolveOptions, *, as_json
             callback=watch,
             on_run=done,
             skip_slow=optimizers is None,
-            announce=lambda name, k, count: watch.announce(f"{model.name}  {name} ({k} of {count})"),
+            announce=announce,
         )
-    if not as_json:
-        table.end()
-    console.warn(model.warnings)
-    if watch.stopped:
-        console.note(f"interrupted; {len(runs)} of {len(names)} optimizers were run")
-    good = any(run.status == "optimal" for run in runs) and not watch.stopped
-    if as_json:
-        rows = [run.to_dict() for run in runs]
-        status = "interrupted" if watch.stopped else "ok" if good else "failed"
-        record.write({"status": status, "name": model.name, "optimizers": rows})
-    return GOOD if good else BAD
+    return told("interrupted" if watch.stopped else "")
 
 
 def validate(
@@ -206,7 +165,7 @@ def solved(
 
         path = existing_solution(target)
         # The file and not the solution is handed on: the model may lie beside it.
-        outcome = Outcome(read(path), path)
+        outcome = Outcome(read(path), path, was_read=True)
         if needs_model and outcome.solution.model is None:
             raise UsageError(_no_replay(outcome.solution.name, needs_model), f"{without}; {_HOW}")
         return outcome, path
@@ -363,57 +322,45 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
 
         profile = Profile()
         profile.begin(cli.owns_process)
+    minimizer = None if profile is None else profile.minimize
     with Watch(model.name, saves=file is not None) as watch, console.warnings_as_notes():
-        found = searches.find(
-            model,
-            options.search,
-            partial(model.solve, callback=watch, minimizer=None if profile is None else profile.minimize),
-            not as_json,
-            method=options.method,
-            tolerance=options.tolerance,
-            max_iterations=options.max_iterations,
-            time_limit=options.time_limit,
-            warm_start=options.warm_start,
-            optimizer=options.optimizer or DEFAULT,
-            fewer_first=not options.direct,
-        )
-        solution = found.solution
-        unsaved = ""
-        if file is not None:
-            unsaved = _save(
-                solution, file, solution.save if profile is None else profile.saving.over(solution.save)
-            )
-            file = None if unsaved else file
-    warnings = _stated_warnings(model, options)
+        ending = Ending(watch, file, as_json)
+        with guard.on_end(ending):
+            try:
+                found = searches.find(
+                    model,
+                    options.search,
+                    ending.noting(partial(model.solve, callback=watch, minimizer=minimizer)),
+                    not as_json,
+                    method=options.method,
+                    tolerance=options.tolerance,
+                    max_iterations=options.max_iterations,
+                    time_limit=options.time_limit,
+                    warm_start=options.warm_start,
+                    optimizer=options.optimizer or DEFAULT,
+                    fewer_first=not options.direct,
+                )
+            except EndedError as ended:
+                left = ending.found(ended.status)
+                if left is None:
+                    raise
+                found = left
+            solution = found.solution
+            keep = None if profile is None else profile.saving.over(solution.save)
+            with guard.claimed():
+                unsaved = "" if file is None else keep_solution(solution, file, keep)
+                file = None if unsaved else file
+                warnings = _stated_warnings(model, options)
+                parts = () if profile is None else profile.parts(solution)
+                outcome = Outcome(solution, file, warnings, found=found, profile=parts, unsaved=unsaved)
+                ending.outcome = outcome
     console.warn(warnings)
-    parts = () if profile is None else profile.parts(solution)
-    if solution.status != "optimal":
-        blame = reasons.find_blame(model, solution, options.explain, options.time_limit)
-        return Outcome(solution, file, warnings, blame, found=found, profile=parts, unsaved=unsaved)
-    return Outcome(
-        solution,
-        file,
-        warnings,
-        explanation=reasons.find_explanation(model, solution) if options.explain else None,
-        found=found,
-        profile=parts,
-        unsaved=unsaved,
-    )
-
-
-def _save(solution: Solution, file: Path, keep: Callable[[Path], object]) -> str:
-    """Save a solution; why that cannot be, or nothing: what a solve has found is told of all the same."""
-    try:
+    with guard.on_end(ending):
         if solution.status != "optimal":
-            from stc.cli.keeping import keep_optimal
-
-            keep_optimal(file, solution.status)
-        keep(file)
-    except OSError as error:
-        if error.errno is None:
-            raise
-        return f"{file}: {error.strerror or error}: the solution is not saved"
-    return ""
+            return replace(outcome, blame=reasons.find_blame(model, solution, options.explain))
+        if options.explain:
+            return replace(outcome, explanation=reasons.find_explanation(model, solution))
+    return outcome
 
 
 def _stated_warnings(model: Model, options: SolveOptions) -> Sequence[Diagnostic]:
@@ -441,11 +388,20 @@ def _judged(
     from stc.certification import certify
 
     if not as_json:
-        outcome.show()
-    with validating(outcome.solution.name):
-        certificate = certify(
-            motion, force=force, equations=True if page is not None else None, further=further
-        )
+        with guard.claimed():
+            outcome.show()
+
+    def ended(why: str) -> int:
+        reason = f"the command was ended: {why}"
+        return _not_validated(outcome, reason, page, as_json, why, shown=True)
+
+    try:
+        with validating(outcome.solution.name), guard.on_end(ended):
+            certificate = certify(
+                motion, force=force, equations=True if page is not None else None, further=further
+            )
+    except EndedError as error:
+        return ended(error.status)
     if not as_json:
         # What was found is shown before anything else can go wrong.
         console.show_certificate(certificate)
@@ -476,13 +432,20 @@ def _written(certificate: Certificate, page: Path) -> str:
     return ""
 
 
-def _not_validated(outcome: Outcome, reason: str, page: Path | None, as_json: bool) -> int:
-    """Show a solution that is not replayed, and why; ``page`` is where its certificate would have gone."""
+def _not_validated(
+    outcome: Outcome, reason: str, page: Path | None, as_json: bool, status: str = "", shown: bool = False
+) -> int:
+    """Show a solution that is not replayed, and why; ``page`` is where its certificate would have gone.
+
+    The ``status`` is that of the solve unless another one is given; it may have been ``shown`` already.
+    """
     if page is not None:
         reason = f"{reason}; {page} is not written"
     if as_json:
-        record.write({**outcome.record(), "validation": None, "report": None})
-    else:
+        known = outcome.record()
+        known["status"] = status or known["status"]
+        record.write({**known, "validation": None, "report": None})
+    elif not shown:
         outcome.show()
     console.note(f"not validated: {reason}")
     return BAD

@@ -17,6 +17,8 @@ from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
 import stc.cli as cli
+from stc import deadline
+from stc.visible import visible
 
 if TYPE_CHECKING:
     from stc.solver.report import IterationRecord
@@ -46,12 +48,13 @@ class Line:
         if not self.visible:
             return
         if self._live is None:
-            from rich.console import Console
             from rich.live import Live
 
-            self._live = Live(console=Console(stderr=True), auto_refresh=False, transient=True)
+            from stc.cli.console import rich_console
+
+            self._live = Live(console=rich_console(stderr=True), auto_refresh=False, transient=True)
             self._live.start()
-        self._live.update(text, refresh=True)
+        self._live.update(visible(text), refresh=True)
         self._next_update = time.monotonic() + PERIOD
 
     def close(self) -> None:
@@ -98,9 +101,9 @@ class Watch:
         self._previous: dict[int, Any] = {}
 
     def __enter__(self) -> Watch:
-        from stc.solver import monitor  # which other commands do without
+        from stc import unfinished  # which other commands do without
 
-        self._monitor = monitor
+        self._solves = unfinished
         if threading.current_thread() is threading.main_thread():
             self._previous[signal.SIGINT] = signal.signal(signal.SIGINT, self._on_signal)
             for name in ENDINGS if self._saves else ():
@@ -115,7 +118,7 @@ class Watch:
     ) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)
-        self._monitor.asked_to_stop = False
+        deadline.asked_to_stop = False
         self._line.close()
 
     def announce(self, title: str) -> None:
@@ -129,13 +132,15 @@ class Watch:
 
     def __call__(self, iterate: IterationRecord) -> bool:
         """Show an iterate; True asks the solver to stop."""
+        if self._solves.current is not None:
+            self._solves.current.note(iterate)
         if self._line.due:
             self._line.show(line(self.title, iterate))
         return self.stopped
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         self.stopped = True
-        self._monitor.asked_to_stop = True
+        deadline.asked_to_stop = True
         if number != signal.SIGINT:
             cli.ended_by = number
         for again in self._previous:

@@ -27,7 +27,7 @@ MaxIterations = Annotated[
     int | None, typer.Option("--max-iterations", metavar="COUNT", help="Stop after this many iterations.")
 ]
 TimeLimit = Annotated[
-    float | None, typer.Option("--time-limit", metavar="SECONDS", help="Stop after this much time.")
+    float | None, typer.Option("--time-limit", metavar="SECONDS", help="Stop so long after the start.")
 ]
 Tolerance = Annotated[
     float | None, typer.Option("--tolerance", metavar="ERROR", help="Largest error that counts as solved.")

@@ -33,7 +33,5 @@ def run(
         facts = {**record.blank("ok" if good else "failed", found.message), "name": found.spec}
         record.write({**facts, "robustness": found.to_dict()})
     else:
-        from rich.console import Console
-
-        Console(highlight=False, width=None if sys.stdout.isatty() else console.WIDE).print(found)
+        console.rich_console(width=None if sys.stdout.isatty() else console.WIDE).print(found)
     return GOOD if good else BAD

@@ -12,8 +12,10 @@ from stc.cli import GOOD, jobs, record
 from stc.cli.live import validating
 from stc.cli.options import SolveOptions, ready_to_write
 from stc.errors import UsageError
+from stc.visible import unfiltered
 
 if TYPE_CHECKING:
+    from stc.cli.outcome import Outcome
     from stc.solution import Solution
     from stc.validate.pictures.film import Look
 
@@ -93,7 +95,7 @@ def look(size: str, camera: str | None, rate: int, speed: float | None, tiles: i
 
 def _motion(
     target: str, options: SolveOptions, force: bool, as_json: bool, *needs: str
-) -> tuple[jobs.Outcome, Solution | Path]:
+) -> tuple[Outcome, Solution | Path]:
     """The motion to draw; ``needs`` as of :func:`stc.cli.jobs.to_show`."""
     outcome, motion = jobs.to_show(target, options, as_json, *needs)
     jobs.require_optimal(outcome.solution, "drawn", force)
@@ -133,8 +135,8 @@ class _Counter:
     def __call__(self, done: int, total: int) -> None:
         if self._shown and (done == total or time.monotonic() - self._last > 0.2):
             self._last = time.monotonic()
-            print(f"\r{done} of {total} images", end="", file=sys.stderr, flush=True)
+            print(f"\r{done} of {total} images", end="", file=unfiltered(sys.stderr), flush=True)
 
     def __exit__(self, *_: object) -> None:
         if self._shown and self._last:
-            print("\r" + " " * 40 + "\r", end="", file=sys.stderr, flush=True)
+            print("\r" + " " * 40 + "\r", end="", file=unfiltered(sys.stderr), flush=True)

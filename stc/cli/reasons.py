@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from stc import deadline
 from stc.cli import console
 
 if TYPE_CHECKING:
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 #: Seconds for finding who is to blame: unasked, and when the user wants an explanation.
 UNASKED, ASKED = 2.0, 60.0
+#: Less time than this is not worth a beginning.
+SHORTEST = 0.05
 
 #: Statements listed in a table.
 MOST = 15
@@ -23,12 +26,14 @@ MOST = 15
 LONGEST = 50
 
 
-def find_blame(model: Model, solution: Solution, asked: bool, time_limit: float | None) -> Blame | None:
+def find_blame(model: Model, solution: Solution, asked: bool) -> Blame | None:
     """The statements to blame for a solve that did not end optimal; None where there is nothing to tell."""
+    seconds = min(ASKED if asked else UNASKED, deadline.left())
+    if seconds < SHORTEST:
+        return None
     from stc.studies.blame import blame
 
-    seconds = ASKED if asked else UNASKED
-    return blame(model, solution, seconds if time_limit is None else min(seconds, time_limit))
+    return blame(model, solution, seconds)
 
 
 def find_explanation(model: Model, solution: Solution) -> Explanation | None:

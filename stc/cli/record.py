@@ -8,6 +8,8 @@ import sys
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from stc.cli import guard
+
 if TYPE_CHECKING:
     from stc.errors import Diagnostic, StcError
     from stc.solution import Solution
@@ -92,7 +94,13 @@ def of_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Record]:
 
 
 def write(record: Record) -> None:
-    """Print a record as one line of standard output."""
+    """Print a record as one line of standard output, the last word of the command."""
+    guard.settle()
+    put(record)
+
+
+def put(record: Record) -> None:
+    """Print a record, whichever thread has the last word."""
     sys.stdout.write(json.dumps(finite(record), allow_nan=False) + "\n")
     sys.stdout.flush()
 

@@ -80,8 +80,6 @@ def observe_order(model: Model, method: str | None, options: SolveOptions) -> Or
 
 
 def _show(reports: list[EquationReport | OrderReport]) -> None:
-    from rich.console import Console
-
     wide = None if sys.stdout.isatty() else console.WIDE
     for report in reports:
-        Console(highlight=False, width=wide).print(report)
+        console.rich_console(width=wide).print(report)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from stc.errors import UsageError
 from stc.language import syntax
-from stc.language.diagnostics import Diagnostics, did_you_mean
+from stc.language.diagnostics import Diagnostics, did_you_mean, shortened
 from stc.language.names import NameTable, dependency_order
 from stc.language.numbers import NOISE, NotANumber, Unknown, affine
 from stc.language.words import FUNCTION_ADVICE, RESERVED
@@ -73,7 +73,7 @@ class Constants:
             circular.update(cycle)
             entry = self.table.entries[cycle[0]]
             message = f"the constant `{cycle[0]}` is defined by itself"
-            hint = " needs ".join(f"`{name}`" for name in cycle)
+            hint = " needs ".join(shortened([f"`{name}`" for name in cycle]))
             self.diagnostics.error(message, entry.start, entry.end, hint)
         for name in order:
             self.values[name] = self._value(name, overrides, circular)
@@ -132,8 +132,8 @@ class Constants:
             raise NotANumber(node, f"a constant cannot use `{name}`, {RESERVED[name]}", hint)
         raise self.undeclared(node)
 
-    def undeclared(self, node: syntax.Name, candidates: Iterable[str] | None = None) -> NotANumber | Unknown:
-        """The exception for a name that nothing declares."""
+    def undeclared(self, node: syntax.Name, meant: str = "") -> NotANumber | Unknown:
+        """The exception for a name that nothing declares; ``meant`` is what was probably meant, where that is known."""
         name = node.name
         if name in self.damaged or name in self.reported or name == "?":
             return Unknown()
@@ -143,8 +143,12 @@ class Constants:
             return NotANumber(
                 node, message, "declare it under `constants:` or set it from outside with `--set n=value`"
             )
-        found = self.table.of_kind("constant") if candidates is None else candidates
-        hint = did_you_mean(name, found) or FUNCTION_ADVICE.get(name, "") or "declare it under `constants:`"
+        hint = (
+            meant
+            or did_you_mean(name, self.table.of_kind("constant"))
+            or FUNCTION_ADVICE.get(name, "")
+            or "declare it under `constants:`"
+        )
         return NotANumber(node, f"`{name}` is not declared", hint)
 
     def _last_frame(self) -> int | None:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from stc.language import syntax
-from stc.language.diagnostics import Diagnostics
+from stc.language.diagnostics import Diagnostics, shortened
 from stc.language.names import NameTable, dependency_order
 from stc.problem import DefinitionPiece
 from stc.records import dataclass
@@ -73,7 +73,7 @@ def collect_definitions(spec: syntax.SpecTree, table: NameTable, diagnostics: Di
     for cycle in cycles:
         if not circular.intersection(cycle):
             name = formulas[cycle[0]][0].name
-            chain = " uses ".join(f"`{each}`" for each in cycle)
+            chain = " uses ".join(shortened([f"`{each}`" for each in cycle]))
             message = f"the definition `{name.name}` is made of itself"
             diagnostics.error(message, name.start, name.end, chain)
         circular.update(cycle)

@@ -41,6 +41,11 @@ class Diagnostics:
         return sorted((d for d in self.items if d.severity == "warning"), key=_place)
 
 
+def shortened(listed: list[str], most: int = 12) -> list[str]:
+    """A long list with ``...`` for its middle."""
+    return listed if len(listed) <= most else [*listed[: most - 2], "...", listed[-1]]
+
+
 def _place(diagnostic: Diagnostic) -> int:
     return diagnostic.span.start if diagnostic.span is not None else -1
 

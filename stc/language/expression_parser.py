@@ -37,6 +37,7 @@ class ExpressionParser:
         self.at = 0
         self.kind = self.kinds[0]
         self.depth = 0
+        self._header_ends = self._find_header_ends()
 
     # ------------------------------------------------------------- token level
 
@@ -83,20 +84,23 @@ class ExpressionParser:
 
     def range_header_end(self, index: int) -> int:
         """If a range header starts at this token, the index of its ``:``; else -1."""
-        if self.kinds[index] != "[":
-            return -1
-        level = 0
-        while True:
-            kind = self.kinds[index]
+        return self._header_ends.get(index, -1)
+
+    def _find_header_ends(self) -> dict[int, int]:
+        """For every token that starts a range header, the index of the ``:`` at its end; once for all of them."""
+        found: dict[int, int] = {}
+        kinds = self.kinds
+        opened: list[int] = []
+        for index, kind in enumerate(kinds):
             if kind == "[":
-                level += 1
-            elif kind == "]":
-                level -= 1
-                if level == 0:
-                    return index + 1 if self.kinds[index + 1] == ":" else -1
-            elif kind in ("end", ";", ":"):
-                return -1
-            index += 1
+                opened.append(index)
+            elif kind == "]" and opened:
+                start = opened.pop()
+                if kinds[index + 1] == ":":
+                    found[start] = index + 1
+            elif kind in (";", ":"):
+                opened.clear()
+        return found
 
     def fail_after_operand(self, what: str) -> None:
         """Raise for a token that cannot follow an expression."""

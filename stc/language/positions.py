@@ -10,8 +10,9 @@ from stc.errors import Span
 from stc.language import syntax
 from stc.language.constants import Constants
 from stc.language.diagnostics import Diagnostics
-from stc.language.names import NameTable
-from stc.language.numbers import NOISE, NotANumber, Unknown, affine, exact
+from stc.language.names import NameTable, dependency_order
+from stc.language.numbers import NOISE, NotANumber, Resolve, Unknown, affine, exact
+from stc.language.words import FRAMES_MEANT
 from stc.problem import FrameRange
 
 Position = tuple[Fraction | int, Fraction | int]
@@ -36,7 +37,10 @@ class Positions:
         self.formulas = formulas
         self.diagnostics = diagnostics
         self.structural: set[str] = set()
-        self._open: list[str] = []
+        self._values: dict[bool, dict[str, tuple[float, float] | NotANumber | Unknown]] = {
+            True: {},
+            False: {},
+        }
         self._headers: dict[int, FrameRange | None] = {}
 
     def structural_value(self, name: str) -> float | None:
@@ -61,17 +65,16 @@ class Positions:
                 return 0.0, 1.0
             if name == "i" and indexed:
                 return 1.0, 0.0
-            if kind == "definition" and name in self.formulas and name not in self._open:
-                self._open.append(name)
-                try:
-                    return affine(self.formulas[name], resolve)
-                except NotANumber as problem:
+            if kind == "definition" and name in self.formulas:
+                made = self._value_of_definition(name, indexed, resolve)
+                if isinstance(made, NotANumber):
                     hint = f"{what} is made of constants{' and `i`' if indexed else ''}"
-                    raise NotANumber(
-                        node, f"`{name}` is no number before solving: {problem.message}", hint
-                    ) from None
-                finally:
-                    self._open.pop()
+                    root = made.__cause__ if isinstance(made.__cause__, NotANumber) else made
+                    message = f"`{name}` is no number before solving: {root.message}"
+                    raise NotANumber(node, message, hint) from root
+                if isinstance(made, Unknown):
+                    raise made
+                return made
             if kind is not None or name in ("i", "t", "inf"):
                 shown = f"the {kind} `{name}`" if kind else f"`{name}`"
                 raise NotANumber(
@@ -79,9 +82,28 @@ class Positions:
                 )
             if name == "n" and self.constants.n is None:
                 raise Unknown  # noted once for the whole file
-            raise self.constants.undeclared(node)
+            meant = "`[n]` is the last frame" if name == "N" else FRAMES_MEANT.get(name.lower(), "")
+            raise self.constants.undeclared(node, meant)
 
         return resolve
+
+    def _value_of_definition(
+        self, name: str, indexed: bool, resolve: Resolve
+    ) -> tuple[float, float] | NotANumber | Unknown:
+        """What a definition comes to, or why it comes to nothing; each is worked out once, after those that it uses."""
+        known = self._values[indexed]
+        if name not in known:
+
+            def needs(other: str) -> list[str]:
+                inside = syntax.names(self.formulas[other])
+                return [each for each in inside if each in self.formulas and each not in known]
+
+            for each in dependency_order([name], needs)[0]:
+                try:
+                    known[each] = affine(self.formulas[each], resolve)
+                except (NotANumber, Unknown) as problem:
+                    known[each] = problem
+        return known[name]
 
     def frames(self, header: syntax.RangeHeader) -> FrameRange | None:
         """The frames of a header, or None after noting why there are none."""

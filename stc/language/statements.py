@@ -13,6 +13,9 @@ from stc.problem import ConstantRef, ParameterRef
 from stc.records import dataclass
 from stc.symbolic.expr import ONE, ZERO, Expr, div, mul, neg, sub, sum_of, symbols
 
+#: So many integrals a statement of the objective may come to.
+MOST_INTEGRALS = 10_000
+
 _BLANK = re.compile(r"(?:\s|#[^\n]*)+")
 
 
@@ -132,32 +135,41 @@ class Objective:
             return [] if self.builder.poisoned else [Summand(body, False)]
         plain: list[Expr] = []
         integrals: list[Expr] = []
-        self._split(node, ONE, plain, integrals)
+        self._split(node, plain, integrals)
         if self.builder.poisoned:
             return []
         found = [Summand(body, True) for body in integrals]
         return [*found, Summand(sum_of(plain), False)] if plain else found
 
-    def _split(self, node: syntax.Expression, factor: Expr, plain: list[Expr], integrals: list[Expr]) -> None:
+    def _split(self, whole: syntax.Expression, plain: list[Expr], integrals: list[Expr]) -> None:
+        """Take a sum apart, through the definitions in it, which may be a chain of any length."""
         builder = self.builder
-        if not self.holds_integral(node):
-            plain.append(mul(factor, builder.build(node)))
-        elif isinstance(node, syntax.Sum):
-            for sign, term in node.terms:
-                self._split(term, factor if sign == "+" else neg(factor), plain, integrals)
-        elif isinstance(node, syntax.Negate):
-            self._split(node.operand, neg(factor), plain, integrals)
-        elif isinstance(node, syntax.Product):
-            self._product(node, factor, plain, integrals)
-        elif isinstance(node, syntax.Name):
-            builder.table.entries[node.name].used = True
-            self._split(self.formulas[node.name], factor, plain, integrals)
-        elif isinstance(node, syntax.Call) and node.function == "integral":
-            self._integral(node, factor, integrals)
-        else:
-            builder.build(node)  # notes the integral that cannot stand there
+        waiting: list[tuple[syntax.Expression, Expr]] = [(whole, ONE)]
+        while waiting and not builder.poisoned:
+            node, factor = waiting.pop()
+            if not self.holds_integral(node):
+                plain.append(mul(factor, builder.build(node)))
+            elif isinstance(node, syntax.Sum):
+                terms = [(term, factor if sign == "+" else neg(factor)) for sign, term in node.terms]
+                waiting += reversed(terms)
+            elif isinstance(node, syntax.Negate):
+                waiting.append((node.operand, neg(factor)))
+            elif isinstance(node, syntax.Product):
+                waiting += self._product(node, factor)
+            elif isinstance(node, syntax.Name):
+                builder.table.entries[node.name].used = True
+                waiting.append((self.formulas[node.name], factor))
+            elif isinstance(node, syntax.Call) and node.function == "integral":
+                if len(integrals) == MOST_INTEGRALS:
+                    message = f"the objective comes to more than {MOST_INTEGRALS} integrals"
+                    builder.fail(whole, message, "each use of a definition repeats the integrals in it")
+                    return
+                self._integral(node, factor, integrals)
+            else:
+                builder.build(node)  # notes the integral that cannot stand there
 
-    def _product(self, node: syntax.Product, factor: Expr, plain: list[Expr], integrals: list[Expr]) -> None:
+    def _product(self, node: syntax.Product, factor: Expr) -> list[tuple[syntax.Expression, Expr]]:
+        """What holds the integral in a product, with the product of all the rest; nothing after a mistake."""
         builder = self.builder
         holding = [(operator, part) for operator, part in node.factors if self.holds_integral(part)]
         if len(holding) > 1 or holding[0][0] == "/":
@@ -171,7 +183,7 @@ class Objective:
                 what,
                 "an objective is a sum of integrals, each with a factor of constants and parameters",
             )
-            return
+            return []
         for operator, part in node.factors:
             if part is holding[0][1]:
                 continue
@@ -180,7 +192,7 @@ class Objective:
                 hint = "what differs from frame to frame belongs inside the integral"
                 builder.fail(part, "the factor of an integral is made of constants and parameters", hint)
             factor = mul(factor, e) if operator == "*" else div(factor, e)
-        self._split(holding[0][1], factor, plain, integrals)
+        return [(holding[0][1], factor)]
 
     def _integral(self, node: syntax.Call, factor: Expr, integrals: list[Expr]) -> None:
         builder = self.builder

@@ -84,6 +84,16 @@ RESERVED = {
     "after": "the value after a jump",
 }
 
+#: What other tools call the frames at the two ends of a motion.
+FRAMES_MEANT = {
+    **dict.fromkeys(
+        ("last", "end", "final", "finish", "stop", "tf", "t_f", "nn", "n_end"), "`[n]` is the last frame"
+    ),
+    **dict.fromkeys(
+        ("first", "begin", "beginning", "start", "initial", "t0", "t_0"), "`[0]` is the first frame"
+    ),
+}
+
 #: What people write after numbers, and where angles are no radians.
 UNITS = frozenset(
     ("g", "kg", "m", "mm", "cm", "km", "s", "ms", "min", "N", "kN", "Nm", "J", "W", "Hz", "rad")

@@ -26,12 +26,13 @@ from stc.solver.nlp import Floats, Mask
 from stc.solver.products import at_bounds, between
 from stc.solver.projection import Projection, ProjectionPair
 from stc.solver.projection_passes import ACCURATE, CONTRACTION
-from stc.solver.restricted import DUAL_SHIFT
+from stc.solver.restricted import AGAINST_DEPENDENT_ROWS, DUAL_SHIFT
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [
     "Finish",
     "Projection",
+    "bends_upwards",
     "fitting_multipliers",
     "newton_on_active_set",
     "newton_point",
@@ -135,6 +136,14 @@ def newton_point(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None
     pair = _pair_of(form)
     pair.regularity = 0
     return pair.next if pair.start(between(x, *form.true_x), y) and pair.advance() else None
+
+
+def bends_upwards(form: ScaledProblem) -> bool:
+    """Whether the last factorisation of Newton's method found the curvature on its active set to be positive unshifted.
+
+    Such a point meets the second-order sufficient condition; where it took a shift, the necessary one, nearly.
+    """
+    return _pair_of(form).regularity <= AGAINST_DEPENDENT_ROWS
 
 
 def _pair_of(form: ScaledProblem) -> ProjectionPair:

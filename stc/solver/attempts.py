@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stc.solver.active_set import newton_on_active_set, newton_point
+from stc.solver.active_set import bends_upwards, newton_on_active_set, newton_point
 from stc.solver.feasible_start import feasible_first
 from stc.solver.interior import optimise
 from stc.solver.judgement import Judgement
@@ -59,10 +59,12 @@ class Attempts:
                 return self.barrier(form, x0, tactics)
         from stc.solver.warm_start import from_neighbour
 
-        point = from_neighbour(form, x, y, z, self.options.tolerance, self.monitor, thorough=trusting)
+        point, minimum = from_neighbour(
+            form, x, y, z, self.options.tolerance, self.monitor, thorough=trusting
+        )
         it = warm_iterate(form, x, y)
         if point is not None:
-            return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it)
+            return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it, minimum=minimum)
         return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=tactics)
 
     def cold(self, form: ScaledProblem, x0: Floats, options: Options) -> Outcome:
@@ -80,7 +82,9 @@ class Attempts:
         x, y = np.where(form.held, form.held_value, x0 / form.x_scale), np.zeros(form.m)
         point = newton_point(form, x, y)
         if point is not None:
-            outcome = Outcome(End.CONVERGED, form, point.x.copy(), point.y.copy(), 0.0)
+            outcome = Outcome(
+                End.CONVERGED, form, point.x.copy(), point.y.copy(), 0.0, minimum=bends_upwards(form)
+            )
             stated = self.judgement.stated(outcome)
             judged = self.judgement.assess(stated)
             outcome.error = max(judged.violation, judged.optimality)
@@ -104,7 +108,8 @@ class Attempts:
         )
         if point is None or not solved:
             return None
-        return Outcome(End.CONVERGED, form, point.x.copy(), point.y.copy(), point.error)
+        x, y, minimum = point.x.copy(), point.y.copy(), bends_upwards(form)
+        return Outcome(End.CONVERGED, form, x, y, point.error, minimum=minimum)
 
     def barrier(
         self,
@@ -171,11 +176,7 @@ class Attempts:
         from stc.solver.narrowing import narrowed_start
 
         monitor = self.monitor
-        limits = replace(
-            self.options,
-            max_iterations=min(NARROWED, monitor.limit - monitor.iterations),
-            time_limit=monitor.time_left,
-        )
+        limits = replace(self.options, max_iterations=min(NARROWED, monitor.limit - monitor.iterations))
         begin = monitor.iterations
 
         def told(record: IterationRecord) -> bool:

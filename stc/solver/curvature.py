@@ -1,76 +1,149 @@
-"""Second-order check of a stationary point, and the way off a saddle."""
+"""The second-order conditions of a stationary point, and the way off one that does not meet them.
+
+On the directions in which no active constraint changes, the null space of their Jacobian, the Lagrangian of a local
+minimum bends nowhere downwards (the second-order necessary condition: J. Nocedal and S. J. Wright, Numerical
+Optimization, 2006, theorem 12.5). Where every active constraint has a multiplier that is not zero (strict
+complementarity) these directions are the critical cone, and no others matter. The inertia of the KKT matrix tells: with
+m negative and no zero eigenvalues all directions bend upwards, with more negative ones some bend downwards (N. I. M.
+Gould, On practical conditions for the existence and uniqueness of solutions to the general equality quadratic
+programming problem, Math. Program. 32, 1985).
+
+Where one does, inverse iteration with the shifted factorisation finds it, and the objective falls along a curve of
+feasible points that begins in that direction, either way (J. J. More and D. C. Sorensen, On the use of directions of
+negative curvature in a modified Newton method, Math. Program. 16, 1979). Where a direction does not bend at all, the
+condition tells nothing; there the objective is tried a little way off.
+"""
 
 from __future__ import annotations
 
+from enum import Enum
+
 import numpy as np
 
+from stc.solver.feasible_curve import follow
 from stc.solver.globalization import largest_step
 from stc.solver.iterate import evaluate
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.products import inner, norm
+from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.starting import active_iterate
+from stc.solver.workspace import workspace_of
 
-__all__ = ["leave_saddle"]
+__all__ = ["SecondOrder", "leave_saddle", "second_order_at"]
 
-POWER_STEPS = 8
-NEGLIGIBLE = 1e-7
+POWER_STEPS = 30
+SETTLED = 0.1
+NEGLIGIBLE = 1e-8
+"""Curvature that counts as none, of the size of the errors that a point within the tolerance leaves in it: relative to
+what it is made of, whatever the units of the variables; on the way, to the Hessian's largest entry or to 1."""
 FRACTION = 0.9
 FIRST_TRIAL = 0.1
-TRIALS = 16
+TRIALS, FEW_TRIALS = 16, 3
 RETURNS = 3
 SIGNIFICANT = 1e-11
 
 
-def leave_saddle(system: NewtonSystem, seed: int) -> bool:
-    """Move off a stationary point along negative curvature of the Lagrangian on the constraints.
+class SecondOrder(Enum):
+    """What became of a stationary point."""
 
-    When the matrix at ``it`` has the right inertia only after a shift, inverse iteration with the shifted
-    factorisation turns a random vector into the direction of most negative curvature.
+    HOLDS = "everything bends upwards"
+    FLAT = "nothing bends downwards, but something does not bend at all"
+    LOWER = "the same, but a lower point was found, to which the iterate was moved"
+    LEFT = "something bends downwards, and the iterate was moved to a lower point"
+    ENDLESS = "the objective falls along a curve of feasible points without end"
+    FAILS = "something bends downwards, but no lower point was found"
 
-    Returns:
-        True when the iterate was moved to a point of lower objective; False when it satisfies the second-order
-        conditions as far as can be told.
+
+def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> SecondOrder:
+    """Check the second-order condition at the iterate, and move off along negative curvature where it fails.
+
+    Args:
+        seed: of the random direction that inverse iteration begins with.
+        probe: also look for a lower point where something does not bend at all.
     """
     form, work = system.form, system.work
     it = work.it
     mu = inner(it.gap, it.z) / max(1, form.gaps)
+    negligible = NEGLIGIBLE * max(1.0, float(np.abs(it.hess).max(initial=0.0)))
     try:
         system.factorize(max(mu, 1e-9), exact=True)
-        system.tighten()
-    except SingularSystem:
-        return False
-    if system.shift <= NEGLIGIBLE:
-        return False
+        if system.shift == 0.0:
+            return SecondOrder.HOLDS
+        flat = system.bears(negligible)
+        if flat and not probe:
+            return SecondOrder.FLAT
+        if not flat:
+            system.tighten()
+    except SingularSystem:  # constraints depend on each other too much for the condition to say anything
+        return SecondOrder.FLAT
+    bent = _most_bent(system, seed)
+    if bent is None:
+        return SecondOrder.FLAT
+    dw, curvature, uncertain = bent
+    # What inertia says of a badly scaled matrix may be rounding, and its largest entry may hide what bends.
+    flat = curvature >= -NEGLIGIBLE * uncertain if probe else flat or curvature > -negligible
+    if flat and (not probe or (form.linear and form.quadratic_objective)):
+        return SecondOrder.FLAT
+    if inner(it.dual[: form.n], dw[: form.n]) > 0.0:
+        dw = -dw
+    moved = _lower(system, dw, few=flat, beyond_errors=probe)
+    if moved is None:
+        return SecondOrder.FLAT if flat else SecondOrder.FAILS
+    followed = follow(form, it.w, moved)
+    new = evaluate(form, followed.w, it.y.copy(), it.z.copy())
+    if not new.is_finite and not followed.endless:
+        new = evaluate(form, moved, it.y.copy(), it.z.copy())
+    work.load(new)
+    work.provide_attempt()
+    if followed.endless:
+        return SecondOrder.ENDLESS
+    return SecondOrder.LOWER if flat else SecondOrder.LEFT
+
+
+def _most_bent(system: NewtonSystem, seed: int) -> tuple[Floats, float, float] | None:
+    """The direction (n + m,) that bends downwards most, its variables of length 1; how much it bends, and what that
+    changes by, relative changes of the Hessian's entries and of the direction added up.
+
+    By inverse iteration from a random direction; None where that breaks down.
+    """
+    form, hess = system.form, system.work.it.hess
     v = np.random.default_rng(seed).standard_normal(form.n) * form.free
-    zeros = np.zeros(form.m)
-    rhs = np.zeros(form.size)
+    zeros, rhs = np.zeros(form.m), np.zeros(form.size)
+    curvature = np.inf
     for _ in range(POWER_STEPS):
         rhs[: form.n] = v
         dw, _ = system.solve(rhs, zeros)
-        v = dw[: form.n]
-        length = norm(v)
+        length = norm(dw[: form.n])
         if not np.isfinite(length) or length == 0.0:
-            return False
-        v = v / length
-    dw = dw / length
-    curvature = inner(v, form.hessian_times(it.hess, v))
-    if curvature >= -NEGLIGIBLE:
-        return False
-    if inner(it.dual[: form.n], v) > 0.0:
-        dw = -dw
-    return _descend(system, dw)
+            return None
+        dw = dw / length
+        v = dw[: form.n]
+        before, curvature = curvature, inner(v, form.hessian_times(hess, v))
+        if abs(curvature - before) <= SETTLED * abs(curvature):
+            break
+    of_entries = inner(np.abs(v), form.hessian_times(np.abs(hess), np.abs(v)))
+    return dw, curvature, of_entries + 2.0 * norm(form.hessian_times(hess, v))
 
 
-def _descend(system: NewtonSystem, dw: Floats) -> bool:
-    """Walk along ``dw`` or its opposite, back onto the rows after each trial, as far as the objective falls."""
-    form, work = system.form, system.work
-    it, n = work.it, form.n
+def _lower(system: NewtonSystem, dw: Floats, *, few: bool, beyond_errors: bool) -> Floats | None:
+    """A lower point (n + m,) along ``dw`` or its opposite, back on the rows after each trial, or None.
+
+    Args:
+        few: try a few lengths only: nothing promises that a shorter one will do.
+        beyond_errors: lower by more than the first-order errors of the iterate explain.
+    """
+    form, it = system.form, system.work.it
+    n = form.n
     scale = FIRST_TRIAL * max(1.0, float(np.abs(it.w[:n]).max(initial=0.0)))
     price = 1.0 + 2.0 * float(np.abs(it.y).max(initial=0.0))
     merit = it.f + price * it.theta
+    slope = abs(inner(it.dual - form.scatter(it.z), dw)) if beyond_errors else 0.0
+    products = inner(it.gap, it.z) if beyond_errors else 0.0
     for direction in (dw, -dw):
         alpha = scale * largest_step(it.gap, scale * (form.sign * direction[form.index]), FRACTION)
-        for _ in range(TRIALS):
+        for _ in range(FEW_TRIALS if few else TRIALS):
+            enough = SIGNIFICANT * (1.0 + abs(it.f)) + alpha * slope + products
             w = it.w + alpha * direction
             for _ in range(RETURNS):
                 f, r = form.values(w[:n])
@@ -78,15 +151,23 @@ def _descend(system: NewtonSystem, dw: Floats) -> bool:
                 theta = float(np.abs(c).sum())
                 if not np.isfinite(f + theta):
                     break
-                if f + price * theta < merit - SIGNIFICANT * (1.0 + abs(it.f)):
-                    moved = evaluate(form, w, it.y.copy(), it.z.copy())
-                    if not moved.is_finite:
-                        return False
-                    work.load(moved)
-                    return True
+                if f + price * theta < merit - enough:
+                    return w
                 if theta <= it.theta:
                     break
                 back, _ = system.solve(np.zeros(form.size), c)
                 w = w + largest_step(form.gap(w), form.sign * back[form.index], FRACTION) * back
             alpha *= 0.5
-    return False
+    return None
+
+
+def second_order_at(form: ScaledProblem, x: Floats, y: Floats, seed: int) -> SecondOrder:
+    """The same at a point (n,) with multipliers (m,), scaled; what is flat is probed as well.
+
+    In a quadratic program what is flat is flat all the way, and needs no probe. A lower point that this leads to is the
+    iterate of the form's workspace.
+    """
+    work = workspace_of(form)
+    work.load(active_iterate(form, x, y))
+    work.calls.forget()
+    return leave_saddle(NewtonSystem(work), seed, probe=True)

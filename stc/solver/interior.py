@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.solver.active_set import Finish
+from stc.solver.active_set import Finish, bends_upwards
 from stc.solver.barrier_parameter import BarrierParameter
 from stc.solver.barrier_passes import DOUBTFUL_SOLUTION
-from stc.solver.curvature import leave_saddle
+from stc.solver.curvature import SecondOrder, leave_saddle
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import LineSearch, barrier_value
 from stc.solver.iterate import Iterate
@@ -192,14 +192,21 @@ class _Loop:
                 if end is not None:
                     return end
                 if self._converged():
-                    if self._leave_saddle():
+                    second_order = self._leave_saddle()
+                    if second_order is SecondOrder.LEFT:
                         continue
-                    return self._outcome(End.CONVERGED)
+                    if second_order is SecondOrder.ENDLESS:
+                        return self._outcome(End.UNBOUNDED)
+                    minimum = second_order is SecondOrder.HOLDS
+                    return replace(self._outcome(End.CONVERGED), minimum=minimum)
                 if self.gain.is_missing(self.nearest.error, monitor.iterations):
                     return replace(self._give_up(), early=True, idle=True)
                 if self._stalled():
                     self.nearest.return_to()
-                    if self._leave_saddle() or self._hold_barrier():
+                    second_order = self._leave_saddle()
+                    if second_order is SecondOrder.ENDLESS:
+                        return self._outcome(End.UNBOUNDED)
+                    if second_order is SecondOrder.LEFT or self._hold_barrier():
                         continue
                     return self._give_up()
                 self.s[ATTENTION] = self._attention()
@@ -285,7 +292,9 @@ class _Loop:
         if self.finish.is_due(it, self.error) and not self.drift.falling:
             done = self.finish.attempt(it, self.error)
             if done is not None:
-                return Outcome(End.CONVERGED, form, done.x.copy(), done.y.copy(), done.error, it)
+                assert isinstance(form, ScaledProblem)
+                x, y, minimum = done.x.copy(), done.y.copy(), bends_upwards(form)
+                return Outcome(End.CONVERGED, form, x, y, done.error, it, minimum=minimum)
             self.work.provide_attempt()
         return None
 
@@ -300,9 +309,7 @@ class _Loop:
         from stc.solver.recession import falls_forever
 
         self.doubted_at = np.inf
-        left = replace(
-            self.options, max_iterations=monitor.limit - monitor.iterations, time_limit=monitor.time_left
-        )
+        left = replace(self.options, max_iterations=monitor.limit - monitor.iterations)
         falls, spent = falls_forever(form.nlp, form.user_variables(it.w[: form.n]), form.x_scale, left)
         monitor.iterations += spent
         return falls
@@ -354,15 +361,16 @@ class _Loop:
 
     # -- moves -----------------------------------------------------------------------------------------------------
 
-    def _leave_saddle(self) -> bool:
-        """Move off a stationary point that is no minimum; False when there is no way or need to."""
-        seed = self.options.seed + self.escapes
-        if self.escapes >= ESCAPES or not leave_saddle(self.system, seed):
-            return False
-        self.escapes += 1
-        self.monitor.count()
-        self._begin(self.barrier.mu)
-        return True
+    def _leave_saddle(self) -> SecondOrder:
+        """Move off a stationary point that is no minimum, unless that has been done too often."""
+        if self.escapes >= ESCAPES:
+            return SecondOrder.FAILS
+        found = leave_saddle(self.system, self.options.seed + self.escapes)
+        if found is SecondOrder.LEFT:
+            self.escapes += 1
+            self.monitor.count()
+            self._begin(self.barrier.mu)
+        return found
 
     def _hold_barrier(self) -> bool:
         """Go on with a held barrier where the free choice circles a solution without closing the gap."""

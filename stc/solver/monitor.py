@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from stc import deadline
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
 from stc.solver.progress_passes import is_better
@@ -13,10 +14,6 @@ from stc.solver.report import Callback, IterationRecord
 from stc.solver.status import Status
 
 __all__ = ["Monitor", "Stopped"]
-
-#: Whether all solves of this process are asked to stop; the command line says so, for a callback is not heard within an
-#: iteration.
-asked_to_stop = False
 
 
 class Stopped(Exception):
@@ -44,7 +41,7 @@ class Monitor:
         self.history: list[IterationRecord] = []
         self.best: tuple[float, float, Floats, Floats] | None = None
         self._callback = callback
-        self._deadline = time.perf_counter() + options.time_limit
+        self._deadline = min(deadline.until(), time.perf_counter() + options.time_limit)
 
     def count(self) -> None:
         """One more step was taken."""
@@ -152,7 +149,7 @@ class Monitor:
         Raises:
             Stopped: when the time is up, or the solves of this process were asked to stop.
         """
-        if asked_to_stop:
+        if deadline.asked_to_stop:  # a callback is not heard within an iteration
             raise Stopped(Status.INTERRUPTED)
         if self.is_late:
             raise Stopped(Status.TIME_LIMIT)

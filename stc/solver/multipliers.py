@@ -43,7 +43,7 @@ def least_squares_multipliers(work: Workspace, largest: float = LARGEST) -> Floa
 
 def shift_of_equations(jac: Floats) -> float:
     """What to soften equality rows by where the Hessian is the identity, given the Jacobian's entries."""
-    return SOFT * min(1.0, float(np.abs(jac).max(initial=0.0)) ** 2)
+    return SOFT * min(1.0, float(np.abs(jac).max(initial=0.0))) ** 2
 
 
 @native

@@ -8,7 +8,6 @@ asked for lead to the next one, and so on (continuation: E. L. Allgower and K. G
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -119,7 +118,6 @@ def narrowed_start(
     """
     from stc.solver.sqp import minimize
 
-    deadline = time.perf_counter() + limits.time_limit
     wide = Widened(nlp)
     spent, most, wider = 0, FIRST_ITERATIONS, widest
 
@@ -132,7 +130,6 @@ def narrowed_start(
         options = replace(
             limits,
             max_iterations=min(most, limits.max_iterations - spent),
-            time_limit=deadline - time.perf_counter(),
             retries=0,
             warm_start=False,
             presolve=False,

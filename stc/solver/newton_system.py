@@ -170,6 +170,18 @@ class NewtonSystem:
         """Forget the last stiffening; the factorisation stays."""
         self.work.s[STIFFNESS], self.work.s[SHIFT] = self._before
 
+    def bears(self, shift: float) -> bool:
+        """Whether such a shift is enough: the one in use is no larger, or the inertia is right with this one, too."""
+        s = self.work.s
+        before = s[SHIFT]
+        if before <= shift:
+            return True
+        s[SHIFT] = shift
+        if self._is_right():
+            return True
+        s[SHIFT] = before
+        return False
+
     def tighten(self) -> None:
         """Halve the shift as often as the inertia stays right, and factorise with the last one."""
         s = self.work.s

@@ -10,7 +10,6 @@ tolerances of the project's own method.  The same test stops the local algorithm
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +17,7 @@ import numpy as np
 
 from stc.errors import UsageError
 from stc.solver.dual_estimate import stationary_violation
+from stc.solver.in_child import minimize_in_child
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlopt_algorithms import Algorithm, Choice, choose, require
 from stc.solver.nlopt_functions import Functions
@@ -58,8 +58,14 @@ def minimize_with_nlopt(
     """
     choice = choose(name)
     require(choice, nlp)
-    with np.errstate(all="ignore"):
-        return _Solve(choice, nlp, options or Options(), callback, start).run()
+    _nlopt()
+    settings = options or Options()
+
+    def minimize(told: Callback | None) -> Result:
+        with np.errstate(all="ignore"):
+            return _Solve(choice, nlp, settings, told, start).run()
+
+    return minimize_in_child(minimize, nlp, settings, callback)
 
 
 def _nlopt() -> Any:
@@ -89,7 +95,6 @@ class _Solve:
         x0 = np.asarray(nlp.x0 if start is None else start.x, dtype=float)
         self.x0 = np.clip(x0, nlp.x_lower, np.maximum(nlp.x_lower, nlp.x_upper))
         self.monitor = _Log(options, callback)
-        self.deadline = time.perf_counter() + options.time_limit
         self.functions = Functions(nlp, self.x0, options.scaling)
         self.ended: Status | None = None
         self.optimal_at: Floats | None = None
@@ -217,7 +222,7 @@ class _Solve:
         opt.set_xtol_rel(X_TOLERANCE)
         opt.set_maxeval(evaluations)
         opt.set_param("tolg", GRADIENT_TOLERANCE)
-        left = self.deadline - time.perf_counter()
+        left = self.monitor.time_left
         if np.isfinite(left):
             opt.set_maxtime(max(left, 1e-3))
         return opt
@@ -353,8 +358,7 @@ class _Watch:
 
         def evaluate(z: Floats, slope: Floats) -> float:
             def inner() -> float:
-                if time.perf_counter() > self.solve.deadline:
-                    raise Stopped(Status.TIME_LIMIT)
+                self.solve.monitor.check_time()
                 value = function(z, slope)
                 return value if np.isfinite(value) else np.inf
 

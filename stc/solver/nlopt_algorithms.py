@@ -229,13 +229,13 @@ def caution(choice: Choice, nlp: NLP) -> str:
     power = "the cube" if dense else "the square"
     return (
         f"{choice.name} keeps dense matrices: {unknowns:,} unknowns and {nlp.m:,} rows take {size:.2g} GB or "
-        f"more, and a time that grows with {power} of their number, for each step, which no limit or Ctrl-C ends; "
+        f"more, and a time that grows with {power} of their number, for each step; "
         "sqp uses the sparsity"
     )
 
 
 def has_long_steps(choice: Choice, nlp: NLP) -> bool:
-    """Whether single steps, which no limit ends, take time that grows with the cube of so large a problem."""
+    """Whether single steps take time that grows with the cube of so large a problem."""
     return _is_dense(choice) and _unknowns(nlp) > LARGE
 
 

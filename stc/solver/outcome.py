@@ -23,6 +23,7 @@ class End(Enum):
     STATIONARY_VIOLATION = "stationary violation"
     UNBOUNDED = "unbounded"
     STUCK = "stuck"
+    SADDLE = "saddle"  # a stationary point that is no minimum, and that no way was found to leave
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +64,7 @@ class Outcome:
         iterate: the last iterate of the barrier, where there was one.
         early: whether it could have gone on: its steps were used up, or its patience.
         idle: whether it ended since it gained too little.
+        minimum: whether the second-order condition is known to hold there.
     """
 
     end: End
@@ -73,6 +75,7 @@ class Outcome:
     iterate: Iterate | None = None
     early: bool = False
     idle: bool = False
+    minimum: bool = False
 
     @property
     def is_answer(self) -> bool:

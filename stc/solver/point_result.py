@@ -9,7 +9,8 @@ from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.report import Result
 from stc.solver.residuals import Assessment, assess
-from stc.solver.status import Status, advice, sentence
+from stc.solver.saddles import is_saddle
+from stc.solver.status import NO_MINIMUM, Status, advice, sentence
 
 __all__ = ["Judgement", "judge", "point_result"]
 
@@ -64,13 +65,16 @@ def point_result(
 ) -> Result:
     """Make a result that is called optimal when, and only when, it is.
 
-    An end for want of progress becomes ``optimal`` where the conditions hold, and a claim to be optimal becomes
-    ``failed`` where they do not; other statuses stay, for they need evidence of their own.
+    That takes the second-order condition, too: that no lower point is found along negative curvature. An end for want
+    of progress becomes ``optimal`` where the conditions hold, and a claim to be optimal becomes ``failed`` where they
+    do not; other statuses stay, for they need evidence of their own.
     """
     if status in (Status.OPTIMAL, Status.FAILED):
         status = Status.OPTIMAL if judgement.optimal else Status.FAILED
     if status is Status.OPTIMAL:
         message = ""
+        if is_saddle(nlp, judgement.x, judgement.y, monitor.options):
+            status, message = Status.FAILED, NO_MINIMUM
     found = judgement.conditions
     return Result(
         status=status,

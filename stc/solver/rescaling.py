@@ -105,7 +105,7 @@ class Rescalings:
 
         monitor = self.monitor
         most = monitor.limit - monitor.iterations
-        left = replace(self.options, max_iterations=most, time_limit=monitor.time_left)
+        left = replace(self.options, max_iterations=most)
         unit = self.scaled_anew(form, x0, form.objective_factor, even=True).x_scale
         there, spent = nearest_point(self.nlp, unit, left)
         monitor.iterations += spent

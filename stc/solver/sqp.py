@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stc.deadline import within
 from stc.solver.active_set import fitting_multipliers, smaller_multipliers
 from stc.solver.attempts import Attempts
 from stc.solver.convexity import is_convex
@@ -24,11 +25,13 @@ from stc.solver.products import between, inner
 from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess, rows_missed
+from stc.solver.saddles import beyond_saddle, is_minimum
 from stc.solver.scaled_problem import ScaledProblem, is_small, relative_violation
 from stc.solver.status import (
     FIXED_ROWS_MISSED,
     FLAT_BUT_FOR_ROUNDING,
     MET_BUT_FOR_ROUNDING,
+    NO_MINIMUM,
     STILL_FALLING,
     Status,
     advice,
@@ -39,6 +42,8 @@ from stc.solver.unboundedness import falling_to
 __all__ = ["minimize"]
 
 RESCALINGS = 3
+ESCAPES = 5
+"""Stationary points that bend downwards, one after the other."""
 UNCHANGED = 1e-9
 LARGE_MULTIPLIER = 1e6
 DISPROOF = 0.1
@@ -76,7 +81,7 @@ def minimize(
         The result; a limit, an interruption (Ctrl-C too) or a failure is a status, not an exception.
     """
     options = options or Options()
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), within(options.time_limit):
         # Where no step is allowed the start is what is asked for, not what equations make of it.
         less = presolved(nlp) if options.presolve and options.max_iterations > 0 else None
         if less is not None:
@@ -241,7 +246,7 @@ class _Solve:
         if self.start.row_multipliers is None and self.judgement.is_met(x0, judged.violation):
             point = Point(x0, form.as_stated(x0, fitting_multipliers(form, x0 / form.x_scale))[1])
             judged = self.judgement.assess(point)
-        if self.judgement.confirms(point, point.y) and not self.judgement.may_gain(point):
+        if self._is_stationary(point) and self._is_minimum(point):
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         stated = point.x, point.y
         self.monitor.record(
@@ -314,6 +319,25 @@ class _Solve:
         return self._least if self._least.end is End.STATIONARY_VIOLATION else outcome
 
     def _settle(self, outcome: Outcome) -> Outcome:
+        """A solution that meets the conditions of the first order and of the second, or what else an outcome leads to.
+
+        A stationary point that bends downwards is left, and gone on from; where that has been done too often, or where
+        nothing lower is found, it is no solution.
+        """
+        flat: Outcome | None = None  # the last one that would do
+        for _ in range(ESCAPES):
+            outcome = self._confirmed(outcome)
+            if not outcome.is_answer:
+                return flat or outcome
+            if outcome.end is End.UNBOUNDED or outcome.minimum:
+                return outcome
+            outcome, flat = beyond_saddle(outcome, self.rescalings)
+        outcome = self._confirmed(outcome)
+        if outcome.end is End.CONVERGED and not outcome.minimum:
+            outcome.end = End.SADDLE
+        return outcome if outcome.is_answer else flat or outcome
+
+    def _confirmed(self, outcome: Outcome) -> Outcome:
         """Hold a solution against the problem as stated; where it fails there, scale anew at it and go on.
 
         A point where the iteration stalled counts as a solution when the problem as stated confirms it, or when
@@ -441,13 +465,20 @@ class _Solve:
             y = np.zeros(self.nlp.m)
         point = Point(x, y)
         # Where many points are as good, one may have been passed on the way to nowhere.
-        if (
-            status is Status.FAILED
-            and self.judgement.confirms(point, y)
-            and not self.judgement.may_gain(point)
-        ):
-            status = Status.OPTIMAL
-        return self._result(status, x, y, at=point)
+        message = ""
+        if status is Status.FAILED and self._is_stationary(point):
+            minimum = self._is_minimum(point)
+            status, message = (Status.OPTIMAL, "") if minimum else (status, NO_MINIMUM)
+        return self._result(status, x, y, message, at=point)
+
+    def _is_stationary(self, point: Point) -> bool:
+        """Whether a point that was not solved for meets the conditions of the first order."""
+        return self.judgement.confirms(point, point.y) and not self.judgement.may_gain(point)
+
+    def _is_minimum(self, point: Point) -> bool:
+        """Whether a stationary point meets those of the second."""
+        assert self.form is not None
+        return is_minimum(self.form, point, self.options.seed)
 
     def _result(
         self, status: Status, x: Floats, y: Floats | None = None, message: str = "", at: Point | None = None

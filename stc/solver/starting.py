@@ -11,12 +11,14 @@ from stc.solver.nlp import Floats
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import workspace_of
 
-__all__ = ["WARM_BARRIER", "cold_iterate", "warm_iterate"]
+__all__ = ["WARM_BARRIER", "active_iterate", "cold_iterate", "warm_iterate"]
 
 PUSH = 1e-2
 WARM_PUSH = 1e-3
 WARM_BARRIER = 1e-5
 SMALLEST_PUSH = 1e-12
+ACTIVE_PUSH, ACTIVE_BARRIER = 1e-9, 1e-12
+"""So near to its bound, with such a product, what is active is as good as held, and what is not as good as free."""
 
 
 def cold_iterate(form: ScaledProblem, x: Floats, *, by_gaps: bool = True) -> Iterate:
@@ -41,10 +43,19 @@ def warm_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
     The gap multipliers are those of a barrier problem with parameter :data:`WARM_BARRIER`, or, where the rows'
     multipliers tell of a larger one, that.
     """
-    w = _inside(form, x, WARM_PUSH)
+    return _iterate_at(form, x, y, WARM_PUSH, WARM_BARRIER)
+
+
+def active_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
+    """The same as near to a solution ``x`` (n,), with multipliers ``y`` (m,), as a barrier comes at its end."""
+    return _iterate_at(form, x, y, ACTIVE_PUSH, ACTIVE_BARRIER)
+
+
+def _iterate_at(form: ScaledProblem, x: Floats, y: Floats, push: float, barrier: float) -> Iterate:
+    w = _inside(form, x, push)
     work = workspace_of(form)
     it = work.evaluate(w, y, np.zeros(form.gaps))
-    return work.evaluate(w, y, np.maximum(form.sign * it.dual[form.index], WARM_BARRIER / it.gap))
+    return work.evaluate(w, y, np.maximum(form.sign * it.dual[form.index], barrier / it.gap))
 
 
 def _inside(form: Formulation, x: Floats, push: float) -> Floats:

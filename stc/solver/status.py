@@ -8,6 +8,7 @@ __all__ = [
     "FIXED_ROWS_MISSED",
     "FLAT_BUT_FOR_ROUNDING",
     "MET_BUT_FOR_ROUNDING",
+    "NO_MINIMUM",
     "STILL_FALLING",
     "Status",
     "advice",
@@ -51,6 +52,11 @@ _ADVICE = {
 #: What is added where a row of large terms is as near to its bound as numbers can be written.
 MET_BUT_FOR_ROUNDING = (
     "Rows are met as far as rounding allows: units in which their terms are smaller let them be met better."
+)
+#: What is said of a stationary point that is no minimum.
+NO_MINIMUM = (
+    "The point satisfies the first-order conditions, but it is no minimum: the Lagrangian bends downwards along the "
+    "constraints there. Start elsewhere."
 )
 FIXED_ROWS_MISSED = "A row is violated that holds fixed variables alone."
 FLAT_BUT_FOR_ROUNDING = (

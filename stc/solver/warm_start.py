@@ -40,18 +40,19 @@ def from_neighbour(
     monitor: Monitor,
     *,
     thorough: bool,
-) -> PrimalDual | None:
+) -> tuple[PrimalDual | None, bool]:
     """Solve from a primal-dual point, scaled: variables (n,), multipliers of rows (m,) and bounds (n,).
 
     Args:
         thorough: how each quadratic program is solved, see ``QuadraticProgram.solve``.
 
     Returns:
-        The solution, with positive curvature on its active set; None when the iteration did not converge.
+        The solution, or None when the iteration did not converge; and whether the last factorisation showed positive
+        curvature on its active set.
     """
     point = measure(form, x, y, z)
     if point is None:
-        return None
+        return None, False
     active = guess_from_multipliers(form, point)
     smallest, patience = point.error, PATIENCE
     regularity = 0
@@ -60,11 +61,11 @@ def from_neighbour(
         found = program.solve(active, thorough=thorough)
         regularity = min(program.regularity, DEPENDENT)
         if found is None:
-            return None
+            return None, False
         active = found.active
         new = _moved(form, point, program, found, EXACT * tolerance)
         if new is None:
-            return None
+            return None, False
         monitor.count()
         f_user, violation = form.user_measures(new.x, new.f, new.r)
         step = float(np.abs(new.x - point.x).max(initial=0.0))
@@ -72,14 +73,14 @@ def from_neighbour(
             partial(form.as_stated, new.x, new.y), f_user, violation, new.error, step, 1.0, 0.0, 0.0, "warm"
         )
         if new.error <= tolerance:
-            return new
+            return new, found.factorised and program.regularity <= DEPENDENT
         if new.error > REDUCTION * smallest:
             patience -= 1
             if patience < 0 or new.error > FARTHEST * smallest:
-                return None
+                return None, False
         smallest = min(smallest, new.error)
         point = new
-    return None
+    return None, False
 
 
 def _moved(

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stc.deadline import within
 from stc.errors import UsageError
 from stc.records import dataclass
 from stc.solver.conjugate_gradients import conjugate_gradients
@@ -87,8 +88,9 @@ def minimize_witkin_kass(
             f"unknowns and {bounded} unknowns with bounds",
             "sqp and nlopt:slsqp take inequalities",
         )
-    with np.errstate(all="ignore"):
-        return _Solve(nlp, options or Options(), callback, start, variant == PRINTED).run()
+    options = options or Options()
+    with np.errstate(all="ignore"), within(options.time_limit):
+        return _Solve(nlp, options, callback, start, variant == PRINTED).run()
 
 
 @dataclass(slots=True)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from stc.errors import UsageError
+from stc.errors import EndedError, UsageError
 from stc.pipeline import solve
 from stc.records import dataclass
 from stc.solver.optimizers import caution, has_long_steps, optimizer_of
@@ -125,6 +125,8 @@ def _run(
         bound, result = solve(transcription, problem.constants, options, None, callback, name)
     except UsageError as error:
         return Run(name, "refused", error.message)
+    except EndedError as ended:
+        return Run(name, ended.status, ended.message)
     return Run(
         name,
         result.status.value,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
+from stc import deadline
 from stc.arguments import number
 from stc.records import dataclass
 from stc.solution import Solution
@@ -43,11 +45,15 @@ class Clock:
     def __init__(self, limit: float | None) -> None:
         self.limit = None if limit is None else number(limit, "the time limit")
         self._begin = time.monotonic()
+        if limit is None and math.isfinite(deadline.left()):
+            self.limit = max(0.0, deadline.left())
 
     @property
     def left(self) -> float | None:
         """What the next solve may take, in seconds; None where there is no limit."""
-        return None if self.limit is None else max(0.0, self.limit - (time.monotonic() - self._begin))
+        own = math.inf if self.limit is None else self.limit - (time.monotonic() - self._begin)
+        least = min(own, deadline.left())
+        return max(0.0, least) if math.isfinite(least) else None
 
     @property
     def is_over(self) -> bool:

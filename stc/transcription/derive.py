@@ -19,6 +19,7 @@ import numpy as np
 from stc.codegen import cache, engine
 from stc.codegen.sources import digest_of
 from stc.codegen.tape import Tape, build_tape
+from stc.deadline import look
 from stc.problem import ParameterRef, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import gradient, jacobian_and_hessian
@@ -200,7 +201,10 @@ def derive(groups: Sequence[Group], uniform: Sequence[object]) -> None:
         name = _name_of(list(missing.values()), uniform)
         found = _load(name, len(missing))
         if found is None:
-            found = [group.differentiate(uniform) for group in missing.values()]
+            found = []
+            for group in missing.values():
+                look()
+                found.append(group.differentiate(uniform))
             cache.store(name, marshal.dumps([_plain(one) for one in found]))
         _remembered.update(zip(missing, found, strict=True))
     for key, group in zip(keys, groups, strict=True):

@@ -44,6 +44,8 @@ _SHORTEST, _LONGEST = 0.1, 10.0
 _MOST_STARTS = 6
 
 
+# A guess may be too large for its derivatives: what is not finite is refused where the program is evaluated first.
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def starting_point(
     problem: Problem,
     grid: Grid,

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.deadline import look
 from stc.errors import Diagnostic, SpecError
 from stc.problem import FrameRange, ObjectiveTerm, ParameterRef, Problem, Relation, VariableRef
 from stc.records import dataclass, field
@@ -123,6 +124,7 @@ class Sorter:
         self._links()
         self._rotations()
         for number, relation in enumerate(self.problem.relations):
+            look()
             self._relation(number, relation)
         for number, term in enumerate(self.problem.objective):
             if term.integral:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from stc.codegen.kernel import Backend, KernelSet, compile_tapes
 from stc.codegen.tape import Tape
+from stc.deadline import look
 from stc.errors import Diagnostic, EvaluationError, Span, SpecError
 from stc.memory import without_collection
 from stc.problem import ConstantRef, Problem, VariableRef
@@ -75,6 +76,7 @@ class Transcription(Stated):
         Args:
             at_once: else they are interpreted until so much has been evaluated that compiling them had been worth it.
         """
+        look()
         begin = time.perf_counter()
         sizes = None if at_once else [group.size for group in self.program.groups] * 2
         self.kernels = compile_tapes(self.tapes, self.program.runs, backend, cache, sizes)
@@ -109,6 +111,7 @@ class Transcription(Stated):
             SpecError: a step is not positive at the starting point.
             EvaluationError: a bound has no value; a function has none at the starting point, if that is to be checked.
         """
+        look()
         if self.kernels is None:
             self.compile()
         assert self.kernels is not None
@@ -121,26 +124,14 @@ class Transcription(Stated):
             return known.program.started(known.x0)
         if known is None:
             self._bound = None  # before the next one takes its place in memory
-            numbers = Numbers(self.statements, self.steps, self.steps.coefficients(constants), constants)
-            bounds = evaluate_bounds(self.problem, self.statements, self.layout, numbers)
+            numbers, bounds = self._numbers(constants)
             self._check_steps(bounds)
         else:
             numbers, bounds = known.program.numbers, known.program.bounds
-        low, high = bounds.lower, np.maximum(bounds.lower, bounds.upper)
         if start is None:
-            x0 = starting_point(
-                self.problem,
-                self.grid,
-                self.layout,
-                self.steps,
-                numbers.coefficients,
-                constants,
-                low,
-                high,
-                guess,
-            )
+            x0 = self._guessed(numbers, bounds, constants, guess)
         else:
-            x0 = np.clip(start, low, high)
+            x0 = np.clip(start, bounds.lower, np.maximum(bounds.lower, bounds.upper))
         if known is None:
             bound = BoundProgram(
                 self.program,
@@ -159,6 +150,33 @@ class Transcription(Stated):
         if bound.n + bound.m <= LARGEST_KEPT and (known is None or (own and check)):
             self._bound = _Known(key, bound, x0, own and check)
         return bound
+
+    def _numbers(self, constants: Mapping[str, float]) -> tuple[Numbers, Bounds]:
+        numbers = Numbers(self.statements, self.steps, self.steps.coefficients(constants), constants)
+        return numbers, evaluate_bounds(self.problem, self.statements, self.layout, numbers)
+
+    def _guessed(
+        self, numbers: Numbers, bounds: Bounds, constants: Mapping[str, float], guess: GivenValues | None
+    ) -> FloatArray:
+        return starting_point(
+            self.problem,
+            self.grid,
+            self.layout,
+            self.steps,
+            numbers.coefficients,
+            constants,
+            bounds.lower,
+            np.maximum(bounds.lower, bounds.upper),
+            guess,
+        )
+
+    def guess(self, constants: Mapping[str, float]) -> FloatArray:
+        """The spec's own guess, (layout.size,), for values of all constants; :meth:`bind` need not have been called.
+
+        Raises:
+            EvaluationError: a bound has no value.
+        """
+        return self._guessed(*self._numbers(constants), constants, None)
 
     @property
     def is_quadratic(self) -> bool:

@@ -21,6 +21,7 @@ WORDS = [
 ]
 
 
+@pytest.mark.needs("terminal")
 @pytest.mark.parametrize(
     ("words", "told"), WORDS, ids=lambda value: value[0] if isinstance(value, list) else ""
 )

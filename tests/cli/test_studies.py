@@ -123,6 +123,7 @@ def test_a_motion_is_plotted(stc_: Stc) -> None:
     assert "-o motion.gif: this picture is saved as .png, .svg, .pdf" in err
 
 
+@pytest.mark.needs("opengl")
 def test_a_saved_motion_is_rendered(stc_: Stc) -> None:
     from PIL import Image
 

@@ -73,7 +73,7 @@ def test_models_of_gymnasium(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CONTROL is None, reason="dm_control is not installed: pip install 'stc[models]'")
+@pytest.mark.skipif(CONTROL is None, reason="dm_control is not installed (it has no wheels for this Python)")
 @pytest.mark.parametrize("name", OF_CONTROL)
 def test_models_of_dm_control(name: str) -> None:
     """As of the models that ship; fluids are left out on both sides."""

@@ -10,7 +10,7 @@ from scaled_program import dense
 from symbolic_program import SymbolicProgram
 
 from stc.solver import Options, minimize
-from stc.solver.curvature import leave_saddle
+from stc.solver.curvature import SecondOrder, leave_saddle
 from stc.solver.iterate import evaluate
 from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
@@ -107,7 +107,7 @@ def test_second_order_conditions_are_checked_with_the_whole() -> None:
     system = NewtonSystem(work)
     system.factorize(0.1)
     assert system.shift < 1.0
-    assert leave_saddle(system, 0)
+    assert leave_saddle(system, 0) is SecondOrder.LEFT
     assert work.it.f < 2.0
 
 

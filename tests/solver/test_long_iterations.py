@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 import stc
-from stc.solver import monitor
+from stc import deadline
 from stc.solver.quadratic import QuadraticProgram
 
 
@@ -20,12 +20,12 @@ def finer(monkeypatch: pytest.MonkeyPatch) -> tuple[Callable[[bool], stc.Solutio
 
     def told(self: QuadraticProgram, *given: object) -> bool:
         tried.append("active set")
-        monitor.asked_to_stop = bool(asked)
+        deadline.asked_to_stop = bool(asked)
         return factorize(self, *given)  # type: ignore[arg-type]
 
     asked: list[bool] = []
     monkeypatch.setattr(QuadraticProgram, "_factorize", told)
-    monkeypatch.setattr(monitor, "asked_to_stop", False)
+    monkeypatch.setattr(deadline, "asked_to_stop", False)
 
     def solve(stop: bool) -> stc.Solution:
         asked.extend([True] * stop)
@@ -58,10 +58,10 @@ def test_nlopt_hears_a_request_at_the_next_evaluation(name: str, monkeypatch: py
 
     def told(self: Functions, z: object) -> None:
         moves.append(1)
-        monitor.asked_to_stop = len(moves) >= 3
+        deadline.asked_to_stop = len(moves) >= 3
         move(self, z)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(monitor, "asked_to_stop", False)
+    monkeypatch.setattr(deadline, "asked_to_stop", False)
     model = stc.load(
         "constants: n = 40; variables: x; constraints: [1, n]: x - x[i-1] <= 5; objective: (x - 1)^4;"
     )

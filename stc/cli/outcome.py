@@ -1,0 +1,159 @@
+"""What a command that solves has come to: shown, recorded and saved; also where it is ended before its own end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stc.cli import BAD, console, guard, reasons, record
+from stc.cli.searches import Found
+from stc.deadline import unlimited
+from stc.errors import Diagnostic
+from stc.records import dataclass
+
+if TYPE_CHECKING:
+    from stc.cli.live import Watch
+    from stc.solution import Solution
+    from stc.studies.blame import Blame
+    from stc.studies.explain import Explanation
+    from stc.studies.profile import Part
+
+__all__ = ["Ending", "Outcome", "keep_solution"]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A solution with where it is saved (None: nowhere), the warnings about its spec, and the reasons known.
+
+    ``unsaved`` tells why it is not, where it was to be; ``was_read`` that the file was there already.
+    """
+
+    solution: Solution
+    file: Path | None
+    warnings: Sequence[Diagnostic] = ()
+    blame: Blame | None = None
+    explanation: Explanation | None = None
+    found: Found | None = None
+    profile: Sequence[Part] = ()
+    unsaved: str = ""
+    was_read: bool = False
+
+    @property
+    def status(self) -> str:
+        """How the solve ended; a search that did not get where it was sent is not optimal."""
+        return self.solution.status if self.found is None else self.found.status
+
+    @property
+    def good(self) -> bool:
+        """Whether all that was asked of the solve was reached."""
+        found = self.status == "optimal" if self.found is None else self.found.good
+        return found and not self.unsaved
+
+    def record(self) -> record.Record:
+        """What ``--json`` prints of it."""
+        known = record.of_solution(
+            self.solution, None if self.file is None else str(self.file), self.warnings
+        )
+        known["blame"] = None if self.blame is None else self.blame.to_dict()
+        known.update({} if self.explanation is None else self.explanation.to_dict())
+        if self.profile:
+            known["profile"] = [part.to_dict() for part in self.profile]
+        if self.unsaved:
+            known["message"] = f"{known['message']} {self.unsaved}"
+        return known if self.found is None else self.found.added_to(known)
+
+    def show(self) -> None:
+        """What people see of it."""
+        console.show_solution(self.solution, self.file, self.was_read)
+        if self.found is not None and (in_all := self.found.in_all()):
+            print(in_all)
+        if self.found is not None and self.found.message:
+            console.note(self.found.message)
+        if self.blame is not None:
+            reasons.show_blame(self.blame)
+        if self.explanation is not None:
+            reasons.show_explanation(self.explanation)
+        if self.profile:
+            console.show_profile(self.profile)
+        if self.unsaved:
+            console.note(self.unsaved)
+
+
+class Ending:
+    """What a command leaves that is ended from outside, by :mod:`stc.cli.guard` or between two steps of a search.
+
+    Args:
+        watch: the line to be taken away.
+        file: where the motion is to be saved; None for nowhere.
+        as_json: whether a record is printed.
+
+    Attributes:
+        outcome: what the command has come to already; None while it solves.
+    """
+
+    def __init__(self, watch: Watch, file: Path | None, as_json: bool) -> None:
+        self.outcome: Outcome | None = None
+        self._watch, self._file, self._as_json = watch, file, as_json
+        self._solved: Solution | None = None
+
+    def noting(self, solve: Callable[..., Solution]) -> Callable[..., Solution]:
+        """The same solve, whose last optimal solution (else the first one) is kept for when a search is ended."""
+
+        def noted(**options: Any) -> Solution:
+            solution = solve(**options)
+            if solution.status == "optimal" or self._solved is None:
+                self._solved = solution
+            return solution
+
+        return noted
+
+    def found(self, status: str) -> Found | None:
+        """What there is: the last solution of a search, else the best iterate of the solve under way, else None."""
+        from stc import unfinished
+        from stc.solver.status import Status, sentence
+
+        solution = self._solved
+        if solution is not None and solution.status == "optimal":
+            message = f"{sentence(Status(status))} This is the last solution that the search had found."
+            return Found(solution, status, message)
+        under_way = unfinished.current
+        if under_way is not None:
+            solution = under_way.solution(Status(status)) or solution
+        return None if solution is None else Found(solution, status)
+
+    def __call__(self, status: str) -> int:
+        """End the command; returns its exit status."""
+        import stc.cli as cli
+
+        self._watch.clear()
+        outcome = self.outcome
+        if outcome is None:
+            found = self.found(status)
+            if found is None:
+                return cli.ended(status)
+            unsaved = "" if self._file is None else keep_solution(found.solution, self._file)
+            outcome = Outcome(found.solution, None if unsaved else self._file, found=found, unsaved=unsaved)
+        guard.settle()
+        if self._as_json:
+            record.write({**outcome.record(), "status": status})
+        else:
+            outcome.show()
+            console.note(f"ended: {status}")
+        return BAD
+
+
+def keep_solution(solution: Solution, file: Path, keep: Callable[[Path], object] | None = None) -> str:
+    """Save a solution; why that cannot be, or nothing: what a solve has found is told of all the same."""
+    try:
+        if solution.status != "optimal":
+            from stc.cli.keeping import keep_optimal
+
+            keep_optimal(file, solution.status)
+        with unlimited():
+            (keep or solution.save)(file)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        return f"{file}: {error.strerror or error}: the solution is not saved"
+    return ""

@@ -1,0 +1,113 @@
+"""A solve that is under way: what whoever ends it from outside can make of it.
+
+What a solve hands over when it stops by itself has multipliers too; this is for where it cannot stop soon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.collecting import collect
+from stc.errors import StcError
+from stc.records import dataclass
+from stc.solution import Solution
+from stc.solver import IterationRecord, Options, Result, Status
+from stc.solver.optimizers import DEFAULT
+from stc.solver.status import advice, sentence
+from stc.transcription import Transcription
+
+__all__ = ["Unfinished", "current", "motion_at"]
+
+
+@dataclass(slots=True)
+class Unfinished:
+    """A solve that has not ended yet.
+
+    Attributes:
+        transcription, constants, overrides, optimizer: of the solve, as for :func:`stc.collecting.collect`.
+        start: where it starts on all frames, (n,), once that is known.
+        best: the record of the best iterate so far.
+    """
+
+    transcription: Transcription
+    constants: Mapping[str, float]
+    overrides: Mapping[str, float]
+    optimizer: str
+    start: NDArray[np.float64] | None = None
+    best: IterationRecord | None = None
+
+    def note(self, record: IterationRecord) -> None:
+        """Keep an iterate if it is the best so far; one on fewer frames, which has no variables, is let pass."""
+        if record.x is None:
+            return
+        before = self.best
+        if before is None or _rank(record) < _rank(before):
+            self.best = IterationRecord(
+                record.iteration,
+                record.objective,
+                record.violation,
+                record.optimality,
+                record.step,
+                record.step_length,
+                record.mu,
+                record.regularization,
+                record.phase,
+                record.x.copy(),
+            )
+
+    def solution(self, status: Status) -> Solution | None:
+        """The best iterate, else the start, else the guess, with that status; None where the guess has no value."""
+        nan = float("nan")
+        record = self.best
+        if record is None:
+            start = self.start
+            if start is None:
+                try:
+                    start = self.transcription.guess(self.constants)
+                except StcError:
+                    return None
+            record = IterationRecord(0, nan, nan, nan, 0.0, 0.0, 0.0, 0.0, "", start)
+        message = f"{sentence(status)} {advice(status)}"
+        return motion_at(
+            self.transcription, record, self.constants, self.overrides, status, message, self.optimizer
+        )
+
+
+def _rank(record: IterationRecord) -> tuple[float, float]:
+    """Less for better iterates: feasible ones first."""
+    violated = record.violation > Options().feasibility_tolerance
+    return record.violation if violated else 0.0, record.objective
+
+
+def motion_at(
+    transcription: Transcription,
+    record: IterationRecord,
+    constants: Mapping[str, float],
+    overrides: Mapping[str, float],
+    status: Status,
+    message: str,
+    optimizer: str = DEFAULT,
+) -> Solution:
+    """The motion at an iterate, without multipliers; arguments as for :func:`stc.collecting.collect`."""
+    assert record.x is not None
+    result = Result(
+        status=status,
+        x=record.x,
+        row_multipliers=np.zeros(transcription.program.row_count),
+        bound_multipliers=np.zeros(len(record.x)),
+        objective=record.objective,
+        violation=record.violation,
+        optimality=record.optimality,
+        scaled_optimality=record.optimality,
+        iterations=record.iteration,
+        factorizations=0,
+        message=message,
+    )
+    return collect(transcription, result, constants, overrides, {}, optimizer)
+
+
+#: The solve of this process that began last and has not ended, for the command line, which has but one at a time.
+current: Unfinished | None = None

@@ -1,0 +1,1 @@
+"""A fuzzer of the command line: spoilt specs, solutions, models, tables and options."""
