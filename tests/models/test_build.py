@@ -63,7 +63,7 @@ def test_the_command_line_lists_measures(capsys: pytest.CaptureFixture[str]) -> 
     assert text.startswith("# measures of cart_pole")
     with pytest.raises(SystemExit):
         build.main(["--list", "teapot"])
-    assert "there are luxo, arm, cart_pole" in capsys.readouterr().err
+    assert "there are luxo, " in capsys.readouterr().err
 
 
 def test_a_block_is_filled_in_from_its_names() -> None:
