@@ -12,6 +12,7 @@ from math import pi
 from stc.models import stage
 from stc.models.description import Description
 from stc.models.mjcf import Element, document, element, hinge, material
+from stc.models.robots import defaults, drawn, motor, part
 
 SHOULDER, UPPER, FOREARM, HAND = 0.36, 0.34, 0.32, 0.20
 """Floor to shoulder, shoulder to elbow, elbow to wrist, wrist to the middle of the ball, m."""
@@ -41,26 +42,16 @@ MATERIALS = [
 ]
 
 
-def _part(kind: str, finish: str, mass: float, **attributes: object) -> Element:
-    """A geom that weighs."""
-    return element("geom", class_="part", type=kind, material=finish, mass=mass, **attributes)  # type: ignore[arg-type]
-
-
-def _drawn(kind: str, finish: str, **attributes: object) -> Element:
-    """A geom that is only looked at."""
-    return element("geom", class_="drawn", type=kind, material=finish, **attributes)  # type: ignore[arg-type]
-
-
 def _ring(radius: float, height: float) -> Element:
     """A coloured band around a link."""
-    return _drawn("cylinder", "ring", pos=(0.0, 0.0, height), size=(radius, 0.006))
+    return drawn("cylinder", "ring", pos=(0.0, 0.0, height), size=(radius, 0.006))
 
 
 def _joint(radius: float, half: float) -> list[Element]:
     """The housing of a bend: a drum across the arm with a cap at each side."""
     return [
-        _drawn("cylinder", "enamel", size=(radius, half), euler=_ACROSS),
-        _drawn("cylinder", "cap", size=(0.72 * radius, half + 0.006), euler=_ACROSS),
+        drawn("cylinder", "enamel", size=(radius, half), euler=_ACROSS),
+        drawn("cylinder", "cap", size=(0.72 * radius, half + 0.006), euler=_ACROSS),
     ]
 
 
@@ -68,7 +59,7 @@ def _link(length: float, radii: tuple[float, float], mass: float) -> list[Elemen
     """A link along z from one bend to the middle of its length, and how it looks."""
     lower, upper = radii
     return [
-        _part("capsule", "enamel", mass, fromto=(0.0, 0.0, 0.0, 0.0, 0.0, 0.5 * length), size=(lower,)),
+        part("capsule", "enamel", mass, fromto=(0.0, 0.0, 0.0, 0.0, 0.0, 0.5 * length), size=(lower,)),
         _ring(upper + 0.006, 0.5 * length + lower + 0.002),
     ]
 
@@ -81,12 +72,10 @@ def _arm() -> Element:
     hand = element(
         "body",
         hinge("hand_z", axis=_TURN, range=(-2.9, 2.9)),
-        _part("cylinder", "cap", 0.3, pos=(0.0, 0.0, 0.085), size=(0.034, 0.018)),
-        _drawn("cylinder", "ring", pos=(0.0, 0.0, 0.107), size=(0.036, 0.004)),
+        part("cylinder", "cap", 0.3, pos=(0.0, 0.0, 0.085), size=(0.034, 0.018)),
+        drawn("cylinder", "ring", pos=(0.0, 0.0, 0.107), size=(0.036, 0.004)),
         *(
-            _drawn(
-                "capsule", "iron", fromto=(0.0, side * 0.028, 0.11, 0.0, side * 0.064, HAND), size=(0.008,)
-            )
+            drawn("capsule", "iron", fromto=(0.0, side * 0.028, 0.11, 0.0, side * 0.064, HAND), size=(0.008,))
             for side in (1.0, -1.0)
         ),
         element(
@@ -105,7 +94,7 @@ def _arm() -> Element:
         "body",
         hinge("wrist", axis=_BEND, range=(-2.1, 2.1)),
         *_joint(0.042, 0.042),
-        _part("capsule", "enamel", 1.0, fromto=(0.0, 0.0, 0.0, 0.0, 0.0, 0.045), size=(0.034,)),
+        part("capsule", "enamel", 1.0, fromto=(0.0, 0.0, 0.0, 0.0, 0.0, 0.045), size=(0.034,)),
         _place("wrist"),
         hand,
         name="wrist",
@@ -114,7 +103,7 @@ def _arm() -> Element:
     forearm = element(
         "body",
         hinge("forearm_z", axis=_TURN, range=(-2.9, 2.9)),
-        _part("capsule", "enamel", 1.4, fromto=(0.0, 0.0, 0.17, 0.0, 0.0, FOREARM), size=(0.038,)),
+        part("capsule", "enamel", 1.4, fromto=(0.0, 0.0, 0.17, 0.0, 0.0, FOREARM), size=(0.038,)),
         element(
             "site", name="forearm", pos=(0.0, 0.0, 0.5 * FOREARM), size=(0.005,), rgba=(0.0, 0.0, 0.0, 0.0)
         ),
@@ -134,7 +123,7 @@ def _arm() -> Element:
     upper = element(
         "body",
         hinge("upper_z", axis=_TURN, range=(-2.9, 2.9)),
-        _part("capsule", "enamel", 2.2, fromto=(0.0, 0.0, 0.19, 0.0, 0.0, UPPER), size=(0.048,)),
+        part("capsule", "enamel", 2.2, fromto=(0.0, 0.0, 0.19, 0.0, 0.0, UPPER), size=(0.048,)),
         elbow,
         name="upper_arm",
     )
@@ -150,7 +139,7 @@ def _arm() -> Element:
     return element(
         "body",
         hinge("shoulder_z", axis=_TURN, range=(-2.9, 2.9)),
-        _part("capsule", "enamel", 3.0, fromto=(0.0, 0.0, 0.06, 0.0, 0.0, 0.15), size=(0.062,)),
+        part("capsule", "enamel", 3.0, fromto=(0.0, 0.0, 0.06, 0.0, 0.0, 0.15), size=(0.062,)),
         _ring(0.069, 0.02),
         shoulder,
         name="column",
@@ -161,14 +150,14 @@ def _arm() -> Element:
 def _around() -> list[Element]:
     """Pedestal and post."""
     return [
-        _drawn("cylinder", "iron", pos=(0.0, 0.0, 0.012), size=(0.17, 0.012)),
-        _drawn("cylinder", "cap", pos=(0.0, 0.0, 0.11), size=(0.075, 0.10)),
+        drawn("cylinder", "iron", pos=(0.0, 0.0, 0.012), size=(0.17, 0.012)),
+        drawn("cylinder", "cap", pos=(0.0, 0.0, 0.11), size=(0.075, 0.10)),
         element(
             "geom", name="post", class_="drawn", type="cylinder", material="post",
             pos=(POST, 0.0, 0.5 * POST_HEIGHT), size=(POST_RADIUS, 0.5 * POST_HEIGHT),
         ),
-        _drawn("sphere", "post", pos=(POST, 0.0, POST_HEIGHT), size=(POST_RADIUS,)),
-        _drawn("cylinder", "iron", pos=(POST, 0.0, 0.008), size=(0.11, 0.008)),
+        drawn("sphere", "post", pos=(POST, 0.0, POST_HEIGHT), size=(POST_RADIUS,)),
+        drawn("cylinder", "iron", pos=(POST, 0.0, 0.008), size=(0.11, 0.008)),
     ]  # fmt: skip
 
 
@@ -179,20 +168,7 @@ def _beside(name: str, turn: float) -> Element:
 
 def describe() -> Description:
     """The arm as ``arm7.xml``."""
-    motors = [
-        element("motor", name=name, joint=name, gear=1.0, ctrlrange=(-most, most))
-        for name, most in TORQUES.items()
-    ]
-    defaults = stage.defaults()
-    defaults.extend(
-        [
-            element("joint", armature=0.05, damping=0.5),
-            element("default", element("geom", contype=0.0, conaffinity=0.0), class_="part"),
-            element(
-                "default", element("geom", contype=0.0, conaffinity=0.0, mass=0.0, group=1.0), class_="drawn"
-            ),
-        ]
-    )
+    motors = [motor(name, most) for name, most in TORQUES.items()]
     world = element(
         "worldbody",
         stage.sun(),
@@ -210,7 +186,7 @@ def describe() -> Description:
         element("compiler", angle="radian", autolimits=True),
         stage.options(1e-3),
         *stage.picture((0.2, 0.0, 0.5), 1.4),
-        defaults,
+        defaults(0.05, 0.5),
         element("asset", *stage.assets(), *MATERIALS),
         world,
         element("actuator", *motors),

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from stc.models import stage
 from stc.models.description import Description
-from stc.models.mjcf import Element, Value, document, element, hinge, material
+from stc.models.mjcf import Element, document, element, hinge, material
+from stc.models.robots import defaults, drawn, motor, part
 
 TORQUES = {"bend": 8.0, "sway": 8.0, "twist": 4.0, "tail_y": 0.6, "tail_z": 0.6, "legs": 3.0}
 """What each motor can give, N m; `legs` for each of the four."""
@@ -22,20 +23,12 @@ MATERIALS = [
 ]
 
 
-def _part(kind: str, finish: str, mass: float, **attributes: Value) -> Element:
-    return element("geom", class_="part", type=kind, material=finish, mass=mass, **attributes)
-
-
-def _drawn(kind: str, finish: str, **attributes: Value) -> Element:
-    return element("geom", class_="drawn", type=kind, material=finish, **attributes)
-
-
 def _leg(name: str, ahead: float, aside: float) -> Element:
     return element(
         "body",
         hinge(name, axis=(0.0, 1.0, 0.0), range=(-1.8, 1.8)),
-        _part("capsule", "fur", 0.18, fromto=(0.0, 0.0, -0.01, 0.0, 0.0, -0.13), size=(0.016,)),
-        _part("sphere", "cream", 0.04, pos=(0.006, 0.0, -0.15), size=(0.020,)),
+        part("capsule", "fur", 0.18, fromto=(0.0, 0.0, -0.01, 0.0, 0.0, -0.13), size=(0.016,)),
+        part("sphere", "cream", 0.04, pos=(0.006, 0.0, -0.15), size=(0.020,)),
         name=name,
         pos=(ahead, 0.045 * aside, -0.03),
     )
@@ -46,8 +39,8 @@ def _cat() -> Element:
         "body",
         hinge("tail_y", axis=(0.0, 1.0, 0.0), range=(-1.4, 1.4)),
         hinge("tail_z", axis=(0.0, 0.0, 1.0), range=(-1.4, 1.4)),
-        _part("capsule", "stripe", 0.10, fromto=(-0.01, 0.0, 0.0, -0.24, 0.0, 0.0), size=(0.013,)),
-        _drawn("sphere", "cream", pos=(-0.25, 0.0, 0.0), size=(0.015,)),
+        part("capsule", "stripe", 0.10, fromto=(-0.01, 0.0, 0.0, -0.24, 0.0, 0.0), size=(0.013,)),
+        drawn("sphere", "cream", pos=(-0.25, 0.0, 0.0), size=(0.015,)),
         name="tail",
         pos=(-0.17, 0.0, 0.02),
     )
@@ -56,13 +49,9 @@ def _cat() -> Element:
         hinge("sway", axis=(0.0, 0.0, 1.0), range=(-1.6, 1.6)),
         hinge("bend", axis=(0.0, 1.0, 0.0), range=(-1.6, 1.6)),
         hinge("twist", axis=(1.0, 0.0, 0.0), range=(-1.0, 1.0)),
-        _part("capsule", "fur", 1.35, fromto=(-0.02, 0.0, 0.0, -0.13, 0.0, 0.0), size=(0.058,)),
-        _drawn(
-            "cylinder", "stripe", pos=(-0.05, 0.0, 0.0), size=(0.0587, 0.010), euler=(0.0, 1.5707963, 0.0)
-        ),
-        _drawn(
-            "cylinder", "stripe", pos=(-0.10, 0.0, 0.0), size=(0.0587, 0.010), euler=(0.0, 1.5707963, 0.0)
-        ),
+        part("capsule", "fur", 1.35, fromto=(-0.02, 0.0, 0.0, -0.13, 0.0, 0.0), size=(0.058,)),
+        drawn("cylinder", "stripe", pos=(-0.05, 0.0, 0.0), size=(0.0587, 0.010), euler=(0.0, 1.5707963, 0.0)),
+        drawn("cylinder", "stripe", pos=(-0.10, 0.0, 0.0), size=(0.0587, 0.010), euler=(0.0, 1.5707963, 0.0)),
         _leg("leg_rear_left", -0.13, 1.0),
         _leg("leg_rear_right", -0.13, -1.0),
         tail,
@@ -72,14 +61,14 @@ def _cat() -> Element:
     return element(
         "body",
         element("freejoint", name="root"),
-        _part("capsule", "fur", 1.25, fromto=(0.10, 0.0, 0.0, 0.02, 0.0, 0.0), size=(0.060,)),
-        _part("sphere", "fur", 0.45, pos=(0.20, 0.0, 0.055), size=(0.050,)),
-        _drawn("cylinder", "stripe", pos=(0.06, 0.0, 0.0), size=(0.0607, 0.010), euler=(0.0, 1.5707963, 0.0)),
-        _drawn("ellipsoid", "cream", pos=(0.235, 0.0, 0.040), size=(0.026, 0.026, 0.020)),
-        _drawn("sphere", "nose", pos=(0.259, 0.0, 0.045), size=(0.006,)),
-        *(_drawn("sphere", "eye", pos=(0.240, 0.020 * side, 0.068), size=(0.009,)) for side in (1.0, -1.0)),
+        part("capsule", "fur", 1.25, fromto=(0.10, 0.0, 0.0, 0.02, 0.0, 0.0), size=(0.060,)),
+        part("sphere", "fur", 0.45, pos=(0.20, 0.0, 0.055), size=(0.050,)),
+        drawn("cylinder", "stripe", pos=(0.06, 0.0, 0.0), size=(0.0607, 0.010), euler=(0.0, 1.5707963, 0.0)),
+        drawn("ellipsoid", "cream", pos=(0.235, 0.0, 0.040), size=(0.026, 0.026, 0.020)),
+        drawn("sphere", "nose", pos=(0.259, 0.0, 0.045), size=(0.006,)),
+        *(drawn("sphere", "eye", pos=(0.240, 0.020 * side, 0.068), size=(0.009,)) for side in (1.0, -1.0)),
         *(
-            _drawn("ellipsoid", "fur", pos=(0.190, 0.030 * side, 0.105), size=(0.012, 0.014, 0.026))
+            drawn("ellipsoid", "fur", pos=(0.190, 0.030 * side, 0.105), size=(0.012, 0.014, 0.026))
             for side in (1.0, -1.0)
         ),
         _leg("leg_front_left", 0.10, 1.0),
@@ -97,17 +86,7 @@ def describe() -> Description:
     motors = []
     for name in names:
         most = TORQUES["legs" if name.startswith("leg") else name]
-        motors.append(element("motor", name=name, joint=name, gear=1.0, ctrlrange=(-most, most)))
-    defaults = stage.defaults()
-    defaults.extend(
-        [
-            element("joint", armature=0.0005, damping=0.005),
-            element("default", element("geom", contype=0.0, conaffinity=0.0), class_="part"),
-            element(
-                "default", element("geom", contype=0.0, conaffinity=0.0, mass=0.0, group=1.0), class_="drawn"
-            ),
-        ]
-    )
+        motors.append(motor(name, most))
     world = element(
         "worldbody",
         stage.sun(),
@@ -124,7 +103,7 @@ def describe() -> Description:
         element("compiler", angle="radian", autolimits=True),
         stage.options(1e-3),
         *stage.picture((0.0, 0.0, 0.9), 1.8),
-        defaults,
+        defaults(0.0005, 0.005),
         element("asset", *stage.assets(), *MATERIALS),
         world,
         element("actuator", *motors),

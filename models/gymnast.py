@@ -11,6 +11,7 @@ from math import cos, pi
 from stc.models import stage
 from stc.models.description import Description
 from stc.models.mjcf import Element, document, element, hinge, material, slide
+from stc.models.robots import defaults, drawn, motor, part
 
 TORSO, ARM, THIGH, SHIN, ANKLE = 0.52, 0.60, 0.41, 0.40, 0.07
 """Hip to shoulder, shoulder to grip, hip to knee, knee to ankle, ankle to sole, m."""
@@ -40,21 +41,11 @@ MATERIALS = [
 ]
 
 
-def _part(kind: str, finish: str, mass: float, **attributes: object) -> Element:
-    """A geom that weighs and touches nothing."""
-    return element("geom", class_="part", type=kind, material=finish, mass=mass, **attributes)  # type: ignore[arg-type]
-
-
-def _drawn(kind: str, finish: str, **attributes: object) -> Element:
-    """A geom that is only looked at."""
-    return element("geom", class_="drawn", type=kind, material=finish, **attributes)  # type: ignore[arg-type]
-
-
 def _pair(finish: str, mass: float, length: float, size: float, aside: tuple[float, float]) -> list[Element]:
     """Two limbs beside one another along z, up where the length is positive, each with its share of the mass."""
     near, far = aside
     return [
-        _part(
+        part(
             "capsule",
             finish,
             0.5 * mass,
@@ -79,7 +70,7 @@ def _gymnast() -> Element:
             size=SOLE,
         ),
         *(
-            _drawn(
+            drawn(
                 "capsule",
                 "white",
                 fromto=(-0.03, side * 0.07, -0.04, 0.12, side * 0.07, -0.048),
@@ -109,7 +100,7 @@ def _gymnast() -> Element:
         "body",
         hinge("shoulder", axis=(0.0, 1.0, 0.0), range=(-0.3, 3.4)),
         *_pair("skin", 6.5, ARM, 0.036, (0.17, 0.20)),
-        *(_drawn("sphere", "white", pos=(0.0, side * 0.20, ARM), size=(0.042,)) for side in (1.0, -1.0)),
+        *(drawn("sphere", "white", pos=(0.0, side * 0.20, ARM), size=(0.042,)) for side in (1.0, -1.0)),
         element("site", name="grip", pos=(0.0, 0.0, ARM), size=(0.005,), rgba=(0.0, 0.0, 0.0, 0.0)),
         name="arms",
         pos=(0.0, 0.0, TORSO),
@@ -119,13 +110,13 @@ def _gymnast() -> Element:
         slide("x", axis=(1.0, 0.0, 0.0)),
         slide("z", axis=(0.0, 0.0, 1.0)),
         hinge("pitch", axis=(0.0, 1.0, 0.0)),
-        _part("capsule", "suit", 14.0, fromto=(0.0, -0.07, 0.40, 0.0, 0.07, 0.40), size=(0.105,)),
-        _part("capsule", "suit", 8.0, fromto=(0.0, -0.03, 0.20, 0.0, 0.03, 0.20), size=(0.092,)),
-        _part("capsule", "white", 6.5, fromto=(0.0, -0.05, 0.02, 0.0, 0.05, 0.02), size=(0.090,)),
-        _part("sphere", "skin", 4.0, pos=(0.03, 0.0, 0.68), size=(0.090,)),
-        _drawn("ellipsoid", "hair", pos=(0.008, 0.0, 0.712), size=(0.090, 0.088, 0.078)),
-        _drawn("capsule", "skin", fromto=(0.0, 0.0, 0.48, 0.01, 0.0, 0.60), size=(0.045,)),
-        *(_drawn("sphere", "suit", pos=(0.0, side * 0.165, TORSO), size=(0.052,)) for side in (1.0, -1.0)),
+        part("capsule", "suit", 14.0, fromto=(0.0, -0.07, 0.40, 0.0, 0.07, 0.40), size=(0.105,)),
+        part("capsule", "suit", 8.0, fromto=(0.0, -0.03, 0.20, 0.0, 0.03, 0.20), size=(0.092,)),
+        part("capsule", "white", 6.5, fromto=(0.0, -0.05, 0.02, 0.0, 0.05, 0.02), size=(0.090,)),
+        part("sphere", "skin", 4.0, pos=(0.03, 0.0, 0.68), size=(0.090,)),
+        drawn("ellipsoid", "hair", pos=(0.008, 0.0, 0.712), size=(0.090, 0.088, 0.078)),
+        drawn("capsule", "skin", fromto=(0.0, 0.0, 0.48, 0.01, 0.0, 0.60), size=(0.045,)),
+        *(drawn("sphere", "suit", pos=(0.0, side * 0.165, TORSO), size=(0.052,)) for side in (1.0, -1.0)),
         arms,
         thighs,
         name="torso",
@@ -135,7 +126,7 @@ def _gymnast() -> Element:
 def _around() -> list[Element]:
     """The bar on its posts, and the mat."""
     posts = [
-        _drawn("capsule", "steel", fromto=(0.0, side * 1.2, 0.0, 0.0, side * 1.2, BAR), size=(0.025,))
+        drawn("capsule", "steel", fromto=(0.0, side * 1.2, 0.0, 0.0, side * 1.2, BAR), size=(0.025,))
         for side in (1.0, -1.0)
     ]
     return [
@@ -149,31 +140,13 @@ def _around() -> list[Element]:
             size=(0.014,),
         ),
         *posts,
-        _drawn("box", "mat", pos=(1.5, 0.0, 0.0005), size=(2.5, 0.9, 0.0005)),
+        drawn("box", "mat", pos=(1.5, 0.0, 0.0005), size=(2.5, 0.9, 0.0005)),
     ]
 
 
 def describe() -> Description:
     """The gymnast as ``gymnast.xml``."""
-    motors = [
-        element("motor", name=name, joint=name, gear=1.0, ctrlrange=(-most, most))
-        for name, most in TORQUES.items()
-    ]
-    defaults = stage.defaults()
-    defaults.extend(
-        [
-            element("joint", armature=0.0, damping=0.0),
-            element("default", element("geom", contype=0.0, conaffinity=0.0), class_="part"),
-            element(
-                "default", element("geom", contype=0.0, conaffinity=0.0, mass=0.0, group=1.0), class_="drawn"
-            ),
-            element(
-                "default",
-                element("geom", contype=1.0, conaffinity=0.0, group=3.0, **_TOUCHING),
-                class_="foot",
-            ),
-        ]
-    )
+    motors = [motor(name, most) for name, most in TORQUES.items()]
     reach, leg, bent = TORSO + ARM, (THIGH + SHIN) * cos(KNEE / 2) + ANKLE, (-KNEE / 2, KNEE, -KNEE / 2)
     keys = [
         element("key", name="stand", qpos=(0.0, leg, 0.0, pi - 0.1, *bent)),
@@ -197,7 +170,7 @@ def describe() -> Description:
         element("compiler", angle="radian", autolimits=True),
         stage.options(1e-4, impratio=10.0),
         *stage.picture((0.6, 0.0, 1.6), 3.0),
-        defaults,
+        defaults(0.0, 0.0, {"group": 3.0, **_TOUCHING}),
         element("asset", *stage.assets(), *MATERIALS),
         world,
         element("actuator", *motors),

@@ -12,6 +12,7 @@ from math import cos
 from stc.models import stage
 from stc.models.description import Description
 from stc.models.mjcf import Element, Value, document, element, hinge, material
+from stc.models.robots import defaults, drawn, motor, part
 
 THIGH, SHIN, ANKLE = 0.38, 0.38, 0.07
 """Hip to knee, knee to ankle, ankle to sole, m."""
@@ -40,16 +41,6 @@ MATERIALS = [
 ]
 
 
-def _part(kind: str, finish: str, mass: float, **attributes: Value) -> Element:
-    """A geom that weighs and touches nothing."""
-    return element("geom", class_="part", type=kind, material=finish, mass=mass, **attributes)
-
-
-def _drawn(kind: str, finish: str, **attributes: Value) -> Element:
-    """A geom that is only looked at."""
-    return element("geom", class_="drawn", type=kind, material=finish, **attributes)
-
-
 def _leg(side: str, aside: float) -> Element:
     sole = element(
         "geom",
@@ -66,16 +57,16 @@ def _leg(side: str, aside: float) -> Element:
         hinge(f"{side}_ankle_y", axis=(0.0, 1.0, 0.0), range=(-0.9, 0.9)),
         hinge(f"{side}_ankle_x", axis=(1.0, 0.0, 0.0), range=(-0.5, 0.5)),
         sole,
-        _drawn("capsule", "panel", fromto=(0.0, 0.0, -0.02, 0.09, 0.0, -0.045), size=(0.030,)),
+        drawn("capsule", "panel", fromto=(0.0, 0.0, -0.02, 0.09, 0.0, -0.045), size=(0.030,)),
         name=f"{side}_foot",
         pos=(0.0, 0.0, -SHIN),
     )
     shin = element(
         "body",
         hinge(f"{side}_knee", axis=(0.0, 1.0, 0.0), range=(0.02, 2.4)),
-        _part("capsule", "suit", 2.4, fromto=(0.0, 0.0, -0.03, 0.0, 0.0, -SHIN + 0.03), size=(0.042,)),
-        _drawn("sphere", "accent", pos=(0.012, 0.0, 0.0), size=(0.048,)),
-        _drawn("capsule", "panel", fromto=(0.03, 0.0, -0.09, 0.025, 0.0, -0.27), size=(0.025,)),
+        part("capsule", "suit", 2.4, fromto=(0.0, 0.0, -0.03, 0.0, 0.0, -SHIN + 0.03), size=(0.042,)),
+        drawn("sphere", "accent", pos=(0.012, 0.0, 0.0), size=(0.048,)),
+        drawn("capsule", "panel", fromto=(0.03, 0.0, -0.09, 0.025, 0.0, -0.27), size=(0.025,)),
         foot,
         name=f"{side}_shin",
         pos=(0.0, 0.0, -THIGH),
@@ -85,8 +76,8 @@ def _leg(side: str, aside: float) -> Element:
         hinge(f"{side}_hip_x", axis=(1.0, 0.0, 0.0), range=(-0.7, 0.7)),
         hinge(f"{side}_hip_z", axis=(0.0, 0.0, 1.0), range=(-0.8, 0.8)),
         hinge(f"{side}_hip_y", axis=(0.0, 1.0, 0.0), range=(-2.2, 0.7)),
-        _part("capsule", "suit", 4.2, fromto=(0.0, 0.0, -0.02, 0.0, 0.0, -THIGH + 0.03), size=(0.058,)),
-        _drawn("sphere", "dark", size=(0.062,)),
+        part("capsule", "suit", 4.2, fromto=(0.0, 0.0, -0.02, 0.0, 0.0, -THIGH + 0.03), size=(0.058,)),
+        drawn("sphere", "dark", size=(0.062,)),
         shin,
         name=f"{side}_thigh",
         pos=(0.0, HIP * aside, -0.03),
@@ -97,9 +88,9 @@ def _arm(side: str, aside: float) -> Element:
     lower = element(
         "body",
         hinge(f"{side}_elbow", axis=(0.0, 1.0, 0.0), range=(-2.4, -0.02)),
-        _part("capsule", "suit", 0.9, fromto=(0.0, 0.0, -0.02, 0.0, 0.0, -0.20), size=(0.030,)),
-        _part("sphere", "panel", 0.3, pos=(0.0, 0.0, -0.25), size=(0.038,)),
-        _drawn("sphere", "accent", size=(0.034,)),
+        part("capsule", "suit", 0.9, fromto=(0.0, 0.0, -0.02, 0.0, 0.0, -0.20), size=(0.030,)),
+        part("sphere", "panel", 0.3, pos=(0.0, 0.0, -0.25), size=(0.038,)),
+        drawn("sphere", "accent", size=(0.034,)),
         element("site", name=f"{side}_hand", pos=(0.0, 0.0, -0.25), size=(0.005,), rgba=(0.0, 0.0, 0.0, 0.0)),
         name=f"{side}_forearm",
         pos=(0.0, 0.0, -0.24),
@@ -108,8 +99,8 @@ def _arm(side: str, aside: float) -> Element:
         "body",
         hinge(f"{side}_shoulder_y", axis=(0.0, 1.0, 0.0), range=(-3.0, 1.2)),
         hinge(f"{side}_shoulder_x", axis=(1.0, 0.0, 0.0), range=(-0.3, 1.8) if aside > 0 else (-1.8, 0.3)),
-        _part("capsule", "suit", 1.4, fromto=(0.0, 0.0, -0.02, 0.0, 0.0, -0.21), size=(0.036,)),
-        _drawn("sphere", "dark", size=(0.046,)),
+        part("capsule", "suit", 1.4, fromto=(0.0, 0.0, -0.02, 0.0, 0.0, -0.21), size=(0.036,)),
+        drawn("sphere", "dark", size=(0.046,)),
         lower,
         name=f"{side}_upper_arm",
         pos=(0.0, 0.17 * aside, 0.28),
@@ -122,12 +113,12 @@ def _body() -> Element:
         hinge("waist_z", axis=(0.0, 0.0, 1.0), range=(-0.8, 0.8)),
         hinge("waist_y", axis=(0.0, 1.0, 0.0), range=(-0.5, 1.2)),
         hinge("waist_x", axis=(1.0, 0.0, 0.0), range=(-0.5, 0.5)),
-        _part("capsule", "panel", 9.0, fromto=(0.0, -0.07, 0.22, 0.0, 0.07, 0.22), size=(0.095,)),
-        _part("capsule", "suit", 4.0, fromto=(0.0, -0.04, 0.09, 0.0, 0.04, 0.09), size=(0.075,)),
-        _part("sphere", "panel", 3.2, pos=(0.01, 0.0, 0.44), size=(0.085,)),
-        _drawn("ellipsoid", "visor", pos=(0.052, 0.0, 0.45), size=(0.048, 0.066, 0.040)),
-        _drawn("capsule", "dark", fromto=(0.0, 0.0, 0.30, 0.0, 0.0, 0.38), size=(0.035,)),
-        _drawn("box", "accent", pos=(0.088, 0.0, 0.24), size=(0.012, 0.045, 0.018)),
+        part("capsule", "panel", 9.0, fromto=(0.0, -0.07, 0.22, 0.0, 0.07, 0.22), size=(0.095,)),
+        part("capsule", "suit", 4.0, fromto=(0.0, -0.04, 0.09, 0.0, 0.04, 0.09), size=(0.075,)),
+        part("sphere", "panel", 3.2, pos=(0.01, 0.0, 0.44), size=(0.085,)),
+        drawn("ellipsoid", "visor", pos=(0.052, 0.0, 0.45), size=(0.048, 0.066, 0.040)),
+        drawn("capsule", "dark", fromto=(0.0, 0.0, 0.30, 0.0, 0.0, 0.38), size=(0.035,)),
+        drawn("box", "accent", pos=(0.088, 0.0, 0.24), size=(0.012, 0.045, 0.018)),
         _arm("left", 1.0),
         _arm("right", -1.0),
         name="torso",
@@ -136,7 +127,7 @@ def _body() -> Element:
     return element(
         "body",
         element("freejoint", name="root"),
-        _part("capsule", "dark", 5.0, fromto=(0.0, -0.07, 0.0, 0.0, 0.07, 0.0), size=(0.075,)),
+        part("capsule", "dark", 5.0, fromto=(0.0, -0.07, 0.0, 0.0, 0.07, 0.0), size=(0.075,)),
         torso,
         _leg("left", 1.0),
         _leg("right", -1.0),
@@ -172,18 +163,7 @@ def describe() -> Description:
     motors = []
     for name in _joints():
         most = TORQUES[name.removeprefix("left_").removeprefix("right_")]
-        motors.append(element("motor", name=name, joint=name, gear=1.0, ctrlrange=(-most, most)))
-    defaults = stage.defaults()
-    defaults.extend(
-        [
-            element("joint", armature=0.02, damping=0.2),
-            element("default", element("geom", contype=0.0, conaffinity=0.0), class_="part"),
-            element(
-                "default", element("geom", contype=0.0, conaffinity=0.0, mass=0.0, group=1.0), class_="drawn"
-            ),
-            element("default", element("geom", contype=1.0, conaffinity=0.0, **_TOUCHING), class_="foot"),
-        ]
-    )
+        motors.append(motor(name, most))
     world = element(
         "worldbody",
         stage.sun(),
@@ -200,7 +180,7 @@ def describe() -> Description:
         element("compiler", angle="radian", autolimits=True),
         stage.options(1e-4, impratio=10.0),
         *stage.picture((0.1, 0.0, 0.7), 2.0),
-        defaults,
+        defaults(0.02, 0.2, _TOUCHING),
         element("asset", *stage.assets(), *MATERIALS),
         world,
         element("actuator", *motors),

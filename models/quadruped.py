@@ -12,6 +12,7 @@ from math import cos
 from stc.models import stage
 from stc.models.description import Description
 from stc.models.mjcf import Element, Value, document, element, hinge, material
+from stc.models.robots import defaults, drawn, motor
 
 HALF_LENGTH, HALF_WIDTH = 0.19, 0.047
 """From the middle of the trunk to its hips, ahead and to the side, m."""
@@ -41,11 +42,6 @@ MATERIALS = [
 ]
 
 
-def _drawn(kind: str, finish: str, **attributes: Value) -> Element:
-    """A geom that is only looked at."""
-    return element("geom", class_="drawn", type=kind, material=finish, **attributes)
-
-
 def _leg(name: str, ahead: float, aside: float) -> Element:
     calf = element(
         "body",
@@ -69,7 +65,7 @@ def _leg(name: str, ahead: float, aside: float) -> Element:
             pos=(0.0, 0.0, -CALF),
             size=(FOOT,),
         ),
-        _drawn("cylinder", "joint", size=(0.026, 0.022), euler=(1.5707963, 0.0, 0.0)),
+        drawn("cylinder", "joint", size=(0.026, 0.022), euler=(1.5707963, 0.0, 0.0)),
         name=f"{name}_calf",
         pos=(0.0, 0.0, -THIGH),
     )
@@ -85,8 +81,8 @@ def _leg(name: str, ahead: float, aside: float) -> Element:
             fromto=(0.0, 0.0, -0.01, 0.0, 0.0, -THIGH + 0.02),
             size=(0.024,),
         ),
-        _drawn("cylinder", "frame", size=(0.042, 0.026), euler=(1.5707963, 0.0, 0.0)),
-        _drawn("cylinder", "joint", size=(0.018, 0.030), euler=(1.5707963, 0.0, 0.0)),
+        drawn("cylinder", "frame", size=(0.042, 0.026), euler=(1.5707963, 0.0, 0.0)),
+        drawn("cylinder", "joint", size=(0.018, 0.030), euler=(1.5707963, 0.0, 0.0)),
         calf,
         name=f"{name}_thigh",
         pos=(0.0, OFFSET * aside, 0.0),
@@ -114,10 +110,10 @@ def _trunk() -> Element:
         "body",
         element("freejoint", name="root"),
         element("geom", class_="part", type="box", material="frame", mass=6.0, size=(0.17, 0.055, 0.045)),
-        _drawn("capsule", "shell", fromto=(-0.16, 0.0, 0.02, 0.16, 0.0, 0.02), size=(0.056,)),
-        _drawn("ellipsoid", "shell", pos=(0.245, 0.0, 0.035), size=(0.062, 0.046, 0.040)),
-        _drawn("ellipsoid", "glass", pos=(0.272, 0.0, 0.045), size=(0.040, 0.036, 0.020)),
-        _drawn("capsule", "joint", fromto=(-0.10, 0.0, 0.075, 0.10, 0.0, 0.075), size=(0.007,)),
+        drawn("capsule", "shell", fromto=(-0.16, 0.0, 0.02, 0.16, 0.0, 0.02), size=(0.056,)),
+        drawn("ellipsoid", "shell", pos=(0.245, 0.0, 0.035), size=(0.062, 0.046, 0.040)),
+        drawn("ellipsoid", "glass", pos=(0.272, 0.0, 0.045), size=(0.040, 0.036, 0.020)),
+        drawn("capsule", "joint", fromto=(-0.10, 0.0, 0.075, 0.10, 0.0, 0.075), size=(0.007,)),
         element("site", name="trunk", size=(0.005,), rgba=(0.0, 0.0, 0.0, 0.0)),
         *(_leg(name, ahead, aside) for name, (ahead, aside) in LEGS.items()),
         name="trunk",
@@ -160,28 +156,7 @@ def describe() -> Description:
 
 
 def _document(what: str, *around: Element) -> str:
-    parts = [(leg, part) for leg in LEGS for part in TORQUES]
-    motors = [
-        element(
-            "motor",
-            name=f"{leg}_{part}",
-            joint=f"{leg}_{part}",
-            gear=1.0,
-            ctrlrange=(-TORQUES[part], TORQUES[part]),
-        )
-        for leg, part in parts
-    ]
-    defaults = stage.defaults()
-    defaults.extend(
-        [
-            element("joint", armature=0.005, damping=0.05),
-            element("default", element("geom", contype=0.0, conaffinity=0.0), class_="part"),
-            element(
-                "default", element("geom", contype=0.0, conaffinity=0.0, mass=0.0, group=1.0), class_="drawn"
-            ),
-            element("default", element("geom", contype=1.0, conaffinity=0.0, **_TOUCHING), class_="foot"),
-        ]
-    )
+    motors = [motor(f"{leg}_{name}", most) for leg in LEGS for name, most in TORQUES.items()]
     world = element(
         "worldbody",
         stage.sun(),
@@ -199,7 +174,7 @@ def _document(what: str, *around: Element) -> str:
         element("compiler", angle="radian", autolimits=True),
         stage.options(1e-4, impratio=10.0),
         *stage.picture((0.1, 0.0, 0.25), 1.2),
-        defaults,
+        defaults(0.005, 0.05, _TOUCHING),
         element("asset", *stage.assets(), *MATERIALS),
         world,
         element("actuator", *motors),
