@@ -1,0 +1,279 @@
+"""The `contact:` section of a spec with a model, read: which places of the model stand where, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from stc.language import syntax
+from stc.language.context import Context
+from stc.language.diagnostics import did_you_mean
+from stc.language.model.paths import PathError, Paths, parts_of
+from stc.language.model.scope import FORCES, ModelScope
+from stc.language.model.surfaces import Surface, floor, surface_of
+from stc.mechanism.mechanism import index_of
+from stc.mechanism.tree import Frame
+from stc.mechanism.vectors import Vector, vector
+from stc.problem import FrameRange
+from stc.records import dataclass, field
+from stc.symbolic.expr import Expr, num
+
+OPTIONS = ("friction", "reach", "clearance", "landing", "speed", "soft")
+#: How high above a straight way a contact is carried in the middle of its flight, in m, where nothing is said.
+CLEARANCE = 0.01
+
+
+@dataclass(slots=True)
+class Phase:
+    """Frames on which a contact stands.
+
+    Attributes:
+        frames: those.
+        statement: the line of the section.
+        surface: what it stands on.
+        place: the coordinates along the surface's two axes where they are given, and for a foot its yaw.
+        landing: counts the impacts of this contact from 1; 0 where none begins the phase.
+    """
+
+    frames: FrameRange
+    statement: syntax.ContactPlace
+    surface: Surface
+    place: list[Expr]
+    landing: int = 0
+
+
+@dataclass(slots=True)
+class Contact:
+    """One declared contact.
+
+    Attributes:
+        frame: its place in the model: of a sphere the centre.
+        radius: of a sphere that rolls, else 0.
+        half: half lengths of a sole along its own axes.
+    """
+
+    name: str
+    kind: str
+    statement: syntax.ContactDeclaration
+    path: tuple[str, ...]
+    frame: Frame
+    radius: float = 0.0
+    half: tuple[float, float] = (0.0, 0.0)
+    options: dict[str, Expr] = field(default_factory=dict)
+    phases: list[Phase] = field(default_factory=list)
+
+    @property
+    def forces(self) -> list[str]:
+        """The names of its force variables."""
+        return [f"{self.name}_{part}" for part in FORCES[self.kind]]
+
+    def impulses(self, phase: Phase) -> list[str]:
+        """The names of the parameters with which a phase begins."""
+        return [
+            f"{self.name}_{part.replace('f', 'j').replace('m', 'i')}{phase.landing}"
+            for part in FORCES[self.kind]
+        ]
+
+
+def _declarations(tree: syntax.SpecTree) -> list[syntax.ContactDeclaration]:
+    return [
+        statement
+        for block in tree.blocks("contact")
+        for statement in block.statements
+        if isinstance(statement, syntax.ContactDeclaration)
+    ]
+
+
+class Schedule:
+    """The contacts of a spec with a model, and when they stand.
+
+    Frames are known from the start; options and places once the definitions are.
+    """
+
+    def __init__(self, context: Context, scope: ModelScope, paths: Paths) -> None:
+        self.context, self.scope, self.paths = context, scope, paths
+        self.contacts: dict[str, Contact] = {}
+        for statement in _declarations(context.tree):
+            self._declare(statement)
+        for block in context.tree.blocks("contact"):
+            where = context.range(block)
+            for found in block.statements:
+                if isinstance(found, syntax.ContactPlace) and where is not None:
+                    self._schedule(found, where, block.header is not None)
+        for contact in self.contacts.values():
+            self._order(contact)
+
+    # ------------------------------------------------------------------ reading
+
+    def _declare(self, statement: syntax.ContactDeclaration) -> None:
+        kind = statement.kind.name
+        if kind not in FORCES:
+            hint = did_you_mean(kind, FORCES) or "kinds of contact are `point`, `foot` and `pin`"
+            self.context.error(statement.kind, f"there is no contact `{kind}`", hint)
+            return
+        for option, _ in statement.options:
+            if option.name not in OPTIONS:
+                hint = did_you_mean(option.name, OPTIONS) or f"options are {', '.join(OPTIONS)}"
+                self.context.error(option, f"a contact has no option `{option.name}`", hint)
+        where = statement.pose[0]
+        if kind == "point" and len(statement.pose) == 4:
+            where = syntax.Call(statement.kind.start, statement.pose[-1].end, "point", statement.pose)
+        if (len(statement.pose) != 1 and not isinstance(where, syntax.Call)) or not isinstance(
+            where, syntax.Name | syntax.Call
+        ):
+            hint = (
+                f"name a place of the model, as in `{kind}({'geom.sole' if kind == 'foot' else 'site.FL'})`"
+            )
+            self.context.error(statement, f"`{kind}` takes one place", hint)
+            return
+        try:
+            found = self._placed(statement, kind, where)
+        except PathError as error:
+            self.context.error(where, error.message, error.hint)
+            return
+        self.contacts[statement.name.name] = found
+
+    def _placed(self, statement: syntax.ContactDeclaration, kind: str, where: syntax.Expression) -> Contact:
+        """A contact at its place.
+
+        Raises:
+            PathError: the place cannot be that of a contact.
+        """
+        name = statement.name.name
+        if isinstance(where, syntax.Call):
+            frame, path = self.point(where)
+            return Contact(name, kind, statement, path, frame)
+        assert isinstance(where, syntax.Name)
+        of, *rest = parts_of(where.name)
+        if of not in ("site", "geom", "body") or len(rest) != 1:
+            raise PathError(f"`{where.name}` is no place of the model", "write `site.NAME` or `geom.NAME`")
+        frame = self.paths.frame(of, rest[0])
+        if of != "geom":
+            if kind == "foot":
+                raise PathError("a foot stands on the face of a box", "write `foot(geom.NAME)`")
+            return Contact(name, kind, statement, (of, rest[0]), frame)
+        index = index_of(self.scope.mechanism.geoms, rest[0])
+        assert index is not None
+        geom = self.scope.mechanism.geoms[index]
+        if kind == "foot":
+            if geom.kind != "box":
+                raise PathError(
+                    f"the geom `{rest[0]}` is a {geom.kind}, not a box",
+                    "the sole of a foot is the lower face of a box",
+                )
+            x, y, z = geom.size
+            sole = self.scope.dynamics.tree.frame(geom.body, _moved(geom.pos, geom.quat, -z), geom.quat)
+            return Contact(name, kind, statement, (of, rest[0]), sole, half=(x, y))
+        if geom.kind != "sphere":
+            raise PathError(
+                f"the geom `{rest[0]}` is a {geom.kind}, which touches at no one point",
+                "put a site where it touches, or write `point(body.NAME, x, y, z)`",
+            )
+        return Contact(name, kind, statement, (of, rest[0]), frame, radius=geom.size[0])
+
+    def point(self, call: syntax.Call) -> tuple[Frame, tuple[str, ...]]:
+        """The frame of ``point(body.NAME, x, y, z)``, and the path of its body.
+
+        Raises:
+            PathError: that is not what is written.
+        """
+        body, *at = call.arguments
+        numbers = [self.context.constants.value_of(part) for part in at]
+        if (
+            call.function != "point"
+            or not isinstance(body, syntax.Name)
+            or len(numbers) != 3
+            or None in numbers
+        ):
+            raise PathError("a point in a body is `point(body.NAME, x, y, z)`", "x, y and z are constants")
+        of, *rest = parts_of(body.name)
+        if of != "body" or len(rest) != 1:
+            raise PathError(f"`{body.name}` is no body", "a point in a body is `point(body.NAME, x, y, z)`")
+        index = index_of(self.scope.mechanism.bodies, rest[0])
+        self.paths.frame(of, rest[0])  # tells of a name that is not there
+        assert index is not None
+        place = [float(x or 0.0) for x in numbers]
+        return self.scope.dynamics.point(index, place), ("body", rest[0], *(repr(x) for x in place))
+
+    def _schedule(self, statement: syntax.ContactPlace, where: FrameRange, ranged: bool) -> None:
+        contact = self.contacts.get(statement.name.name)
+        if contact is None:
+            if (
+                statement.name.name not in self.context.tree.damaged
+                and not self.context.diagnostics.error_count
+            ):
+                hint = (
+                    did_you_mean(statement.name.name, list(self.contacts))
+                    or "declare it, as in `FL = point(site.FL);`"
+                )
+                self.context.error(statement.name, f"there is no contact `{statement.name.name}`", hint)
+            return
+        if not ranged:
+            self.context.error(
+                statement, "a contact stands on a range of frames", "write `[a, b]:` before it"
+            )
+            return
+        try:
+            surface = floor(self.scope) if statement.on is None else surface_of(self.scope, statement.on.name)
+        except PathError as error:
+            self.context.error(statement.on or statement, error.message, error.hint)
+            return
+        contact.phases.append(Phase(where, statement, surface, []))
+
+    def _order(self, contact: Contact) -> None:
+        contact.phases.sort(key=lambda phase: phase.frames.first)
+        for before, after in pairwise(contact.phases):
+            if after.frames.first <= before.frames.last:
+                message = f"`{contact.name}` stands already on {before.frames}"
+                self.context.error(after.statement, message, "its ranges may not overlap")
+        soft = any(option.name == "soft" for option, _ in contact.statement.options)
+        landed = 0
+        for phase in contact.phases:
+            if phase.frames.first > 0 and not soft:
+                landed += 1
+                phase.landing = landed
+
+    def landings(self) -> list[str]:
+        """The names of all impulses, parameters of the problem."""
+        return [name for c in self.contacts.values() for p in c.phases if p.landing for name in c.impulses(p)]
+
+    def complete(self) -> None:
+        """Work out options and places, which definitions may be part of."""
+        for contact in self.contacts.values():
+            for option, value in contact.statement.options:
+                if value is not None:
+                    contact.options[option.name] = self._built(value)
+            contact.options.setdefault("clearance", num(CLEARANCE))
+            if "friction" not in contact.options:
+                contact.options["friction"] = num(self._friction(contact))
+            for phase in contact.phases:
+                most = {"point": 2, "foot": 3, "pin": 3}[contact.kind]
+                if len(phase.statement.at) > most:
+                    self.context.error(
+                        phase.statement, f"the place of `{contact.name}` has at most {most} numbers"
+                    )
+                phase.place = [self._built(part) for part in phase.statement.at[:most]]
+
+    def _built(self, node: syntax.Expression) -> Expr:
+        self.context.builder.poisoned = False
+        return self.context.builder.build(node)
+
+    def _friction(self, contact: Contact) -> float:
+        """Of the pair of geoms, as MuJoCo combines it: the larger of the two."""
+        ours = 0.0
+        if contact.path[0] == "geom":
+            index = index_of(self.scope.mechanism.geoms, contact.path[1])
+            ours = 0.0 if index is None else self.scope.mechanism.geoms[index].friction[0]
+        surfaces = [phase.surface.friction for phase in contact.phases]
+        return max([ours, *surfaces], default=1.0)
+
+
+def _moved(pos: Sequence[float], quat: Sequence[float], along: float) -> Vector:
+    """A place moved along the z axis of a frame."""
+    from stc.mechanism.tree import rotation
+
+    axis = rotation(quat)[:, 2]
+    return vector([p + along * a for p, a in zip(pos, axis, strict=True)])
+
+
+__all__ = ["Contact", "Phase", "Schedule"]
