@@ -208,8 +208,11 @@ class TestTimeLimits:
     def test_in_python_the_limit_counts_from_the_call(self) -> None:
         model = stc.load(MOTION)
         begin = time.perf_counter()
-        with pytest.raises(stc.StcError, match="time limit"):
-            model.solve(time_limit=0.2)
+        try:  # a solution where there is an iterate by then, else a message
+            told = model.solve(time_limit=0.2).status
+        except stc.StcError as error:
+            told = str(error)
+        assert "time_limit" in told or "time limit" in told
         assert time.perf_counter() - begin < 60.0  # it takes minutes
 
 
