@@ -128,8 +128,7 @@ def _feet(mechanism: Mechanism) -> list[tuple[str, str]]:
     known: dict[Any, float] = {ConstantRef(name): value for name, value in scope.constants.items()}
     for joint in mechanism.joints:
         one = coordinates_of(joint)
-        names = [*one.positions, *(one.rotation.quaternion if one.rotation else ())]
-        known.update({VariableRef(each): q[joint.qpos + k] for k, each in enumerate(names)})
+        known.update({VariableRef(each): q[joint.qpos + k] for k, each in enumerate(one.pose)})
     candidates: list[tuple[float, Geom]] = []
     for index, geom in enumerate(mechanism.geoms):
         frame = scope.dynamics.geoms[index]

@@ -17,7 +17,7 @@ from stc.language.model.scope import each_of
 from stc.language.names import collect_names
 from stc.language.positions import Positions
 from stc.problem import ConstantRef, DefinitionRef, FrameRange, IndexRef, Jump, TimeRef
-from stc.symbolic.expr import Expr, substitute, symbols
+from stc.symbolic.expr import Expr, evaluate, substitute, symbols
 
 S = TypeVar("S", bound=syntax.Node)
 
@@ -83,6 +83,10 @@ class Context:
             yield statement
             return
         yield from each_of(statement, self.model)
+
+    def number(self, e: Expr) -> float:
+        """The value of an expression of constants."""
+        return float(evaluate(e, {key: self.constants.values.get(key.name) for key in symbols(e)}))
 
     def is_fixed(self, e: Expr) -> bool:
         """Whether an expression is made of constants, ``i`` and a ``t`` that no unknown changes."""

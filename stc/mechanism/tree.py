@@ -303,6 +303,19 @@ def _axes(joint: Joint, turn: Rotation) -> tuple[Rotation, tuple[float, float, f
     return axes, (x, y, z)
 
 
+def drawn_pose(mechanism: Mechanism, body: int) -> tuple[Rotation, NDArray[np.float64]]:
+    """Axes, as columns, and place of a body in the world, in the pose that the model file draws."""
+    chain = []
+    while body:
+        chain.append(mechanism.bodies[body])
+        body = mechanism.bodies[body].parent
+    turn, at = np.eye(3), np.zeros(3)
+    for one in reversed(chain):
+        at = at + turn @ np.array(one.pos)
+        turn = turn @ rotation(one.quat)
+    return turn, at
+
+
 def rotation(quaternion: Sequence[float]) -> Rotation:
     """The rotation matrix of a quaternion of numbers, its real part first."""
     w, x, y, z = np.array(quaternion, dtype=float) / math.sqrt(sum(value * value for value in quaternion))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from stc.language.model.contact import Contacts
 from stc.language.model.holdings import Equalities, Holding
 from stc.language.model.independence import Matrix, Point, independent, pins_to_keep, stacked
 from stc.language.model.mirror import other_side
-from stc.language.model.poses import Poses, Stated, Values
+from stc.language.model.poses import REFERENCE, Poses, Stated, Values
 from stc.language.model.scope import ModelScope
 from stc.language.model.start import way_between
 from stc.language.model.statements import (
@@ -25,7 +24,6 @@ from stc.language.model.statements import (
     replay_lines,
 )
 from stc.problem import (
-    ConstantRef,
     FrameRange,
     Guess,
     Jump,
@@ -36,7 +34,7 @@ from stc.problem import (
     VariableRef,
 )
 from stc.records import dataclass, field
-from stc.symbolic.expr import ZERO, Expr, evaluate, sym
+from stc.symbolic.expr import ZERO, Expr, sym
 
 #: A pinned pose that has a contact farther off its surface than this, in m, is a mistake.
 OFF_SURFACE = 1e-3
@@ -64,7 +62,7 @@ class ModelStatements:
         self.contacts = Contacts(context, scope, self.paths)
         self.equalities = Equalities(context, scope)
         self.pinned: dict[int, Pinned] = {}
-        self.periodic: list[tuple[Stated, syntax.Pose, FrameRange]] = []
+        self.periodic: list[tuple[Stated, syntax.Pose]] = []
         self.guessed: dict[int, Values] = {}
         self.poses: Poses | None = None
 
@@ -82,7 +80,7 @@ class ModelStatements:
         assert self.poses is not None
         if statement.base.name == "periodic":
             rows = self.poses.rows(statement) or []
-            self.periodic += [(row, statement, where) for row in rows]
+            self.periodic += [(row, statement) for row in rows]
             return []
         if where.first != where.last:
             return self.poses.relations(statement, where)
@@ -111,7 +109,7 @@ class ModelStatements:
         yield from independence.standing()
         yield from independence.anchors()
         yield from independence.pins()
-        for row, statement, _ in self.periodic:
+        for row, statement in self.periodic:
             yield Relation(row.body, ZERO, ZERO, FrameRange(0, 0), context.span(statement), row.text)
 
     def objective(self) -> list[ObjectiveTerm]:
@@ -138,9 +136,10 @@ class ModelStatements:
         pinned = {frame: one.values for frame, one in self.pinned.items() if one.values is not None}
         known = self.guessed | pinned
         assert self.poses is not None
-        for _, statement, _ in self.periodic[:1]:
+        for _, statement in self.periodic[:1]:
             known.setdefault(0, self.poses.usual())
             known.setdefault(self.context.n, self.poses.repeated(known[0], statement))
+        known = known or {0: self.poses.named[REFERENCE]}
         yield from way_between(self.context, self.scope, known, self.contacts.flights())
         yield from self.contacts.guesses()
 
@@ -183,8 +182,7 @@ class _Independence:
         if pinned is None or pinned.values is None:
             return self.generic
         if frame not in self._points:
-            known: dict[Any, float] = {ConstantRef(name): value for name, value in self.numbers.items()}
-            numbers = {name: float(evaluate(body, known)) for name, body in pinned.values.items()}
+            numbers = {name: self.context.number(body) for name, body in pinned.values.items()}
             self._points[frame] = Point(self.scope, numbers, self.numbers)
         return self._points[frame]
 
@@ -215,7 +213,7 @@ class _Independence:
                         span,
                         f"{name} does nothing",
                     )
-                    for phase in contact.phases if contact.phases else ():
+                    for phase in contact.phases:
                         if phase.landing:
                             index = contact.forces.index(name)
                             impulse = sym(ParameterRef(contact.impulses(phase)[index]))
@@ -289,7 +287,7 @@ class _Independence:
 
         A phase that lasts throughout is followed to the one that it repeats in turn, mirrored on the other side.
         """
-        mirrored = any(statement.mirrored for _, statement, _ in self.s.periodic)
+        mirrored = any(statement.mirrored for _, statement in self.s.periodic)
         seen: list[str] = []
         name = one.name
         while name not in seen:

@@ -32,6 +32,7 @@ from stc.problem import (
     ReplayChannel,
     VariableRef,
 )
+from stc.rates import one_sided
 from stc.symbolic.expr import ONE, ZERO, Expr, div, mul, neg, num, sub, sum_of, sym
 
 #: Share of the weight by which friction may exceed its cone where a contact bears nothing.
@@ -62,10 +63,6 @@ class Contacts(Schedule):
             torque = plus(torque, cross(vector([-contact.radius * part for part in down]), force))
         yield Wrench(contact.frame, force, torque)
 
-    def drives(self) -> list[str]:
-        """What may jump where a contact begins or ends: controls."""
-        return self.scope.controls
-
     def components(self) -> Iterator[tuple[Contact, list[tuple[str, Expr]]]]:
         """Of every contact its force variables, each with the velocity that its power is made with."""
         for contact in self.contacts.values():
@@ -85,7 +82,7 @@ class Contacts(Schedule):
             for phase in contact.phases:
                 span = self.context.span(phase.statement)
                 first, last = phase.frames.first, phase.frames.last
-                names = [(name, 0) for name in self.drives()]
+                names = [(name, 0) for name in self.scope.controls]
                 if first > 0:
                     jumping = [*names, *((force, 0) for force in everything)]
                     if phase.landing:
@@ -217,8 +214,6 @@ class Contacts(Schedule):
 
     @staticmethod
     def _on_side(bodies: Sequence[Expr], side: str) -> list[Expr]:
-        from stc.rates import one_sided
-
         return [one_sided(body, side) for body in bodies] if side else list(bodies)
 
     def _cone(

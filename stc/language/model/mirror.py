@@ -15,7 +15,7 @@ from stc.language import syntax
 from stc.language.context import Context
 from stc.language.model.poses import Stated, Values, turn_between
 from stc.language.model.scope import Coordinates, ModelScope
-from stc.mechanism.tree import rotation
+from stc.mechanism.tree import drawn_pose
 from stc.problem import VariableRef
 from stc.symbolic.expr import ZERO, Expr, mul, neg, num, sub, sym
 
@@ -110,11 +110,5 @@ def _signs(scope: ModelScope, one: Coordinates, other: Coordinates) -> list[floa
 
 def _axis(scope: ModelScope, one: Coordinates) -> np.ndarray:
     """The axis of a joint in the world, in the pose that the model file draws."""
-    turn = np.eye(3)
-    chain, body = [], one.joint.body
-    while body:
-        chain.append(scope.mechanism.bodies[body])
-        body = scope.mechanism.bodies[body].parent
-    for each in reversed(chain):
-        turn = turn @ rotation(each.quat)
+    turn, _ = drawn_pose(scope.mechanism, one.joint.body)
     return turn @ np.array(one.joint.axis)

@@ -106,10 +106,6 @@ class Paths:
             f"`{path}` has no field `{field}`", "a centre of mass has `.x .y .z` and `.vx .vy .vz`"
         )
 
-    def point_field(self, frame: Frame, text: str, rest: Sequence[str]) -> Expr:
-        """A field of a point fixed in a body."""
-        return self._field(text, frame, rest)
-
     def frame(self, kind: str, name: str) -> Frame:
         """The frame of a body, site or geom.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 from stc.language import syntax
 from stc.language.context import Context
@@ -17,10 +16,13 @@ from stc.language.diagnostics import did_you_mean
 from stc.language.model.independence import Point
 from stc.language.model.scope import ModelScope, quoted
 from stc.language.words import KEYFRAME
-from stc.problem import ConstantRef, FrameRange, Guess, Relation, VariableRef
+from stc.problem import FrameRange, Guess, Relation, VariableRef
 from stc.rates import quaternion_product
 from stc.records import dataclass
-from stc.symbolic.expr import ZERO, Expr, call, evaluate, mul, neg, num, sub, sym
+from stc.symbolic.expr import ZERO, Expr, call, mul, neg, num, sub, sym
+
+#: The name of the pose that the model file draws.
+REFERENCE = f"{KEYFRAME}.reference"
 
 #: Values of coordinates by the names of their variables, angular velocities left out.
 Values = dict[str, Expr]
@@ -56,7 +58,7 @@ class Poses:
         self.heights = heights
         #: The pose that the model file draws has a name, too.
         self.named: dict[str, Values] = {
-            f"{KEYFRAME}.reference": self._of_coordinates([num(value) for value in scope.mechanism.start])
+            REFERENCE: self._of_coordinates([num(value) for value in scope.mechanism.start])
         }
         for keyframe in scope.mechanism.keyframes:
             if keyframe.name:
@@ -70,7 +72,7 @@ class Poses:
     def _of_coordinates(self, q: Sequence[Expr]) -> Values:
         found: Values = {}
         for one in self.scope.coordinates:
-            names = [*one.positions, *(one.rotation.quaternion if one.rotation else ())]
+            names = one.pose
             found.update(zip(names, q[one.joint.qpos : one.joint.qpos + len(names)], strict=True))
         return found
 
@@ -134,8 +136,7 @@ class Poses:
         constants = {
             name: value for name, value in self.context.constants.values.items() if value is not None
         }
-        known: dict[Any, float] = {ConstantRef(name): value for name, value in constants.items()}
-        numbers = {name: float(evaluate(body, known)) for name, body in values.items()}
+        numbers = {name: self.context.number(body) for name, body in values.items()}
         heights = self.heights()
         if not heights:
             self.context.error(

@@ -58,6 +58,11 @@ class Coordinates:
     friction: tuple[str, ...] = ()
 
     @property
+    def pose(self) -> list[str]:
+        """The variables that say where the joint is, in the order of ``qpos``."""
+        return [*self.positions, *(() if self.rotation is None else self.rotation.quaternion)]
+
+    @property
     def rates(self) -> list[VariableRef]:
         """The velocities, in the order of ``qvel``."""
         turning = () if self.rotation is None else self.rotation.velocity
@@ -71,8 +76,7 @@ class Coordinates:
     @property
     def names(self) -> list[str]:
         """All variables, in the order of ``qpos`` and then angular velocities."""
-        turning = self.rotation
-        return [*self.positions, *(() if turning is None else (*turning.quaternion, *turning.velocity))]
+        return [*self.pose, *(() if self.rotation is None else self.rotation.velocity)]
 
 
 def coordinates_of(joint: Joint) -> Coordinates:

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from stc.language.context import Context
 from stc.language.model.poses import Values
 from stc.language.model.scope import Coordinates, ModelScope
-from stc.problem import ConstantRef, FrameRange, Guess, IndexRef
+from stc.problem import FrameRange, Guess, IndexRef
 from stc.rates import quaternion_product
-from stc.symbolic.expr import Expr, div, evaluate, mul, num, sub, sym
+from stc.symbolic.expr import Expr, call, div, mul, num, sub, sym
 
 
 def way_between(
@@ -25,14 +24,11 @@ def way_between(
     Where nothing touches anything the root is thrown up so that it comes down when something does.
 
     Args:
-        known: pinned poses by frame.
+        known: poses by frame, one at least.
         flights: first and last frames of stretches without contact.
     """
     span = context.span(scope.statement)
     frames = sorted(known)
-    if not frames:
-        reference = _reference(scope)
-        frames, known = [0], {0: reference}
     for one in scope.coordinates:
         for name in one.positions:
             yield from _straight(name, [(frame, known[frame][name]) for frame in frames], context)
@@ -52,14 +48,6 @@ def way_between(
             )
             base = _between(before, known[before][height], after, known[after][height])
             yield Guess(height, base + thrown, FrameRange(first, last), span)
-
-
-def _reference(scope: ModelScope) -> Values:
-    found: Values = {}
-    for one in scope.coordinates:
-        names = [*one.positions, *(one.rotation.quaternion if one.rotation else ())]
-        found.update({name: num(value) for name, value in zip(names, one.joint.reference, strict=True)})
-    return found
 
 
 def _between(first: int, a: Expr, last: int, b: Expr) -> Expr:
@@ -100,12 +88,8 @@ def _turning(one: Coordinates, places: Sequence[tuple[int, Values]], context: Co
     assert one.rotation is not None
     assert context.model is not None
     span = context.span(context.model.statement)
-    constants: dict[Any, float] = {
-        ConstantRef(k): v for k, v in context.constants.values.items() if v is not None
-    }
     ends = [
-        np.array([float(evaluate(values[name], constants)) for name in one.rotation.quaternion])
-        for _, values in places
+        np.array([context.number(values[name]) for name in one.rotation.quaternion]) for _, values in places
     ]
     for k in range(1, len(ends)):  # the nearer of the two quaternions of the same pose
         if ends[k] @ ends[k - 1] < 0:
@@ -119,8 +103,6 @@ def _turning(one: Coordinates, places: Sequence[tuple[int, Values]], context: Co
         else:
             first, last = places[a][0], places[b][0]
             share = div(sub(sym(IndexRef()), num(float(first))), num(float(last - first)))
-            from stc.symbolic.expr import call
-
             left = call("sin", mul(num(half), sub(num(1.0), share)))
             right = call("sin", mul(num(half), share))
             scale = 1.0 / math.sin(half)

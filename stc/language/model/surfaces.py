@@ -7,7 +7,7 @@ import numpy as np
 from stc.language.model.paths import PathError, parts_of
 from stc.language.model.scope import ModelScope, quoted
 from stc.mechanism.mechanism import Geom, index_of
-from stc.mechanism.tree import rotation
+from stc.mechanism.tree import drawn_pose, rotation
 from stc.mechanism.vectors import Vector, dot, vector
 from stc.records import dataclass
 from stc.symbolic.expr import Expr, num, sub
@@ -97,15 +97,7 @@ def _is_fixed(scope: ModelScope, geom: Geom) -> bool:
 
 def _pose(scope: ModelScope, geom: Geom) -> tuple[np.ndarray, np.ndarray]:
     """Axes, as columns, and place of a geom that nothing moves."""
-    turn, at = np.eye(3), np.zeros(3)
-    chain = []
-    body = geom.body
-    while body:
-        chain.append(scope.mechanism.bodies[body])
-        body = scope.mechanism.bodies[body].parent
-    for one in reversed(chain):
-        at = at + turn @ np.array(one.pos)
-        turn = turn @ rotation(one.quat)
+    turn, at = drawn_pose(scope.mechanism, geom.body)
     return turn @ rotation(geom.quat), at + turn @ np.array(geom.pos)
 
 
