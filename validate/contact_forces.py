@@ -211,8 +211,8 @@ def _wrenches(setup: Setup, motion: Replay, meter: ContactMeter) -> dict[int, Fl
         data.ctrl[setup.controls.addresses] = setup.controls.at(part, frame)
         setup.applied.apply(model, data, setup.applied.at(part, frame))
         mujoco.mj_forward(model, data)
-        for body, wrenches in found.items():
-            wrenches[frame] = meter.wrench(model, data, body)
+        for body, wrench in meter.wrenches(model, data).items():
+            found[body][frame] = wrench
     return found
 
 

@@ -1,7 +1,8 @@
 """Small deviations along a solved motion: how they grow, and how controls steer them.
 
 MuJoCo's finite differences (``mjd_transitionFD``) give, at instants along the motion, the linear map of one
-time step: deviation' = A deviation + B change of control.  Deviations are ordered positions, then velocities.
+time step: deviation' = A deviation + B change of control.  Deviations are ordered positions, then velocities.  The
+model's own contacts take no part; those that the solved forces press together hold (:mod:`stc.validate.held`).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate import limits
+from stc.validate.held import Holding
 from stc.validate.metrics import FloatArray
 from stc.validate.model import ModelError
 from stc.validate.progress import steps
@@ -45,12 +47,8 @@ class Linearisation:
         return np.asarray(self.first[frame] + inside)
 
 
-def linearise(setup: Setup, external: bool = False) -> Linearisation:
-    """Linearise along the solved motion.
-
-    Args:
-        setup: the motion and its model; it must be known how every coordinate moves.
-        external: apply the solved contact forces and switch the model's own contacts off.
+def linearise(setup: Setup) -> Linearisation:
+    """Linearise along the solved motion; it must be known how every coordinate moves.
 
     Raises:
         ModelError: the solution does not tell how every coordinate moves, or MuJoCo does not differentiate the model.
@@ -60,10 +58,11 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
     untied = setup.untied
     if not (setup.all_tied or untied):
         raise ModelError("the motion is not linearised: some joints of the model are not tied to the spec")
-    model = setup.model(contacts=not external)
+    model = setup.model(contacts=False)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     data = mujoco.MjData(model)
-    forces = setup.all_forces if external else setup.applied
+    forces = setup.all_forces
+    holding = Holding(setup, forces)
     durations = np.diff(setup.solution.time)
     parts = np.array([max(1, math.ceil(d / limits.TRACKING_STEP - 1e-9)) for d in durations], dtype=np.intp)
     first = np.concatenate([[0], np.cumsum(parts)]).astype(np.intp)
@@ -72,9 +71,12 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
     control = np.zeros((total, 2 * nv + model.na, model.nu))
     for frame in steps("linearisation", setup.solution.n):
         count = parts[frame]
-        shares = (np.arange(count) + 0.5) / count
-        motion = setup.reference.in_step(frame, shares)
+        # Where each part begins, its middle, and where the last one ends.
+        every = np.arange(2 * count + 1) / (2 * count)
+        shares = every[1::2]
+        motion, poses = setup.reference.in_step(frame, shares), setup.reference.in_step(frame, every)[0]
         controls, outer = setup.controls.in_step(frame, shares), forces.in_step(frame, shares)
+        pressing = setup.contact.in_step(frame, shares)
         model.opt.timestep = durations[frame] / count
         rests = [] if untied is None else untied.in_step(frame, shares)
         for k in range(count):
@@ -88,6 +90,12 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
                 mujoco.mjd_transitionFD(model, data, 1e-6, True, state[at], control[at], None, None)
             except mujoco.FatalError as error:
                 raise ModelError(f"the motion is not linearised: {error}") from None
+            positions = [data.qpos.copy() for _ in range(3)]
+            for position, pose in zip(positions, poses[2 * k : 2 * k + 3]):
+                position[setup.reference.positions] = pose
+            holding.add(
+                (state[at], control[at]), positions, data.qvel, model.opt.timestep, outer[k], pressing[k]
+            )
     # The tied joints may come in another order than the model's: deviations follow the model's.
     step = np.repeat(durations / parts, parts)
     return Linearisation(
@@ -95,7 +103,7 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
     )
 
 
-def linearised(setup: Setup, external: bool = False) -> Linearisation | None:
+def linearised(setup: Setup) -> Linearisation | None:
     """As :func:`linearise`; None where that is refused, or where an actuator has a state of its own.
 
     MuJoCo does not differentiate models with bodies that sleep or actuators with a delay.
@@ -103,7 +111,7 @@ def linearised(setup: Setup, external: bool = False) -> Linearisation | None:
     if setup.compiled.na:
         return None
     try:
-        return linearise(setup, external)
+        return linearise(setup)
     except ModelError:
         return None
 

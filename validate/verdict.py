@@ -203,12 +203,11 @@ def steering(setup: Setup) -> tuple[float | None, list[Feedback]]:
     """
     error_growth = None
     laws: list[Feedback | None] = []
-    # With contact forces from outside the linear map is that of the motion between impacts.  Contacts that the spec
-    # does not speak of take no part either: what a bounce off them makes of small errors excuses nothing.
-    maps = linearised(setup, external=True) if setup.solution.n else None
+    # Contacts that the spec does not speak of take no part: what a bounce off them makes of errors excuses nothing.
+    maps = linearised(setup) if setup.solution.n else None
     if maps is not None:
         error_growth = growth(maps, setup.reference.velocities)
-        if not len(setup.contact) and setup.all_tied:
+        if setup.all_tied:
             laws.append(regulator(setup, maps))
     laws.append(proportional(setup) if setup.solution.n else None)
     return error_growth, [law for law in laws if law is not None]
