@@ -130,6 +130,7 @@ def _around() -> list[Element]:
         for side in (1.0, -1.0)
     ]
     return [
+        element("site", name="bar", pos=(0.0, 0.0, BAR), size=(0.005,), rgba=(0.0, 0.0, 0.0, 0.0)),
         element(
             "geom",
             name="bar",
@@ -173,6 +174,18 @@ def describe() -> Description:
         defaults(0.0, 0.0, {"group": 3.0, **_TOUCHING}),
         element("asset", *stage.assets(), *MATERIALS),
         world,
+        # Hands that hold the bar: on in a replay while they do.
+        element(
+            "equality",
+            element(
+                "connect",
+                name="hands",
+                site1="grip",
+                site2="bar",
+                active=False,
+                solref=_TOUCHING["solref"],
+            ),
+        ),
         element("actuator", *motors),
         element("keyframe", *keys),
     )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.validate.grips import grips
 from stc.validate.rotations import cross
 
 if TYPE_CHECKING:
@@ -110,16 +111,17 @@ class ContactMeter:
             body: np.append(np.isin(model.geom_bodyid, list(welded(model, body))), False).astype(float)
             for body in self.columns
         }
+        self._grips = grips(setup)
         self.impulses = {body: np.zeros((setup.solution.n, 6)) for body in self.columns}
 
     def add(self, frame: int, model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
         """Let what the contacts give now act for some time of a frame step."""
-        if data.ncon:
+        if data.ncon or self._grips:
             for body, wrench in self.wrenches(model, data).items():
                 self.impulses[body][frame] += seconds * wrench
 
     def wrenches(self, model: mujoco.MjModel, data: mujoco.MjData) -> dict[int, FloatArray]:
-        """Per body (6,) force and torque about its origin, along the world's axes, of all its contacts."""
+        """Per body (6,) force and torque about its origin, along the world's axes, of all its contacts and grips."""
         import mujoco
 
         contacts, local = data.contact, np.zeros((data.ncon, 6))
@@ -132,4 +134,10 @@ class ContactMeter:
             share = own[geoms[:, 1]] - own[geoms[:, 0]]
             moments = torques + cross(places - data.xpos[body], forces)
             found[body] = np.concatenate([share @ forces, share @ moments])
+        for grip in self._grips:
+            force = grip.force(data)
+            for site, given in zip(grip.sites, (force, -force)):
+                for body in welded(model, int(model.site_bodyid[site])) & found.keys():
+                    found[body][:3] += given
+                    found[body][3:] += cross(data.site_xpos[site] - data.xpos[body], given)
         return found

@@ -1,4 +1,4 @@
-"""Contacts that press hold: what they and outer forces make of small deviations along a motion.
+"""Contacts that press, and grips, hold: what they and outer forces make of small deviations along a motion.
 
 Where a body presses on another, rigid contact keeps the material points that touch from moving against one another;
 where it slides, it keeps them from parting.  A small deviation of the motion then changes the forces of the contacts so
@@ -23,6 +23,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate.contact_meter import ContactMeter, contact_velocity, touchable, touching, welded
+from stc.validate.grips import grips
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -62,8 +63,14 @@ class Touching:
 class Holding:
     """The contacts of a motion that hold, and the outer forces on it, as parts of linear maps."""
 
-    def __init__(self, setup: Setup, forces: OuterForces) -> None:
-        """Take over a motion and all the forces from outside that act on it, those of contacts included."""
+    def __init__(self, setup: Setup, forces: OuterForces, held: bool = True) -> None:
+        """Take over a motion.
+
+        Args:
+            setup: the motion and its model.
+            forces: all that act on it from outside, those of contacts included.
+            held: whether its contacts hold.
+        """
         import mujoco
 
         self._model = touchable(setup.model())
@@ -73,12 +80,15 @@ class Holding:
         self._bodies = [
             (welded(self._model, body), sorted({line for lines in parts.values() for line in lines}))
             for body, parts in ContactMeter(setup).columns.items()
+            if held
         ]
+        self._grips = grips(setup) if held else []
         largest = max((np.abs([c.before, c.after]).max() for c in setup.contact.channels), default=0.0)
         self._least = _PRESSED * float(largest)
 
     def add(
         self,
+        frame: int,
         maps: tuple[FloatArray, FloatArray],
         positions: Sequence[FloatArray],
         velocity: FloatArray,
@@ -89,6 +99,7 @@ class Holding:
         """Add to the maps of one step, in place.
 
         Args:
+            frame: the frame step that it is in.
             maps: (2 nv, 2 nv) of deviations and (2 nv, m) of changes of control, by an Euler step.
             positions: (nq,) where the step begins, in its middle, and where it ends.
             velocity: (nv,) in the middle.
@@ -103,7 +114,7 @@ class Holding:
             change = step * np.linalg.solve(mass, self._stiffness(middle, forces))
             state[:nv, :nv] += step * change
             state[nv:, :nv] += change
-        held = self._touching(middle, velocity, pressing)
+        held = [*self._touching(middle, velocity, pressing), *self._gripped(frame)]
         if not held:
             return
         before, there, after = (self._jacobian(position, held) for position in positions)
@@ -136,6 +147,19 @@ class Holding:
             held = axes if friction > 0.0 and not slides else axes[:1]
             found.append(Touching((first, second), np.array(points), held))
         return found
+
+    def _gripped(self, frame: int) -> list[Touching]:
+        """The sites that are held together in a frame step."""
+        model = self._model
+        return [
+            Touching(
+                (int(model.site_bodyid[grip.sites[0]]), int(model.site_bodyid[grip.sites[1]])),
+                model.site_pos[list(grip.sites)],
+                np.eye(3),
+            )
+            for grip in self._grips
+            if grip.on[frame]
+        ]
 
     def _jacobian(self, position: FloatArray, held: list[Touching]) -> FloatArray:
         """(r, nv) how fast points that touch in some pose move against one another along their axes, in this one."""

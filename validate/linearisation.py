@@ -8,6 +8,7 @@ model's own contacts take no part; those that the solved forces press together h
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -47,8 +48,12 @@ class Linearisation:
         return np.asarray(self.first[frame] + inside)
 
 
-def linearise(setup: Setup) -> Linearisation:
-    """Linearise along the solved motion; it must be known how every coordinate moves.
+def linearise(setup: Setup, held: bool = True) -> Linearisation:
+    """Linearise along the solved motion.
+
+    Args:
+        setup: the motion and its model; it must be known how every coordinate moves.
+        held: whether contacts that press hold; else their forces stay what they are.
 
     Raises:
         ModelError: the solution does not tell how every coordinate moves, or MuJoCo does not differentiate the model.
@@ -62,7 +67,7 @@ def linearise(setup: Setup) -> Linearisation:
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     data = mujoco.MjData(model)
     forces = setup.all_forces
-    holding = Holding(setup, forces)
+    holding = Holding(setup, forces, held)
     durations = np.diff(setup.solution.time)
     parts = np.array([max(1, math.ceil(d / limits.TRACKING_STEP - 1e-9)) for d in durations], dtype=np.intp)
     first = np.concatenate([[0], np.cumsum(parts)]).astype(np.intp)
@@ -94,7 +99,13 @@ def linearise(setup: Setup) -> Linearisation:
             for position, pose in zip(positions, poses[2 * k : 2 * k + 3]):
                 position[setup.reference.positions] = pose
             holding.add(
-                (state[at], control[at]), positions, data.qvel, model.opt.timestep, outer[k], pressing[k]
+                frame,
+                (state[at], control[at]),
+                positions,
+                data.qvel,
+                model.opt.timestep,
+                outer[k],
+                pressing[k],
             )
     # The tied joints may come in another order than the model's: deviations follow the model's.
     step = np.repeat(durations / parts, parts)
@@ -103,7 +114,7 @@ def linearise(setup: Setup) -> Linearisation:
     )
 
 
-def linearised(setup: Setup) -> Linearisation | None:
+def linearised(setup: Setup, held: bool = True) -> Linearisation | None:
     """As :func:`linearise`; None where that is refused, or where an actuator has a state of its own.
 
     MuJoCo does not differentiate models with bodies that sleep or actuators with a delay.
@@ -111,17 +122,20 @@ def linearised(setup: Setup) -> Linearisation | None:
     if setup.compiled.na:
         return None
     try:
-        return linearise(setup)
+        return linearise(setup, held)
     except ModelError:
         return None
 
 
-def growth(maps: Linearisation, joints: np.ndarray | None = None) -> float:
+def growth(
+    maps: Linearisation, joints: np.ndarray | None = None, restarts: Sequence[int] | np.ndarray = ()
+) -> float:
     """The largest factor by which a small deviation of some positions grows over any stretch of the motion.
 
     Args:
         maps: of the motion.
         joints: (k,) indices of the positions, all unless given; what others do is of account only through these.
+        restarts: frames where deviations begin anew.
 
     It is the largest spectral norm of the positions' part of the transition matrices between two instants,
     of which at most :data:`stc.validate.limits.GROWTH_INSTANTS` are looked at.  Near one means that errors stay
@@ -131,7 +145,8 @@ def growth(maps: Linearisation, joints: np.ndarray | None = None) -> float:
     if not total or not np.all(np.isfinite(maps.state)):
         return math.inf if total else 1.0
     joints = np.arange(size // 2) if joints is None else joints
-    cuts = np.unique(np.linspace(0, total, min(total, limits.GROWTH_INSTANTS) + 1).astype(int))
+    ends = maps.first[np.asarray(restarts, dtype=np.intp)]
+    cuts = np.unique([*np.linspace(0, total, min(total, limits.GROWTH_INSTANTS) + 1).astype(int), *ends])
     pieces = []
     for a, b in pairwise(cuts):
         product = np.eye(size)
@@ -140,7 +155,9 @@ def growth(maps: Linearisation, joints: np.ndarray | None = None) -> float:
         pieces.append(product)
     worst = 1.0
     running = np.zeros((0, size, size))
-    for piece in pieces:
+    for begin, piece in zip(cuts, pieces):
+        if begin in ends:
+            running = running[:0]
         # Row r of `running` is the map from the r-th cut to here.
         running = np.concatenate([running, np.eye(size)[None]])
         with np.errstate(over="ignore", invalid="ignore"):

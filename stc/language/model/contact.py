@@ -144,15 +144,16 @@ class Contacts(Schedule):
             return
         for index, height in enumerate(self._heights(contact, phase.surface)):
             room = height
-            if before is not None and after is not None:
-                # From one surface to the other, in an arch between.
-                share = div(sub(sym(IndexRef()), num(float(first))), num(float(last - first)))
-                left = sub(ONE, share)
-                if before.surface != after.surface:
-                    start = list(self._heights(contact, before.surface))[index]
-                    room = mul(left, start) + mul(share, height)
-                arch = mul(mul(share, share), mul(left, left))
-                room = sub(room, mul(mul(num(16.0), contact.options["clearance"]), arch))
+            # From one surface to the other in an arch; where one of them is beyond the motion, half of it is within.
+            begin = first if before is not None else 2 * first - last
+            end = last if after is not None else 2 * last - first
+            share = div(sub(sym(IndexRef()), num(float(begin))), num(float(end - begin)))
+            left = sub(ONE, share)
+            if before is not None and after is not None and before.surface != after.surface:
+                start = list(self._heights(contact, before.surface))[index]
+                room = mul(left, start) + mul(share, height)
+            arch = mul(mul(share, share), mul(left, left))
+            room = sub(room, mul(mul(num(16.0), contact.options["clearance"]), arch))
             text = f"{contact.name} is clear of the {phase.surface.name} in flight"
             yield Relation(room, ZERO, None, FrameRange(low, high), span, text)
 
