@@ -169,7 +169,7 @@ def describe() -> Description:
         "A gymnast in the plane, and a high bar.\n"
         "Written by `python -m stc.models.build` from models/gymnast.py: change that file and run it again.",
         element("compiler", angle="radian", autolimits=True),
-        stage.options(1e-4, impratio=10.0),
+        stage.options(1e-4, impratio=100.0, cone="elliptic"),
         *stage.picture((0.6, 0.0, 1.6), 3.0),
         defaults(0.0, 0.0, {"group": 3.0, **_TOUCHING}),
         element("asset", *stage.assets(), *MATERIALS),
