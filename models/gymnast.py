@@ -171,7 +171,7 @@ def describe() -> Description:
         element("compiler", angle="radian", autolimits=True),
         stage.options(1e-4, impratio=100.0, cone="elliptic"),
         *stage.picture((0.6, 0.0, 1.6), 3.0),
-        defaults(0.0, 0.0, {"group": 3.0, **_TOUCHING}),
+        defaults(0.02, 0.2, {"group": 3.0, **_TOUCHING}),
         element("asset", *stage.assets(), *MATERIALS),
         world,
         # Hands that hold the bar: on in a replay while they do.
