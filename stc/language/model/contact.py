@@ -90,14 +90,8 @@ class Contacts(Schedule):
                     for name, order in jumping:
                         found.setdefault((first, name, order), Jump(first, name, order, span))
                 if last < self.context.n:
-                    # Pressure and friction fade until a foot lifts off; what holds a pin can let go at once.
-                    others = [
-                        f
-                        for c in self.contacts.values()
-                        if c.kind == "pin" or not _ends(c, last)
-                        for f in c.forces
-                    ]
-                    for name, order in [*names, *((force, 0) for force in others)]:
+                    # What presses or holds until the last moment can let go at once.
+                    for name, order in [*names, *((force, 0) for force in everything)]:
                         found.setdefault((last, name, order), Jump(last, name, order, span))
         return list(found.values())
 
@@ -358,11 +352,6 @@ class Contacts(Schedule):
             span = self.context.span(contact.statement)
             for part, name in zip(FORCES[contact.kind], contact.forces, strict=True):
                 yield ReplayChannel("contact", (*contact.path, part), sym(VariableRef(name)), span)
-
-
-def _ends(contact: Contact, frame: int) -> bool:
-    """Whether a phase of a contact ends at a frame."""
-    return any(phase.frames.last == frame for phase in contact.phases)
 
 
 def _place(at: Expr, rate: Expr, given: Sequence[Expr]) -> Place:
