@@ -260,7 +260,8 @@ def _simulate(
         qpos[:, reference.positions] = reference.moved(start[0], way)
         qvel[:, reference.velocities] += change
     steps = sims.expand("opt.timestep")
-    held, active = grips(setup), sims.bind("eq_active") if model.neq else None
+    held = grips(setup)
+    active = sims.bind("eq_active") if held else np.zeros((count, 0))
     found = np.full((count, solution.n + 1, model.nq), math.nan)
     found[:, 0] = qpos
     outer = _outer_forces(setup, model)
