@@ -1,9 +1,9 @@
 """Crocoddyl on the bundled quadruped's hop, in the idiom of its own quadruped examples.
 
 The model file is read by Pinocchio.  Four legs stand, fly and land for as many intervals as the spec says.  Contacts
-hold the middles of the spherical feet, with Baumgarte feedback; feet that land where the spec's do and at rest, friction
-cones, joint ranges and the pose at the end are penalties.  Dampers are left out, since Crocoddyl's models have none.  So the program is another
-one than the spec's: times per iteration are what can be compared.
+hold the middles of the spherical feet, with Baumgarte feedback.  Feet that land where the spec's do and at rest,
+friction cones, joint ranges and the pose at the end are penalties.  Dampers are left out, since Crocoddyl's models have
+none.  So the program is another one than the spec's: times per iteration are what can be compared.
 """
 
 from __future__ import annotations
