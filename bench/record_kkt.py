@@ -105,7 +105,7 @@ def magnitude(system: dict[str, Any], vector: Floats) -> Floats:
 
 
 def backward_error(system: dict[str, Any]) -> float:
-    """Largest residual over ``|K| |s| + |b|``, row by row; of rows where that is next to nothing, over a little more."""
+    """Largest residual over ``|K| |s| + |b|``, row by row; tiny scales are raised."""
     residual = np.abs(system["rhs"] - product(system, system["solution"]))
     scale = magnitude(system, system["solution"]) + np.abs(system["rhs"])
     return float(np.max(residual / np.maximum(scale, 1e-16 * np.max(scale))))
