@@ -103,7 +103,7 @@ class _Kernel:
         once = Operations(tape, scalar, self.functions)
         for number in range(tape.n_uniform_ops):
             op, a, b = tape.ops[number]
-            result = once.emit(op, a, value_of(a), value_of(b) if b >= 0 else "")
+            result = once.emit(op, a, value_of(a), value_of(b) if b >= 0 else "", b)
             values[tape.first_op + number] = result
 
         varying_inputs = range(tape.n_uniform, tape.first_literal)
@@ -237,7 +237,7 @@ class _Kernel:
                         registers.append(residency.operand(angle, tuple(there)))
                     if beside:
                         each.circular_together(there, registers)
-                made.append((slot, each.emit(op, a, first, second)))
+                made.append((slot, each.emit(op, a, first, second, b)))
                 # What is there as well is a value like others from now on.
                 for angle in there:
                     for other in ("sin", "cos"):

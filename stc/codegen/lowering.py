@@ -5,12 +5,15 @@ What is reduced in strength is listed in :mod:`stc.codegen.tape`.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Collection, Container, Hashable, Sequence
 from typing import Final
 
+from stc.codegen.tape import LOCATE, READ
 from stc.symbolic.expr import Expr
 from stc.symbolic.fingerprint import Fingerprint
+from stc.symbolic.tables import ORDER, SECOND
 
 MAX_WHOLE_POWER: Final = 64
 MAX_HALF_POWER: Final = 32
@@ -137,6 +140,8 @@ class Lowering:
         for node in nodes:
             if not node.args:
                 self.number[node] = self._leaf(node)
+            elif node.op == "at":
+                self.number[node] = self.number[node.args[0]]
             elif node in input_of:
                 self.number[node] = self._equal[node.fingerprint] = input_of[node]
             else:
@@ -146,7 +151,7 @@ class Lowering:
         if node.op == "num":
             return self.program.constant(node.payload)
         try:
-            return self._input_of[node.payload]
+            return self._input_of[node.payload.base if node.op == "table" else node.payload]
         except KeyError:
             raise ValueError(f"the symbol {node.payload!r} is not an input of the tape") from None
 
@@ -164,6 +169,8 @@ class Lowering:
             return program.emit(op, number[node.args[0]])
         left, right = node.args
         a, b = number[left], number[right]
+        if op == "look":
+            return self._looked_up(a, right)
         if op == "mul" and program.uniform[a] != program.uniform[b]:
             return self._scaled(a, right) if program.uniform[a] else self._scaled(b, left)
         if op == "div" and right in self._inverted and not (program.uniform[a] and program.uniform[b]):
@@ -174,6 +181,37 @@ class Lowering:
             if power is not None:
                 return power
         return program.emit(op, a, b)
+
+    def _looked_up(self, x: int, place: Expr) -> int:
+        """A table, or a derivative of it: the polynomial of the piece that x lies in."""
+        emit, constant = self.program.emit, self.program.constant
+        leaf = place if place.op == "table" else place.args[1]
+        table, orders = self.number[leaf], leaf.payload.orders
+        piece = emit(LOCATE, x, table)
+        first = emit("sub", x, emit(READ, piece, constant(0.0)))
+        if place.op == "table":
+            coefficients = [emit(READ, piece, constant(1.0 + k)) for k in range(ORDER)]
+            return self._polynomial(first, coefficients, orders[0])
+        y = self.number[place]
+        beside = emit(LOCATE, y, emit("add", table, emit(READ, table, constant(float(SECOND)))))
+        second = emit("sub", y, emit(READ, beside, constant(0.0)))
+        begin = emit("add", emit(READ, piece, constant(1.0)), emit(READ, beside, constant(1.0)))
+        begin = emit("add", begin, table)
+        rows = []
+        for k in range(orders[0], ORDER):
+            row = [emit(READ, begin, constant(float(ORDER * k + j))) for j in range(orders[1], ORDER)]
+            rows.append(self._polynomial(second, [ABSENT] * orders[1] + row, orders[1]))
+        return self._polynomial(first, [ABSENT] * orders[0] + rows, orders[0])
+
+    def _polynomial(self, x: int, coefficients: Sequence[int], order: int) -> int:
+        """Of a cubic polynomial with these coefficients the derivative of this order."""
+        emit, constant = self.program.emit, self.program.constant
+        result = ABSENT
+        for k in reversed(range(order, ORDER)):
+            factor = math.perm(k, order)
+            term = coefficients[k] if factor == 1 else emit("mul", constant(float(factor)), coefficients[k])
+            result = term if result == ABSENT else emit("add", emit("mul", x, result), term)
+        return result
 
     def _scaled(self, factor: int, node: Expr) -> int:
         """``factor*node`` with a uniform factor; where the node is for this alone, with all its uniform factors."""

@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from stc.codegen.fusion import Fused
-from stc.codegen.tape import CIRCULAR, Tape
+from stc.codegen.lookups import locate_call, locate_definition, places, read
+from stc.codegen.tape import CIRCULAR, LOCATE, READ, Tape
 from stc.codegen.vector import Vector
 from stc.codegen.vector_math import BINARY, UNARY, sine_cosine, sines_cosines
 
@@ -76,6 +77,13 @@ class MathFunctions:
             return self._call(vector, op, operands)
         return written_out(vector, op, operands)
 
+    def locate(self, vector: Vector, x: str, table: str) -> str:
+        """Where the piece of a table is that each lane lies in; a function in any case, since it has a loop."""
+        symbol = f"locate.{vector.suffix}"
+        if symbol not in self._texts:
+            self._texts[symbol] = locate_definition(vector.lanes)
+        return locate_call(vector, x, table)
+
     def _call(self, vector: Vector, name: str, operands: Sequence[str]) -> str:
         symbol = f"{name}.{vector.suffix}"
         result = f"{{ {vector.f}, {vector.f} }}" if name == "sincos" else vector.f
@@ -126,16 +134,24 @@ class Operations:
                 wanted.setdefault(a, set()).add(op)
         self._wanted = wanted
         self._circular: dict[int, tuple[str, str]] = {}
+        self._places: dict[int, list[str]] = {}
+        self._literals = {tape.first_literal + k: value for k, value in enumerate(tape.constants)}
 
     def calls(self, op: str, slot: int) -> bool:
         """Whether emitting the operation now would call a function; ``slot`` identifies the first operand."""
+        if op == LOCATE:
+            return True
         if not self._functions.called:
             return False
         return op in UNARY or op in BINARY or (op in CIRCULAR and slot not in self._circular)
 
-    def emit(self, op: str, slot: int, a: str, b: str) -> str:
-        """Result of one operation; ``slot`` identifies the first operand."""
+    def emit(self, op: str, slot: int, a: str, b: str, other: int = -1) -> str:
+        """Result of one operation; ``slot`` identifies the first operand, ``other`` the second one."""
         vector = self.vector
+        if op == LOCATE:
+            return self._functions.locate(vector, a, b)
+        if op == READ:
+            return self._read(slot, a, other)
         if op in CIRCULAR:
             pair = self.circular(slot, a)
             return vector.div(*pair) if op == "tan" else pair[op == "cos"]
@@ -158,6 +174,13 @@ class Operations:
             wanted = self._wanted[slot]
             each.append((a, wanted != {"cos"}, wanted != {"sin"}))
         self._circular.update(zip(slots, sines_cosines(self.vector, each), strict=True))
+
+    def _read(self, slot: int, place: str, number: int) -> str:
+        """The number so many places after each lane's; how many stands in the slot of a literal."""
+        at = self._places.get(slot)
+        if at is None:
+            at = self._places[slot] = places(self.vector, place)
+        return read(self.vector, at, int(self._literals[number]))
 
     def circular(self, slot: int, a: str) -> tuple[str, str]:
         """Sine and cosine of a slot, as far as the tape wants them, computed at the first call."""

@@ -7,7 +7,8 @@ A :class:`Tape` is in static single assignment form.  Values live in numbered *s
 Uniform inputs have one value per call, varying inputs one per instance (frame).  Operations that depend on
 uniform inputs and literals alone come first and are flagged, so that a back end can run them once per call.
 
-The operators are those of :data:`OPERATORS` and nothing else.  What is reduced in strength on the way here:
+The operators are those of :data:`OPERATORS` and :data:`LOOKUPS` and nothing else.  What is reduced in strength on the
+way here:
 
 - ``e^k`` with whole ``|k| <= 64`` becomes multiplications (repeated squaring, powers shared), ``e^(k/2)``
   with odd ``|k| <= 32`` multiplications and a square root; a negative exponent adds one division.  ``pow``
@@ -40,7 +41,16 @@ if TYPE_CHECKING:
     from stc.codegen.lowering import Program
 
 OPERATORS: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2, "neg": 1, **FUNCTIONS}
-"""The operators of a tape and how many operands each takes."""
+"""The operators of a tape that are arithmetic, and how many operands each takes."""
+
+LOCATE, READ = "locate", "read"
+LOOKUPS: Final[dict[str, int]] = {LOCATE: 2, READ: 2}
+"""The others, which tables come to.
+
+``locate(x, T)`` is where, among the uniform inputs, the piece of T begins that x lies in, with T where T itself begins
+(:mod:`stc.symbolic.tables`); ``read(place, k)`` is the number k places further on.  The numbers of tables follow the
+uniform inputs.
+"""
 
 CIRCULAR: Final = ("sin", "cos", "tan")
 """The operators that have most of their work in common, if they have their operand in common."""

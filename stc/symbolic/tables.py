@@ -93,8 +93,8 @@ class Axis:
         most, buckets, scale, of_knot = best
         first = np.searchsorted(of_knot, np.arange(buckets))
         stride = 1 << (most.bit_length() - 1)
-        # A search ends at most at the last piece: beyond it there are knots that nothing reaches.
-        knots = np.concatenate([[-np.inf], self.begins, np.full(2 * stride, np.inf)])
+        # A search ends at most at the last piece: beyond it there are knots that no number reaches.
+        knots = np.concatenate([[-np.inf], self.begins, np.full(2 * stride, np.nan)])
         header = np.zeros(HEADER)
         header[LOWEST], header[SCALE], header[LAST_BUCKET], header[STRIDE] = low, scale, buckets - 1, stride
         header[BUCKETS] = HEADER
@@ -139,6 +139,10 @@ class Table:
 
     def value(self, arguments: Sequence[Any], orders: Sequence[int]) -> Any:
         """The function, or a partial derivative of it, at arguments of any common shape; one NumPy pass each."""
+        with np.errstate(all="ignore"):
+            return self._value(arguments, orders)
+
+    def _value(self, arguments: Sequence[Any], orders: Sequence[int]) -> Any:
         where = tuple(axis.pieces(x) for axis, x in zip(self.axes, arguments, strict=True))
         found = self.coefficients[where]
         for axis, x, piece, order in zip(self.axes, arguments, where, orders, strict=True):
