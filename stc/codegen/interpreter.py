@@ -29,7 +29,7 @@ from stc.codegen.engine import LANES
 from stc.codegen.fixed import FixedModule
 from stc.codegen.fusion import find_fused, reads_of
 from stc.codegen.runs import RUN, Runs
-from stc.codegen.tape import CIRCULAR, LOCATE, LOOKUPS, OPERATORS, READ, Tape
+from stc.codegen.tape import CIRCULAR, CLIP, LOOKUPS, OPERATORS, REACHES, READ, Tape
 from stc.records import dataclass
 
 __all__ = ["CHUNK", "Code", "assemble", "entry", "interpreter_ir", "module"]
@@ -227,7 +227,6 @@ _CELLS: Final = (
 
 def interpreter_ir(fused: bool) -> str:
     """The LLVM module of the function, ``interpret``, which takes the address of a prepared call's cells."""
-    from stc.codegen.lookups import locate_definition
     from stc.codegen.vector import PREFETCH, Vector
 
     unused: list[str] = []
@@ -295,7 +294,7 @@ def interpreter_ir(fused: bool) -> str:
     for name in INSTRUCTIONS:
         lines += _instruction(name, fused)
     lines += ["followed:", "  %at.next = add i64 %at, 1", "  br label %next", "}", ""]
-    return declarations + PREFETCH + "\n" + locate_definition(LANES) + "\n" + "\n".join(lines)
+    return declarations + PREFETCH + "\n" + "\n".join(lines)
 
 
 def _instruction(name: str, fused: bool) -> list[str]:
@@ -364,7 +363,7 @@ def _instruction(name: str, fused: bool) -> list[str]:
 
 def _operate(name: str, v: Any, load: Callable[[str], str], store: Callable[..., None]) -> None:
     """One of a tape's operations, or two at once."""
-    from stc.codegen.lookups import locate_call, places, read
+    from stc.codegen.lookups import clip, places, reaches, read
     from stc.codegen.operations import written_out
     from stc.codegen.vector_math import sine_cosine
 
@@ -379,8 +378,10 @@ def _operate(name: str, v: Any, load: Callable[[str], str], store: Callable[...,
     elif name in CIRCULAR:
         sine, cosine = sine_cosine(v, a, name != "cos", name != "sin")
         store("d", v.div(sine, cosine) if name == "tan" else sine or cosine)
-    elif name == LOCATE:
-        store("d", locate_call(v, a, load("b")))
+    elif name == CLIP:
+        store("d", clip(v, a, load("b")))
+    elif name == REACHES:
+        store("d", reaches(v, a, load("b")))
     elif name == READ:
         store("d", read(v, places(v, v.add(a, load("b")))))
     elif OPERATORS[name] == 1:

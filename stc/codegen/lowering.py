@@ -10,10 +10,27 @@ from collections import Counter
 from collections.abc import Collection, Container, Hashable, Sequence
 from typing import Final
 
-from stc.codegen.tape import LOCATE, READ
+from stc.codegen.tape import CLIP, REACHES, READ
 from stc.symbolic.expr import Expr
 from stc.symbolic.fingerprint import Fingerprint
-from stc.symbolic.tables import ORDER, SECOND
+from stc.symbolic.tables import (
+    AXIS,
+    BEFORE,
+    BEGINS,
+    BUCKET,
+    BUCKETS,
+    COEFFICIENTS,
+    FARTHER,
+    LAST,
+    LOWEST,
+    ORDER,
+    ORIGIN,
+    PLACE,
+    ROW,
+    SCALE,
+    STEP,
+    ZERO_BEFORE,
+)
 
 MAX_WHOLE_POWER: Final = 64
 MAX_HALF_POWER: Final = 32
@@ -184,24 +201,51 @@ class Lowering:
 
     def _looked_up(self, x: int, place: Expr) -> int:
         """A table, or a derivative of it: the polynomial of the piece that x lies in."""
-        emit, constant = self.program.emit, self.program.constant
+        emit = self.program.emit
         leaf = place if place.op == "table" else place.args[1]
         table, orders = self.number[leaf], leaf.payload.orders
-        piece = emit(LOCATE, x, table)
-        first = emit("sub", x, emit(READ, piece, constant(0.0)))
+        axes = leaf.payload.table.axes
+        piece, first = self._piece(x, table, 0, axes[0].search)
+        begin = emit("add", table, self._read(table, COEFFICIENTS))
+        begin = emit("add", begin, emit("mul", piece, self._read(table, ROW)))
         if place.op == "table":
-            coefficients = [emit(READ, piece, constant(1.0 + k)) for k in range(ORDER)]
-            return self._polynomial(first, coefficients, orders[0])
-        y = self.number[place]
-        beside = emit(LOCATE, y, emit("add", table, emit(READ, table, constant(float(SECOND)))))
-        second = emit("sub", y, emit(READ, beside, constant(0.0)))
-        begin = emit("add", emit(READ, piece, constant(1.0)), emit(READ, beside, constant(1.0)))
-        begin = emit("add", begin, table)
+            return self._polynomial(first, [self._read(begin, k) for k in range(ORDER)], orders[0])
+        piece, second = self._piece(self.number[place], table, AXIS, axes[1].search)
+        begin = emit("add", begin, emit("mul", piece, self.program.constant(float(ORDER * ORDER))))
         rows = []
-        for k in range(orders[0], ORDER):
-            row = [emit(READ, begin, constant(float(ORDER * k + j))) for j in range(orders[1], ORDER)]
-            rows.append(self._polynomial(second, [ABSENT] * orders[1] + row, orders[1]))
-        return self._polynomial(first, [ABSENT] * orders[0] + rows, orders[0])
+        for k in range(ORDER):
+            row = [self._read(begin, ORDER * k + j) for j in range(ORDER)]
+            rows.append(self._polynomial(second, row, orders[1]) if k >= orders[0] else ABSENT)
+        return self._polynomial(first, rows, orders[0])
+
+    def _read(self, place: int, k: int) -> int:
+        return self.program.emit(READ, place, self.program.constant(float(k)))
+
+    def _piece(self, x: int, table: int, axis: int, search: int) -> tuple[int, int]:
+        """The number of the piece that x lies in along an axis, and what x is more than where that one is zero."""
+        emit, constant = self.program.emit, self.program.constant
+        offset = emit("sub", x, self._read(table, axis + LOWEST))
+        scaled = emit("mul", offset, self._read(table, axis + SCALE))
+        piece = emit(CLIP, scaled, self._read(table, axis + LAST))
+        if not search:
+            origin = emit("mul", piece, self._read(table, axis + STEP))
+            return piece, emit("sub", x, emit("add", origin, self._read(table, axis + ORIGIN)))
+        buckets = emit("add", table, self._read(table, axis + BUCKETS))
+        if search == 1:
+            bucket = emit("add", buckets, emit("mul", piece, constant(float(BUCKET))))
+            there = emit(REACHES, self._read(bucket, PLACE), x)
+            zero = emit(
+                "add", emit("mul", there, self._read(bucket, FARTHER)), self._read(bucket, ZERO_BEFORE)
+            )
+            return emit("add", self._read(bucket, BEFORE), there), emit("sub", x, zero)
+        begins = emit("add", table, self._read(table, axis + BEGINS))
+        piece = self._read(emit("add", buckets, piece), 0)
+        for step in reversed(range(search)):
+            stride = 1 << step
+            begin = self._read(emit("add", begins, piece), stride)
+            there = emit(REACHES, begin, x)
+            piece = emit("add", piece, there if stride == 1 else emit("mul", constant(float(stride)), there))
+        return piece, emit("sub", x, self._read(emit("add", begins, piece), 0))
 
     def _polynomial(self, x: int, coefficients: Sequence[int], order: int) -> int:
         """Of a cubic polynomial with these coefficients the derivative of this order."""

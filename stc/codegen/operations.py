@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from stc.codegen.fusion import Fused
-from stc.codegen.lookups import locate_call, locate_definition, places, read
-from stc.codegen.tape import CIRCULAR, LOCATE, READ, Tape
+from stc.codegen.lookups import clip, places, reaches, read, read_run
+from stc.codegen.runs import RUN
+from stc.codegen.tape import CIRCULAR, CLIP, REACHES, READ, Tape
 from stc.codegen.vector import Vector
 from stc.codegen.vector_math import BINARY, UNARY, sine_cosine, sines_cosines
 
@@ -77,13 +78,6 @@ class MathFunctions:
             return self._call(vector, op, operands)
         return written_out(vector, op, operands)
 
-    def locate(self, vector: Vector, x: str, table: str) -> str:
-        """Where the piece of a table is that each lane lies in; a function in any case, since it has a loop."""
-        symbol = f"locate.{vector.suffix}"
-        if symbol not in self._texts:
-            self._texts[symbol] = locate_definition(vector.lanes)
-        return locate_call(vector, x, table)
-
     def _call(self, vector: Vector, name: str, operands: Sequence[str]) -> str:
         symbol = f"{name}.{vector.suffix}"
         result = f"{{ {vector.f}, {vector.f} }}" if name == "sincos" else vector.f
@@ -135,12 +129,29 @@ class Operations:
         self._wanted = wanted
         self._circular: dict[int, tuple[str, str]] = {}
         self._places: dict[int, list[str]] = {}
-        self._literals = {tape.first_literal + k: value for k, value in enumerate(tape.constants)}
+        self._literals: dict[int, int] = {}
+        self._runs = self._read_together(tape)
+
+    def _read_together(self, tape: Tape) -> dict[int, list[tuple[int, list[int]]]]:
+        """Per slot of a place, the runs of numbers that one load brings: the first one, and the literals wanted."""
+        wanted: dict[int, set[int]] = {}
+        for op, a, b in tape.ops:
+            if op == READ:
+                self._literals[b] = int(tape.constants[b - tape.first_literal])
+                wanted.setdefault(a, set()).add(b)
+        found: dict[int, list[tuple[int, list[int]]]] = {}
+        for slot, literals in wanted.items():
+            runs: list[tuple[int, list[int]]] = []
+            for literal in sorted(literals, key=self._literals.__getitem__):
+                k = self._literals[literal]
+                if not runs or k >= runs[-1][0] + RUN:
+                    runs.append((k, []))
+                runs[-1][1].append(literal)
+            found[slot] = runs
+        return found
 
     def calls(self, op: str, slot: int) -> bool:
         """Whether emitting the operation now would call a function; ``slot`` identifies the first operand."""
-        if op == LOCATE:
-            return True
         if not self._functions.called:
             return False
         return op in UNARY or op in BINARY or (op in CIRCULAR and slot not in self._circular)
@@ -148,10 +159,12 @@ class Operations:
     def emit(self, op: str, slot: int, a: str, b: str, other: int = -1) -> str:
         """Result of one operation; ``slot`` identifies the first operand, ``other`` the second one."""
         vector = self.vector
-        if op == LOCATE:
-            return self._functions.locate(vector, a, b)
         if op == READ:
-            return self._read(slot, a, other)
+            return self.read(slot, a, other)[other]
+        if op == CLIP:
+            return clip(vector, a, b)
+        if op == REACHES:
+            return reaches(vector, a, b)
         if op in CIRCULAR:
             pair = self.circular(slot, a)
             return vector.div(*pair) if op == "tan" else pair[op == "cos"]
@@ -175,12 +188,18 @@ class Operations:
             each.append((a, wanted != {"cos"}, wanted != {"sin"}))
         self._circular.update(zip(slots, sines_cosines(self.vector, each), strict=True))
 
-    def _read(self, slot: int, place: str, number: int) -> str:
-        """The number so many places after each lane's; how many stands in the slot of a literal."""
+    def read(self, slot: int, place: str, number: int) -> dict[int, str]:
+        """The number so many places after each lane's, and what is wanted of the three after it: by their literals."""
         at = self._places.get(slot)
         if at is None:
             at = self._places[slot] = places(self.vector, place)
-        return read(self.vector, at, int(self._literals[number]))
+        for first, together in self._runs[slot]:
+            if number in together:
+                if self.vector.lanes == 1 or len(together) == 1:
+                    return {number: read(self.vector, at, self._literals[number])}
+                found = read_run(self.vector, at, first)
+                return {each: found[self._literals[each] - first] for each in together}
+        raise KeyError(number)
 
     def circular(self, slot: int, a: str) -> tuple[str, str]:
         """Sine and cosine of a slot, as far as the tape wants them, computed at the first call."""

@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stc.codegen.lookups import meaning_of_locate, meaning_of_read
-from stc.codegen.tape import LOCATE, READ, Tape
+from stc.codegen.lookups import meaning_of_clip, meaning_of_reaches, meaning_of_read
+from stc.codegen.tape import CLIP, REACHES, READ, Tape
 from stc.symbolic.traverse import NUMPY_MEANING
 
 _CHUNK: Final = 4096
@@ -45,7 +45,8 @@ def _run_chunk(
 ) -> None:
     meanings = {
         **NUMPY_MEANING,
-        LOCATE: partial(meaning_of_locate, uniform),
+        CLIP: meaning_of_clip,
+        REACHES: meaning_of_reaches,
         READ: partial(meaning_of_read, uniform),
     }
     values: list[Any] = [*uniform[: tape.n_uniform], *varying, *map(np.float64, tape.constants)]

@@ -43,13 +43,13 @@ if TYPE_CHECKING:
 OPERATORS: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2, "neg": 1, **FUNCTIONS}
 """The operators of a tape that are arithmetic, and how many operands each takes."""
 
-LOCATE, READ = "locate", "read"
-LOOKUPS: Final[dict[str, int]] = {LOCATE: 2, READ: 2}
-"""The others, which tables come to.
+CLIP, REACHES, READ = "clip", "reaches", "read"
+LOOKUPS: Final[dict[str, int]] = {CLIP: 2, REACHES: 2, READ: 2}
+"""The others, which looking up a table takes.
 
-``locate(x, T)`` is where, among the uniform inputs, the piece of T begins that x lies in, with T where T itself begins
-(:mod:`stc.symbolic.tables`); ``read(place, k)`` is the number k places further on.  The numbers of tables follow the
-uniform inputs.
+``clip(x, last)`` is x rounded down, between 0 and last; 0 where x is no number.  ``reaches(begin, x)`` is 1 where begin
+is not above x, else 0.  ``read(place, k)`` is the number k places after the place in what follows the uniform inputs,
+counted from the first of those; k is a literal.
 """
 
 CIRCULAR: Final = ("sin", "cos", "tan")
