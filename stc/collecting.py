@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from stc.data_sets import files_of
 from stc.problem import FrameRange, Problem, VariableRef
 from stc.records import dataclass
 from stc.solution import ReplayChannel, Solution
@@ -71,6 +72,7 @@ def motion_at(stated: Stated, x: FloatArray, constants: Mapping[str, float]) -> 
         "x": x,
         "model": problem.model,
         "replay": _replay_channels(problem, recovery),
+        "data": files_of(problem.data),
         "force_frames": _force_frames(stated),
     }
 

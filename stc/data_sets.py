@@ -19,15 +19,13 @@ from numpy.typing import NDArray
 from stc import npz
 from stc.digests import sha256
 from stc.errors import StcError
-from stc.recorded_files import RecordedFile
+from stc.recorded_files import DATA_ROLE, RecordedFile
 from stc.records import dataclass, field
 
-__all__ = ["DATA_ROLE", "MOST_BYTES", "TIME", "DataError", "DataSet", "read_file"]
+__all__ = ["MOST_BYTES", "TIME", "DataError", "DataSet", "files_of", "read_file"]
 
 FloatArray = NDArray[np.float64]
 
-#: The role of a file of numbers among those that a solution depends on.
-DATA_ROLE = "data"
 #: A file of numbers may be so large: solutions carry it whole.
 MOST_BYTES = 2**25
 #: The column that tells when each row was measured, in seconds.
@@ -193,3 +191,8 @@ def _of_npz(path: str, content: bytes) -> dict[str, FloatArray]:
     if not columns:
         raise DataError(f"`{path}` holds no arrays")
     return columns
+
+
+def files_of(data: Mapping[str, DataSet]) -> list[RecordedFile]:
+    """The files that data sets were read from, each once."""
+    return list({each.file.path: each.file for each in data.values() if each.file is not None}.values())
