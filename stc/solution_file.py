@@ -278,7 +278,7 @@ def files_of(stored: Stored) -> list[RecordedFile]:
     """
     from stc.digests import sha256
 
-    found = []
+    found: list[RecordedFile] = []
     for k, known in enumerate(stored.facts["files"]):
         content = stored.vector(f"files/{k}").astype(np.uint8).tobytes() if known["carried"] else None
         file = RecordedFile(

@@ -239,8 +239,8 @@ class _Kernel:
                     if beside:
                         each.circular_together(there, registers)
                 if op == READ:
-                    for literal, register in each.read(a, first, b).items():
-                        made.append((read_by[a, literal], register))
+                    for literal, number_read in each.read(a, first, b).items():
+                        made.append((read_by[a, literal], number_read))
                     known.update(partner for partner, _ in made)
                 else:
                     made.append((slot, each.emit(op, a, first, second, b)))

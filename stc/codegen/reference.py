@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
@@ -43,7 +44,7 @@ def run(tape: Tape, uniform: ArrayLike, varying: ArrayLike) -> NDArray[np.float6
 def _run_chunk(
     tape: Tape, uniform: NDArray[np.float64], varying: NDArray[np.float64], out: NDArray[np.float64]
 ) -> None:
-    meanings = {
+    meanings: dict[str, Callable[..., Any]] = {
         **NUMPY_MEANING,
         CLIP: meaning_of_clip,
         REACHES: meaning_of_reaches,

@@ -208,7 +208,11 @@ def assemble(
         with_tables: whether there may be tables in the statements.
     """
     groups = build_groups(statements)
-    used = tables([each.body for each in (*statements.rows, *statements.summands)]) if with_tables else []
+    used = (
+        tables([*(r.body for r in statements.rows), *(s.body for s in statements.summands)])
+        if with_tables
+        else []
+    )
     uniform: list[object] = [*(ConstantRef(name) for name in constants), *used, ObjectiveFactor()]
     derive(groups, uniform)
     for group in groups:
