@@ -58,7 +58,7 @@ def _arguments(node: Expr) -> list[tuple[Expr, TableRef, int]]:
 def _farthest(
     recovery: Recovery, argument: Expr, where: FrameRange, ref: TableRef, number: int
 ) -> tuple[float, float, float] | None:
-    """How far, as a share of a table's length, an argument is outside of it where it is farthest; its value; the frame."""
+    """How far an argument is outside of its table, as a share of that, where it is farthest; its value; the frame."""
     axis = ref.table.axes[number].x
     values = recovery.channel(argument).before[where.first : where.last + 1]
     beyond = np.maximum(axis[0] - values, values - axis[-1]) / (axis[-1] - axis[0])
