@@ -12,6 +12,7 @@ from stc.language import syntax
 from stc.language.constants import Constants
 from stc.language.data_made import (
     MOST_CELLS,
+    NEAR_HINT,
     bridged,
     checked,
     found_beside,
@@ -21,6 +22,7 @@ from stc.language.data_made import (
     presence,
     split_path,
     stretches,
+    too_near,
 )
 from stc.language.diagnostics import Diagnostics, did_you_mean, shortened
 from stc.language.names import DATA_SET, NameTable
@@ -274,7 +276,12 @@ class Data:
         data, _, values = column
         falls = np.flatnonzero(~(np.diff(values) > 0.0))
         if not len(falls):
-            return True
+            near = too_near(values)
+            if near is None:
+                return True
+            message = f"`{path.name}` rises too little on {data.place(near + 1)}"
+            self.diagnostics.error(message, path.start, path.end, NEAR_HINT)
+            return False
         k = int(falls[0])
         what = "the same twice" if values[k] == values[k + 1] else "less than before"
         message = f"`{path.name}` is {what} on {data.place(k + 1)}: {values[k + 1]:.9g} after {values[k]:.9g}"

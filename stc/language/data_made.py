@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.data_sets import MOST_BYTES, TIME, DataError, DataSet
+from stc.data_sets import MOST_BYTES, SUFFIXES, TIME, DataError, DataSet
 from stc.language.diagnostics import did_you_mean
 from stc.symbolic.tables import Axis, Table, interpolated
 
@@ -21,6 +21,10 @@ FloatArray = NDArray[np.float64]
 
 #: Cells of a table of two arguments: sixteen numbers are kept for each.
 MOST_CELLS = 1_000_000
+
+#: The least distance of two places of a table, as a share of its length; and the greatest length, or its reciprocal.
+NEAR, LENGTH = 1e-12, 1e100
+NEAR_HINT = f"places are told apart that are a share of {NEAR:g} of all of the table from each other"
 
 _PART = re.compile(r'"([^"]*)"|([^.]+)')
 
@@ -36,16 +40,18 @@ def plain_path(path: str) -> str:
     return ".".join(part for part in split_path(path) if part)
 
 
-def found_beside(path: str, spec: str | None, carried: object) -> bytes:
+def found_beside(path: str, spec: str | None, carried: Mapping[str, bytes] | None) -> bytes:
     """What is in a file: what the spec's solution carries, else what lies beside the spec.
 
     Raises:
         DataError: there is no such file, or it cannot be read.
     """
-    if isinstance(carried, dict):
+    if not path.lower().endswith(SUFFIXES):
+        raise DataError(f"data is read from a .csv or .npz file, not from `{path}`")
+    if carried is not None:
         if path not in carried:
             raise DataError(f"the solution does not carry `{path}`")
-        return bytes(carried[path])
+        return carried[path]
     folder = Path(spec).parent if spec else Path()
     try:
         file = folder / path
@@ -57,6 +63,14 @@ def found_beside(path: str, spec: str | None, carried: object) -> bytes:
             return stream.read(MOST_BYTES + 1)
     except (OSError, ValueError) as error:
         raise DataError(f"`{path}` cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def too_near(places: FloatArray) -> int | None:
+    """Of rising places the first of two that are not told apart; None where all are."""
+    length = float(places[-1] - places[0])
+    near = int(np.argmin(np.diff(places)))
+    apart = places[near + 1] - places[near] > NEAR * length
+    return None if apart and 1.0 / LENGTH < length < LENGTH else near
 
 
 def keyframes(name: str, model: ModelScope) -> DataSet:
@@ -102,6 +116,9 @@ def grid(
         raise DataError(
             f"`{what}` has one value alone", "a table of two arguments has two values of each at least"
         )
+    for what, places in zip(names, (rows, columns), strict=False):
+        if too_near(places) is not None:
+            raise DataError(f"`{what}` has values that differ too little", NEAR_HINT)
     if len(rows) * len(columns) > 4 * MOST_CELLS:
         raise DataError(f"`{names[0]}` and `{names[1]}` make no grid of {len(x)} places", hint)
     cell = row * len(columns) + column

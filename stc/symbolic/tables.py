@@ -289,7 +289,7 @@ def interpolated(abscissae: Sequence[FloatArray], values: FloatArray, kind: str,
 
     Args:
         abscissae: one or two lists of numbers, strictly rising, (k,) or (k,) and (m,); two numbers at least each.
-        values: (k,) or (k, m), finite.
+        values: (k,) or (k, m), finite.  Coefficients that are too large for numbers come out infinite.
         kind: of :data:`KINDS`.  ``cubic`` is the spline with continuous second derivatives whose third derivative is
             continuous at the second and the last but one place too ("not a knot"; de Boor, chapter IV), a parabola
             through three places and a line through two; ``monotone`` rises and falls where the numbers do (Fritsch
@@ -299,11 +299,12 @@ def interpolated(abscissae: Sequence[FloatArray], values: FloatArray, kind: str,
     axes = [Axis(np.asarray(x, dtype=np.float64)) for x in abscissae]
     slopes_of = {"cubic": _spline_slopes, "monotone": _monotone_slopes, "linear": _line_slopes}[kind]
     found = np.asarray(values, dtype=np.float64)
-    for number, axis in enumerate(axes):
-        # (pieces, 4, ...) along the first axis; then those of the axis before come last
-        along = np.moveaxis(found, 2 * number, 0)
-        pieces = _pieces(axis.x, axis.origins[0], along, slopes_of, kind, outside)
-        found = np.moveaxis(pieces, (0, 1), (2 * number, 2 * number + 1))
+    with np.errstate(all="ignore"):
+        for number, axis in enumerate(axes):
+            # (pieces, 4, ...) along the first axis; then those of the axis before come last
+            along = np.moveaxis(found, 2 * number, 0)
+            pieces = _pieces(axis.x, axis.origins[0], along, slopes_of, kind, outside)
+            found = np.moveaxis(pieces, (0, 1), (2 * number, 2 * number + 1))
     if len(axes) == 2:
         found = found.transpose(0, 2, 1, 3)
     return Table(axes, found, 1 if kind == "linear" else 3, kind, outside)

@@ -80,7 +80,9 @@ def test_a_curve_and_its_derivatives(places: np.ndarray, width: int, monkeypatch
                 scale = np.abs(truth).max()
                 np.testing.assert_allclose(found[row][:103], truth, atol=1e-9 * scale)
             numbers = table.value([x[:-3]], [order])
-            np.testing.assert_allclose(found[row][:-3], numbers, rtol=1e-9, atol=1e-10 * np.abs(numbers).max())
+            np.testing.assert_allclose(
+                found[row][:-3], numbers, rtol=1e-9, atol=1e-10 * np.abs(numbers).max()
+            )
             assert order > 2 or np.isnan(found[row][-3])
     low = table.value([x[-5]], [0])
     assert low == pytest.approx(np.sin(3.0 * places[0]) - 2.0 * table.value([places[0]], [1]))

@@ -17,7 +17,20 @@ from stc.symbolic.differentiate import (
     jacobian_and_hessian,
     total_derivative,
 )
-from stc.symbolic.expr import ARITY, OF_TABLES, ONE, ZERO, Expr, call, evaluate, num, raw, reachable, render, sym
+from stc.symbolic.expr import (
+    ARITY,
+    OF_TABLES,
+    ONE,
+    ZERO,
+    Expr,
+    call,
+    evaluate,
+    num,
+    raw,
+    reachable,
+    render,
+    sym,
+)
 
 X, Y, Z = sym("x"), sym("y"), sym("z")
 COMPLEX_STEP = 1e-40
