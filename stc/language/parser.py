@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from stc.errors import Source, SpecError
 from stc.language import syntax
-from stc.language.data_parser import data_statement
 from stc.language.diagnostics import Diagnostics, did_you_mean, nearest_name
 from stc.language.expression_parser import (
     MAXIMUM_HINT,
@@ -515,6 +514,8 @@ class _Parser(ExpressionParser):
         into.append(found)
 
     def data_statement(self, into: list[syntax.Statement]) -> None:
+        from stc.language.data_parser import data_statement
+
         data_statement(self, into)
 
     def method_statement(self, into: list[syntax.Statement]) -> None:
