@@ -133,7 +133,9 @@ def test_glider_in_a_tabulated_thermal(tmp_path: Path) -> None:
     square = r * r
     in_columns(tmp_path / "thermal.csv", r=r, u=(1.0 - square) * np.exp(-square))
     found = solved(tmp_path, GLIDER)
-    formula = GLIDER.replace("U(x/R - 2.5)", "(1 - X)*exp(-X)").replace("h = T/n;", "h = T/n; X = (x/R - 2.5)^2;")
+    formula = GLIDER.replace("U(x/R - 2.5)", "(1 - X)*exp(-X)").replace(
+        "h = T/n;", "h = T/n; X = (x/R - 2.5)^2;"
+    )
     exact = solved(tmp_path, "\n".join(line for line in formula.splitlines() if not line.startswith("data:")))
     assert found.objective == pytest.approx(exact.objective, rel=1e-5)
     assert -found.objective == pytest.approx(1248.0, rel=1e-3)
