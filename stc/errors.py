@@ -23,11 +23,16 @@ EXCERPT_WIDTH = 110
 
 @dataclass(eq=False, slots=True)
 class Source:
-    """The text of one spec and the name it is called by in messages (a path, or ``<text>``)."""
+    """The text of one spec and the name it is called by in messages (a path, or ``<text>``).
+
+    ``carried`` holds the data files that the text names, by the paths that it writes, where it comes from a solution,
+    which carries them; None where they lie beside the spec.
+    """
 
     name: str
     text: str
     path: str | None = None
+    carried: Mapping[str, bytes] | None = None
     _line_starts: list[int] | None = field(default=None, repr=False)
 
     def line_starts(self) -> list[int]:

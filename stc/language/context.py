@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from stc.errors import Span
 from stc.language import syntax
@@ -18,6 +18,9 @@ from stc.language.names import collect_names
 from stc.language.positions import Positions
 from stc.problem import ConstantRef, DefinitionRef, FrameRange, IndexRef, Jump, TimeRef
 from stc.symbolic.expr import Expr, evaluate, substitute, symbols
+
+if TYPE_CHECKING:
+    from stc.language.data import Data
 
 S = TypeVar("S", bound=syntax.Node)
 
@@ -40,6 +43,7 @@ class Context:
         self.definitions: Definitions = collect_definitions(tree, self.table, diagnostics)
         self.positions = Positions(self.table, self.constants, self.definitions.unranged(), diagnostics)
         self.builder = ExpressionBuilder(self.table, self.constants, self.positions, diagnostics)
+        self.data = self.builder.data = self._data()
         self.model = self.table.model
         if self.model is not None:
             self.builder.use_model(self.model)
@@ -51,6 +55,14 @@ class Context:
         self.frames = Frames(self.n, False, self.builder.pieces, ())
         self._fixed: dict[Expr, bool] = {}
         self._strays: set[str] = set()
+
+    def _data(self) -> Data | None:
+        """What `data:` declares; None where the spec has no such section."""
+        if not any(section.kind == "data" for section in self.tree.sections):
+            return None
+        from stc.language.data import Data
+
+        return Data(self.tree, self.table, self.constants, self.diagnostics)
 
     def set_motion(self, method: str, jumps: Sequence[Jump]) -> None:
         """Tell the method and the jumps, which decide on which frames a statement can hold."""

@@ -316,6 +316,11 @@ class _Parser(ExpressionParser):
             into.append(self.pose())
             self.end_statement("the pose")
             return
+        if self.kind == "name" and self.kinds[self.at + 1] == ";":
+            name = self.name("the name of a data set")
+            into.append(syntax.GuessFrom(name.start, name.end, name))
+            self.end_statement("the guess")
+            return
         hint = "derivatives start from differences of the guessed values; frames go into a header before it"
         self.assignment(into, "guess", hint)
 
@@ -507,6 +512,11 @@ class _Parser(ExpressionParser):
         found = syntax.JumpList(start, self.ends[self.at - 1], quantities)
         self.end_statement("the last quantity")
         into.append(found)
+
+    def data_statement(self, into: list[syntax.Statement]) -> None:
+        from stc.language.data_parser import data_statement
+
+        data_statement(self, into)
 
     def method_statement(self, into: list[syntax.Statement]) -> None:
         start = self.starts[self.at]

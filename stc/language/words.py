@@ -35,6 +35,7 @@ SECTIONS: dict[str, SectionKind] = {
     "model": SectionKind('the name of a MuJoCo model, as in `"robot.xml";`'),
     "poses": SectionKind("`name = keyframe.stand, joint.knee = 1.9;`", declares=True),
     "contact": SectionKind("what touches the ground, and when", ranged=True),
+    "data": SectionKind('`name = "file.csv";`, rows of numbers, and tables made of columns', declares=True),
 }
 
 #: What other tools call the sections.
@@ -93,6 +94,24 @@ FRAMES_MEANT = {
         ("first", "begin", "beginning", "start", "initial", "t0", "t_0"), "`[0]` is the first frame"
     ),
 }
+
+#: What paths of a model begin with.
+PATH_WORDS = frozenset(
+    [
+        "body",
+        "site",
+        "geom",
+        "com",
+        "momentum",
+        "angular",
+        "energy",
+        "joint",
+        "actuator",
+        "equality",
+        "option",
+        "keyframe",
+    ]
+)
 
 #: What people write after numbers, and where angles are no radians.
 UNITS = frozenset(
