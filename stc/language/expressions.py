@@ -186,7 +186,11 @@ class ExpressionBuilder:
             self.constants.reported.add(name)
             known = [*self.table.entries, *RESERVED, "n", "h"]
             hint = (
-                derivative_meant(name, self.table.of_kind("variable"))
+                (
+                    self.diagnostics.source.repeats(name, node.start)
+                    and f"within the repetition write `{{{name}}}`"
+                )
+                or derivative_meant(name, self.table.of_kind("variable"))
                 or (name == "dt" and "the time from one frame to the next is `h`; a derivative is `x'`")
                 or did_you_mean(name, known)
                 or "declare it under `constants:`, `variables:` or `parameters:`"

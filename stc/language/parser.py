@@ -17,6 +17,7 @@ from stc.language.expression_parser import (
     Misread,
 )
 from stc.language.lexer import Tokens, tokenize
+from stc.language.repetition import written_out
 from stc.language.statements import statement_text
 from stc.language.words import (
     COMPLEMENTS,
@@ -47,7 +48,12 @@ def parse(source: Source) -> syntax.SpecTree:
 
 
 def parse_with_recovery(source: Source, diagnostics: Diagnostics) -> syntax.SpecTree:
-    """The tree of all statements that could be read; the mistakes are added to ``diagnostics``."""
+    """The tree of all statements that could be read; the mistakes are added to ``diagnostics``.
+
+    Raises:
+        SpecError: with the mistakes in how repetitions are written, where there are any.
+    """
+    source = diagnostics.source = written_out(source)
     return _Parser(tokenize(source, diagnostics), diagnostics).spec()
 
 

@@ -25,7 +25,7 @@ _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(5)
 
 def show_tokens(source: Source) -> str:
     """Every token on a line of its own: line:column, kind, characters."""
-    tokens = tokenize(source, Diagnostics(source))
+    tokens = tokenize(source, Diagnostics(source), repetitions=True)
     lines = []
     for index, kind in enumerate(tokens.kinds):
         line, column = source.position(tokens.starts[index])

@@ -126,7 +126,7 @@ FUNCTION_ADVICE = {
     "der": "the time derivative of `x` is written `x'`",
     "diff": "the time derivative of `x` is written `x'`",
     "ddot": "the second time derivative of `x` is written `x''`",
-    "sum": "an objective is summed over its frames already",
+    "sum": "an objective is summed over its frames already; of like things it is `sum(k in 1..3: m{k}*q{k})`",
     "int": "the integral of an objective term is written `integral(e)`",
     "maximize": "what stands under `objective:` is minimised: for the largest `e`, write `-(e)`",
     "maximise": "what stands under `objective:` is minimised: for the largest `e`, write `-(e)`",
