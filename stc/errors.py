@@ -61,11 +61,14 @@ class Source:
 
     ``origins`` tells, of a text whose repetitions have been written out, what in the spec its characters stand for;
     lines and columns are those of the spec.
+    ``carried`` holds the data files that the text names, by the paths that it writes, where it comes from a solution,
+    which carries them; None where they lie beside the spec.
     """
 
     name: str
     text: str
     path: str | None = None
+    carried: Mapping[str, bytes] | None = None
     origins: Origins | None = field(default=None, repr=False)
     _line_starts: list[int] | None = field(default=None, repr=False)
 

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING
 from stc.records import dataclass, field
 
 if TYPE_CHECKING:
+    from stc.data_sets import DataSet
     from stc.errors import Diagnostic, Source, Span
     from stc.symbolic.expr import Expr
+    from stc.symbolic.tables import TableRef
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,6 +238,7 @@ class Problem:
     ``model_span`` where the model is named.
     ``rotations`` are the orientations among the variables, and ``of_model`` tells whether a model has brought the
     equations of motion.
+    ``data`` holds the columns of numbers that the spec reads, ``tables`` the functions that it makes of them.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
     others, which occur in no other expression by name.
     """
@@ -262,3 +265,5 @@ class Problem:
     model_span: Span | None = None
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
+    data: Mapping[str, DataSet] = field(default_factory=dict)
+    tables: Mapping[str, TableRef] = field(default_factory=dict)

@@ -217,6 +217,7 @@ def require_optimal(solution: Solution, done: str, force: bool) -> None:
 
 def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     """Read a spec as far as its nonlinear program, and tell its sizes; good when nothing in it is known to fail."""
+    from stc.language.show_data import described
     from stc.solving import contradictions_of
     from stc.studies.replay_lines import check_replay_lines
 
@@ -241,6 +242,7 @@ def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
                 **record.blank(status, "; ".join(contradictions)),
                 **facts,
                 "constants": dict(problem.constants),
+                "data": dict(described(problem)),
                 "warnings": warnings,
                 "contradictions": contradictions,
             }
@@ -252,6 +254,7 @@ def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
         ("unknowns", f"{len(problem.variables)} variables a frame, {len(problem.parameters)} parameters"),
         ("size", f"{sizes['variables']} variables, {sizes['rows']} rows"),
         ("nonzeros", f"{sizes['jacobian']} in the Jacobian, {sizes['hessian']} in the Hessian's lower half"),
+        *((f"data {name}", text) for name, text in described(problem)),
         ("warnings", str(len(problem.warnings))),
     ]
     verdict = "infeasible, its bounds contradict each other" if contradictions else "no mistakes"

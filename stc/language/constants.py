@@ -89,7 +89,7 @@ class Constants:
             self.diagnostics.error(f"the constant `{name}` has no value", entry.start, entry.end, hint)
             return None
         try:
-            return affine(entry.value, self._resolve)[1]
+            return affine(entry.value, self.resolve)[1]
         except NotANumber as problem:
             self.diagnostics.error(problem.message, problem.node.start, problem.node.end, problem.hint)
         except Unknown:
@@ -99,11 +99,11 @@ class Constants:
     def value_of(self, expression: syntax.Expression) -> float | None:
         """The value of an expression of constants; None where it holds anything else or has none."""
         try:
-            return affine(expression, self._resolve)[1]
+            return affine(expression, self.resolve)[1]
         except (NotANumber, Unknown):
             return None
 
-    def _resolve(self, node: syntax.Name) -> tuple[float, float]:
+    def resolve(self, node: syntax.Name) -> tuple[float, float]:
         """A name within the value of a constant."""
         name = node.name
         kind = self.table.kind(name)

@@ -9,6 +9,7 @@ from typing import TypeVar
 from stc.errors import Span
 from stc.language import syntax
 from stc.language.constants import Constants
+from stc.language.data import Data
 from stc.language.definitions import Definitions, collect_definitions, runs
 from stc.language.diagnostics import Diagnostics
 from stc.language.expressions import ExpressionBuilder
@@ -40,6 +41,8 @@ class Context:
         self.definitions: Definitions = collect_definitions(tree, self.table, diagnostics)
         self.positions = Positions(self.table, self.constants, self.definitions.unranged(), diagnostics)
         self.builder = ExpressionBuilder(self.table, self.constants, self.positions, diagnostics)
+        self.data = Data(tree, self.table, self.constants, diagnostics)
+        self.builder.data = self.data
         self.model = self.table.model
         if self.model is not None:
             self.builder.use_model(self.model)

@@ -16,11 +16,15 @@ from stc.language import checks, syntax
 from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
+from stc.language.expressions import TIME
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
+from stc.language.names import DATA_SET
+from stc.language.recorded import counted_where_known, references
 from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
     ConstantRef,
+    FrameRange,
     Guess,
     Jump,
     ObjectiveTerm,
@@ -30,7 +34,7 @@ from stc.problem import (
     ReplayChannel,
     VariableRef,
 )
-from stc.symbolic.expr import Expr, symbols
+from stc.symbolic.expr import Expr, looked_up, symbols
 
 if TYPE_CHECKING:
     from stc.language.model.assembly import ModelStatements
@@ -121,7 +125,12 @@ class _Elaborator(Context):
             name=PurePath(self.source.name).stem.strip("<>") or "spec",
             source=self.source,
             constants={name: value for name, value in self.constants.values.items() if value is not None},
-            structural=frozenset(self.positions.structural | self.constants.made_from("n") | self._shaping()),
+            structural=frozenset(
+                self.positions.structural
+                | self.constants.made_from("n")
+                | self._shaping()
+                | self.data.structural
+            ),
             n=self.n,
             method=self.method,
             variables=self.table.of_kind("variable"),
@@ -139,6 +148,8 @@ class _Elaborator(Context):
             macros=self.builder.macros,
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
+            data=self.data.sets,
+            tables=self.data.tables,
         )
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
@@ -241,6 +252,8 @@ class _Elaborator(Context):
             text = statement.written or statement_text(self.source, statement)
             for part in bounded:
                 body = self.settled(part.body, where, statement)
+                if self._reads_gaps(body, statement):
+                    continue
                 found.append(Relation(body, part.lower, part.upper, where, self.span(statement), text))
                 if self.is_fixed(body):
                     message = "this constraint holds no unknown"
@@ -255,6 +268,15 @@ class _Elaborator(Context):
             hint = 'poses are those of a model: name it, as in `model: "robot.xml";`'
             self.error(pose, f"`{pose.base.name}` is not declared", hint)
         return self.model_statements is not None
+
+    def _reads_gaps(self, body: Expr, node: syntax.Node) -> bool:
+        """Whether a statement that holds at every frame reads a recording with gaps, which is noted."""
+        for ref in references(body, self.builder.pieces):
+            if self.data.weight_of(ref)[1]:
+                hint = "a term of an `integral` in the objective counts only where there are numbers"
+                self.error(node, f"`{ref.name}` has gaps, and this statement wants it at every frame", hint)
+                return True
+        return False
 
     def _objective(self) -> list[ObjectiveTerm]:
         found: list[ObjectiveTerm] = []
@@ -271,6 +293,10 @@ class _Elaborator(Context):
             text = statement_text(self.source, statement)
             for part in summands:
                 body = self.settled(part.body, where, statement)
+                if part.integral:
+                    body = counted_where_known(body, self.data, self.builder.pieces)
+                elif self._reads_gaps(body, statement):
+                    continue
                 found.append(ObjectiveTerm(body, part.integral, where, self.span(statement), text))
         return found
 
@@ -282,6 +308,8 @@ class _Elaborator(Context):
             if self._has_model(pose) and where is not None:
                 assert self.model_statements is not None
                 found += self.model_statements.guess(pose, where)
+        for _, where, guess in self.statements("guess", syntax.GuessFrom):
+            found += self._guesses_from(guess, where)
         for _, where, statement in self.statements("guess", syntax.Assignment):
             body = self.builder.build(statement.value)
             name = statement.name.name
@@ -295,6 +323,25 @@ class _Elaborator(Context):
                 if self._guess_is_known(statement, kind, value):
                     found.append(Guess(name, value, part, self.span(statement)))
         return found
+
+    def _guesses_from(self, guess: syntax.GuessFrom, where: FrameRange | None) -> list[Guess]:
+        """The guesses that a data set gives: for every variable that has a column of its name."""
+        name = guess.name.name
+        if self.table.kind(name) != DATA_SET:
+            if name not in self.tree.damaged:
+                known = self.table.of_kind(DATA_SET)
+                what = (
+                    f"`{name}` is a {self.table.kind(name)}"
+                    if self.table.kind(name)
+                    else f"`{name}` is not declared"
+                )
+                hint = did_you_mean(name, known) or f"write `{name} = ...;` for a value"
+                self.error(guess, what if known else f"expected `=` after `{name}`", hint)
+            return []
+        if where is None:
+            return []
+        columns = self.data.guessed(guess, self.table.of_kind("variable"))
+        return [Guess(each, looked_up(ref, TIME), where, self.span(guess)) for each, ref in columns]
 
     def _no_guess_for(self, name: syntax.Name, kind: str | None) -> None:
         word = name.name

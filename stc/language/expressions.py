@@ -12,7 +12,7 @@ from stc.language import syntax
 from stc.language.constants import Constants
 from stc.language.definitions import runs
 from stc.language.diagnostics import Diagnostics, derivative_meant, did_you_mean
-from stc.language.names import NameTable
+from stc.language.names import DATA_SET, TABLE, NameTable
 from stc.language.numbers import arity_message
 from stc.language.positions import Positions
 from stc.language.words import FUNCTION_ADVICE, OPERATORS, RESERVED
@@ -36,6 +36,7 @@ from stc.symbolic.expr import (
     call,
     div,
     evaluate,
+    looked_up,
     mul,
     neg,
     num,
@@ -48,6 +49,7 @@ from stc.symbolic.expr import (
 )
 
 if TYPE_CHECKING:
+    from stc.language.data import Data
     from stc.language.model.paths import Paths
     from stc.language.model.scope import ModelScope
 
@@ -96,6 +98,7 @@ class ExpressionBuilder:
         self._rate: Callable[[object], Expr] = rate
         self.paths: Paths | None = None
         self.model_is_missing = False
+        self.data: Data | None = None
         self._build: dict[type, Callable[[Any], Expr]] = {
             syntax.Number: self._number,
             syntax.Name: self._name,
@@ -160,6 +163,8 @@ class ExpressionBuilder:
             leaf = self.macros[name]
         elif name in self.pieces:
             leaf = sym(DefinitionRef(name))
+        elif entry.kind in (DATA_SET, TABLE):
+            return self._bare_data(node, entry.kind)
         elif name in self.integral_definitions:
             message = (
                 f"the definition `{name}` holds an integral; it may only stand as a term of the objective"
@@ -198,8 +203,41 @@ class ExpressionBuilder:
             return self.fail(node, f"`{name}` is not declared", hint)
         return UNKNOWN
 
+    def _bare_data(self, node: syntax.Name, kind: str) -> Expr:
+        """The name of a data set or of a table where an expression is wanted."""
+        if kind == TABLE:
+            return self.fail(node, f"the table `{node.name}` has no arguments", f"write `{node.name}(...)`")
+        hint = f"name one of its columns, as in `{node.name}.x`, or make a table of them under `data:`"
+        return self.fail(node, f"`{node.name}` is a data set, not a number", hint)
+
+    def _reference(self, node: syntax.Name) -> Expr:
+        """A column of a data set, as a function of time."""
+        assert self.data is not None
+        found = self.data.reference(node)
+        if found is None:
+            self.poisoned = True
+            return UNKNOWN
+        return looked_up(found[0], TIME)
+
+    def _looked_up(self, node: syntax.Call) -> Expr:
+        """A table with its arguments."""
+        self.table.entries[node.function].used = True
+        arguments = [self.build(argument) for argument in node.arguments]
+        ref = None if self.data is None else self.data.tables.get(node.function)
+        if ref is None:  # it could not be read, which has been noted
+            self.poisoned = True
+            return UNKNOWN
+        wanted = len(ref.orders)
+        if len(arguments) != wanted:
+            plural = "s" if wanted > 1 else ""
+            message = f"the table `{node.function}` takes {wanted} argument{plural}, not {len(arguments)}"
+            return self.fail(node, message)
+        return looked_up(ref, *arguments)
+
     def _path(self, node: syntax.Name) -> Expr:
-        """A thing of the model."""
+        """A thing of the model, or a column of data."""
+        if self.table.kind(node.name.partition(".")[0]) == DATA_SET:
+            return self._reference(node)
         if self.paths is None and self.model_is_missing:
             self.poisoned = True  # that the model cannot be read has been told
             return UNKNOWN
@@ -272,6 +310,8 @@ class ExpressionBuilder:
             return self._one_sided(node)
         if function == MOMENTUM and self.table.kind(MOMENTUM) is None:
             return self._momentum(node)
+        if self.table.kind(function) == TABLE:
+            return self._looked_up(node)
         arguments = [self.build(argument) for argument in node.arguments]
         if function in FUNCTIONS:
             if len(arguments) != FUNCTIONS[function]:

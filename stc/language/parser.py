@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from stc.errors import Source, SpecError
 from stc.language import syntax
+from stc.language.data_parser import data_statement
 from stc.language.diagnostics import Diagnostics, did_you_mean, nearest_name
 from stc.language.expression_parser import (
     MAXIMUM_HINT,
@@ -322,6 +323,11 @@ class _Parser(ExpressionParser):
             into.append(self.pose())
             self.end_statement("the pose")
             return
+        if self.kind == "name" and self.kinds[self.at + 1] == ";":
+            name = self.name("the name of a data set")
+            into.append(syntax.GuessFrom(name.start, name.end, name))
+            self.end_statement("the guess")
+            return
         hint = "derivatives start from differences of the guessed values; frames go into a header before it"
         self.assignment(into, "guess", hint)
 
@@ -513,6 +519,9 @@ class _Parser(ExpressionParser):
         found = syntax.JumpList(start, self.ends[self.at - 1], quantities)
         self.end_statement("the last quantity")
         into.append(found)
+
+    def data_statement(self, into: list[syntax.Statement]) -> None:
+        data_statement(self, into)
 
     def method_statement(self, into: list[syntax.Statement]) -> None:
         start = self.starts[self.at]

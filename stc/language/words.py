@@ -35,6 +35,7 @@ SECTIONS: dict[str, SectionKind] = {
     "model": SectionKind('the name of a MuJoCo model, as in `"robot.xml";`'),
     "poses": SectionKind("`name = keyframe.stand, joint.knee = 1.9;`", declares=True),
     "contact": SectionKind("what touches the ground, and when", ranged=True),
+    "data": SectionKind('`name = "file.csv";`, rows of numbers, and tables made of columns', declares=True),
 }
 
 #: What other tools call the sections.

@@ -14,6 +14,7 @@ from stc.symbolic.node import (
     div,
     interned_count,
     is_literal,
+    looked_up,
     mul,
     neg,
     num,
@@ -23,9 +24,10 @@ from stc.symbolic.node import (
     sub,
     sum_of,
     sym,
+    table_leaf,
 )
 from stc.symbolic.render import render
-from stc.symbolic.traverse import evaluate, evaluate_all, postorder, reachable, substitute, symbols
+from stc.symbolic.traverse import evaluate, evaluate_all, postorder, reachable, substitute, symbols, tables
 
 RULES = _rules.RULES
 
@@ -43,6 +45,7 @@ __all__ = [
     "evaluate_all",
     "interned_count",
     "is_literal",
+    "looked_up",
     "mul",
     "neg",
     "num",
@@ -57,4 +60,6 @@ __all__ = [
     "sum_of",
     "sym",
     "symbols",
+    "table_leaf",
+    "tables",
 ]

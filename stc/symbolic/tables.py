@@ -1,0 +1,347 @@
+"""Functions given by tables: piecewise polynomials of one or two arguments, as numbers and as leaves of expressions.
+
+Between neighbouring abscissae a function of one argument is a cubic polynomial, in a variable that is zero at the left
+one.  Outside of the table there are two more pieces, so that what holds there is a matter of numbers and not of code.
+A function of two arguments is the same thing twice: interpolation is linear in what is interpolated, so that the
+coefficients along the first argument are themselves interpolated along the second one (de Boor, A Practical Guide to
+Splines, chapter 17).
+
+In an expression a table is a leaf, ``look(x, T)`` its value at ``x`` and ``look(x, at(y, T))`` that of one with two
+arguments: operators have two operands at most, and ``at`` does nothing but to carry the second argument along.  A
+derivative is the same with another leaf, a :class:`TableRef` of a higher order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.digests import sha256
+from stc.records import dataclass
+
+__all__ = ["KINDS", "OUTSIDE", "At", "Table", "TableRef", "interpolated", "look"]
+
+FloatArray = NDArray[np.float64]
+
+KINDS: Final = ("cubic", "monotone", "linear")
+"""How a table is interpolated: with continuous second derivatives, without overshooting, or by straight lines."""
+
+OUTSIDE: Final = ("extend", "hold", "error")
+"""What holds outside of a table: the straight line with its slope at the end, its last value, or nothing at all."""
+
+ORDER: Final = 4
+"""Coefficients per piece and argument: those of a cubic polynomial, from the constant term up."""
+
+# ---- how tables lie in memory, see ``storage`` -----------------------------------------------------------------------
+
+HEADER: Final = 9
+LOWEST, SCALE, LAST_BUCKET, STRIDE, BUCKETS, KNOTS, PIECES, WIDTH, SECOND = range(HEADER)
+"""Places in the header of an axis:
+
+``LOWEST``, ``SCALE``: the bucket of x is ``(x - LOWEST)*SCALE`` rounded down, between 0 and ``LAST_BUCKET``.
+``STRIDE``: the first stride of the search within a bucket, a power of two, or 0.
+``BUCKETS``, ``KNOTS``, ``PIECES``: where these begin, counted from the header.
+``WIDTH``: numbers per piece.
+``SECOND``: where the header of the second axis begins, counted from this one.
+"""
+
+MOST_BUCKETS: Final = 1 << 16
+
+
+class Axis:
+    """The abscissae of a table along one argument.
+
+    Args:
+        x: (k,) numbers, strictly rising, two or more.
+    """
+
+    def __init__(self, x: FloatArray) -> None:
+        self.x = np.array(x, dtype=np.float64)
+        self.x.flags.writeable = False
+        #: Where each piece's variable is zero: left of the table at its begin, right of it at its end.
+        self.origins = np.concatenate([self.x[:1], self.x])
+        #: Where all pieces but the first one begin: the last place itself belongs to the table.
+        self.begins = self.x.copy()
+        self.begins[-1] = np.nextafter(self.x[-1], np.inf)
+
+    def __len__(self) -> int:
+        """How many pieces there are, those outside included."""
+        return len(self.origins)
+
+    def pieces(self, x: Any) -> NDArray[np.intp]:
+        """The number of the piece that each argument lies in."""
+        return np.searchsorted(self.begins, np.real(x), side="right")
+
+    def storage(self, pieces: FloatArray) -> FloatArray:
+        """Header, buckets, knots and pieces (k, width) in a row."""
+        low, high = self.x[0], self.x[-1]
+        count = len(self.x)
+        # So many buckets that hardly any has several knots in it: what is left is searched by halving.
+        best: tuple[int, int, float, NDArray[np.int64]] | None = None
+        buckets = count - 1
+        while best is None or (best[0] > 1 and buckets <= min(16 * count, max(MOST_BUCKETS, count))):
+            scale = buckets / (high - low)
+            of_knot = np.clip((self.begins - low) * scale, 0.0, buckets - 1.0).astype(np.int64)
+            most = int(np.bincount(of_knot).max())
+            if best is None or most < best[0]:
+                best = most, buckets, float(scale), of_knot
+            buckets *= 2
+        most, buckets, scale, of_knot = best
+        first = np.searchsorted(of_knot, np.arange(buckets))
+        stride = 1 << (most.bit_length() - 1)
+        # A search ends at most at the last piece: beyond it there are knots that nothing reaches.
+        knots = np.concatenate([[-np.inf], self.begins, np.full(2 * stride, np.inf)])
+        header = np.zeros(HEADER)
+        header[LOWEST], header[SCALE], header[LAST_BUCKET], header[STRIDE] = low, scale, buckets - 1, stride
+        header[BUCKETS] = HEADER
+        header[KNOTS] = HEADER + buckets
+        header[PIECES] = header[KNOTS] + len(knots)
+        header[WIDTH] = pieces.shape[1]
+        return np.concatenate([header, first, knots, pieces.ravel()])
+
+
+class Table:
+    """A function of one or two arguments, given by numbers.
+
+    Attributes:
+        axes: one for each argument.
+        coefficients: (pieces, 4) or (pieces of the first axis, pieces of the second one, 4, 4).
+        degree: of the pieces as polynomials in each argument: 0, 1 or 3.
+        kind: how it is interpolated, of :data:`KINDS`, or ``steps``.
+        outside: what holds outside of it, of :data:`OUTSIDE`.
+        digest: tells it from tables with other numbers.
+    """
+
+    def __init__(
+        self, axes: Sequence[Axis], coefficients: FloatArray, degree: int, kind: str, outside: str
+    ) -> None:
+        self.axes = tuple(axes)
+        self.coefficients = np.ascontiguousarray(coefficients, dtype=np.float64)
+        self.coefficients.flags.writeable = False
+        self.degree = degree
+        self.kind = kind
+        self.outside = outside
+        content = sha256(f"{kind} {outside} {self.coefficients.shape}".encode())
+        for array in (*(axis.x for axis in axes), self.coefficients):
+            content.update(array.tobytes())
+        self.digest = str(content.hexdigest())
+        self._storage: FloatArray | None = None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Table) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def value(self, arguments: Sequence[Any], orders: Sequence[int]) -> Any:
+        """The function, or a partial derivative of it, at arguments of any common shape; one NumPy pass each."""
+        where = tuple(axis.pieces(x) for axis, x in zip(self.axes, arguments, strict=True))
+        found = self.coefficients[where]
+        for axis, x, piece, order in zip(self.axes, arguments, where, orders, strict=True):
+            # Of what is left the coefficients of this argument stand in the first axis after those of the places.
+            at = np.asarray(x - axis.origins[piece])
+            rank = at.ndim
+            at = at.reshape(at.shape + (1,) * (found.ndim - rank - 1))
+            result: Any = 0.0
+            for k in reversed(range(order, ORDER)):
+                factor = 1.0
+                for j in range(order):
+                    factor *= k - j
+                result = result * at + factor * found[(slice(None),) * rank + (k,)]
+            # Beyond the last order there is nothing left but where there is no value.
+            found = np.asarray(result) + (
+                0.0 * found[(slice(None),) * rank + (0,)] if order >= ORDER else 0.0
+            )
+        return found[()]
+
+    def storage(self) -> FloatArray:
+        """All numbers in a row, as compiled programs look them up; places are counted from the first one."""
+        if self._storage is None:
+            self._storage = self._stored()
+        return self._storage
+
+    def _stored(self) -> FloatArray:
+        first = self.axes[0]
+        if len(self.axes) == 1:
+            return first.storage(np.column_stack([first.origins, self.coefficients]))
+        second = self.axes[1]
+        size = ORDER * ORDER
+        # A piece of an axis tells what to add to come to the coefficients: rows of the first axis lie apart.
+        offsets = np.arange(len(first)) * float(len(second) * size)
+        rows = first.storage(np.column_stack([first.origins, offsets]))
+        columns = second.storage(np.column_stack([second.origins, np.arange(len(second)) * float(size)]))
+        rows[SECOND] = len(rows)
+        begin = len(rows) + len(columns)
+        width = int(columns[WIDTH])
+        columns[int(columns[PIECES]) + 1 :: width] += begin
+        return np.concatenate([rows, columns, self.coefficients.ravel()])
+
+
+@dataclass(frozen=True, slots=True)
+class TableRef:
+    """A table in an expression, or a partial derivative of it: the payload of a leaf.
+
+    Attributes:
+        name: what the spec calls it.
+        table: the numbers.
+        orders: how often it is differentiated by each argument.
+        of_time: a reference: its argument is always the time.
+    """
+
+    name: str
+    table: Table
+    orders: tuple[int, ...]
+    of_time: bool = False
+
+    def __repr__(self) -> str:
+        # What is derived from expressions is kept under their text, whatever the numbers are.
+        return f"TableRef({self.name!r}, {self.orders}, {self.table.degree})"
+
+    def __str__(self) -> str:
+        if not any(self.orders):
+            return self.name
+        if len(self.orders) == 1:
+            return self.name + "'" * self.orders[0]
+        return f"{self.name}_{'x' * self.orders[0]}{'y' * self.orders[1]}"
+
+    @property
+    def base(self) -> TableRef:
+        """The function that this is a derivative of."""
+        return TableRef(self.name, self.table, (0,) * len(self.orders), self.of_time)
+
+    def derivative(self, argument: int) -> TableRef | None:
+        """The partial derivative by an argument, counted from 0; None where it is zero everywhere."""
+        orders = tuple([order + (k == argument) for k, order in enumerate(self.orders)])
+        if max(orders) > self.table.degree:
+            return None
+        return TableRef(self.name, self.table, orders, self.of_time)
+
+
+class At(NamedTuple):
+    """The value of ``at(y, T)``: a second argument on its way to the table."""
+
+    second: Any
+    ref: TableRef
+
+
+def look(x: Any, place: TableRef | At, by: int | None = None) -> Any:
+    """The value of ``look(x, place)``; ``by`` asks for its slope by that argument instead."""
+    second, ref = (place.second, place.ref) if isinstance(place, At) else (None, place)
+    wanted = ref if by is None else ref.derivative(by)
+    if wanted is None:
+        return 0.0 * x
+    if second is None:
+        return ref.table.value([x], wanted.orders)
+    return ref.table.value(np.broadcast_arrays(x, second), wanted.orders)
+
+
+# ---- interpolation ---------------------------------------------------------------------------------------------------
+
+
+def interpolated(abscissae: Sequence[FloatArray], values: FloatArray, kind: str, outside: str) -> Table:
+    """The table that takes given values at given places.
+
+    Args:
+        abscissae: one or two lists of numbers, strictly rising, (k,) or (k,) and (m,); two numbers at least each.
+        values: (k,) or (k, m), finite.
+        kind: of :data:`KINDS`.  ``cubic`` is the spline with continuous second derivatives whose third derivative is
+            continuous at the second and the last but one place too ("not a knot"; de Boor, chapter IV), a parabola
+            through three places and a line through two; ``monotone`` rises and falls where the numbers do (Fritsch
+            and Butland, SIAM J. Sci. Stat. Comput. 5, 1984), with continuous first derivatives only.
+        outside: of :data:`OUTSIDE`.
+    """
+    axes = [Axis(np.asarray(x, dtype=np.float64)) for x in abscissae]
+    slopes_of = {"cubic": _spline_slopes, "monotone": _monotone_slopes, "linear": _line_slopes}[kind]
+    found = np.asarray(values, dtype=np.float64)
+    for number, axis in enumerate(axes):
+        # (pieces, 4, ...) along the first axis; then those of the axis before come last
+        along = np.moveaxis(found, 2 * number, 0)
+        pieces = _pieces(axis.x, along, slopes_of, kind, outside)
+        found = np.moveaxis(pieces, (0, 1), (2 * number, 2 * number + 1))
+    if len(axes) == 2:
+        found = found.transpose(0, 2, 1, 3)
+    return Table(axes, found, 1 if kind == "linear" else 3, kind, outside)
+
+
+def _pieces(x: FloatArray, values: FloatArray, slopes_of: Any, kind: str, outside: str) -> FloatArray:
+    """Coefficients (k + 1, 4, ...) of the pieces between k places and outside, of values (k, ...)."""
+    step = np.diff(x).reshape(-1, *(1,) * (values.ndim - 1))
+    secant = np.diff(values, axis=0) / step
+    slope = slopes_of(step, secant)
+    found = np.zeros((len(x) + 1, ORDER, *values.shape[1:]))
+    found[1:-1, 0] = values[:-1]
+    if kind == "linear":
+        found[1:-1, 1] = secant
+        ends = secant[0], secant[-1]
+    else:
+        bend = (slope[:-1] + slope[1:] - 2.0 * secant) / step
+        found[1:-1, 1] = slope[:-1]
+        found[1:-1, 2] = (secant - slope[:-1]) / step - bend
+        found[1:-1, 3] = bend / step
+        ends = slope[0], slope[-1]
+    for piece, value, end in ((0, values[0], ends[0]), (-1, values[-1], ends[1])):
+        found[piece, 0] = value if outside != "error" else np.nan
+        found[piece, 1] = end if outside == "extend" else 0.0
+    return found
+
+
+def _line_slopes(step: FloatArray, secant: FloatArray) -> FloatArray:
+    return secant
+
+
+def _spline_slopes(step: FloatArray, secant: FloatArray) -> FloatArray:
+    """The slopes at all places that make second derivatives continuous, (k, ...) from k - 1 steps and secants."""
+    count = len(step) + 1
+    if count == 2:
+        return np.concatenate([secant, secant])
+    if count == 3:  # one parabola
+        middle = (step[1] * secant[0] + step[0] * secant[1]) / (step[0] + step[1])
+        return np.stack([2.0 * secant[0] - middle, middle, 2.0 * secant[1] - middle])
+    h = step.ravel().tolist()
+    diagonal = [h[1], *(2.0 * (a + b) for a, b in pairwise(h)), h[-2]]
+    below = [0.0, *h[1:], h[-2] + h[-1]]
+    above = [h[0] + h[1], *h[:-1], 0.0]
+    ends = [
+        ((near + 2.0 * (near + far)) * far * own + near * near * other) / (near + far)
+        for near, far, own, other in (
+            (h[0], h[1], secant[0], secant[1]),
+            (h[-1], h[-2], secant[-1], secant[-2]),
+        )
+    ]
+    inner = 3.0 * (step[1:] * secant[:-1] + step[:-1] * secant[1:])
+    right: list[Any] = [ends[0], *(inner.tolist() if inner.ndim == 1 else inner), ends[1]]
+    for k in range(1, count):  # without pivots: the rows between the ends are dominated by their diagonals
+        factor = below[k] / diagonal[k - 1]
+        diagonal[k] -= factor * above[k - 1]
+        right[k] = right[k] - factor * right[k - 1]
+    right[-1] = right[-1] / diagonal[-1]
+    for k in range(count - 2, -1, -1):
+        right[k] = (right[k] - above[k] * right[k + 1]) / diagonal[k]
+    return np.array(right)
+
+
+def _monotone_slopes(step: FloatArray, secant: FloatArray) -> FloatArray:
+    """Weighted harmonic means of neighbouring secants, zero where these have different signs."""
+    if len(step) == 1:
+        return np.concatenate([secant, secant])
+    before, after = secant[:-1], secant[1:]
+    one, other = 2.0 * step[1:] + step[:-1], step[1:] + 2.0 * step[:-1]
+    same = before * after > 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inner = np.where(same, (one + other) / (one / before + other / after), 0.0)
+    return np.concatenate(
+        [_end_slope(step[0], step[1], secant[0], secant[1])[None], inner,
+         _end_slope(step[-1], step[-2], secant[-1], secant[-2])[None]]
+    )  # fmt: skip
+
+
+def _end_slope(near: Any, next_: Any, first: Any, second: Any) -> FloatArray:
+    """The slope at an end of three places, kept from overshooting."""
+    slope = ((2.0 * near + next_) * first - near * second) / (near + next_)
+    slope = np.where(np.sign(slope) != np.sign(first), 0.0, slope)
+    overshoots = (np.sign(first) != np.sign(second)) & (np.abs(slope) > 3.0 * np.abs(first))
+    return np.asarray(np.where(overshoots, 3.0 * first, slope))
