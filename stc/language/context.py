@@ -15,7 +15,7 @@ from stc.language.diagnostics import Diagnostics
 from stc.language.expressions import ExpressionBuilder
 from stc.language.frames import Frames
 from stc.language.model.scope import each_of
-from stc.language.names import collect_names
+from stc.language.names import DATA_SET, collect_names
 from stc.language.positions import Positions
 from stc.problem import ConstantRef, DefinitionRef, FrameRange, IndexRef, Jump, TimeRef
 from stc.symbolic.expr import Expr, evaluate, substitute, symbols
@@ -65,20 +65,43 @@ class Context:
     def error(self, node: syntax.Node, message: str, hint: str = "") -> None:
         self.diagnostics.error(message, node.start, node.end, hint)
 
-    def range(self, block: syntax.Block) -> FrameRange | None:
-        """The frames of a block; None after a mistake in its header."""
-        return self.everywhere if block.header is None else self.positions.frames(block.header)
+    def range(self, block: syntax.Block, *, rows: bool = False) -> FrameRange | None:
+        """The frames of a block; None after a mistake in its header.
+
+        Args:
+            rows: whether it may name a data set, over whose rows its statements are summed: then it is frame 0 alone.
+        """
+        if block.header is None:
+            return self.everywhere
+        data = self.rows(block)
+        if not data:
+            return self.positions.frames(block.header)
+        if not rows:
+            hint = f"under `objective:` a term is summed over them, as in `[{data}]: (x - {data}.x)^2;`"
+            self.error(block.header, f"`{data}` is a data set: only the objective is a sum over its rows", hint)
+            return None
+        return FrameRange(0, 0, self.span(block.header))
+
+    def rows(self, block: syntax.Block) -> str:
+        """The data set on whose rows the statements of a block stand; empty where they stand on frames."""
+        header = block.header
+        if header is None or header.last is not None or not isinstance(header.first, syntax.Name):
+            return ""
+        name = header.first.name
+        return name if self.table.kind(name) == DATA_SET else ""
 
     def statements(self, section: str, kind: type[S]) -> Iterator[tuple[syntax.Block, FrameRange | None, S]]:
         """Each statement of one kind in a section, with its block and that one's frames; before it, the builder forgets
         that there was a mistake."""
         for block in self.tree.blocks(section):
-            where = self.range(block)
+            where = self.range(block, rows=section == "objective")
+            self.builder.rows = self.rows(block)
             for found in block.statements:
                 for statement in self._each(found):
                     if isinstance(statement, kind):
                         self.builder.poisoned = False
                         yield block, where, statement
+        self.builder.rows = ""
 
     def _each(self, statement: syntax.Statement) -> Iterator[syntax.Statement]:
         """A statement as it is; one in which `joint.*` stands, for each joint in turn."""

@@ -17,6 +17,7 @@ from stc.language.numbers import arity_message
 from stc.language.positions import Positions
 from stc.language.words import FUNCTION_ADVICE, OPERATORS, RESERVED
 from stc.problem import (
+    CellRef,
     ConstantRef,
     DefinitionPiece,
     DefinitionRef,
@@ -99,6 +100,7 @@ class ExpressionBuilder:
         self.paths: Paths | None = None
         self.model_is_missing = False
         self.data: Data | None = None
+        self.rows = ""  # the data set on whose rows a statement stands
         self._build: dict[type, Callable[[Any], Expr]] = {
             syntax.Number: self._number,
             syntax.Name: self._name,
@@ -211,13 +213,27 @@ class ExpressionBuilder:
         return self.fail(node, f"`{node.name}` is a data set, not a number", hint)
 
     def _reference(self, node: syntax.Name) -> Expr:
-        """A column of a data set, as a function of time."""
+        """A column of a data set, as a function of time; in a statement on its rows, as the number in each."""
         assert self.data is not None
+        if self.rows and node.name.partition(".")[0] == self.rows:
+            return self._cell(node)
         found = self.data.reference(node)
         if found is None:
             self.poisoned = True
             return UNKNOWN
         return looked_up(found[0], TIME)
+
+    def _cell(self, node: syntax.Name) -> Expr:
+        assert self.data is not None
+        found = self.data.column(node)
+        if found is None:
+            self.poisoned = True
+            return UNKNOWN
+        data, name, values = found
+        if values.shape != (data.rows,):
+            hint = "rows are those of columns of one length"
+            return self.fail(node, f"`{node.name}` has another shape than the rows of `{data.name}`", hint)
+        return sym(CellRef(data.name, name))
 
     def _looked_up(self, node: syntax.Call) -> Expr:
         """A table with its arguments."""
@@ -395,6 +411,9 @@ class ExpressionBuilder:
         e = self.build(operand)
         if self.poisoned:
             return UNKNOWN
+        if any(isinstance(key, CellRef) for key in symbols(e)):
+            hint = "between its rows nothing has been measured"
+            return self.fail(node, "the numbers of a row have no time derivative", hint)
         highest = max((k.order for k in symbols(e) if isinstance(k, VariableRef | DefinitionRef)), default=0)
         if highest + order > MAX_ORDER:
             return self.fail(node, f"time derivatives go up to order {MAX_ORDER}")

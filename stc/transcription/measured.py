@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.data_sets import TIME
 from stc.errors import Diagnostic, SpecError
 from stc.problem import CellRef, ConstantRef, ObjectiveTerm, TimeRef, VariableRef
 from stc.symbolic.expr import Expr, substitute, sum_of, sym, symbols
@@ -26,8 +27,6 @@ FloatArray = NDArray[np.float64]
 
 #: So far outside the motion, as a share of its duration, rounding of a row's time is forgiven.
 FORGIVEN = 1e-9
-#: The column that tells when each row was measured.
-TIME = "time"
 
 
 class Measured:
