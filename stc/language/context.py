@@ -78,7 +78,9 @@ class Context:
             return self.positions.frames(block.header)
         if not rows:
             hint = f"under `objective:` a term is summed over them, as in `[{data}]: (x - {data}.x)^2;`"
-            self.error(block.header, f"`{data}` is a data set: only the objective is a sum over its rows", hint)
+            self.error(
+                block.header, f"`{data}` is a data set: only the objective is a sum over its rows", hint
+            )
             return None
         return FrameRange(0, 0, self.span(block.header))
 

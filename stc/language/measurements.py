@@ -24,7 +24,10 @@ def stands_on_rows(context: Context, e: Expr, integral: bool, rows: str, node: s
 def _mistake(context: Context, e: Expr, integral: bool, rows: str) -> tuple[str, str] | None:
     """What is wrong with a term, and what to do."""
     if integral:
-        return "an integral is over time, not over rows", "leave `integral` out: the term is summed over the rows"
+        return (
+            "an integral is over time, not over rows",
+            "leave `integral` out: the term is summed over the rows",
+        )
     moves = False
     for key in symbols(e):
         if isinstance(key, IndexRef):
@@ -33,7 +36,10 @@ def _mistake(context: Context, e: Expr, integral: bool, rows: str) -> tuple[str,
             hint = "write its formula out, or define it without a range header"
             return f"`{key.name}` has range headers, and rows stand on no frame", hint
         if isinstance(key, VariableRef) and (key.side or (key.scale, key.shift) != (1, 0)) and key.scale != 0:
-            return f"`{key}` belongs to a frame, and rows stand between them", f"write `{key.name}`, at the time of the row"
+            return (
+                f"`{key}` belongs to a frame, and rows stand between them",
+                f"write `{key.name}`, at the time of the row",
+            )
         moves = moves or isinstance(key, TimeRef) or (isinstance(key, VariableRef) and key.scale != 0)
     again = [ref.name for ref in references(e, context.builder.pieces) if ref.name.startswith(f"{rows}.")]
     if again:

@@ -1,16 +1,16 @@
 """Standard errors of estimated parameters, from the residuals' Jacobian at the solution.
 
-Where the objective is a sum of squares over the rows of data sets, ``S = sum of r^2``, and the residuals are independent and
-of one variance, the parameters' covariance is to first order ``sigma^2 C`` with ``sigma^2 = S/(m - p)``, m residuals and p
-degrees of freedom (D. M. Bates and D. G. Watts, Nonlinear Regression Analysis, 1988, chapter 2).  C is the inverse of the
-Gauss-Newton matrix J^T J on the directions that the active constraints A leave open: its columns are the dx of
+Where the objective is a sum of squares over the rows of data sets, ``S = sum of r^2``, and the residuals are
+independent and of one variance, the parameters' covariance is to first order ``sigma^2 C`` with ``sigma^2 = S/(m - p)``,
+m residuals and p degrees of freedom (Bates & Watts 1988, chapter 2).  C is the inverse of the Gauss-Newton matrix J^T J
+on the directions that the active constraints A leave open: its columns are the dx of
 
     | -I   J    0  | | r  |   | 0 |
     | J^T  0   A^T | | dx | = | e |
     | 0    A    0  | | y  |   | 0 |
 
-so that the motions of a differential equation need not be eliminated.  Residuals' second derivatives do not enter, as in most
-published standard errors.
+so that the motions of a differential equation need not be eliminated.  Residuals' second derivatives do not enter, as
+in most published standard errors.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def squares_in(e: Expr) -> list[Expr]:
     """The expressions whose squares an expression adds up; empty where it is no such sum."""
     if e.op == "add":
         parts = [squares_in(arg) for arg in e.args]
-        return sum(parts, []) if all(parts) else []
+        return [each for part in parts for each in part] if all(parts) else []
     if e.op == "pow" and e.args[1].op == "num" and e.args[1].payload == 2.0:
         return [e.args[0]]
     if e.op == "mul" and e.args[0] is e.args[1]:
@@ -146,7 +146,9 @@ def _is_known(e: Expr) -> bool:
     return all(isinstance(key, ConstantRef | CellRef) for key in symbols(e))
 
 
-def _held(values: FloatArray, lower: FloatArray, upper: FloatArray, multipliers: FloatArray) -> NDArray[np.bool_]:
+def _held(
+    values: FloatArray, lower: FloatArray, upper: FloatArray, multipliers: FloatArray
+) -> NDArray[np.bool_]:
     """What equal bounds, or a bound with a multiplier, do not let move."""
     pulled = np.abs(multipliers) > HELD * max(1.0, float(np.abs(multipliers).max(initial=0.0)))
     bound = np.where(multipliers > 0.0, upper, lower)
@@ -179,7 +181,7 @@ def _forms(
     """Each residual by decision variables, with its nodes, the values in it, and where its unknowns are."""
     problem, steps, layout = transcription.problem, transcription.steps, transcription.layout
     coefficients = steps.coefficients(problem.constants)
-    constants = {ConstantRef(name): value for name, value in problem.constants.items()}
+    constants: dict[object, Any] = {ConstantRef(name): value for name, value in problem.constants.items()}
     sorter = Sorter(problem, transcription.grid, transcription.lowering)
     for term, found in terms:
         measured = sorter.measured(term)
@@ -197,7 +199,7 @@ def _forms(
                 yield e, nodes, given, unknown
 
 
-_Entries = tuple[FloatArray, IntArray, IntArray]
+_Entries = tuple[FloatArray, NDArray[Any], NDArray[Any]]
 """Values, rows and columns of a sparse matrix."""
 
 

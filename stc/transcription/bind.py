@@ -88,7 +88,6 @@ class Numbers:
             value = self._known[e] = float(evaluate(e, self.constants))
         return np.full(len(nodes), value)
 
-
     def of_unknowns(self, e: Expr, nodes: Nodes, layout: Layout, x: FloatArray) -> FloatArray:
         """The value of ``e`` at every node of a decision vector ``x`` (layout.size,). (k,)"""
         given: dict[object, float | FloatArray] = dict(self.constants)

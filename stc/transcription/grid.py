@@ -38,9 +38,7 @@ class Nodes:
         return len(self.position)
 
     def __getitem__(self, which: NDArray[np.bool_] | IntArray) -> Nodes:
-        return Nodes(
-            self.position[which], self.side[which], None if self.row is None else self.row[which]
-        )
+        return Nodes(self.position[which], self.side[which], None if self.row is None else self.row[which])
 
     @property
     def frame(self) -> IntArray:
