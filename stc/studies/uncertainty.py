@@ -1,9 +1,9 @@
 """Standard errors of estimated parameters, from the residuals' Jacobian at the solution.
 
 Where the objective is a sum of squares over the rows of data sets, ``S = sum of r^2``, and the residuals are
-independent and of one variance, the parameters' covariance is to first order ``sigma^2 C`` with ``sigma^2 = S/(m - p)``,
-m residuals and p degrees of freedom (Bates & Watts 1988, chapter 2).  C is the inverse of the Gauss-Newton matrix J^T J
-on the directions that the active constraints A leave open: its columns are the dx of
+independent and of one variance, the parameters' covariance is to first order ``sigma^2 C`` with ``sigma^2 = S/(m -
+p)``, m residuals and p degrees of freedom (Bates & Watts 1988, chapter 2). C is the inverse of the Gauss-Newton
+matrix J^T J on the directions that the active constraints A leave open: its columns are the dx of
 
     | -I   J    0  | | r  |   | 0 |
     | J^T  0   A^T | | dx | = | e |

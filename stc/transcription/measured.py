@@ -1,10 +1,10 @@
 """Statements on the rows of a data set: the motion between the frames, at the time of each row.
 
-What a row means by a variable is the transcription's own curve (:mod:`stc.trajectory`), the one that a solution is read
-off between its frames: under hermite-simpson a parabola for the highest derivative in use, whose integrals the lower ones
-are; under trapezoidal a line for that one; under central a cubic with the velocities of the differences.  On such a
-curve a value is a sum of the unknowns of one step, each with a weight that depends on the row's place in the step and on
-the step's length alone.  So a statement on rows is one on steps, with these weights as data.
+What a row means by a variable is the transcription's own curve (:mod:`stc.trajectory`), the one that a solution is
+read off between its frames: under hermite-simpson a parabola for the highest derivative in use, whose integrals the
+lower ones are; under trapezoidal a line for that one; under central a cubic with the velocities of the differences.
+On such a curve a value is a sum of the unknowns of one step, each with a weight that depends on the row's place in
+the step and on the step's length alone. So a statement on rows is one on steps, with these weights as data.
 """
 
 from __future__ import annotations

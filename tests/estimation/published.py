@@ -1,9 +1,9 @@
 """Estimation problems with published data, estimates and standard errors.
 
-Sources: NIST Statistical Reference Datasets, nonlinear regression (certified values); the reference output of the examples
-of R's package `stats`, whose data sets are those of Bates & Watts 1988 and of J. C. Pinheiro and D. M. Bates,
-Mixed-Effects Models in S and S-PLUS, 2000.  Where the published model is the solution of a differential equation, the
-equation is what is stated here.
+Sources: NIST Statistical Reference Datasets, nonlinear regression (certified values); the reference output of the
+examples of R's package `stats`, whose data sets are those of Bates & Watts 1988 and of J. C. Pinheiro and D. M.
+Bates, Mixed-Effects Models in S and S-PLUS, 2000. Where the published model is the solution of a differential
+equation, the equation is what is stated here.
 """
 
 from __future__ import annotations
