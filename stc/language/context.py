@@ -14,9 +14,11 @@ from stc.language.definitions import Definitions, collect_definitions, runs
 from stc.language.diagnostics import Diagnostics
 from stc.language.expressions import ExpressionBuilder
 from stc.language.frames import Frames
+from stc.language.kinks import advice, kinks_in
 from stc.language.model.scope import each_of
 from stc.language.names import DATA_SET, collect_names
 from stc.language.positions import Positions
+from stc.language.smoothing import smoothed
 from stc.problem import ConstantRef, DefinitionRef, FrameRange, IndexRef, Jump, TimeRef
 from stc.symbolic.expr import Expr, evaluate, substitute, symbols
 
@@ -48,9 +50,11 @@ class Context:
             self.builder.use_model(self.model)
         else:
             self.builder.model_is_missing = any(tree.blocks("model"))
+        self.builder.model_hint = _model_hint(tree)
         self.n = self.constants.n if self.constants.n is not None else 0
         self.everywhere = FrameRange(0, self.n)
         self.time_is_fixed = True
+        self.section = ""  # whose statements are read
         self.frames = Frames(self.n, False, self.builder.pieces, ())
         self._fixed: dict[Expr, bool] = {}
         self._strays: set[str] = set()
@@ -95,6 +99,7 @@ class Context:
     def statements(self, section: str, kind: type[S]) -> Iterator[tuple[syntax.Block, FrameRange | None, S]]:
         """Each statement of one kind in a section, with its block and that one's frames; before it, the builder forgets
         that there was a mistake."""
+        self.section = section
         for block in self.tree.blocks(section):
             where = self.range(block, rows=section == "objective")
             self.builder.rows = self.rows(block)
@@ -145,7 +150,15 @@ class Context:
             message = "`before` and `after` mean the plain value here: nothing jumps on these frames"
             hint = "list what jumps under `jumps:`, with the frame in a range header"
             self.diagnostics.warning(message, node.start, node.end, hint)
-        return plain
+        return self.smooth(plain, where, node)
+
+    def smooth(self, e: Expr, where: FrameRange, node: syntax.Node) -> Expr:
+        """``e`` with roots that have slopes wherever it has some; kinks that are left are mistakes."""
+        found = smoothed(e)
+        for kink in kinks_in(self.builder, found) if not isinstance(node, syntax.Channel) else ():
+            header = "[0, n]:" if where.span is None else where.span.text
+            self.error(kink, *advice(self.builder, kink, node, self.section, header))
+        return found
 
     def _line(self, node: syntax.Node) -> int:
         return self.source.position(node.start)[0]
@@ -193,6 +206,36 @@ class Context:
             body = substitute(e, {key: self.builder.derivative(run.piece.body, key.order)})
             found += self.by_piece(body, replace(where, first=run.first, last=run.last), node)
         return found
+
+
+def _model_hint(tree: syntax.SpecTree) -> str:
+    """What to write for the word `model` in an expression, in the words of the spec."""
+    files = [
+        statement.path
+        for section in ("model", "replay")
+        for block in tree.blocks(section)
+        for statement in block.statements
+        if isinstance(statement, syntax.ModelFile)
+    ]
+    path = files[0] if files else "robot.xml"
+    listed = f"`stc show {path}` lists what it has"
+    if any(tree.blocks("model")):
+        return f"a model is no number; its joints are `joint.NAME`, its motors `actuator.NAME`: {listed}"
+    instead = "in place of `lagrangian:`" if any(tree.blocks("lagrangian")) else "as a section of its own"
+    hint = (
+        f'write `model: "{path}";` {instead}: it brings the coordinates, as `joint.NAME`, the motors and the '
+        f"equations of motion; {listed}"
+    )
+    names = [
+        statement.name.name
+        for block in tree.blocks("variables")
+        for statement in block.statements
+        if isinstance(statement, syntax.Declaration)
+    ]
+    if names:
+        some = ", ".join(f"`{name}`" for name in names[:3]) + (", ..." if len(names) > 3 else "")
+        hint += f"\nvariables that stand for its coordinates ({some}) are then not declared"
+    return hint
 
 
 def _expressions(node: syntax.Node) -> list[syntax.Expression]:

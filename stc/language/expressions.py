@@ -12,6 +12,7 @@ from stc.language import syntax
 from stc.language.constants import Constants
 from stc.language.definitions import runs
 from stc.language.diagnostics import Diagnostics, derivative_meant, did_you_mean
+from stc.language.kinks import KINKED, kinked
 from stc.language.names import DATA_SET, TABLE, NameTable
 from stc.language.numbers import arity_message
 from stc.language.positions import Positions
@@ -100,6 +101,8 @@ class ExpressionBuilder:
         self.paths: Paths | None = None
         self.model_is_missing = False
         self.data: Data | None = None
+        self.model_hint = ""  # what to write for the word `model` in an expression
+        self.kinks: dict[Expr, syntax.Call] = {}  # what has one, and the call that it is from
         self.rows = ""  # the data set on whose rows a statement stands
         self._build: dict[type, Callable[[Any], Expr]] = {
             syntax.Number: self._number,
@@ -193,7 +196,8 @@ class ExpressionBuilder:
             self.constants.reported.add(name)
             known = [*self.table.entries, *RESERVED, "n", "h"]
             hint = (
-                (
+                (name == "model" and self.model_hint)
+                or (
                     self.diagnostics.source.repeats(name, node.start)
                     and f"within the repetition write `{{{name}}}`"
                 )
@@ -259,6 +263,8 @@ class ExpressionBuilder:
             return UNKNOWN
         if self.paths is None:
             hint = 'name the model under `model:`, as in `model: "robot.xml";`'
+            if node.name.startswith("model."):
+                hint = self.model_hint
             return self.fail(node, f"`{node.name}` is a path of a model, and the spec has none", hint)
         from stc.language.model.paths import PathError
 
@@ -329,6 +335,8 @@ class ExpressionBuilder:
         if self.table.kind(function) == TABLE:
             return self._looked_up(node)
         arguments = [self.build(argument) for argument in node.arguments]
+        if function in KINKED and self.table.kind(function) is None:
+            return kinked(self, node, arguments)
         if function in FUNCTIONS:
             if len(arguments) != FUNCTIONS[function]:
                 return self.fail(node, arity_message(function, len(arguments)))

@@ -131,6 +131,8 @@ def _bad_character(text: str, position: int, diagnostics: Diagnostics) -> int:
         "$": "constants are set from outside with `--set name=value`",
         "\\": "a statement may go on over several lines without any mark",
         "`": "write the plain `'`",
+        "?": "formulas for several stretches of frames stand under range headers, as in `[0, 10]: u = 1;`; "
+        "a choice by an unknown x is, smoothly, `b + (a - b)*(1 + tanh(x/e))/2`",
         "!": "comments start with `#`",
         "°": "angles are in radians: 30 degrees are `30*pi/180`",
     }.get(shown, "")
