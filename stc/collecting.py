@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from stc.data_sets import files_of
 from stc.problem import FrameRange, Problem, VariableRef
 from stc.records import dataclass
 from stc.solution import ReplayChannel, Solution
@@ -19,6 +20,7 @@ from stc.trajectory import Channel, FloatArray
 from stc.transcription import Transcription
 from stc.transcription.grid import Nodes
 from stc.transcription.multipliers import multiplier_blocks
+from stc.transcription.outside import used_outside
 from stc.transcription.recover import Recovery
 from stc.transcription.schemes import stencil_reach
 from stc.transcription.stated import Stated
@@ -71,6 +73,8 @@ def motion_at(stated: Stated, x: FloatArray, constants: Mapping[str, float]) -> 
         "x": x,
         "model": problem.model,
         "replay": _replay_channels(problem, recovery),
+        "data": files_of(problem.data),
+        "outside": used_outside(recovery),
         "force_frames": _force_frames(stated),
     }
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +18,15 @@ from numpy.typing import NDArray
 from stc import npz
 from stc.digests import sha256
 from stc.errors import StcError
-from stc.recorded_files import RecordedFile
+from stc.recorded_files import DATA_ROLE, RecordedFile
 from stc.records import dataclass, field
 
-__all__ = ["DATA_ROLE", "MOST_BYTES", "TIME", "DataError", "DataSet", "read_file"]
+__all__ = ["MOST_BYTES", "SUFFIXES", "TIME", "DataError", "DataSet", "files_of", "read_file"]
 
 FloatArray = NDArray[np.float64]
 
-#: The role of a file of numbers among those that a solution depends on.
-DATA_ROLE = "data"
+#: What the names of files of numbers end in.
+SUFFIXES = (".csv", ".npz")
 #: A file of numbers may be so large: solutions carry it whole.
 MOST_BYTES = 2**25
 #: The column that tells when each row was measured, in seconds.
@@ -88,7 +87,7 @@ def read_file(name: str, path: str, content: bytes) -> DataSet:
 
     Args:
         name: what the spec calls them.
-        path: of the file, as the spec writes it; its suffix tells the format.
+        path: of the file, as the spec writes it, with one of :data:`SUFFIXES`, which tells the format.
         content: all of it.
 
     Raises:
@@ -99,14 +98,11 @@ def read_file(name: str, path: str, content: bytes) -> DataSet:
             f"`{path}` has {len(content)} bytes, and {MOST_BYTES} are the most that data may have",
             "leave out rows or columns that the spec does not need",
         )
-    suffix = PurePosixPath(path).suffix.lower()
     record = RecordedFile(DATA_ROLE, path, str(sha256(content).hexdigest()), len(content), content)
-    if suffix == ".csv":
-        columns, lines = _of_csv(path, content)
-        return DataSet(name, columns, path, lines, record)
-    if suffix == ".npz":
+    if path.lower().endswith(".npz"):
         return DataSet(name, _of_npz(path, content), path, (), record)
-    raise DataError(f"data is read from a .csv or .npz file, not from `{path}`")
+    columns, lines = _of_csv(path, content)
+    return DataSet(name, columns, path, lines, record)
 
 
 def _of_csv(path: str, content: bytes) -> tuple[dict[str, FloatArray], list[int]]:
@@ -193,3 +189,8 @@ def _of_npz(path: str, content: bytes) -> dict[str, FloatArray]:
     if not columns:
         raise DataError(f"`{path}` holds no arrays")
     return columns
+
+
+def files_of(data: Mapping[str, DataSet]) -> list[RecordedFile]:
+    """The files that data sets were read from, each once."""
+    return list({each.file.path: each.file for each in data.values() if each.file is not None}.values())

@@ -74,6 +74,8 @@ class Outcome:
             print(in_all)
         if self.found is not None and self.found.message:
             console.note(self.found.message)
+        for told in self.solution.outside:
+            console.note(told)
         if self.blame is not None:
             reasons.show_blame(self.blame)
         if self.explanation is not None:

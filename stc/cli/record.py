@@ -59,6 +59,7 @@ def of_solution(solution: Solution, file: str | None = None, warnings: Iterable[
         parameters=dict(solution.parameters),
         file=file,
         warnings=of_diagnostics(warnings),
+        outside=list(solution.outside),
     )
     record["seconds"].update(solution.seconds)
     return record

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stc.codegen.tape import Tape
+from stc.codegen.lookups import meaning_of_clip, meaning_of_reaches, meaning_of_read
+from stc.codegen.tape import CLIP, REACHES, READ, Tape
 from stc.symbolic.traverse import NUMPY_MEANING
 
 _CHUNK: Final = 4096
@@ -17,7 +20,8 @@ _CHUNK: Final = 4096
 def run(tape: Tape, uniform: ArrayLike, varying: ArrayLike) -> NDArray[np.float64]:
     """Run the tape on N instances at once.
 
-    ``uniform`` has shape (n_uniform,), ``varying`` (n_varying, N); the result has shape (n_outputs, N).
+    ``uniform`` has shape (n_uniform or more,): the numbers of tables follow the inputs.  ``varying`` has shape
+    (n_varying, N); the result has shape (n_outputs, N).
     Invalid operations give nan and overflows inf, silently, as IEEE 754 says.
 
     Raises:
@@ -25,7 +29,7 @@ def run(tape: Tape, uniform: ArrayLike, varying: ArrayLike) -> NDArray[np.float6
     """
     shared = np.asarray(uniform, dtype=np.float64)
     each = np.asarray(varying, dtype=np.float64)
-    if shared.shape != (tape.n_uniform,) or each.ndim != 2 or each.shape[0] != tape.n_varying:
+    if shared.ndim != 1 or len(shared) < tape.n_uniform or each.ndim != 2 or each.shape[0] != tape.n_varying:
         raise ValueError(
             f"inputs of shapes {shared.shape} and {each.shape} for a tape of {tape.n_uniform} uniform "
             f"and {tape.n_varying} varying inputs"
@@ -40,10 +44,16 @@ def run(tape: Tape, uniform: ArrayLike, varying: ArrayLike) -> NDArray[np.float6
 def _run_chunk(
     tape: Tape, uniform: NDArray[np.float64], varying: NDArray[np.float64], out: NDArray[np.float64]
 ) -> None:
-    values: list[Any] = [*uniform, *varying, *map(np.float64, tape.constants)]
+    meanings: dict[str, Callable[..., Any]] = {
+        **NUMPY_MEANING,
+        CLIP: meaning_of_clip,
+        REACHES: meaning_of_reaches,
+        READ: partial(meaning_of_read, uniform),
+    }
+    values: list[Any] = [*uniform[: tape.n_uniform], *varying, *map(np.float64, tape.constants)]
     last_use = tape.last_use
     for number, (op, a, b) in enumerate(tape.ops):
-        meaning = NUMPY_MEANING[op]
+        meaning = meanings[op]
         values.append(meaning(values[a]) if b < 0 else meaning(values[a], values[b]))
         if last_use[a] == number:
             values[a] = None

@@ -2,37 +2,39 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.data_sets import MOST_BYTES, TIME, DataError, DataSet, read_file
+from stc.data_sets import TIME, DataError, DataSet, read_file
 from stc.language import syntax
 from stc.language.constants import Constants
+from stc.language.data_made import (
+    MOST_CELLS,
+    NEAR_HINT,
+    bridged,
+    checked,
+    found_beside,
+    grid,
+    keyframes,
+    plain_path,
+    presence,
+    split_path,
+    stretches,
+    too_near,
+)
 from stc.language.diagnostics import Diagnostics, did_you_mean, shortened
 from stc.language.names import DATA_SET, NameTable
 from stc.language.numbers import NotANumber, Unknown, affine
-from stc.symbolic.tables import KINDS, OUTSIDE, Axis, Table, TableRef, interpolated
+from stc.symbolic.tables import KINDS, OUTSIDE, Table, TableRef, interpolated
 
-__all__ = ["Data", "split_path"]
+__all__ = ["Data"]
 
 FloatArray = NDArray[np.float64]
 
-#: Cells of a table of two arguments: sixteen numbers are kept for each.
-MOST_CELLS = 1_000_000
 #: So far beyond a stretch of a recorded motion, as a share of the recording, rounding of a time is forgiven.
 _FORGIVEN = 1e-9
-
-_PART = re.compile(r'"([^"]*)"|([^.]+)')
-
-
-def split_path(path: str) -> tuple[str, str]:
-    """The first word of a path, and the rest as a column may be called: without quotes."""
-    parts = [quoted or plain for quoted, plain in _PART.findall(path)]
-    return parts[0], ".".join(parts[1:])
 
 
 class Data:
@@ -59,7 +61,7 @@ class Data:
         tables: list[syntax.TableDefinition] = []
         for block in tree.blocks("data"):
             for statement in block.statements:
-                if isinstance(statement, syntax.DataFile | syntax.DataRows):
+                if isinstance(statement, syntax.DataFile | syntax.DataKeyframes | syntax.DataRows):
                     self._take(statement)
                 elif isinstance(statement, syntax.TableDefinition):
                     tables.append(statement)
@@ -68,12 +70,17 @@ class Data:
 
     # ---- columns ---------------------------------------------------------------------------------------------------
 
-    def _take(self, statement: syntax.DataFile | syntax.DataRows) -> None:
+    def _take(self, statement: syntax.DataFile | syntax.DataKeyframes | syntax.DataRows) -> None:
         name = statement.name.name
         if name in self.sets or self.names.kind(name) != DATA_SET:
             return  # it is declared twice, which has been noted
         try:
-            found = self._file(statement) if isinstance(statement, syntax.DataFile) else self._rows(statement)
+            if isinstance(statement, syntax.DataFile):
+                found: DataSet | None = self._file(statement)
+            elif isinstance(statement, syntax.DataKeyframes):
+                found = self._keyframes(statement)
+            else:
+                found = self._rows(statement)
         except DataError as error:
             self.diagnostics.error(error.message, statement.start, statement.end, error.hint)
             found = None
@@ -87,14 +94,23 @@ class Data:
         known = self.tree.models.get(key)
         if not isinstance(known, DataSet):
             source = self.tree.source
-            content = _content(statement.path, source.path, source.carried)
+            content = found_beside(statement.path, source.path, source.carried)
             known = self.tree.models[key] = read_file(statement.name.name, statement.path, content)
         return known
+
+    def _keyframes(self, statement: syntax.DataKeyframes) -> DataSet | None:
+        """The keyframes of the model: its coordinates, angular velocities and controls at their times."""
+        if self.names.model is None:
+            if not any(self.tree.blocks("model")):  # else what is wrong with it has been told
+                hint = 'name it, as in `model: "robot.xml";`'
+                raise DataError("keyframes are those of a model, and the spec has none", hint)
+            return None
+        return keyframes(statement.name.name, self.names.model)
 
     def _rows(self, statement: syntax.DataRows) -> DataSet | None:
         names: list[str] = []
         for column in statement.columns:
-            name = ".".join(part for part in split_path(column.name) if part)
+            name = plain_path(column.name)
             if name in names:
                 self.diagnostics.error(f"there are two columns `{name}`", column.start, column.end)
                 return None
@@ -225,7 +241,7 @@ class Data:
                 return None
         if not self._rising(statement.columns[0], columns[0]):
             return None
-        return _checked(interpolated([x], y, kind, outside))
+        return checked(interpolated([x], y, kind, outside))
 
     def _same_length(
         self, statement: syntax.TableDefinition, columns: Sequence[tuple[DataSet, str, FloatArray]]
@@ -260,7 +276,12 @@ class Data:
         data, _, values = column
         falls = np.flatnonzero(~(np.diff(values) > 0.0))
         if not len(falls):
-            return True
+            near = too_near(values)
+            if near is None:
+                return True
+            message = f"`{path.name}` rises too little on {data.place(near + 1)}"
+            self.diagnostics.error(message, path.start, path.end, NEAR_HINT)
+            return False
         k = int(falls[0])
         what = "the same twice" if values[k] == values[k + 1] else "less than before"
         message = f"`{path.name}` is {what} on {data.place(k + 1)}: {values[k + 1]:.9g} after {values[k]:.9g}"
@@ -297,12 +318,12 @@ class Data:
                 return None
             if not all(self._complete(p, c) for p, c in zip(paths, columns, strict=True)):
                 return None
-            x, y, values = _grid(first, [path.name for path in paths], x, y, values)
+            x, y, values = grid(first, [path.name for path in paths], x, y, values)
         if (len(x) + 1) * (len(y) + 1) > MOST_CELLS:
             raise DataError(
                 f"a grid of {len(x)} by {len(y)} is too large", f"{MOST_CELLS} cells are the most"
             )
-        return _checked(interpolated([x, y], values, kind, outside))
+        return checked(interpolated([x, y], values, kind, outside))
 
     # ---- recorded motions ------------------------------------------------------------------------------------------
 
@@ -342,16 +363,16 @@ class Data:
             return None
         if not self._complete(*of_time) or not self._rising(*of_time):
             return None
-        runs = _runs(np.isfinite(values))
+        runs = stretches(np.isfinite(values))
         if not runs:
             message = f"`{path.name}` has nowhere two numbers in a row"
             self.diagnostics.error(message, path.start, path.end)
             return None
         whole = f"{data.name}.{name}"
         zero = (0,)
-        curve = TableRef(whole, _checked(_bridged(time, values, runs)), zero, of_time=True)
+        curve = TableRef(whole, checked(bridged(time, values, runs)), zero, of_time=True)
         slack = min(_FORGIVEN * float(time[-1] - time[0]), float(np.diff(time).min()) / 4.0)
-        weight = TableRef(f"known({whole})", _presence(time, runs, slack), zero, of_time=True)
+        weight = TableRef(f"known({whole})", presence(time, runs, slack), zero, of_time=True)
         return curve, weight, len(runs) > 1
 
     def weight_of(self, ref: TableRef) -> tuple[TableRef, bool]:
@@ -375,8 +396,7 @@ class Data:
             return []
         found: list[tuple[str, TableRef]] = []
         for variable in variables:
-            first, rest = split_path(variable)
-            whole = f"{first}.{rest}" if rest else first
+            rest, whole = split_path(variable)[1], plain_path(variable)
             column = next((each for each in (whole, rest) if each and each in data.columns), None)
             if column is not None and column != TIME:
                 path = f"{name}." + ".".join(f'"{part}"' for part in column.split("."))
@@ -388,29 +408,6 @@ class Data:
             message = f"no variable is called like a column of `{name}`"
             self.diagnostics.error(message, node.start, node.end, f"its columns are {listed}")
         return found
-
-
-def _content(path: str, spec: str | None, carried: object) -> bytes:
-    """What is in a file: what the spec's solution carries, else what lies beside the spec.
-
-    Raises:
-        DataError: there is no such file, or it cannot be read.
-    """
-    if isinstance(carried, dict):
-        if path not in carried:
-            raise DataError(f"the solution does not carry `{path}`")
-        return bytes(carried[path])
-    folder = Path(spec).parent if spec else Path()
-    try:
-        file = folder / path
-        if not file.is_file():
-            known = [each.name for suffix in ("*.csv", "*.npz") for each in sorted(folder.glob(suffix))]
-            hint = did_you_mean(path, known) or "it is looked for beside the spec"
-            raise DataError(f"there is no file `{path}`", hint)
-        with file.open("rb") as stream:
-            return stream.read(MOST_BYTES + 1)
-    except (OSError, ValueError) as error:
-        raise DataError(f"`{path}` cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
 def _no_column(data: DataSet, name: str, path: syntax.Name) -> tuple[str, int, int, str]:
@@ -425,78 +422,3 @@ def _no_column(data: DataSet, name: str, path: syntax.Name) -> tuple[str, int, i
 def _example(data: DataSet, name: str) -> str:
     other = next((each for each in data.columns if each != name), "x")
     return f"`f = table({data.name}.{other}, {data.name}.{name});`"
-
-
-def _grid(
-    data: DataSet, names: Sequence[str], x: FloatArray, y: FloatArray, values: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The axes and the matrix of a grid in long form: a row for each place, in any order.
-
-    Raises:
-        DataError: a place is missing, or stands twice.
-    """
-    rows, row = np.unique(x, return_inverse=True)
-    columns, column = np.unique(y, return_inverse=True)
-    hint = "each value of the first argument stands once with each of the second"
-    if len(rows) < 2 or len(columns) < 2:
-        what = names[0] if len(rows) < 2 else names[1]
-        raise DataError(
-            f"`{what}` has one value alone", "a table of two arguments has two values of each at least"
-        )
-    if len(rows) * len(columns) > 4 * MOST_CELLS:
-        raise DataError(f"`{names[0]}` and `{names[1]}` make no grid of {len(x)} places", hint)
-    cell = row * len(columns) + column
-    order = np.argsort(cell, kind="stable")
-    twice = np.flatnonzero(np.diff(cell[order]) == 0)
-    if len(twice):
-        one, other = sorted(int(order[twice[0] + k]) for k in (0, 1))
-        place = f"{data.place(other)} has the same place as {data.place(one)}"
-        raise DataError(f"{place}: {names[0]} = {x[one]:.9g}, {names[1]} = {y[one]:.9g}", hint)
-    if len(cell) < len(rows) * len(columns):
-        there = np.zeros(len(rows) * len(columns), bool)
-        there[cell] = True
-        i, j = divmod(int(np.argmin(there)), len(columns))
-        missing = f"{names[0]} = {rows[i]:.9g}, {names[1]} = {columns[j]:.9g}"
-        raise DataError(f"there is no value of `{names[2]}` for {missing}", hint)
-    return rows, columns, values[order].reshape(len(rows), len(columns))
-
-
-def _checked(table: Table) -> Table:
-    """The same, if numbers are enough for it.
-
-    Raises:
-        DataError: its places are too near to each other, or its values too large.
-    """
-    inner = table.coefficients[tuple(slice(1, -1) for _ in table.axes)]
-    if not np.isfinite(inner).all():
-        raise DataError("the numbers of this table are too large, or too near to each other")
-    return table
-
-
-def _runs(there: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """The first and the last place of every stretch of two or more."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(np.int8)))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]
-
-
-def _bridged(time: FloatArray, values: FloatArray, runs: Sequence[tuple[int, int]]) -> Table:
-    """A spline on each stretch, straight lines between, and the last value outside."""
-    parts = [interpolated([time[a : b + 1]], values[a : b + 1], "cubic", "hold") for a, b in runs]
-    places = np.concatenate([part.axes[0].x for part in parts])
-    rows: list[FloatArray] = [parts[0].coefficients[:1]]
-    for k, part in enumerate(parts):
-        rows.append(part.coefficients[1:-1])
-        if k + 1 < len(parts):
-            a, b = runs[k][1], runs[k + 1][0]
-            slope = (values[b] - values[a]) / (time[b] - time[a])
-            rows.append(np.array([[values[a], slope, 0.0, 0.0]]))
-    rows.append(parts[-1].coefficients[-1:])
-    return Table([Axis(places)], np.concatenate(rows), 3, "cubic", "hold")
-
-
-def _presence(time: FloatArray, runs: Sequence[tuple[int, int]], slack: float) -> Table:
-    """1 on every stretch, its ends included, and 0 elsewhere."""
-    edges = [edge for a, b in runs for edge in (time[a] - slack, np.nextafter(time[b] + slack, np.inf))]
-    coefficients = np.zeros((len(edges) + 1, 4))
-    coefficients[1::2, 0] = 1.0
-    return Table([Axis(np.array(edges))], coefficients, 0, "steps", "hold")

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 #: What a table is made by.
 TABLE_WORD = "table"
+#: What a motion is called that the model's file has.
+KEYFRAMES = "keyframes"
 _FORMS = '`name = "file.csv";`, `name = (x, y): (0, 1), (2, 3);` or `name = table(data.x, data.y);`'
 
 
@@ -33,6 +35,10 @@ def data_statement(parser: _Parser, into: list[syntax.Statement]) -> None:
     elif parser.kind == "name" and parser.token_text(parser.at) == TABLE_WORD:
         into.append(_table(parser, name))
         parser.end_statement("the table")
+    elif parser.kind == "name" and parser.token_text(parser.at) == KEYFRAMES:
+        parser.advance()
+        into.append(syntax.DataKeyframes(name.start, parser.ends[parser.at - 1], name))
+        parser.end_statement("the data set")
     else:
         raise parser.fail(
             f"expected data after `{name.name} =`, found {parser.described()}", f"data is {_FORMS}"

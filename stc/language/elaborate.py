@@ -254,7 +254,9 @@ class _Elaborator(Context):
             text = statement.written or statement_text(self.source, statement)
             for part in bounded:
                 body = self.settled(part.body, where, statement)
-                if self._reads_gaps(body, statement):
+                if any(
+                    self._reads_gaps(e, statement) for e in (body, part.lower, part.upper) if e is not None
+                ):
                     continue
                 found.append(Relation(body, part.lower, part.upper, where, self.span(statement), text))
                 if self.is_fixed(body):

@@ -69,7 +69,7 @@ def collect_names(
         kind = KINDS.get(section.kind, "")
         for block in section.blocks:
             for statement in block.statements:
-                if isinstance(statement, syntax.DataFile | syntax.DataRows):
+                if isinstance(statement, syntax.DataFile | syntax.DataKeyframes | syntax.DataRows):
                     _declare(table, diagnostics, statement.name, DATA_SET, None)
                 elif isinstance(statement, syntax.TableDefinition):
                     _declare(table, diagnostics, statement.name, TABLE, None)

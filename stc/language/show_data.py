@@ -8,6 +8,7 @@ import numpy as np
 
 from stc.data_sets import DataSet
 from stc.language import syntax
+from stc.language.data_parser import KEYFRAMES
 from stc.language.diagnostics import shortened
 from stc.problem import Problem
 from stc.symbolic.tables import TableRef
@@ -22,7 +23,11 @@ _OUTSIDE = {
 
 
 def show_data_statement(
-    node: syntax.DataFile | syntax.DataRows | syntax.TableDefinition | syntax.GuessFrom,
+    node: syntax.DataFile
+    | syntax.DataKeyframes
+    | syntax.DataRows
+    | syntax.TableDefinition
+    | syntax.GuessFrom,
     show: Callable[[syntax.Expression], str],
 ) -> str:
     """One statement with its ``;``; ``show`` gives the text of an expression."""
@@ -30,6 +35,8 @@ def show_data_statement(
         return f"{node.name.name};"
     if isinstance(node, syntax.DataFile):
         return f'{node.name.name} = "{node.path}";'
+    if isinstance(node, syntax.DataKeyframes):
+        return f"{node.name.name} = {KEYFRAMES};"
     columns = ", ".join(column.name for column in node.columns)
     if isinstance(node, syntax.TableDefinition):
         options = [f", {n.name}" if v is None else f", {n.name} = {v.name}" for n, v in node.options]

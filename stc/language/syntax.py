@@ -254,6 +254,13 @@ class DataFile(Node):
 
 
 @dataclass(slots=True)
+class DataKeyframes(Node):
+    """``walk = keyframes;`` in `data:`: the keyframes of the model, at their times."""
+
+    name: Name
+
+
+@dataclass(slots=True)
 class DataRows(Node):
     """``thrust = (speed, force): (0, 10), (5, 4);`` in `data:`; a row has an expression for each column."""
 
@@ -299,6 +306,7 @@ Statement: TypeAlias = (
     | Pose
     | PoseDefinition
     | DataFile
+    | DataKeyframes
     | DataRows
     | TableDefinition
     | GuessFrom

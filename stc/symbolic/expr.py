@@ -6,6 +6,7 @@ from stc.symbolic import rules as _rules
 from stc.symbolic.node import (
     ARITY,
     FUNCTIONS,
+    OF_TABLES,
     ONE,
     ZERO,
     Expr,
@@ -34,6 +35,7 @@ RULES = _rules.RULES
 __all__ = [
     "ARITY",
     "FUNCTIONS",
+    "OF_TABLES",
     "ONE",
     "RULES",
     "ZERO",

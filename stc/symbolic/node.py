@@ -58,34 +58,25 @@ FUNCTIONS: Final[dict[str, int]] = {
 }
 """The functions of the spec language and how many arguments each takes."""
 
-LOOK, AT, TABLE = "look", "at", "table"
-"""What tables are in expressions: two operators and a leaf, see :mod:`stc.symbolic.tables`."""
+ARITY: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2, "neg": 1, **FUNCTIONS}
+"""Every operator whose operands are numbers."""
 
-ARITY: Final[dict[str, int]] = {
-    "add": 2,
-    "sub": 2,
-    "mul": 2,
-    "div": 2,
-    "pow": 2,
-    "neg": 1,
-    **FUNCTIONS,
-    LOOK: 2,
-    AT: 2,
-}
-"""Every operator that has operands; ``num``, ``sym`` and ``table`` are leaves."""
+LOOK, AT, TABLE = "look", "at", "table"
+OF_TABLES: Final[dict[str, int]] = {LOOK: 2, AT: 2}
+"""The operators of tables, see :mod:`stc.symbolic.tables`; ``num``, ``sym`` and ``table`` are leaves."""
 
 COMMUTATIVE: Final = frozenset({"add", "mul"})
 _ADDITIVE: Final = frozenset({"add", "sub"})
 
 _HASH_BITS: Final = 60
 _HASH_MASK: Final = (1 << _HASH_BITS) - 1
-_OPCODE: Final[dict[str, int]] = {op: 7919 * (k + 2) for k, op in enumerate(ARITY)}
+_OPCODE: Final[dict[str, int]] = {op: 7919 * (k + 2) for k, op in enumerate((*ARITY, *OF_TABLES))}
 
 
 class Expr:
     """One interned node; made by the constructors of this module only, never changed.
 
-    ``op`` is ``"num"``, ``"sym"``, ``"table"`` or an operator of :data:`ARITY`; ``args`` its operands; ``payload`` the
+    ``op`` is ``"num"``, ``"sym"``, ``"table"`` or an operator that has operands, ``args``; ``payload`` the
     value of a literal (float), the key of a symbol (hashable) or a :class:`~stc.symbolic.tables.TableRef`.
     ``order`` is explained above, ``fingerprint`` in :mod:`stc.symbolic.fingerprint`; ``settled`` remembers that no rule
     applies.  Equality is identity.
@@ -296,7 +287,7 @@ def raw(op: str, *args: Expr) -> Expr:
     Raises:
         ValueError: the operator is unknown or has another number of operands.
     """
-    if ARITY.get(op) != len(args):
+    if ARITY.get(op, OF_TABLES.get(op)) != len(args):
         raise ValueError(f"no operator {op!r} with {len(args)} operands")
     return _intern(op, *args)
 

@@ -38,18 +38,30 @@ ORDER: Final = 4
 
 # ---- how tables lie in memory, see ``storage`` -----------------------------------------------------------------------
 
-HEADER: Final = 9
-LOWEST, SCALE, LAST_BUCKET, STRIDE, BUCKETS, KNOTS, PIECES, WIDTH, SECOND = range(HEADER)
-"""Places in the header of an axis:
+AXIS: Final = 7
+LOWEST, SCALE, LAST, BUCKETS, BEGINS, ORIGIN, STEP = range(AXIS)
+"""Places in the header of an axis.
 
-``LOWEST``, ``SCALE``: the bucket of x is ``(x - LOWEST)*SCALE`` rounded down, between 0 and ``LAST_BUCKET``.
-``STRIDE``: the first stride of the search within a bucket, a power of two, or 0.
-``BUCKETS``, ``KNOTS``, ``PIECES``: where these begin, counted from the header.
-``WIDTH``: numbers per piece.
-``SECOND``: where the header of the second axis begins, counted from this one.
+``LOWEST``, ``SCALE``, ``LAST``: ``(x - LOWEST)*SCALE``, rounded down and kept between 0 and ``LAST``, is the piece of x
+where places are evenly spaced, else its bucket.
+``ORIGIN``, ``STEP``: of even places; piece k is zero at ``ORIGIN + k*STEP``.
+``BUCKETS``: of others; where buckets are described, counted from the first number of the table.  Where no bucket has
+two places in it, each is four numbers: its place, the piece before that one with where it is zero, and how much farther
+the next piece is zero.  Else it is one number, the first piece that may be meant.
+``BEGINS``: of these; where it is told where each piece is zero and begins, counted likewise.
 """
+BUCKET: Final = 4
+PLACE, BEFORE, ZERO_BEFORE, FARTHER = range(BUCKET)
+"""Places within such a bucket."""
+HEADER: Final = 2 * AXIS + 2
+COEFFICIENTS, ROW = 2 * AXIS, 2 * AXIS + 1
+"""After the headers of two axes: where coefficients begin, and how far the rows of the first argument lie apart."""
 
-MOST_BUCKETS: Final = 1 << 16
+MOST_BUCKETS: Final = 1 << 18
+"""So many buckets a table has at most, or as many as it has places."""
+#: Places that are as even as rounding lets them be are taken to be so, in units of the last digit of the largest.
+_EVEN: Final = 4.0
+_SLACK: Final = 2.0**-46
 
 
 class Axis:
@@ -57,51 +69,78 @@ class Axis:
 
     Args:
         x: (k,) numbers, strictly rising, two or more.
+
+    Attributes:
+        begins: where all pieces but the first one begin: the last place itself belongs to the table.
+        origins: where each piece's variable is zero.
+        search: 0 where the places are evenly spaced; 1 where no bucket has two of them in it; else in how many steps a
+            piece is found in its bucket, by halving.
     """
 
     def __init__(self, x: FloatArray) -> None:
         self.x = np.array(x, dtype=np.float64)
         self.x.flags.writeable = False
-        #: Where each piece's variable is zero: left of the table at its begin, right of it at its end.
-        self.origins = np.concatenate([self.x[:1], self.x])
-        #: Where all pieces but the first one begin: the last place itself belongs to the table.
         self.begins = self.x.copy()
         self.begins[-1] = np.nextafter(self.x[-1], np.inf)
+        low, high, last = self.x[0], self.x[-1], len(self.x) - 1
+        self.step = float((high - low) / last)
+        off = np.abs(self.x - (low + self.step * np.arange(last + 1))).max()
+        even = off <= _EVEN * np.spacing(max(abs(low), abs(high)))
+        self._buckets = last
+        self._scale = float(last / (high - low))
+        self._of_knot = np.zeros(0, np.int64)
+        self.search = 0 if even else self._fill_buckets()
+        self.origins = np.concatenate([[low - self.step] if even else [low], self.x])
+
+    def _fill_buckets(self) -> int:
+        """Choose so many buckets that hardly any has several places in it; in how many steps these are told apart."""
+        count, best = len(self.x), 0
+        buckets = count - 1
+        while not best or (best > 1 and buckets <= max(min(16 * count + 4096, MOST_BUCKETS), count)):
+            scale = float(buckets / (self.x[-1] - self.x[0]))
+            of_knot = np.clip((self.begins - self.x[0]) * scale, 0.0, buckets - 1.0).astype(np.int64)
+            steps = int(np.bincount(of_knot).max()).bit_length()
+            if not best or steps < best:
+                best, self._buckets, self._scale, self._of_knot = steps, buckets, scale, of_knot
+            buckets *= 2
+        return best
 
     def __len__(self) -> int:
         """How many pieces there are, those outside included."""
-        return len(self.origins)
+        return len(self.x) + 1
 
     def pieces(self, x: Any) -> NDArray[np.intp]:
         """The number of the piece that each argument lies in."""
         return np.searchsorted(self.begins, np.real(x), side="right")
 
-    def storage(self, pieces: FloatArray) -> FloatArray:
-        """Header, buckets, knots and pieces (k, width) in a row."""
-        low, high = self.x[0], self.x[-1]
-        count = len(self.x)
-        # So many buckets that hardly any has several knots in it: what is left is searched by halving.
-        best: tuple[int, int, float, NDArray[np.int64]] | None = None
-        buckets = count - 1
-        while best is None or (best[0] > 1 and buckets <= min(16 * count, max(MOST_BUCKETS, count))):
-            scale = buckets / (high - low)
-            of_knot = np.clip((self.begins - low) * scale, 0.0, buckets - 1.0).astype(np.int64)
-            most = int(np.bincount(of_knot).max())
-            if best is None or most < best[0]:
-                best = most, buckets, float(scale), of_knot
-            buckets *= 2
-        most, buckets, scale, of_knot = best
-        first = np.searchsorted(of_knot, np.arange(buckets))
-        stride = 1 << (most.bit_length() - 1)
-        # A search ends at most at the last piece: beyond it there are knots that nothing reaches.
-        knots = np.concatenate([[-np.inf], self.begins, np.full(2 * stride, np.inf)])
-        header = np.zeros(HEADER)
-        header[LOWEST], header[SCALE], header[LAST_BUCKET], header[STRIDE] = low, scale, buckets - 1, stride
-        header[BUCKETS] = HEADER
-        header[KNOTS] = HEADER + buckets
-        header[PIECES] = header[KNOTS] + len(knots)
-        header[WIDTH] = pieces.shape[1]
-        return np.concatenate([header, first, knots, pieces.ravel()])
+    def storage(self, at: int) -> tuple[FloatArray, FloatArray]:
+        """The header, and what lies at ``at``, counted from the first number of the table."""
+        header = np.zeros(AXIS)
+        header[SCALE] = self._scale
+        if not self.search:  # the first piece is the one to the left
+            count, origin, high = len(self.x), float(self.origins[0]), float(self.x[-1])
+            # Both ends belong to the table, whatever rounding does: pieces begin a little earlier than they should,
+            # and the last one lasts a little longer.
+            slack = _SLACK * max(abs(origin), abs(high))
+            header[LOWEST], header[LAST] = origin - slack, count
+            header[SCALE] = count * (1.0 - _SLACK / 16.0) / (high - origin + slack)
+            header[ORIGIN], header[STEP] = origin, self.step
+            return header, np.zeros(0)
+        first = np.searchsorted(self._of_knot, np.arange(self._buckets)).astype(np.float64)
+        header[LOWEST], header[LAST] = self.x[0], self._buckets - 1
+        header[BUCKETS], header[BEGINS] = at, at + len(first)
+        if self.search == 1:
+            before = first.astype(np.int64)
+            place = np.concatenate([self.begins, [np.nan]])[before]
+            place = np.where(
+                np.searchsorted(self._of_knot, np.arange(self._buckets), "right") > before, place, np.nan
+            )
+            zero = self.origins[before]
+            farther = np.nan_to_num(place - zero)
+            return header, np.column_stack([place, first, zero, farther]).ravel()
+        # A search ends at most at the last piece: what follows it no number reaches.
+        beyond = np.full(1 << self.search, np.nan)
+        return header, np.concatenate([first, self.x[:1], self.begins, beyond])
 
 
 class Table:
@@ -139,6 +178,10 @@ class Table:
 
     def value(self, arguments: Sequence[Any], orders: Sequence[int]) -> Any:
         """The function, or a partial derivative of it, at arguments of any common shape; one NumPy pass each."""
+        with np.errstate(all="ignore"):
+            return self._value(arguments, orders)
+
+    def _value(self, arguments: Sequence[Any], orders: Sequence[int]) -> Any:
         where = tuple(axis.pieces(x) for axis, x in zip(self.axes, arguments, strict=True))
         found = self.coefficients[where]
         for axis, x, piece, order in zip(self.axes, arguments, where, orders, strict=True):
@@ -165,20 +208,18 @@ class Table:
         return self._storage
 
     def _stored(self) -> FloatArray:
-        first = self.axes[0]
-        if len(self.axes) == 1:
-            return first.storage(np.column_stack([first.origins, self.coefficients]))
-        second = self.axes[1]
-        size = ORDER * ORDER
-        # A piece of an axis tells what to add to come to the coefficients: rows of the first axis lie apart.
-        offsets = np.arange(len(first)) * float(len(second) * size)
-        rows = first.storage(np.column_stack([first.origins, offsets]))
-        columns = second.storage(np.column_stack([second.origins, np.arange(len(second)) * float(size)]))
-        rows[SECOND] = len(rows)
-        begin = len(rows) + len(columns)
-        width = int(columns[WIDTH])
-        columns[int(columns[PIECES]) + 1 :: width] += begin
-        return np.concatenate([rows, columns, self.coefficients.ravel()])
+        head = np.zeros(HEADER)
+        parts: list[FloatArray] = [head]
+        end = HEADER
+        for k, axis in enumerate(self.axes):
+            head[AXIS * k : AXIS * (k + 1)], search = axis.storage(end)
+            parts.append(search)
+            end += len(search)
+        size = ORDER ** len(self.axes)
+        head[COEFFICIENTS] = end
+        head[ROW] = size if len(self.axes) == 1 else size * len(self.axes[1])
+        # four numbers are read together, though fewer may be wanted
+        return np.concatenate([*parts, self.coefficients.ravel(), np.zeros(ORDER)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +240,8 @@ class TableRef:
 
     def __repr__(self) -> str:
         # What is derived from expressions is kept under their text, whatever the numbers are.
-        return f"TableRef({self.name!r}, {self.orders}, {self.table.degree})"
+        searches = [axis.search for axis in self.table.axes]
+        return f"TableRef({self.name!r}, {self.orders}, {self.table.degree}, {searches})"
 
     def __str__(self) -> str:
         if not any(self.orders):
@@ -247,7 +289,7 @@ def interpolated(abscissae: Sequence[FloatArray], values: FloatArray, kind: str,
 
     Args:
         abscissae: one or two lists of numbers, strictly rising, (k,) or (k,) and (m,); two numbers at least each.
-        values: (k,) or (k, m), finite.
+        values: (k,) or (k, m), finite.  Coefficients that are too large for numbers come out infinite.
         kind: of :data:`KINDS`.  ``cubic`` is the spline with continuous second derivatives whose third derivative is
             continuous at the second and the last but one place too ("not a knot"; de Boor, chapter IV), a parabola
             through three places and a line through two; ``monotone`` rises and falls where the numbers do (Fritsch
@@ -257,18 +299,24 @@ def interpolated(abscissae: Sequence[FloatArray], values: FloatArray, kind: str,
     axes = [Axis(np.asarray(x, dtype=np.float64)) for x in abscissae]
     slopes_of = {"cubic": _spline_slopes, "monotone": _monotone_slopes, "linear": _line_slopes}[kind]
     found = np.asarray(values, dtype=np.float64)
-    for number, axis in enumerate(axes):
-        # (pieces, 4, ...) along the first axis; then those of the axis before come last
-        along = np.moveaxis(found, 2 * number, 0)
-        pieces = _pieces(axis.x, along, slopes_of, kind, outside)
-        found = np.moveaxis(pieces, (0, 1), (2 * number, 2 * number + 1))
+    with np.errstate(all="ignore"):
+        for number, axis in enumerate(axes):
+            # (pieces, 4, ...) along the first axis; then those of the axis before come last
+            along = np.moveaxis(found, 2 * number, 0)
+            pieces = _pieces(axis.x, axis.origins[0], along, slopes_of, kind, outside)
+            found = np.moveaxis(pieces, (0, 1), (2 * number, 2 * number + 1))
     if len(axes) == 2:
         found = found.transpose(0, 2, 1, 3)
     return Table(axes, found, 1 if kind == "linear" else 3, kind, outside)
 
 
-def _pieces(x: FloatArray, values: FloatArray, slopes_of: Any, kind: str, outside: str) -> FloatArray:
-    """Coefficients (k + 1, 4, ...) of the pieces between k places and outside, of values (k, ...)."""
+def _pieces(
+    x: FloatArray, origin: float, values: FloatArray, slopes_of: Any, kind: str, outside: str
+) -> FloatArray:
+    """Coefficients (k + 1, 4, ...) of the pieces between k places and outside, of values (k, ...).
+
+    ``origin`` is where the variable of the first piece is zero.
+    """
     step = np.diff(x).reshape(-1, *(1,) * (values.ndim - 1))
     secant = np.diff(values, axis=0) / step
     slope = slopes_of(step, secant)
@@ -283,9 +331,12 @@ def _pieces(x: FloatArray, values: FloatArray, slopes_of: Any, kind: str, outsid
         found[1:-1, 2] = (secant - slope[:-1]) / step - bend
         found[1:-1, 3] = bend / step
         ends = slope[0], slope[-1]
-    for piece, value, end in ((0, values[0], ends[0]), (-1, values[-1], ends[1])):
-        found[piece, 0] = value if outside != "error" else np.nan
+    off = x[0] - origin  # how far the variable of the first piece is from zero where the table begins
+    for piece, value, end in ((0, values[0] - off * ends[0], ends[0]), (-1, values[-1], ends[1])):
+        found[piece, 0] = value if outside == "extend" else np.nan
         found[piece, 1] = end if outside == "extend" else 0.0
+    if outside == "hold":
+        found[0, 0], found[-1, 0] = values[0], values[-1]
     return found
 
 

@@ -292,7 +292,9 @@ def transcribe(problem: Problem) -> Transcription:
     """
     begin = time.perf_counter()
     stated = state(problem)
-    program = assemble(stated.statements, stated.layout, list(problem.constants))
+    program = assemble(
+        stated.statements, stated.layout, list(problem.constants), with_tables=bool(problem.data)
+    )
     programs = [g.programs for g in program.groups]
     tapes = [one.values_tape for one in programs] + [one.derivatives_tape for one in programs]
     result = Transcription(
