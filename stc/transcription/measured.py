@@ -10,6 +10,7 @@ the step and on the step's length alone. So a statement on rows is one on steps,
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from stc.data_sets import TIME
 from stc.errors import Diagnostic, SpecError
 from stc.problem import CellRef, ConstantRef, ObjectiveTerm, TimeRef, VariableRef
+from stc.rates import rate_with
 from stc.symbolic.expr import Expr, substitute, sum_of, sym, symbols
 from stc.trajectory import Channel, Places, curves, horner, places
 from stc.transcription.grid import AFTER, Nodes
@@ -51,6 +53,7 @@ class Measured:
         self.lowering, self.term, self._table = lowering, term, table
         self.data = lowering.problem.data[term.rows]
         self._known: dict[object, Expr] = {}
+        self._rate = rate_with(lowering.problem.rotations)
         keys = symbols(term.body)
         columns = {key.column for key in keys if isinstance(key, CellRef)}
         self.moves = any(isinstance(key, VariableRef) and key.scale != 0 for key in keys)
@@ -141,23 +144,29 @@ class Measured:
         """A variable or its derivative at a row's time, as a sum of unknowns of the row's step."""
         if ref not in self._known:
             terms = []
-            for unknown, weight in self._weights(ref):
+            turning = any(ref.name in rotation.quaternion for rotation in self.lowering.problem.rotations)
+            for unknown, weight in self._weights(ref, turning):
+                at_node = sym(unknown)
+                if turning and unknown.order:  # what changes a quaternion is no unknown of its own
+                    at_node = self._rate(replace(unknown, order=0))
                 weight = np.where(np.isfinite(weight), weight, 0.0)
                 used = weight[self.rows]
                 if (used == 1.0).all():
-                    terms.append(sym(unknown))
+                    terms.append(at_node)
                 elif used.any():
-                    terms.append(sym(self._table(weight)) * sym(unknown))
+                    terms.append(sym(self._table(weight)) * at_node)
             self._known[ref] = sum_of(terms)
         return self._known[ref]
 
-    def _weights(self, ref: VariableRef) -> Iterator[tuple[VariableRef, FloatArray]]:
+    def _weights(self, ref: VariableRef, turning: bool) -> Iterator[tuple[VariableRef, FloatArray]]:
         """The unknowns of a step and their weights, each (rows,), in a value on the curve.
 
         The curve is linear in the values at the nodes: a weight is the curve of a motion that is 1 at one of them.
         """
         grid = self.lowering.grid
-        top = max(1, ref.order) if grid.method == "central" else self.lowering.layout.order[ref.name]
+        top = self.lowering.layout.order[ref.name]
+        if turning or grid.method == "central":
+            top = max(1, ref.order)
         first = -HALF if grid.has_midpoints else 0 * HALF
         places_in_step = [first, first + 1, first + HALF][: 3 if grid.has_midpoints else 2]
         count = len(self.length)

@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 import stc
 from stc.cli import run
 from stc.errors import Source, SpecError
+from stc.judging import judge
 from stc.language import read_problem
 from stc.language.show import show_problem
 from stc.pipeline import Model
@@ -51,6 +52,31 @@ def test_a_row_reads_the_curve_that_the_solution_is_read_off(method: str) -> Non
     else:
         effort = h / 6 * np.sum(u.before[:-1] ** 2 + 4 * u.mid**2 + u.before[1:] ** 2)
     assert solution.objective == pytest.approx(misfit + 0.01 * effort, rel=1e-9)
+
+
+TOP = """<mujoco><worldbody><body name="top"><joint name="turn" type="ball" damping="0.1"/>
+<inertial pos="0 0 0" mass="1" diaginertia="0.2 0.3 0.4"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_orientation_is_read_off_its_curve_too(method: str, tmp_path: Path) -> None:
+    (tmp_path / "top.xml").write_text(TOP, encoding="utf-8")
+    spec = tmp_path / "top.stc"
+    spec.write_text(
+        """constants: n = 16, T = 1, h = T/n; model: "top.xml";
+        data: d = (time, q, w): (0.11, 0.1, 1.9), (0.4, 0.3, 1.8), (0.77, 0.5, 1.6);
+        constraints: [0]: joint.turn.qw = 1; joint.turn.qx; joint.turn.qy; joint.turn.qz;
+        objective: [d]: (joint.turn.qx - d.q)^2; 0.1*(joint.turn.wx - d.w)^2;
+        guess: joint.turn.wx = 2;""",
+        encoding="utf-8",
+    )
+    solution = stc.load(spec).solve(method=method)
+    assert solution.status == "optimal"
+    motion = solution.at([0.11, 0.4, 0.77])
+    misfit = (motion["joint.turn.qx"] - [0.1, 0.3, 0.5]) ** 2
+    misfit += 0.1 * (motion["joint.turn.wx"] - [1.9, 1.8, 1.6]) ** 2
+    # Under central differences the rate of an angular velocity is one of the quaternion's: alike to second order.
+    assert solution.objective == pytest.approx(misfit.sum(), rel=1e-3 if method == "central" else 1e-7)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -131,6 +157,29 @@ def test_trials_of_one_body_share_its_parameters_and_have_the_errors_of_a_dense_
     variance = 2 * dense.cost / 40
     covariance = variance * np.linalg.inv(dense.jac.T @ dense.jac)
     assert found.covariance == pytest.approx(covariance, rel=1e-4, abs=1e-9)
+
+
+def test_a_saved_estimate_is_judged_and_solved_on_from_without_its_file(tmp_path: Path) -> None:
+    data = tmp_path / "d.csv"
+    data.write_text("time,x\n0,1\n0.7,0.55\n1.4,0.2\n", encoding="utf-8")
+    spec = tmp_path / "s.stc"
+    spec.write_text(
+        """constants: n = 20, T = 2, h = T/n; parameters: c; variables: x;
+        data: for k in 1..1: d{k} = "d.csv";
+        constraints: [0, n]: x' = -c*x; [0]: x = 1;
+        objective: [d1]: (x - d1.x)^2; guess: c = 1; x = exp(-t); method: hermite-simpson;""",
+        encoding="utf-8",
+    )
+    solution = stc.load(spec).solve()
+    solution.save(tmp_path / "s.npz")
+    data.unlink()
+    again = stc.read(tmp_path / "s.npz")
+    claims = judge(again)
+    assert any(claim.name == "objective" for claim in claims.claims)
+    assert not claims.findings, claims.findings
+    again.objective *= 1.01
+    assert any("objective" in finding for finding in judge(again).findings)
+    assert again.resolve(T=2.2).parameters["c"] == pytest.approx(solution.parameters["c"], rel=1e-5)
 
 
 def test_a_bound_that_holds_a_parameter_takes_its_error_away() -> None:
