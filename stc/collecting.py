@@ -62,7 +62,7 @@ def motion_at(stated: Stated, x: FloatArray, constants: Mapping[str, float]) -> 
     recovery = stated.recovery(x, constants)
     return {
         "name": problem.name,
-        "source": problem.source.text,
+        "source": problem.source.written,
         "method": problem.method,
         "time": recovery.time,
         "trajectories": recovery.trajectories(),

@@ -104,6 +104,17 @@ class IndexRef:
         return "i"
 
 
+@dataclass(frozen=True, slots=True)
+class CellRef:
+    """A column of a data set, in a statement that stands on its rows: the number in the row at hand."""
+
+    data: str
+    column: str
+
+    def __str__(self) -> str:
+        return f"{self.data}.{self.column}"
+
+
 def index_text(scale: Fraction | int, shift: Fraction | int) -> str:
     """``scale*i + shift`` as the spec language writes it: ``i + 1``, ``2*i``, ``60 - i``, ``7``."""
     if scale == 0:
@@ -152,13 +163,17 @@ class Relation:
 
 @dataclass(frozen=True, slots=True)
 class ObjectiveTerm:
-    """One summand of the objective: a plain sum over the frames, or an integral over the range's time."""
+    """One summand of the objective: a plain sum over the frames, or an integral over the range's time.
+
+    With ``rows`` it is a sum over the rows of that data set instead, and the range is frame 0 alone.
+    """
 
     body: Expr
     integral: bool
     range: FrameRange
     span: Span
     text: str
+    rows: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,6 +53,7 @@ def of_solution(solution: Solution, file: str | None = None, warnings: Iterable[
         blame=None,
         active=None,
         sensitivities=None,
+        estimation=None,
         variables=len(solution.x),
         rows=len(solution.row_multipliers),
         parameters=dict(solution.parameters),

@@ -156,6 +156,8 @@ class Constants:
         entry = self.table.entries.get("n")
         start, end = (entry.start, entry.end) if entry is not None else (0, 0)
         value = self.values.get("n")
+        if value is None and entry is None and not self.damaged and self._is_without_motion():
+            value = 0.0
         if value is None:
             if entry is None and "n" not in self.damaged:
                 hint = (
@@ -173,6 +175,10 @@ class Constants:
             return None
         self.values["n"] = float(round(value))
         return round(value)
+
+    def _is_without_motion(self) -> bool:
+        """Whether parameters are all that is unknown: there is one frame, and nothing to say of it."""
+        return bool(self.table.of_kind("parameter")) and not self.table.of_kind("variable")
 
     def made_from(self, name: str) -> set[str]:
         """The constant and every other one that shaped its value."""

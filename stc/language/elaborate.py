@@ -17,6 +17,7 @@ from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.expressions import TIME
+from stc.language.measurements import placing_rows, stands_on_rows
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
 from stc.language.names import DATA_SET
 from stc.language.statements import Objective, Relations, statement_text
@@ -129,6 +130,7 @@ class _Elaborator(Context):
                 | self.constants.made_from("n")
                 | self._shaping()
                 | (set() if self.data is None else self.data.structural)
+                | placing_rows(self, step, objective)
             ),
             n=self.n,
             method=self.method,
@@ -293,7 +295,7 @@ class _Elaborator(Context):
 
     def _objective(self) -> list[ObjectiveTerm]:
         found: list[ObjectiveTerm] = []
-        for _, where, statement in self.statements("objective", syntax.Relation):
+        for block, where, statement in self.statements("objective", syntax.Relation):
             if statement.operators:
                 hint = "relations belong under `constraints:`; an equation is penalised as `(a - b)^2`"
                 self.builder.fail(statement, "an objective is an expression, not a relation", hint)
@@ -306,11 +308,14 @@ class _Elaborator(Context):
             text = statement_text(self.source, statement)
             for part in summands:
                 body = self.settled(part.body, where, statement)
+                rows = self.rows(block)
+                if rows and not stands_on_rows(self, body, part.integral, rows, statement):
+                    continue
                 if part.integral:
                     body = self._counted(body)
                 elif self._reads_gaps(body, statement):
                     continue
-                found.append(ObjectiveTerm(body, part.integral, where, self.span(statement), text))
+                found.append(ObjectiveTerm(body, part.integral, where, self.span(statement), text, rows))
         return found
 
     # ------------------------------------------------------- guesses and replay

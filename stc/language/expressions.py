@@ -12,11 +12,13 @@ from stc.language import syntax
 from stc.language.constants import Constants
 from stc.language.definitions import runs
 from stc.language.diagnostics import Diagnostics, derivative_meant, did_you_mean
+from stc.language.kinks import KINKED, kinked
 from stc.language.names import DATA_SET, TABLE, NameTable
 from stc.language.numbers import arity_message
 from stc.language.positions import Positions
 from stc.language.words import FUNCTION_ADVICE, OPERATORS, RESERVED
 from stc.problem import (
+    CellRef,
     ConstantRef,
     DefinitionPiece,
     DefinitionRef,
@@ -99,6 +101,9 @@ class ExpressionBuilder:
         self.paths: Paths | None = None
         self.model_is_missing = False
         self.data: Data | None = None
+        self.model_hint = ""  # what to write for the word `model` in an expression
+        self.kinks: dict[Expr, syntax.Call] = {}  # what has one, and the call that it is from
+        self.rows = ""  # the data set on whose rows a statement stands
         self._build: dict[type, Callable[[Any], Expr]] = {
             syntax.Number: self._number,
             syntax.Name: self._name,
@@ -191,7 +196,12 @@ class ExpressionBuilder:
             self.constants.reported.add(name)
             known = [*self.table.entries, *RESERVED, "n", "h"]
             hint = (
-                derivative_meant(name, self.table.of_kind("variable"))
+                (name == "model" and self.model_hint)
+                or (
+                    self.diagnostics.source.repeats(name, node.start)
+                    and f"within the repetition write `{{{name}}}`"
+                )
+                or derivative_meant(name, self.table.of_kind("variable"))
                 or (name == "dt" and "the time from one frame to the next is `h`; a derivative is `x'`")
                 or did_you_mean(name, known)
                 or "declare it under `constants:`, `variables:` or `parameters:`"
@@ -207,13 +217,27 @@ class ExpressionBuilder:
         return self.fail(node, f"`{node.name}` is a data set, not a number", hint)
 
     def _reference(self, node: syntax.Name) -> Expr:
-        """A column of a data set, as a function of time."""
+        """A column of a data set, as a function of time; in a statement on its rows, as the number in each."""
         assert self.data is not None
+        if self.rows and node.name.partition(".")[0] == self.rows:
+            return self._cell(node)
         found = self.data.reference(node)
         if found is None:
             self.poisoned = True
             return UNKNOWN
         return looked_up(found[0], TIME)
+
+    def _cell(self, node: syntax.Name) -> Expr:
+        assert self.data is not None
+        found = self.data.column(node)
+        if found is None:
+            self.poisoned = True
+            return UNKNOWN
+        data, name, values = found
+        if values.shape != (data.rows,):
+            hint = "rows are those of columns of one length"
+            return self.fail(node, f"`{node.name}` has another shape than the rows of `{data.name}`", hint)
+        return sym(CellRef(data.name, name))
 
     def _looked_up(self, node: syntax.Call) -> Expr:
         """A table with its arguments."""
@@ -239,6 +263,8 @@ class ExpressionBuilder:
             return UNKNOWN
         if self.paths is None:
             hint = 'name the model under `model:`, as in `model: "robot.xml";`'
+            if node.name.startswith("model."):
+                hint = self.model_hint
             return self.fail(node, f"`{node.name}` is a path of a model, and the spec has none", hint)
         from stc.language.model.paths import PathError
 
@@ -309,6 +335,8 @@ class ExpressionBuilder:
         if self.table.kind(function) == TABLE:
             return self._looked_up(node)
         arguments = [self.build(argument) for argument in node.arguments]
+        if function in KINKED and self.table.kind(function) is None:
+            return kinked(self, node, arguments)
         if function in FUNCTIONS:
             if len(arguments) != FUNCTIONS[function]:
                 return self.fail(node, arity_message(function, len(arguments)))
@@ -391,6 +419,9 @@ class ExpressionBuilder:
         e = self.build(operand)
         if self.poisoned:
             return UNKNOWN
+        if any(isinstance(key, CellRef) for key in symbols(e)):
+            hint = "between its rows nothing has been measured"
+            return self.fail(node, "the numbers of a row have no time derivative", hint)
         highest = max((k.order for k in symbols(e) if isinstance(k, VariableRef | DefinitionRef)), default=0)
         if highest + order > MAX_ORDER:
             return self.fail(node, f"time derivatives go up to order {MAX_ORDER}")

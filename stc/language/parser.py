@@ -16,7 +16,9 @@ from stc.language.expression_parser import (
     ExpressionParser,
     Misread,
 )
+from stc.language.habits import list_hint, vector_hint
 from stc.language.lexer import Tokens, tokenize
+from stc.language.repetition import written_out
 from stc.language.statements import statement_text
 from stc.language.words import (
     COMPLEMENTS,
@@ -47,7 +49,12 @@ def parse(source: Source) -> syntax.SpecTree:
 
 
 def parse_with_recovery(source: Source, diagnostics: Diagnostics) -> syntax.SpecTree:
-    """The tree of all statements that could be read; the mistakes are added to ``diagnostics``."""
+    """The tree of all statements that could be read; the mistakes are added to ``diagnostics``.
+
+    Raises:
+        SpecError: with the mistakes in how repetitions are written, where there are any.
+    """
+    source = diagnostics.source = written_out(source)
     return _Parser(tokenize(source, diagnostics), diagnostics).spec()
 
 
@@ -247,7 +254,11 @@ class _Parser(ExpressionParser):
             name = self.name(f"the name of a {what}")
             value: syntax.Expression | None = None
             if self.kind in ("prime", "["):
-                raise self.fail(f"a {what} is declared by its name alone, found {self.described()}")
+                hint = vector_hint(self, name.name)
+                raise self.fail(f"a {what} is declared by its name alone, found {self.described()}", hint)
+            if valued and self.kind == "=" and (hint := list_hint(self, name.name)):
+                self.advance()
+                raise self.fail(f"a {what} is a number, not a list", hint)
             if self.kind == "=":
                 if not valued:
                     self.diagnostics.error(

@@ -26,7 +26,7 @@ _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(5)
 
 def show_tokens(source: Source) -> str:
     """Every token on a line of its own: line:column, kind, characters."""
-    tokens = tokenize(source, Diagnostics(source))
+    tokens = tokenize(source, Diagnostics(source), repetitions=True)
     lines = []
     for index, kind in enumerate(tokens.kinds):
         line, column = source.position(tokens.starts[index])
@@ -192,7 +192,8 @@ def _problem_lines(problem: Problem) -> Iterator[str]:
         yield "objective:"
     for term in problem.objective:
         text = _text_of(term.body)
-        yield f"{_INDENT}{term.range}: " + (f"integral({text})" if term.integral else text)
+        where = f"[{term.rows}]" if term.rows else str(term.range)
+        yield f"{_INDENT}{where}: " + (f"integral({text})" if term.integral else text)
     if problem.model is not None or problem.replay:
         yield "replay:"
     if problem.model is not None:

@@ -123,6 +123,9 @@ DEGREES = frozenset(("deg", "degree", "degrees"))
 MAXIMISING = frozenset(("max", "maximize", "maximise", "maximum"))
 MINIMISING = frozenset(("min", "minimize", "minimise", "minimum"))
 
+#: What people write to choose one of two values.
+CONDITIONALS = frozenset(("if", "ifelse", "if_else", "iif", "where", "cond", "piecewise"))
+
 #: What people write for functions that the language calls otherwise or does not have.
 FUNCTION_ADVICE = {
     "ln": "the natural logarithm is `log`",
@@ -137,15 +140,15 @@ FUNCTION_ADVICE = {
     "sqr": "write `x^2`",
     "square": "write `x^2`",
     "cbrt": "write `x^(1/3)`",
-    "abs": "it has a kink; write `sqrt(x^2 + e^2)` with a small constant e, or bound both `x` and `-x`",
-    "min": "it has a kink; bound a parameter by each of the arguments instead",
-    "max": "it has a kink; bound a parameter by each of the arguments instead",
-    "sign": "it has a step; a smooth `tanh(x/e)` with a small constant e stands in for it",
+    "norm": "write `sqrt(x^2 + y^2)`",
+    "hypot": "write `sqrt(x^2 + y^2)`",
+    "ceil": "write `-floor(-x)` of what is known",
+    "round": "write `floor(x + 1/2)` of what is known",
     "dot": "the time derivative of `x` is written `x'`",
     "der": "the time derivative of `x` is written `x'`",
     "diff": "the time derivative of `x` is written `x'`",
     "ddot": "the second time derivative of `x` is written `x''`",
-    "sum": "an objective is summed over its frames already",
+    "sum": "an objective is summed over its frames already; of like things it is `sum(k in 1..3: m{k}*q{k})`",
     "int": "the integral of an objective term is written `integral(e)`",
     "maximize": "what stands under `objective:` is minimised: for the largest `e`, write `-(e)`",
     "maximise": "what stands under `objective:` is minimised: for the largest `e`, write `-(e)`",

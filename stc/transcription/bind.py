@@ -16,7 +16,7 @@ from stc.codegen import threads
 from stc.codegen.calls import chain
 from stc.codegen.kernel import KernelSet
 from stc.errors import EvaluationError
-from stc.problem import ConstantRef, Problem, Relation
+from stc.problem import ConstantRef, ParameterRef, Problem, Relation, VariableRef
 from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Part, Scaling
 from stc.solver.keeping import Keeper
@@ -88,6 +88,16 @@ class Numbers:
         if value is None:
             value = self._known[e] = float(evaluate(e, self.constants))
         return np.full(len(nodes), value)
+
+    def of_unknowns(self, e: Expr, nodes: Nodes, layout: Layout, x: FloatArray) -> FloatArray:
+        """The value of ``e`` at every node of a decision vector ``x`` (layout.size,). (k,)"""
+        given: dict[object, float | FloatArray] = dict(self.constants)
+        for key in symbols(e):
+            if isinstance(key, VariableRef | ParameterRef):
+                given[key] = x[layout.position(key, nodes)]
+            elif isinstance(key, DataRef):
+                given[key] = self.data(key, nodes)
+        return np.broadcast_to(np.asarray(evaluate(e, given), float), (len(nodes),))
 
 
 def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, numbers: Numbers) -> Bounds:
