@@ -1,4 +1,12 @@
-"""What a table costs beside a polynomial: a million look-ups with first and second derivatives, in one kernel each."""
+"""What a table costs beside a polynomial: a million look-ups with first and second derivatives, in one kernel each.
+
+    python bench/tables.py [--rounds 25]
+
+The polynomial is of the table's degree, cubic in one argument or bicubic in two, and is evaluated with the same
+derivatives by a kernel of the same kind.  Arguments rise from look-up to look-up, as along a motion, or are drawn at
+random, so that the table's numbers come from all over the memory.  Times are the least of the rounds, of the thread's
+own processor time.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +54,7 @@ def expressions(kind: str, rows: int, even: bool = False) -> tuple[list[Expr], l
     return [e, *first, *second], tables, names
 
 
-def seconds(kind: str, rows: int, order: str, repeats: int, even: bool = False) -> float:
+def seconds(kind: str, rows: int, order: str, rounds: int, even: bool = False) -> float:
     """The least time that a million evaluations take, with arguments in a row or at random."""
     outputs, tables, names = expressions(kind, rows, even)
     stored = [table.table.storage() for table in tables]
@@ -64,7 +72,7 @@ def seconds(kind: str, rows: int, order: str, repeats: int, even: bool = False) 
     kernels = compile_tapes([tape], [Runs.alone(len(names))], cache=False)
     call = kernels.bind(0, workspace, uniform, np.ascontiguousarray(index), out)
     least = np.inf
-    for _ in range(repeats):
+    for _ in range(rounds):
         begin = time.thread_time()  # others may be at work meanwhile
         call()
         least = min(least, time.thread_time() - begin)
@@ -73,20 +81,21 @@ def seconds(kind: str, rows: int, order: str, repeats: int, even: bool = False) 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--repeats", type=int, default=25)
-    repeats = parser.parse_args().repeats
-    print("| a million of | arguments | ms | times the polynomial |")
-    print("| --- | --- | --- | --- |")
+    parser.add_argument("--rounds", type=int, default=25)
+    rounds = parser.parse_args().rounds
+    print("| a million look-ups | arguments | ms | times the polynomial | at most |")
+    print("| --- | --- | ---: | ---: | ---: |")
     for plain, table in (("cubic", "curve"), ("bicubic", "surface")):
         for order in ("rising", "random"):
-            base = seconds(plain, 2, order, repeats)
-            print(f"| {plain} polynomial | {order} | {1e3 * base:.2f} | 1 |")
+            base = seconds(plain, 2, order, rounds)
+            print(f"| {plain} polynomial | {order} | {1e3 * base:.2f} | 1 | |")
             for even in (True, False):
                 for rows in (20, 1000, 10_000) if table == "curve" else (20, 60):
-                    taken = seconds(table, rows, order, repeats, even)
+                    taken = seconds(table, rows, order, rounds, even)
                     size = f"{rows} rows" if table == "curve" else f"{rows} by {rows}"
+                    at_most = "3" if order == "rising" else ""
                     what = f"{table} of {size}, {'even' if even else 'uneven'}"
-                    print(f"| {what} | {order} | {1e3 * taken:.2f} | {taken / base:.2f} |")
+                    print(f"| {what} | {order} | {1e3 * taken:.2f} | {taken / base:.2f} | {at_most} |")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from stc.data_sets import files_of
 from stc.problem import FrameRange, Problem, VariableRef
 from stc.records import dataclass
 from stc.solution import ReplayChannel, Solution
@@ -20,7 +19,6 @@ from stc.trajectory import Channel, FloatArray
 from stc.transcription import Transcription
 from stc.transcription.grid import Nodes
 from stc.transcription.multipliers import multiplier_blocks
-from stc.transcription.outside import used_outside
 from stc.transcription.recover import Recovery
 from stc.transcription.schemes import stencil_reach
 from stc.transcription.stated import Stated
@@ -73,10 +71,19 @@ def motion_at(stated: Stated, x: FloatArray, constants: Mapping[str, float]) -> 
         "x": x,
         "model": problem.model,
         "replay": _replay_channels(problem, recovery),
-        "data": files_of(problem.data),
-        "outside": used_outside(recovery),
+        **_data_of(problem, recovery),
         "force_frames": _force_frames(stated),
     }
+
+
+def _data_of(problem: Problem, recovery: Recovery) -> dict[str, Any]:
+    """The files of a spec's data, and what tables are used for outside of their numbers."""
+    if not problem.data:
+        return {}
+    from stc.data_sets import files_of
+    from stc.transcription.outside import used_outside
+
+    return {"data": files_of(problem.data), "outside": used_outside(recovery)}
 
 
 @lru_cache(maxsize=16)

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from stc.collecting import motion_at
-from stc.data_sets import files_of as data_files
 from stc.digests import sha256
 from stc.errors import Source, StcError, UsageError
 from stc.language.elaborate import elaborate
@@ -154,7 +153,8 @@ def solution_of(stored: Stored) -> Solution:
     data = [file for file in files if file.role == DATA_ROLE]
     files = files[: len(files) - len(data)]
     stated = _stated(plain, stored, data)
-    if {file.path for file in data_files(stated.problem.data)} != {file.path for file in data}:
+    read = {each.file.path for each in stated.problem.data.values() if each.file is not None}
+    if read != {file.path for file in data}:
         raise SolutionError("the file was altered: it carries other data than its text reads")
     x = _unknowns(stated, stored)
     if plain["status"] == "optimal" and not np.isfinite(x).all():

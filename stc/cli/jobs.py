@@ -51,8 +51,10 @@ def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_
     from stc.studies.replay_lines import check_replay_lines
 
     model = load(spec, options.constants)
-    if page is not None and model.source.path is not None:
-        spare(page, [(model.source.path, "the spec itself")], "--report")
+    if page is not None:
+        from stc.cli.keeping import inputs_of
+
+        spare(page, inputs_of(model), "--report")
     check_replay_lines(model.problem(options.method))
     outcome = _solved(model, options, as_json, save=True)
     if outcome.solution.model is None:
@@ -312,7 +314,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
     if file is not None and file.exists():
         from stc.cli.keeping import keep_inputs
 
-        keep_inputs(file, model.source.path, options.search.guess)
+        keep_inputs(file, model, options.search.guess)
     from stc.solver.optimizers import DEFAULT
 
     if options.threads is not None:

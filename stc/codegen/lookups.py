@@ -1,4 +1,4 @@
-"""Looking up a table: the operations of :data:`~stc.codegen.tape.LOOKUPS` in NumPy, and as instructions.
+"""Looking up a table: the operations of :data:`~stc.codegen.tape.LOOKUPS` as instructions.
 
 What they are made for, and how tables lie in memory, is told in :mod:`stc.symbolic.tables`.
 """
@@ -6,46 +6,16 @@ What they are made for, and how tables lie in memory, is told in :mod:`stc.symbo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from stc.codegen.fetching import transposed
 from stc.codegen.runs import RUN
 from stc.codegen.vector import Vector
 
-__all__ = [
-    "clip",
-    "meaning_of_clip",
-    "meaning_of_reaches",
-    "meaning_of_read",
-    "places",
-    "reaches",
-    "read",
-    "read_run",
-]
-
-FloatArray = NDArray[np.float64]
-
-
-def meaning_of_clip(x: Any, last: Any) -> Any:
-    """x rounded down, between 0 and ``last``; 0 where it is no number."""
-    return np.floor(np.where(x > 0.0, np.where(x < last, x, last), 0.0))
-
-
-def meaning_of_reaches(begin: Any, x: Any) -> Any:
-    """1 where ``begin`` is not above x, else 0."""
-    return np.where(np.less_equal(begin, x), 1.0, 0.0)
-
-
-def meaning_of_read(numbers: FloatArray, place: Any, k: Any) -> Any:
-    """The numbers ``k`` places after given ones."""
-    return numbers[np.add(place, k).astype(np.int64)]
+__all__ = ["clip", "places", "reaches", "read", "read_run"]
 
 
 def clip(v: Vector, x: str, last: str) -> str:
-    """The same as instructions."""
+    """x rounded down, between 0 and ``last``; 0 where it is no number."""
     above = v.select(v.compare("ogt", x, v.real(0.0)), x, v.real(0.0))
     inside = v.select(v.compare("olt", above, last), above, last)
     if v.lanes == 1:
@@ -55,7 +25,7 @@ def clip(v: Vector, x: str, last: str) -> str:
 
 
 def reaches(v: Vector, begin: str, x: str) -> str:
-    """The same as instructions."""
+    """1 where ``begin`` is not above x, else 0."""
     return v.select(v.compare("ole", begin, x), v.real(1.0), v.real(0.0))
 
 

@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stc.codegen.lookups import meaning_of_clip, meaning_of_reaches, meaning_of_read
 from stc.codegen.tape import CLIP, REACHES, READ, Tape
 from stc.symbolic.traverse import NUMPY_MEANING
 
@@ -46,9 +45,9 @@ def _run_chunk(
 ) -> None:
     meanings: dict[str, Callable[..., Any]] = {
         **NUMPY_MEANING,
-        CLIP: meaning_of_clip,
-        REACHES: meaning_of_reaches,
-        READ: partial(meaning_of_read, uniform),
+        CLIP: _clip,
+        REACHES: _reaches,
+        READ: partial(_read, uniform),
     }
     values: list[Any] = [*uniform[: tape.n_uniform], *varying, *map(np.float64, tape.constants)]
     last_use = tape.last_use
@@ -61,3 +60,18 @@ def _run_chunk(
             values[b] = None
     for row, slot in enumerate(tape.outputs):
         out[row] = values[slot]
+
+
+def _clip(x: Any, last: Any) -> Any:
+    """x rounded down, between 0 and ``last``; 0 where it is no number."""
+    return np.floor(np.where(x > 0.0, np.where(x < last, x, last), 0.0))
+
+
+def _reaches(begin: Any, x: Any) -> Any:
+    """1 where ``begin`` is not above x, else 0."""
+    return np.where(np.less_equal(begin, x), 1.0, 0.0)
+
+
+def _read(numbers: NDArray[np.float64], place: Any, k: Any) -> Any:
+    """The numbers ``k`` places after given ones."""
+    return numbers[np.add(place, k).astype(np.int64)]

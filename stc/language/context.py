@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from stc.errors import Span
 from stc.language import syntax
 from stc.language.constants import Constants
-from stc.language.data import Data
 from stc.language.definitions import Definitions, collect_definitions, runs
 from stc.language.diagnostics import Diagnostics
 from stc.language.expressions import ExpressionBuilder
@@ -21,6 +20,9 @@ from stc.language.positions import Positions
 from stc.language.smoothing import smoothed
 from stc.problem import ConstantRef, DefinitionRef, FrameRange, IndexRef, Jump, TimeRef
 from stc.symbolic.expr import Expr, evaluate, substitute, symbols
+
+if TYPE_CHECKING:
+    from stc.language.data import Data
 
 S = TypeVar("S", bound=syntax.Node)
 
@@ -43,8 +45,7 @@ class Context:
         self.definitions: Definitions = collect_definitions(tree, self.table, diagnostics)
         self.positions = Positions(self.table, self.constants, self.definitions.unranged(), diagnostics)
         self.builder = ExpressionBuilder(self.table, self.constants, self.positions, diagnostics)
-        self.data = Data(tree, self.table, self.constants, diagnostics)
-        self.builder.data = self.data
+        self.data = self.builder.data = self._data()
         self.model = self.table.model
         if self.model is not None:
             self.builder.use_model(self.model)
@@ -58,6 +59,14 @@ class Context:
         self.frames = Frames(self.n, False, self.builder.pieces, ())
         self._fixed: dict[Expr, bool] = {}
         self._strays: set[str] = set()
+
+    def _data(self) -> Data | None:
+        """What `data:` declares; None where the spec has no such section."""
+        if not any(section.kind == "data" for section in self.tree.sections):
+            return None
+        from stc.language.data import Data
+
+        return Data(self.tree, self.table, self.constants, self.diagnostics)
 
     def set_motion(self, method: str, jumps: Sequence[Jump]) -> None:
         """Tell the method and the jumps, which decide on which frames a statement can hold."""

@@ -7,7 +7,7 @@ mistake is noted and work goes on; at the end all mistakes are raised together.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -17,10 +17,8 @@ from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.expressions import TIME
-from stc.language.measurements import placing_rows, stands_on_rows
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
 from stc.language.names import DATA_SET
-from stc.language.recorded import counted_where_known, references
 from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
@@ -130,8 +128,8 @@ class _Elaborator(Context):
                 self.positions.structural
                 | self.constants.made_from("n")
                 | self._shaping()
-                | self.data.structural
-                | placing_rows(self, step, objective)
+                | (set() if self.data is None else self.data.structural)
+                | self._placing(step, objective)
             ),
             n=self.n,
             method=self.method,
@@ -150,8 +148,8 @@ class _Elaborator(Context):
             macros=self.builder.macros,
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
-            data=self.data.sets,
-            tables=self.data.tables,
+            data={} if self.data is None else self.data.sets,
+            tables={} if self.data is None else self.data.tables,
         )
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
@@ -273,8 +271,20 @@ class _Elaborator(Context):
             self.error(pose, f"`{pose.base.name}` is not declared", hint)
         return self.model_statements is not None
 
+    def _counted(self, integrand: Expr) -> Expr:
+        """An integrand that counts only where the recordings that it reads have numbers."""
+        if self.data is None:
+            return integrand
+        from stc.language.recorded import counted_where_known
+
+        return counted_where_known(integrand, self.data, self.builder.pieces)
+
     def _reads_gaps(self, body: Expr, node: syntax.Node) -> bool:
         """Whether a statement that holds at every frame reads a recording with gaps, which is noted."""
+        if self.data is None:
+            return False
+        from stc.language.recorded import references
+
         for ref in references(body, self.builder.pieces):
             if self.data.weight_of(ref)[1]:
                 hint = "a term of an `integral` in the objective counts only where there are numbers"
@@ -298,14 +308,28 @@ class _Elaborator(Context):
             for part in summands:
                 body = self.settled(part.body, where, statement)
                 rows = self.rows(block)
-                if rows and not stands_on_rows(self, body, part.integral, rows, statement):
+                if rows and not self._stands_on_rows(body, part.integral, rows, statement):
                     continue
                 if part.integral:
-                    body = counted_where_known(body, self.data, self.builder.pieces)
+                    body = self._counted(body)
                 elif self._reads_gaps(body, statement):
                     continue
                 found.append(ObjectiveTerm(body, part.integral, where, self.span(statement), text, rows))
         return found
+
+    def _stands_on_rows(self, body: Expr, integral: bool, rows: str, node: syntax.Node) -> bool:
+        """Whether a term has a value on each row of a data set; mistakes are noted."""
+        from stc.language.measurements import stands_on_rows
+
+        return stands_on_rows(self, body, integral, rows, node)
+
+    def _placing(self, step: Expr, objective: Sequence[ObjectiveTerm]) -> frozenset[str]:
+        """The constants that decide where the rows of data are among the frames."""
+        if not any(term.rows for term in objective):
+            return frozenset()
+        from stc.language.measurements import placing_rows
+
+        return placing_rows(self, step)
 
     # ------------------------------------------------------- guesses and replay
 
@@ -345,7 +369,7 @@ class _Elaborator(Context):
                 hint = did_you_mean(name, known) or f"write `{name} = ...;` for a value"
                 self.error(guess, what if known else f"expected `=` after `{name}`", hint)
             return []
-        if where is None:
+        if where is None or self.data is None:
             return []
         columns = self.data.guessed(guess, self.table.of_kind("variable"))
         return [Guess(each, looked_up(ref, TIME), where, self.span(guess)) for each, ref in columns]
