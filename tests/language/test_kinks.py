@@ -28,6 +28,8 @@ method: {method};
         ("", "c*x'*sqrt(x'^2 + y'^2)", "c*y'*sqrt(x'^2 + y'^2)"),
         ("definitions: v = sqrt(x'^2 + y'^2);", "c*v*x'", "c*v*y'"),
         ("definitions: [0, n]: v2 = x'^2 + y'^2; [0, n]: d = c*x'*v2^0.5;", "d", "c*y'*v2^0.5"),
+        ("definitions: v = sqrt(x'^2 + y'^2); d = c*v^2;", "d*x'/v", "y'/v*d"),
+        ("definitions: v = sqrt(x'^2 + y'^2);", "c*(x'^2 + y'^2)/v*x'", "-c*(-y'/v)*(x'^2 + y'^2)"),
         ("", "0.5*(x'^2 + y'^2)^(1/2)*(2*c*x')", "(c*y')*(y'*y' + x'*x')^(1/2)"),
     ],
 )
@@ -36,6 +38,26 @@ def test_drag_by_the_square_of_the_speed_works_from_rest(definitions: str, dragx
     solution = Model(Source("drag.stc", text)).solve()
     assert solution.status == "optimal"
     assert solution.objective == pytest.approx(134.700, abs=1e-3)
+
+
+def test_drag_among_the_forces_of_a_lagrangian_works_from_rest() -> None:
+    text = """constants: n = 40, T = 1, h = T/n, c = 0.4, g = 9.81;
+    variables: x, y, fx, fy;
+    definitions: v = sqrt(x'^2 + y'^2);
+    lagrangian: (x'^2 + y'^2)/2 - g*y;
+    forces: x: fx - c*v*x'; y: fy - c*v*y';
+    constraints: [0]: x; y; x'; y'; [n]: x = 1; y = 1; x'; y';
+    objective: [0, n]: integral(fx^2 + fy^2);
+    method: hermite-simpson;"""
+    solution = Model(Source("drag.stc", text)).solve()
+    assert solution.status == "optimal"
+    assert solution.objective == pytest.approx(134.700, abs=1e-3)
+
+
+def test_a_kink_that_no_product_takes_away_stays_as_it_is_written() -> None:
+    text = "constants: n = 4; variables: x, y; constraints: [0, n]: x'' = -x'/sqrt(x'^2 + y^2) + sqrt(x^2 + y^2);"
+    shown = show_problem(read_problem(Source("a.stc", text)))
+    assert "1e-200" not in shown and "/sqrt(" in shown
 
 
 @pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])
