@@ -404,6 +404,17 @@ class Solution:
         # By name: nothing here is imported from the layers above.
         return import_module("stc.origin").resolve(self, **changes)
 
+    def uncertainty(self) -> Any:
+        """How well data determine the parameters: a :class:`stc.studies.uncertainty.Uncertainty`.
+
+        None where the objective is no sum of squares over the rows of data sets.
+
+        Raises:
+            UsageError: the solution is not optimal.
+        """
+        # By name: nothing here is imported from the layers above.
+        return import_module("stc.studies.uncertainty").of_solution(self)
+
     def save(self, path: Path) -> None:
         """Write the solution to ``path``: ``.npz`` (NumPy arrays) or ``.csv`` (text), both complete.
 

@@ -7,7 +7,7 @@ mistake is noted and work goes on; at the end all mistakes are raised together.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,6 @@ from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.expressions import TIME
-from stc.language.measurements import placing_rows, stands_on_rows
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
 from stc.language.names import DATA_SET
 from stc.language.statements import Objective, Relations, statement_text
@@ -130,7 +129,7 @@ class _Elaborator(Context):
                 | self.constants.made_from("n")
                 | self._shaping()
                 | (set() if self.data is None else self.data.structural)
-                | placing_rows(self, step, objective)
+                | self._placing(step, objective)
             ),
             n=self.n,
             method=self.method,
@@ -309,7 +308,7 @@ class _Elaborator(Context):
             for part in summands:
                 body = self.settled(part.body, where, statement)
                 rows = self.rows(block)
-                if rows and not stands_on_rows(self, body, part.integral, rows, statement):
+                if rows and not self._stands_on_rows(body, part.integral, rows, statement):
                     continue
                 if part.integral:
                     body = self._counted(body)
@@ -317,6 +316,20 @@ class _Elaborator(Context):
                     continue
                 found.append(ObjectiveTerm(body, part.integral, where, self.span(statement), text, rows))
         return found
+
+    def _stands_on_rows(self, body: Expr, integral: bool, rows: str, node: syntax.Node) -> bool:
+        """Whether a term has a value on each row of a data set; mistakes are noted."""
+        from stc.language.measurements import stands_on_rows
+
+        return stands_on_rows(self, body, integral, rows, node)
+
+    def _placing(self, step: Expr, objective: Sequence[ObjectiveTerm]) -> frozenset[str]:
+        """The constants that decide where the rows of data are among the frames."""
+        if not any(term.rows for term in objective):
+            return frozenset()
+        from stc.language.measurements import placing_rows
+
+        return placing_rows(self, step)
 
     # ------------------------------------------------------- guesses and replay
 

@@ -12,6 +12,7 @@ from stc.language import syntax
 from stc.language.constants import Constants
 from stc.language.definitions import runs
 from stc.language.diagnostics import Diagnostics, derivative_meant, did_you_mean
+from stc.language.habits import function_hint
 from stc.language.kinks import KINKED, kinked
 from stc.language.names import DATA_SET, TABLE, NameTable
 from stc.language.numbers import arity_message
@@ -354,7 +355,13 @@ class ExpressionBuilder:
                 hint += f", `{function}[k]` for the value at frame k"
             what = f"`{function}` is a {kind}, not a function" if kind else f"`{function}` is not a function"
             return self.fail(node, what, hint)
-        hint = FUNCTION_ADVICE.get(function) or did_you_mean(function, [*FUNCTIONS, *OPERATORS])
+        source = self.diagnostics.source
+        texts = [source.text[argument.start : argument.end] for argument in node.arguments]
+        hint = (
+            function_hint(function, texts)
+            or FUNCTION_ADVICE.get(function)
+            or did_you_mean(function, [*FUNCTIONS, *OPERATORS])
+        )
         return self.fail(
             syntax.Name(node.start, node.start + len(function), function),
             f"there is no function `{function}`",

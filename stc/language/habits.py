@@ -10,12 +10,12 @@ if TYPE_CHECKING:
 
 
 def listed(parser: ExpressionParser, opening: int) -> list[str]:
-    """The texts between the commas of what opens at a token, `(` or `[`; empty where it does not close."""
+    """The texts between the commas of what opens at a token, `(`, `[` or `{`; empty where it does not close."""
     items: list[str] = []
     begin = k = opening + 1
     depth = 1
     while parser.kinds[k] not in (";", "end"):
-        depth += (parser.kinds[k] in "([") - (parser.kinds[k] in ")]")
+        depth += (parser.kinds[k] in "([{") - (parser.kinds[k] in ")]}")
         if not depth or (depth == 1 and parser.kinds[k] == ","):
             items.append(parser.text[parser.starts[begin] : parser.ends[k - 1]])
             begin = k + 1
@@ -27,8 +27,10 @@ def listed(parser: ExpressionParser, opening: int) -> list[str]:
 
 def vector_hint(parser: ExpressionParser, name: str) -> str:
     """What to write for ``name[3]`` in a declaration, of which the bracket is the current token."""
-    if parser.kind != "[":
+    if parser.kind not in ("[", "(", ".."):
         return ""
+    if parser.kind == "..":
+        return _range_hint(parser, name)
     items = listed(parser, parser.at)
     count = int(items[0]) if len(items) == 1 and items[0].isdigit() and int(items[0]) else 0
     if not count:
@@ -42,6 +44,16 @@ def vector_hint(parser: ExpressionParser, name: str) -> str:
         f"write `for k in 1..{count}: {name}{{k}};`, which declares {names}; "
         f"statements repeat likewise: `for k in 1..{count}: {name}{{k}} >= 0;`"
     )
+
+
+def _range_hint(parser: ExpressionParser, first: str) -> str:
+    """What to write for ``q1..q3``, of which the dots are the current token."""
+    stem = first.rstrip("0123456789")
+    begin, last = first[len(stem) :], parser.token_text(parser.at + 1)
+    end = last.removeprefix(stem)
+    if not (begin and end.isdigit()):
+        return ""
+    return f"write `for k in {begin}..{end}: {stem}{{k}};`"
 
 
 def list_hint(parser: ExpressionParser, name: str) -> str:
@@ -61,6 +73,35 @@ def components_hint(parser: ExpressionParser) -> str:
     items = listed(parser, parser.at)
     rows = " ".join(f"{name}{number} = {item};" for number, item in enumerate(items, 1))
     return f"state each component by itself: `{rows}`"
+
+
+#: What functions of other languages come to in this one, by their arguments.
+_SAID_OTHERWISE = {
+    **dict.fromkeys(
+        ("clip", "clamp", "sat", "saturate"), (3, "limits are statements of their own: `{1} <= {0} <= {2};`")
+    ),
+    **dict.fromkeys(("relu", "pos", "ramp"), (1, "write `max({0}, 0)`")),
+    **dict.fromkeys(
+        ("heaviside", "step"),
+        (1, "it jumps; smooth is `(1 + tanh({g0}/e))/2` with a constant `e` as small as matters"),
+    ),
+    **dict.fromkeys(("norm", "hypot", "length"), (2, "write `sqrt({g0}^2 + {g1}^2)`")),
+    "dot": (2, "products of vectors are written out: `a1*b1 + a2*b2`"),
+    "cross": (2, "products of vectors are written out: `a1*b2 - a2*b1`"),
+    "mod": (2, "it jumps; of what is known it is `{0} - {g1}*floor({g0}/{g1})`"),
+    "ceil": (1, "of what is known it is `-floor(-{g0})`"),
+    "round": (1, "of what is known it is `floor({0} + 1/2)`"),
+    "trunc": (1, "of what is known it is `floor({0})`, for what is not negative"),
+    "fabs": (1, "it is called `abs({0})`"),
+    "sgn": (1, "it is called `sign({0})`"),
+}
+
+
+def function_hint(name: str, arguments: list[str]) -> str:
+    """What to write for a function that the language does not have, by the texts of its arguments; else empty."""
+    wanted, hint = _SAID_OTHERWISE.get(name.lower(), (-1, ""))
+    grouped = {f"g{k}": _grouped(argument) for k, argument in enumerate(arguments)}
+    return hint.format(*arguments, **grouped) if wanted == len(arguments) else ""
 
 
 def conditional_hint(parser: ExpressionParser) -> str:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from stc.data_sets import TIME
 from stc.language import syntax
 from stc.language.context import Context
 from stc.language.recorded import references
-from stc.problem import ConstantRef, DefinitionRef, IndexRef, ObjectiveTerm, TimeRef, VariableRef
+from stc.problem import ConstantRef, DefinitionRef, IndexRef, TimeRef, VariableRef
 from stc.symbolic.expr import Expr, symbols
 
 
@@ -18,7 +16,7 @@ def stands_on_rows(context: Context, e: Expr, integral: bool, rows: str, node: s
     if found is not None:
         context.error(node, *found)
     context.table.entries[rows].used = True
-    return found is None and rows in context.data.sets
+    return found is None and context.data is not None and rows in context.data.sets
 
 
 def _mistake(context: Context, e: Expr, integral: bool, rows: str) -> tuple[str, str] | None:
@@ -45,16 +43,14 @@ def _mistake(context: Context, e: Expr, integral: bool, rows: str) -> tuple[str,
     if again:
         hint = f"write what the definition says under `[{rows}]:` itself, where `{again[0]}` is the number of the row"
         return f"a definition reads `{again[0]}` as a function of time", hint
-    data = context.data.sets.get(rows)
+    data = None if context.data is None else context.data.sets.get(rows)
     if moves and data is not None and (data.time is None or data.time.shape != (data.rows,)):
         return f"`{rows}` does not say when: it has no column `{TIME}`", f"add a column `{TIME}`, in seconds"
     return None
 
 
-def placing_rows(context: Context, step: Expr, objective: Iterable[ObjectiveTerm]) -> frozenset[str]:
-    """The constants that decide in which step a row is, where any has a place among the frames."""
-    if not any(term.rows for term in objective):
-        return frozenset()
+def placing_rows(context: Context, step: Expr) -> frozenset[str]:
+    """The constants that decide in which step a row is."""
     bodies = [step, *(piece.body for piece in context.builder.pieces.get("h", ()))]
     names = {key.name for body in bodies for key in symbols(body) if isinstance(key, ConstantRef)}
     return frozenset(each for name in names for each in context.constants.made_from(name))

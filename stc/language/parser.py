@@ -6,6 +6,8 @@ that one run reports all of them.
 
 from __future__ import annotations
 
+import re
+
 from stc.errors import Source, SpecError
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, did_you_mean, nearest_name
@@ -18,7 +20,6 @@ from stc.language.expression_parser import (
 )
 from stc.language.habits import list_hint, vector_hint
 from stc.language.lexer import Tokens, tokenize
-from stc.language.repetition import written_out
 from stc.language.statements import statement_text
 from stc.language.words import (
     COMPLEMENTS,
@@ -30,6 +31,9 @@ from stc.language.words import (
     SECTION_SYNONYMS,
     SECTIONS,
 )
+
+#: Words outside of comments without which nothing is repeated.
+_PERHAPS_REPEATS = re.compile(r"^[^#\n]*\b(?:for|sum)\b", re.MULTILINE)
 
 #: What may follow the name of a pose.
 _POSE_OPTIONS = ("mirrored", "grounded", "turned")
@@ -54,7 +58,10 @@ def parse_with_recovery(source: Source, diagnostics: Diagnostics) -> syntax.Spec
     Raises:
         SpecError: with the mistakes in how repetitions are written, where there are any.
     """
-    source = diagnostics.source = written_out(source)
+    if _PERHAPS_REPEATS.search(source.text) is not None:
+        from stc.language.repetition import written_out
+
+        source = diagnostics.source = written_out(source)
     return _Parser(tokenize(source, diagnostics), diagnostics).spec()
 
 
@@ -253,7 +260,7 @@ class _Parser(ExpressionParser):
                 raise self.fail(f"expected the name of a {what}, found {self.described()}", hint)
             name = self.name(f"the name of a {what}")
             value: syntax.Expression | None = None
-            if self.kind in ("prime", "["):
+            if self.kind in ("prime", "[", "(", ".."):
                 hint = vector_hint(self, name.name)
                 raise self.fail(f"a {what} is declared by its name alone, found {self.described()}", hint)
             if valued and self.kind == "=" and (hint := list_hint(self, name.name)):

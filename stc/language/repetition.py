@@ -18,6 +18,7 @@ from stc.errors import Origins, Source, SpecError
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics
 from stc.language.expression_parser import ExpressionParser, Misread
+from stc.language.habits import listed
 from stc.language.lexer import WORD_CHARACTER, Tokens, tokenize
 from stc.records import dataclass
 
@@ -28,7 +29,6 @@ _FORM = "write `for k in 1..10: q{k} >= 0;`, `for leg in FL, FR: ...` or a block
 _ENDS_OF_STATEMENTS = frozenset((";", ":", "{", "}", ",", ""))
 _BRACES = re.compile(r"\{([^{}]*)\}")
 _QUOTED_OR_COMMENT = re.compile(r'"[^"\n]*"|#[^\n]*')
-_MENTIONED = re.compile(r"^[^#\n]*\b(?:for|sum)\b", re.MULTILINE)
 
 #: What the names of the repetitions around stand for: a whole number or a word.
 Values: TypeAlias = Mapping[str, int | str]
@@ -40,8 +40,6 @@ def written_out(source: Source) -> Source:
     Raises:
         SpecError: with the first mistake in how repetitions are written.
     """
-    if _MENTIONED.search(source.text) is None:
-        return source
     diagnostics = Diagnostics(source)
     tokens = tokenize(
         source, Diagnostics(source), repetitions=True
@@ -178,12 +176,30 @@ class _Template(ExpressionParser):
             )
         self.advance()
         head_end = self.ends[self.at - 1]
+        if self.kinds[self.at : self.at + 2] == ["number", ":"]:
+            raise self.fail("a range of a repetition has two dots", f"write `{self._dotted(items[-1])}`")
         self.around.append(name)
         body = self._terms() if is_sum else self._statements(name)
         self.around.pop()
         return _Repeated(start, head_end, name, items, body, is_sum)
 
+    def _dotted(self, before: _Items) -> str:
+        """The range that was written with colons."""
+        return f"{self.text[before.first.start : before.first.end]}..{self.token_text(self.at)}"
+
+    def _as_dots(self) -> str:
+        """What to write for ``range(1, 4)``, of which the word is the current token."""
+        ends = listed(self, self.at + 1)
+        if len(ends) not in (1, 2) or not all(each.isdigit() for each in ends):
+            return "as in `1..3`, both ends included"
+        return f"write `{ends[0] if len(ends) == 2 else '0'}..{int(ends[-1]) - 1}`, both ends included"
+
     def _items(self) -> _Items:
+        if self.kind in ("[", "(", "{") and len(listed(self, self.at)) > 1:
+            hint = f"write them without: `{', '.join(listed(self, self.at))}`"
+            raise self.fail("what is repeated over stands without brackets", hint)
+        if self.kind == "name" and self.token_text(self.at) == "range" and self.kinds[self.at + 1] == "(":
+            raise self.fail("a range of a repetition is written with two dots", self._as_dots())
         first = self.expression()
         last: syntax.Expression | None = None
         if self.kind == "..":

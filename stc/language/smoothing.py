@@ -10,7 +10,20 @@ is written likewise.
 from __future__ import annotations
 
 from stc.problem import ParameterRef, VariableRef
-from stc.symbolic.expr import Expr, add, call, num, postorder, pow_, reachable, substitute, symbols
+from stc.symbolic.expr import (
+    ONE,
+    Expr,
+    add,
+    call,
+    div,
+    mul,
+    num,
+    postorder,
+    pow_,
+    reachable,
+    substitute,
+    symbols,
+)
 
 #: What is added under a root: its power 3/2, in second derivatives, is still a number above the smallest.
 NOTHING = num(1e-200)
@@ -27,6 +40,7 @@ def smoothed(e: Expr) -> Expr:
     """The same expression, with roots written so that their products have derivatives wherever these exist."""
     if not any(_is_root(node) or _is_between(node) for node in reachable([e])):
         return e
+    e = _cancelled(e)
     safe, bare = _roots(e)
     replaced: dict[Expr, Expr] = {}
     for node in reachable([e]):
@@ -47,6 +61,68 @@ def _is_root(node: Expr) -> bool:
 def _is_between(node: Expr) -> bool:
     """Whether it is a power with an exponent between 1 and 2."""
     return node.op == "pow" and node.args[1].op == "num" and 1.0 < node.args[1].payload < 2.0
+
+
+def _cancelled(e: Expr) -> Expr:
+    """The same with V in place of V^2/V and (vx^2 + vy^2)/V, where V is the root of a sum of squares."""
+    replaced: dict[Expr, Expr] = {}
+    for node in postorder([e]):
+        if node.op in ("mul", "div"):
+            found = _shortened(node)
+            if found is not node:
+                replaced[node] = found
+    return substitute(e, {}, replaced) if replaced else e
+
+
+def _shortened(node: Expr) -> Expr:
+    """A product without the roots that it is both multiplied with and divided by."""
+    parts = _signed(node)
+    roots = {_base(part)[0] for part, sign in parts if sign < 0.0 and _is_root(_base(part)[0])}
+    for root in roots:
+        if not _squared(root.args[0]):
+            continue
+        powers = [_power_of(part, root) for part, _ in parts]
+        above = sum(power for power, (_, sign) in zip(powers, parts) if sign > 0.0)
+        below = sum(power for power, (_, sign) in zip(powers, parts) if sign < 0.0)
+        if not above or not below:
+            continue
+        rest = [part for part, power in zip(parts, powers, strict=True) if not power]
+        parts = [*rest, (pow_(root, num(abs(above - below))), 1.0 if above >= below else -1.0)]
+    if not roots:
+        return node
+    result: Expr = ONE
+    for part, sign in parts:
+        result = mul(result, part) if sign > 0.0 else div(result, part)
+    return result
+
+
+def _signed(node: Expr) -> list[tuple[Expr, float]]:
+    """The factors of a product, each with 1, and what it is divided by, with -1."""
+    found: list[tuple[Expr, float]] = []
+    waiting = [(node, 1.0)]
+    while waiting:
+        at, sign = waiting.pop()
+        if at.op == "mul":
+            waiting += [(arg, sign) for arg in at.args]
+        elif at.op == "div":
+            waiting += [(at.args[0], sign), (at.args[1], -sign)]
+        elif at.op == "neg":
+            waiting += [(at.args[0], sign), (num(-1.0), 1.0)]
+        else:
+            found.append((at, sign))
+    return found
+
+
+def _base(e: Expr) -> tuple[Expr, float]:
+    """What an expression is a power of, and which."""
+    plain = e.op == "pow" and e.args[1].op == "num"
+    return (e.args[0], e.args[1].payload) if plain and not _is_root(e) else (e, 1.0)
+
+
+def _power_of(e: Expr, root: Expr) -> float:
+    """Which power of a root an expression is; 0 for none."""
+    base, power = _base(e)
+    return power if base is root else 2.0 * power if base is root.args[0] else 0.0
 
 
 def _roots(e: Expr) -> tuple[set[Expr], set[Expr]]:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.errors import UsageError
+from stc.origin import model_of
 from stc.problem import CellRef, ConstantRef, ObjectiveTerm, ParameterRef, VariableRef
 from stc.records import dataclass
 from stc.symbolic.differentiate import derivative
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-__all__ = ["Uncertainty", "uncertainty"]
+__all__ = ["Uncertainty", "of_solution", "uncertainty"]
 
 #: A multiplier above this share of the largest one holds the solution at its bound.
 HELD = 1e-9
@@ -121,6 +122,11 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty | None:
         dict(zip(problem.parameters, errors.tolist(), strict=True)),
         variance * spread,
     )
+
+
+def of_solution(solution: Solution) -> Uncertainty | None:
+    """The same for any solution; the spec of one from a file is read anew from the text that it carries."""
+    return uncertainty(model_of(solution), solution)
 
 
 def squares_in(e: Expr) -> list[Expr]:

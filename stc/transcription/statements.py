@@ -7,6 +7,7 @@ they stand on.  Numbers enter in :mod:`stc.transcription.assemble`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,11 @@ from stc.symbolic.differentiate import derivative
 from stc.symbolic.expr import ZERO, Expr, substitute, sum_of, sym, symbols
 from stc.transcription.grid import Grid, IntArray, Nodes, join
 from stc.transcription.lower import DataRef, Lowering, groups
-from stc.transcription.measured import Measured
 from stc.transcription.rotations import norm_row, rotation_links, velocity_rows
 from stc.transcription.schemes import link_nodes, links, quadrature, sum_weights
+
+if TYPE_CHECKING:
+    from stc.transcription.measured import Measured
 
 LINK = -1
 """Relation number of the rows that tie derivatives together."""
@@ -275,6 +278,8 @@ class Sorter:
         Raises:
             SpecError: a row lies outside the motion, or its place among the frames is not known beforehand.
         """
+        from stc.transcription.measured import Measured
+
         return Measured(self.lowering, term, self._table_of_rows)
 
     def _table_of_rows(self, numbers: NDArray[np.float64]) -> DataRef:

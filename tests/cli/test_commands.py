@@ -137,6 +137,7 @@ def test_json_has_every_promised_key(stc_: Stc) -> None:
         "blame": "NoneType",
         "active": "NoneType",
         "sensitivities": "NoneType",
+        "estimation": "NoneType",
         "variables": "int",
         "rows": "int",
         "parameters": "dict",

@@ -201,9 +201,8 @@ def test_what_the_data_do_not_determine_has_no_finite_error() -> None:
     spec = """constants: n = 0; parameters: a, b, c;
     data: d = (x, y): (0, 1), (1, 3), (2, 4), (3, 8), (4, 9);
     objective: [d]: (a + b + c*d.x - d.y)^2;"""
-    model = Model(Source("line.stc", spec))
-    solution = model.solve()
-    found = uncertainty(model, solution)
+    solution = Model(Source("line.stc", spec)).solve()
+    found = solution.uncertainty()
     assert found is not None and found.errors["a"] == np.inf
 
 

@@ -28,6 +28,8 @@ method: {method};
         ("", "c*x'*sqrt(x'^2 + y'^2)", "c*y'*sqrt(x'^2 + y'^2)"),
         ("definitions: v = sqrt(x'^2 + y'^2);", "c*v*x'", "c*v*y'"),
         ("definitions: [0, n]: v2 = x'^2 + y'^2; [0, n]: d = c*x'*v2^0.5;", "d", "c*y'*v2^0.5"),
+        ("definitions: v = sqrt(x'^2 + y'^2); d = c*v^2;", "d*x'/v", "y'/v*d"),
+        ("definitions: v = sqrt(x'^2 + y'^2);", "c*(x'^2 + y'^2)/v*x'", "-c*(-y'/v)*(x'^2 + y'^2)"),
         ("", "0.5*(x'^2 + y'^2)^(1/2)*(2*c*x')", "(c*y')*(y'*y' + x'*x')^(1/2)"),
     ],
 )
@@ -36,6 +38,26 @@ def test_drag_by_the_square_of_the_speed_works_from_rest(definitions: str, dragx
     solution = Model(Source("drag.stc", text)).solve()
     assert solution.status == "optimal"
     assert solution.objective == pytest.approx(134.700, abs=1e-3)
+
+
+def test_drag_among_the_forces_of_a_lagrangian_works_from_rest() -> None:
+    text = """constants: n = 40, T = 1, h = T/n, c = 0.4, g = 9.81;
+    variables: x, y, fx, fy;
+    definitions: v = sqrt(x'^2 + y'^2);
+    lagrangian: (x'^2 + y'^2)/2 - g*y;
+    forces: x: fx - c*v*x'; y: fy - c*v*y';
+    constraints: [0]: x; y; x'; y'; [n]: x = 1; y = 1; x'; y';
+    objective: [0, n]: integral(fx^2 + fy^2);
+    method: hermite-simpson;"""
+    solution = Model(Source("drag.stc", text)).solve()
+    assert solution.status == "optimal"
+    assert solution.objective == pytest.approx(134.700, abs=1e-3)
+
+
+def test_a_kink_that_no_product_takes_away_stays_as_it_is_written() -> None:
+    text = "constants: n = 4; variables: x, y; constraints: [0, n]: x'' = -x'/sqrt(x'^2 + y^2) + sqrt(x^2 + y^2);"
+    shown = show_problem(read_problem(Source("a.stc", text)))
+    assert "1e-200" not in shown and "/sqrt(" in shown
 
 
 @pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])
@@ -169,6 +191,10 @@ def test_the_lines_for_equations_are_exact(statement: str, value: float) -> None
         ("[0, n]: max(u);", ("parameters: max_u;", "constraints: [0, n]: u <= max_u;")),
         ("[0, n]: -min(x' + u);", ("parameters: min_x;", "x' + u >= min_x;")),
         ("[0, n]: sign(x')*x'^2;", ("`x'*abs(x')`", "`tanh(x'/e)`")),
+        ("[0, n]: clip(u, -1, 2*x);", ("`-1 <= u <= 2*x;`",)),
+        ("[0, n]: relu(u);", ("`max(u, 0)`",)),
+        ("[0, n]: norm(x', u);", ("`sqrt(x'^2 + u^2)`",)),
+        ("[0, n]: Heaviside(u - 1);", ("`(1 + tanh((u - 1)/e))/2`",)),
         ("[0, n]: floor(x);", ("whole numbers", "constant")),
         ("[0, n]: if(x >= 0, u, 0);", ("chosen = u", "u*(1 + tanh(x/e))/2")),
         ("[0, n]: if(x > 2, u, x);", ("x + (u - x)*(1 + tanh((x - 2)/e))/2",)),
@@ -187,6 +213,8 @@ def test_what_is_written_per_frame_is_told_what_to_write(text: str, parts: tuple
     [
         ("variables: x[3];", ("`for k in 1..3: x{k};`", "`x1`, `x2`, `x3`")),
         ("parameters: p[12];", ("`for k in 1..12: p{k};`", "`p1` to `p12`")),
+        ("variables: q1..q3;", ("`for k in 1..3: q{k};`",)),
+        ("variables: x(2);", ("`for k in 1..2: x{k};`",)),
         ("variables: q[N];", ("`for k in 1..3: q{k};`",)),
         ("constants: m = [1, 2.5];", ("`m1 = 1, m2 = 2.5;`", "m{k}")),
         ("constants: r = (1,2,3);", ("`r1 = 1, r2 = 2, r3 = 3;`",)),

@@ -110,6 +110,9 @@ def test_the_motion_is_that_of_the_text_written_out(tmp_path: Path) -> None:
         ("for k in 1..3: q{k}; }", (4, 24), ("closes nothing",)),
         ("sum(k in 1..3: q{k};", (4, 22), ("not closed",)),
         ("for leg in FL, FR: q{leg+1};", (4, 24), ("the word `FL`",)),
+        ("for k in 1:3: q{k};", (4, 14), ("write `1..3`",)),
+        ("for k in [1, 3]: q{k};", (4, 12), ("`1, 3`",)),
+        ("for k in range(1, 4): q{k};", (4, 12), ("write `1..3`",)),
         ("q{1};", (4, 4), ("braces belong to repetitions",)),
     ],
 )
