@@ -20,6 +20,7 @@ from stc.language.model.schedule import Contact, Phase, Schedule
 from stc.language.model.scope import FORCES
 from stc.language.model.surfaces import Surface, floor
 from stc.mechanism.forces import Wrench
+from stc.mechanism.impact import impact
 from stc.mechanism.vectors import ORIGIN, Vector, cross, dot, plus, vector
 from stc.problem import (
     FrameRange,
