@@ -57,7 +57,7 @@ class ModelStatements:
         """The parameters that impacts bring."""
         return [
             *self.contacts.landings(),
-            *self.equalities.impulse_names(self.contacts.impact_frames()),
+            *self.equalities.impulse_names(len(self.contacts.impact_frames())),
         ]
 
     def jumps(self) -> list[Jump]:

@@ -276,15 +276,16 @@ class Contacts(Schedule):
         """Where something lands: impulses of all that holds, contacts' within their cones, and the balance of every
         momentum.
         """
-        for frame in self.impact_frames():
+        for count, frame in enumerate(self.impact_frames(), 1):
             where = FrameRange(frame, frame)
-            forces = equalities.impulses(frame)
-            landing = [phase for _, phase, lands in self.struck(frame) if lands]
-            for contact, phase, _ in self.struck(frame):
-                parts: list[Expr] = [sym(ParameterRef(name)) for name in contact.impulses(phase, frame)]
+            forces = equalities.impulses(count)
+            struck = self.struck(frame)
+            for contact, phase, names in struck:
+                parts: list[Expr] = [sym(ParameterRef(name)) for name in names]
                 forces.wrenches += self._wrench(contact, parts, phase.surface)
                 yield from self._cone(contact, phase, parts, where, "impulse")
-            span = self.context.span(landing[0].statement)
+            landing = next(phase for _, phase, _ in struck if phase.frames.first == frame)
+            span = self.context.span(landing.statement)
             change: list[Expr] = []
             for name, order in self._speeds():
                 after, before = (sym(VariableRef(name, order, 1, 0, side)) for side in ("after", "before"))
