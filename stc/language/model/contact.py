@@ -136,9 +136,11 @@ class Contacts(Schedule):
         low, high = first + (before is not None), last - (after is not None)
         if low > high:
             return
+        written = any(option.name == "clearance" for option, _ in contact.statement.options)
         for index, height in enumerate(self._heights(contact, phase.surface)):
             room = height
-            # From one surface to the other in an arch; where one of them is beyond the motion, half of it is within.
+            # From one surface to the other in an arch; where one of them is beyond the motion, half of it is within, if
+            # a clearance is asked for.
             begin = first if before is not None else 2 * first - last
             end = last if after is not None else 2 * last - first
             share = div(sub(sym(IndexRef()), num(float(begin))), num(float(end - begin)))
@@ -147,6 +149,8 @@ class Contacts(Schedule):
                 start = list(self._heights(contact, before.surface))[index]
                 room = mul(left, start) + mul(share, height)
             arch = mul(mul(share, share), mul(left, left))
+            if (before is None or after is None) and not written:
+                arch = ZERO
             room = sub(room, mul(mul(num(16.0), contact.options["clearance"]), arch))
             text = f"{contact.name} is clear of the {phase.surface.name} in flight"
             yield Relation(room, ZERO, None, FrameRange(low, high), span, text)

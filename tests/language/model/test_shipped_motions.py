@@ -36,6 +36,7 @@ REPEATED = (
     "arm_swing",
     "humanoid_jump",
     "lamp_turn",
+    "quadruped_backflip",
     "quadruped_box_jump",
     "quadruped_hop",
     "quadruped_trot",
