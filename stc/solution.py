@@ -400,6 +400,11 @@ class Solution:
         # By name: nothing here is imported from the layers above.
         return import_module("stc.origin").resolve(self, **changes)
 
+    def grid_error(self) -> Any:
+        """The estimated discretisation error: see :func:`stc.studies.grid_error.grid_error`, which this calls."""
+        # By name: nothing here is imported from the layers above.
+        return import_module("stc.studies.grid_error").grid_error(self)
+
     def save(self, path: Path) -> None:
         """Write the solution to ``path``: ``.npz`` (NumPy arrays) or ``.csv`` (text), both complete.
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from stc.errors import Diagnostic
     from stc.solution import Solution
     from stc.studies.compare import Run
+    from stc.studies.grid_error import GridError
     from stc.studies.profile import Part
     from stc.validate.certificate import Certificate
 
@@ -37,7 +38,9 @@ MOST_WARNINGS = 20
 MOST_PARAMETERS = 12
 
 
-def show_solution(solution: Solution, file: Path | None, was_read: bool = False) -> None:
+def show_solution(
+    solution: Solution, file: Path | None, was_read: bool = False, grid: GridError | None = None
+) -> None:
     """The outcome of a solve; ``file`` is where it is saved, or was read from, None when it is nowhere."""
     good = solution.status == "optimal"
     status = f"[green]{solution.status}[/green]" if good else f"[bold red]{solution.status}[/bold red]"
@@ -49,6 +52,8 @@ def show_solution(solution: Solution, file: Path | None, was_read: bool = False)
         ("iterations", f"{solution.iterations} ({solution.factorizations} factorizations)"),
         ("size", f"{len(solution.x)} variables, {len(solution.row_multipliers)} rows"),
     ]
+    if grid is not None:
+        rows.append(("grid error", str(grid)))
     for name, value in list(solution.parameters.items())[:MOST_PARAMETERS]:
         rows.append((name, f"{value:.10g}"))
     if len(solution.parameters) > MOST_PARAMETERS:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from stc.solution import Solution
     from stc.studies.blame import Blame
     from stc.studies.explain import Explanation
+    from stc.studies.grid_error import GridError
     from stc.studies.profile import Part
 
 __all__ = ["Ending", "Outcome", "keep_solution"]
@@ -24,7 +25,7 @@ __all__ = ["Ending", "Outcome", "keep_solution"]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """A solution with where it is saved (None: nowhere), the warnings about its spec, and the reasons known.
+    """A solution with where it is saved (None: nowhere), the warnings about its spec, the reasons and the grid's error.
 
     ``unsaved`` tells why it is not, where it was to be; ``was_read`` that the file was there already.
     """
@@ -34,6 +35,7 @@ class Outcome:
     warnings: Sequence[Diagnostic] = ()
     blame: Blame | None = None
     explanation: Explanation | None = None
+    grid: GridError | None = None
     found: Found | None = None
     profile: Sequence[Part] = ()
     unsaved: str = ""
@@ -55,6 +57,7 @@ class Outcome:
         known = record.of_solution(
             self.solution, None if self.file is None else str(self.file), self.warnings
         )
+        known["grid"] = None if self.grid is None else self.grid.to_dict()
         known["blame"] = None if self.blame is None else self.blame.to_dict()
         known.update({} if self.explanation is None else self.explanation.to_dict())
         if self.profile:
@@ -65,11 +68,13 @@ class Outcome:
 
     def show(self) -> None:
         """What people see of it."""
-        console.show_solution(self.solution, self.file, self.was_read)
+        console.show_solution(self.solution, self.file, self.was_read, self.grid)
         if self.found is not None and (in_all := self.found.in_all()):
             print(in_all)
         if self.found is not None and self.found.message:
             console.note(self.found.message)
+        if self.grid is not None and self.grid.gross:
+            console.note(self.grid.warning)
         if self.blame is not None:
             reasons.show_blame(self.blame)
         if self.explanation is not None:

@@ -1,4 +1,4 @@
-"""Why a solve ended as it did, for people: statements to blame, and what statements cost."""
+"""Why a solve ended as it did, for people: statements to blame, what statements cost, and the grid's error."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from stc.solution import Solution
     from stc.studies.blame import Blame
     from stc.studies.explain import Explanation, Sensitivity
+    from stc.studies.grid_error import GridError
 
 #: Seconds for finding who is to blame: unasked, and when the user wants an explanation.
 UNASKED, ASKED = 2.0, 60.0
@@ -43,6 +44,15 @@ def find_explanation(model: Model, solution: Solution) -> Explanation | None:
     from stc.studies.explain import explain
 
     return explain(model, solution)
+
+
+def find_grid_error(solution: Solution) -> GridError | None:
+    """The estimated discretisation error; None where there is no time for it, or none to estimate."""
+    if deadline.left() < SHORTEST:
+        return None
+    from stc.studies.grid_error import grid_error
+
+    return grid_error(solution)
 
 
 def show_blame(blame: Blame) -> None:

@@ -50,6 +50,7 @@ def of_solution(solution: Solution, file: str | None = None, warnings: Iterable[
         iterations=solution.iterations,
         factorizations=solution.factorizations,
         optimizer=solution.optimizer,
+        grid=None,
         blame=None,
         active=None,
         sensitivities=None,
