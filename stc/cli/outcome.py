@@ -73,6 +73,8 @@ class Outcome:
             print(in_all)
         if self.found is not None and self.found.message:
             console.note(self.found.message)
+        if self.found is not None and self.found.remark:
+            console.note(self.found.remark)
         if self.grid is not None and self.grid.gross:
             console.note(self.grid.warning)
         if self.blame is not None:

@@ -254,7 +254,7 @@ def _accumulated(solution: Solution, missed: States, name: str) -> float:
 
 
 def _switches(solution: Solution, name: str, cuts: set[int]) -> float:
-    """What changes of a variable's highest rate within steps leave of it, at most; none at frames that the spec names."""
+    """What changes of a variable's highest rate within steps leave of it; frames that the spec names do not count."""
     top = max(order for variable, order in solution.trajectories if variable == name)
     if not top:
         return 0.0
