@@ -405,6 +405,10 @@ class Solution:
         # By name: nothing here is imported from the layers above.
         return import_module("stc.studies.grid_error").grid_error(self)
 
+    def ringing(self) -> Any:
+        """The controls that alternate from node to node: see :func:`stc.studies.ringing.ringing`, which this calls."""
+        return import_module("stc.studies.ringing").ringing(self)
+
     def save(self, path: Path) -> None:
         """Write the solution to ``path``: ``.npz`` (NumPy arrays) or ``.csv`` (text), both complete.
 

@@ -358,7 +358,9 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
     with guard.on_end(ending):
         if solution.status != "optimal":
             return replace(outcome, blame=reasons.find_blame(model, solution, options.explain))
-        outcome = ending.outcome = replace(outcome, grid=reasons.find_grid_error(solution))
+        outcome = ending.outcome = replace(
+            outcome, grid=reasons.find_grid_error(solution), ringing=reasons.find_ringing(solution)
+        )
         if options.explain:
             return replace(outcome, explanation=reasons.find_explanation(model, solution))
     return outcome

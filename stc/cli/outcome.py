@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from stc.studies.explain import Explanation
     from stc.studies.grid_error import GridError
     from stc.studies.profile import Part
+    from stc.studies.ringing import Ringing
+
+#: So many controls that ring are told of.
+MOST_RINGING = 3
 
 __all__ = ["Ending", "Outcome", "keep_solution"]
 
@@ -36,6 +40,7 @@ class Outcome:
     blame: Blame | None = None
     explanation: Explanation | None = None
     grid: GridError | None = None
+    ringing: Sequence[Ringing] = ()
     found: Found | None = None
     profile: Sequence[Part] = ()
     unsaved: str = ""
@@ -58,6 +63,9 @@ class Outcome:
             self.solution, None if self.file is None else str(self.file), self.warnings
         )
         known["grid"] = None if self.grid is None else self.grid.to_dict()
+        known["ringing"] = (
+            [one.to_dict() for one in self.ringing] if self.solution.status == "optimal" else None
+        )
         known["blame"] = None if self.blame is None else self.blame.to_dict()
         known.update({} if self.explanation is None else self.explanation.to_dict())
         if self.profile:
@@ -77,6 +85,8 @@ class Outcome:
             console.note(self.found.remark)
         if self.grid is not None and self.grid.gross:
             console.note(self.grid.warning)
+        for one in self.ringing[:MOST_RINGING]:
+            console.note(str(one))
         if self.blame is not None:
             reasons.show_blame(self.blame)
         if self.explanation is not None:

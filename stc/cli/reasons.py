@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from stc.studies.blame import Blame
     from stc.studies.explain import Explanation, Sensitivity
     from stc.studies.grid_error import GridError
+    from stc.studies.ringing import Ringing
 
 #: Seconds for finding who is to blame: unasked, and when the user wants an explanation.
 UNASKED, ASKED = 2.0, 60.0
@@ -53,6 +54,15 @@ def find_grid_error(solution: Solution) -> GridError | None:
     from stc.studies.grid_error import grid_error
 
     return grid_error(solution)
+
+
+def find_ringing(solution: Solution) -> list[Ringing]:
+    """The controls that alternate from node to node; none where there is no time to look."""
+    if deadline.left() < SHORTEST:
+        return []
+    from stc.studies.ringing import ringing
+
+    return ringing(solution)
 
 
 def show_blame(blame: Blame) -> None:

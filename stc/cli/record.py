@@ -51,6 +51,7 @@ def of_solution(solution: Solution, file: str | None = None, warnings: Iterable[
         factorizations=solution.factorizations,
         optimizer=solution.optimizer,
         grid=None,
+        ringing=None,
         blame=None,
         active=None,
         sensitivities=None,

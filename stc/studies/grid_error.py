@@ -37,7 +37,7 @@ from stc.studies.discretisation import States, local_errors, quadrature_errors
 from stc.symbolic.expr import symbols
 from stc.trajectory import Channel
 
-__all__ = ["GROSS", "GridError", "determined", "grid_error", "range_of"]
+__all__ = ["GROSS", "GridError", "determined", "grid_error", "problem_of_solution", "range_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ def grid_error(solution: Solution) -> GridError | None:
     """
     if solution.status != "optimal" or not solution.n or not (np.diff(solution.time) > 0.0).all():
         return None
-    problem = _problem_of(solution)
+    problem = problem_of_solution(solution)
     with np.errstate(all="ignore"):
         if problem.method == "central":
             gaps = gaps_of(problem, solution)
@@ -128,7 +128,7 @@ def grid_error(solution: Solution) -> GridError | None:
     return GridError(min(_known(objective), WHOLE), motion, variable)
 
 
-def _problem_of(solution: Solution) -> Problem:
+def problem_of_solution(solution: Solution) -> Problem:
     """What a solution solves: as its model knows it, else read from the text that it carries."""
     if solution.origin is not None:
         stated: Problem = solution.origin.transcription(solution.method, **solution.overrides)[0]

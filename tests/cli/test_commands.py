@@ -156,6 +156,7 @@ def test_json_has_every_promised_key(stc_: Stc) -> None:
         "factorizations": "int",
         "optimizer": "str",
         "grid": "dict",
+        "ringing": "list",
         "blame": "NoneType",
         "active": "NoneType",
         "sensitivities": "NoneType",
