@@ -28,6 +28,8 @@ class ComparedEquations(Protocol):
     metrics: list[Metric]
     findings: list[str]
     notes: list[str]
+    steps: list[str]
+    plain: bool
 
 
 @dataclass(slots=True)
@@ -95,9 +97,15 @@ class Certificate:
             setup = self.replays.setup
             touching = [touch.line for touch in self.replays.touching]
             why = [self.replays.explanation] if self.replays.explanation else []
-            limits = [*causes.beyond_limits(setup), *causes.clamped_controls(setup)]
+            limits = [*self._drifts, *causes.beyond_limits(setup), *causes.clamped_controls(setup)]
             text = "; ".join([text, *why, *limits, *touching])
         return text
+
+    @property
+    def _drifts(self) -> list[str]:
+        """Which equalities drift open, where one is broken."""
+        broken = any(m.name.startswith("equality broken") and m.verdict == "fail" for m in self.metrics)
+        return causes.drifts(self.replays.setup) if broken else []
 
     @property
     def next_steps(self) -> list[str]:
@@ -107,7 +115,7 @@ class Certificate:
         if self.passed or self.solution.status != "optimal" or self.faults or self.report.faults:
             return []
         setup = self.replays.setup
-        return advice.next_steps(
+        steps = advice.next_steps(
             self.metrics,
             self.equations is not None,
             self.more_frames,
@@ -118,7 +126,12 @@ class Certificate:
             refused=bool(self.refused),
             clamped=bool(causes.clamped_controls(setup)),
             unjudged="inverse-dynamics residual" in self.report.unjudged,
+            drift=causes.drift_step(setup, self.more_frames) if self._drifts else "",
         )
+        if self.equations is None or not self.equations.steps:
+            return steps
+        plain = [step for step in steps if self.equations.plain or step != advice.EQUATIONS_STEP]
+        return [*dict.fromkeys(self.equations.steps), *plain]
 
     @property
     def notes(self) -> list[str]:
