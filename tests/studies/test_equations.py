@@ -375,7 +375,7 @@ def test_a_mass_wrong_in_the_model_is_not_taken_for_a_force(tmp_path: Path) -> N
         ("- F", "that of sliding forwards"),
         ("+ F", "that of sliding backwards"),
         ("", "left out"),
-        ("- 0.9*F", "left out"),
+        ("- 0.9*F", "that of sliding forwards"),  # of another size, but that way
     ],
 )
 def test_dry_friction_acts_as_the_spec_slides(tmp_path: Path, law: str, said: str) -> None:
