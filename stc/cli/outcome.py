@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from stc.studies.grid_error import GridError
     from stc.studies.profile import Part
     from stc.studies.ringing import Ringing
+    from stc.studies.uncertainty import Uncertainty
 
 #: So many controls that ring are told of.
 MOST_RINGING = 3
@@ -41,6 +42,7 @@ class Outcome:
     explanation: Explanation | None = None
     grid: GridError | None = None
     ringing: Sequence[Ringing] = ()
+    uncertainty: Uncertainty | None = None
     found: Found | None = None
     profile: Sequence[Part] = ()
     unsaved: str = ""
@@ -68,6 +70,8 @@ class Outcome:
         )
         known["blame"] = None if self.blame is None else self.blame.to_dict()
         known.update({} if self.explanation is None else self.explanation.to_dict())
+        if self.uncertainty is not None:
+            known["estimation"] = self.uncertainty.to_dict()
         if self.profile:
             known["profile"] = [part.to_dict() for part in self.profile]
         if self.unsaved:
@@ -76,7 +80,7 @@ class Outcome:
 
     def show(self) -> None:
         """What people see of it."""
-        console.show_solution(self.solution, self.file, self.was_read, self.grid)
+        console.show_solution(self.solution, self.file, self.was_read, self.uncertainty, self.grid)
         if self.found is not None and (in_all := self.found.in_all()):
             print(in_all)
         if self.found is not None and self.found.message:
@@ -87,6 +91,8 @@ class Outcome:
             console.note(self.grid.warning)
         for one in self.ringing[:MOST_RINGING]:
             console.note(str(one))
+        for told in self.solution.outside:
+            console.note(told)
         if self.blame is not None:
             reasons.show_blame(self.blame)
         if self.explanation is not None:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from stc.studies.explain import Explanation, Sensitivity
     from stc.studies.grid_error import GridError
     from stc.studies.ringing import Ringing
+    from stc.studies.uncertainty import Uncertainty
 
 #: Seconds for finding who is to blame: unasked, and when the user wants an explanation.
 UNASKED, ASKED = 2.0, 60.0
@@ -63,6 +64,16 @@ def find_ringing(solution: Solution) -> list[Ringing]:
     from stc.studies.ringing import ringing
 
     return ringing(solution)
+
+
+def find_uncertainty(model: Model, solution: Solution) -> Uncertainty | None:
+    """The standard errors of what an optimal solution estimates; None where it is no estimation."""
+    problem, _ = model.transcription(solution.method, **solution.overrides)
+    if not problem.parameters or not any(term.rows for term in problem.objective):
+        return None
+    from stc.studies.uncertainty import uncertainty
+
+    return uncertainty(model, solution)
 
 
 def show_blame(blame: Blame) -> None:

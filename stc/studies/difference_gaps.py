@@ -161,6 +161,8 @@ def _moved(solution: Solution, body: Expr, gaps: Gaps, frames: NDArray[np.int_])
     values: dict[object, Any] = {**fixed_values(solution), TimeRef(): solution.time[frames]}
     values[IndexRef()] = frames.astype(float)
     values.update({key: solution.trajectories[key.name, key.order].after[frames] for key in keys})
+    if any(key not in values for key in symbols(body)):  # what only rows of data have
+        return np.zeros(len(frames))
     before = np.asarray(evaluate_all([body], values)[0], float)
     values.update({key: values[key] + gaps.of[key.name, key.order][frames] for key in mine})
     after = np.asarray(evaluate_all([body], values)[0], float)

@@ -160,6 +160,7 @@ def test_json_has_every_promised_key(stc_: Stc) -> None:
         "blame": "NoneType",
         "active": "NoneType",
         "sensitivities": "NoneType",
+        "estimation": "NoneType",
         "variables": "int",
         "rows": "int",
         "parameters": "dict",
@@ -169,6 +170,7 @@ def test_json_has_every_promised_key(stc_: Stc) -> None:
         "n": "int",
         "file": "str",
         "warnings": "list",
+        "outside": "list",
     }
     assert set(STAGES) <= set(record["seconds"])
     assert all(isinstance(value, float) for value in record["seconds"].values())
