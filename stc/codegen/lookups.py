@@ -18,10 +18,7 @@ def clip(v: Vector, x: str, last: str) -> str:
     """x rounded down, between 0 and ``last``; 0 where it is no number."""
     above = v.select(v.compare("ogt", x, v.real(0.0)), x, v.real(0.0))
     inside = v.select(v.compare("olt", above, last), above, last)
-    if v.lanes == 1:
-        return v.let(f"sitofp i64 {v.let(f'fptosi double {inside} to i64')} to double")
-    whole = f"<{v.lanes} x i32>"
-    return v.let(f"sitofp {whole} {v.let(f'fptosi {v.f} {inside} to {whole}')} to {v.f}")
+    return v.call("trunc", inside)
 
 
 def reaches(v: Vector, begin: str, x: str) -> str:

@@ -15,21 +15,19 @@ from stc.symbolic.expr import Expr
 from stc.symbolic.fingerprint import Fingerprint
 from stc.symbolic.tables import (
     AXIS,
-    BEFORE,
     BEGINS,
     BUCKET,
     BUCKETS,
     COEFFICIENTS,
-    FARTHER,
     LAST,
     LOWEST,
     ORDER,
     ORIGIN,
-    PLACE,
     ROW,
     SCALE,
+    SLOT,
     STEP,
-    ZERO_BEFORE,
+    TOLD,
 )
 
 MAX_WHOLE_POWER: Final = 64
@@ -222,7 +220,7 @@ class Lowering:
         return self.program.emit(READ, place, self.program.constant(float(k)))
 
     def _piece(self, x: int, table: int, axis: int, search: int) -> tuple[int, int]:
-        """The number of the piece that x lies in along an axis, and what x is more than where that one is zero."""
+        """The slot of the piece that x lies in along an axis, and what x is more than where its variable is zero."""
         emit, constant = self.program.emit, self.program.constant
         offset = emit("sub", x, self._read(table, axis + LOWEST))
         scaled = emit("mul", offset, self._read(table, axis + SCALE))
@@ -231,16 +229,21 @@ class Lowering:
             origin = emit("mul", piece, self._read(table, axis + STEP))
             return piece, emit("sub", x, emit("add", origin, self._read(table, axis + ORIGIN)))
         buckets = emit("add", table, self._read(table, axis + BUCKETS))
-        if search == 1:
+        if search <= TOLD:
             bucket = emit("add", buckets, emit("mul", piece, constant(float(BUCKET))))
-            there = emit(REACHES, self._read(bucket, PLACE), x)
-            zero = emit(
-                "add", emit("mul", there, self._read(bucket, FARTHER)), self._read(bucket, ZERO_BEFORE)
-            )
-            return emit("add", self._read(bucket, BEFORE), there), emit("sub", x, zero)
+            slot, zero = self._read(bucket, SLOT), self._read(bucket, 0)
+            before = zero
+            for k in range(search):
+                place = self._read(bucket, k)
+                there = emit(REACHES, place, x)
+                slot = emit("add", slot, emit("mul", constant(2.0), there) if k else there)
+                if k:
+                    zero = emit("add", zero, emit("mul", there, emit("sub", place, before)))
+                before = place
+            return slot, emit("sub", x, zero)
         begins = emit("add", table, self._read(table, axis + BEGINS))
         piece = self._read(emit("add", buckets, piece), 0)
-        for step in reversed(range(search)):
+        for step in reversed(range(search - TOLD)):
             stride = 1 << step
             begin = self._read(emit("add", begins, piece), stride)
             there = emit(REACHES, begin, x)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics
-from stc.language.words import RESERVED
+from stc.language.words import PATH_WORDS, RESERVED
 from stc.records import dataclass, field
 from stc.symbolic.expr import FUNCTIONS
 
@@ -97,6 +97,10 @@ def _declare(
         return
     if word in FUNCTIONS:
         diagnostics.error(f"`{word}` is a function", name.start, name.end, "choose another name")
+        return
+    if kind == DATA_SET and word in PATH_WORDS:
+        message = f"`{word}` is what paths of a model begin with"
+        diagnostics.error(message, name.start, name.end, "choose another name")
         return
     if word == "n" and kind != "constant":
         hint = "declare it under `constants:`"

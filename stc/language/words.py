@@ -95,6 +95,24 @@ FRAMES_MEANT = {
     ),
 }
 
+#: What paths of a model begin with.
+PATH_WORDS = frozenset(
+    [
+        "body",
+        "site",
+        "geom",
+        "com",
+        "momentum",
+        "angular",
+        "energy",
+        "joint",
+        "actuator",
+        "equality",
+        "option",
+        "keyframe",
+    ]
+)
+
 #: What people write after numbers, and where angles are no radians.
 UNITS = frozenset(
     ("g", "kg", "m", "mm", "cm", "km", "s", "ms", "min", "N", "kN", "Nm", "J", "W", "Hz", "rad")

@@ -46,13 +46,14 @@ LOWEST, SCALE, LAST, BUCKETS, BEGINS, ORIGIN, STEP = range(AXIS)
 where places are evenly spaced, else its bucket.
 ``ORIGIN``, ``STEP``: of even places; piece k is zero at ``ORIGIN + k*STEP``.
 ``BUCKETS``: of others; where buckets are described, counted from the first number of the table.  Where no bucket has
-two places in it, each is four numbers: its place, the piece before that one with where it is zero, and how much farther
-the next piece is zero.  Else it is one number, the first piece that may be meant.
+more than :data:`TOLD` places in it, each is four numbers: the first places that are not before it, and the slot that
+comes before the first of them.  Else it is one number, the first piece that may be meant.
 ``BEGINS``: of these; where it is told where each piece is zero and begins, counted likewise.
 """
 BUCKET: Final = 4
-PLACE, BEFORE, ZERO_BEFORE, FARTHER = range(BUCKET)
-"""Places within such a bucket."""
+SLOT: Final = BUCKET - 1
+TOLD: Final = BUCKET - 1
+"""Numbers of a bucket, where its slot stands among them, and the places that it tells."""
 HEADER: Final = 2 * AXIS + 2
 COEFFICIENTS, ROW = 2 * AXIS, 2 * AXIS + 1
 """After the headers of two axes: where coefficients begin, and how far the rows of the first argument lie apart."""
@@ -73,8 +74,8 @@ class Axis:
     Attributes:
         begins: where all pieces but the first one begin: the last place itself belongs to the table.
         origins: where each piece's variable is zero.
-        search: 0 where the places are evenly spaced; 1 where no bucket has two of them in it; else in how many steps a
-            piece is found in its bucket, by halving.
+        search: 0 where the places are evenly spaced; up to :data:`TOLD` how many places a bucket has at most; else so
+            much and the steps in which a piece is found in its bucket, by halving.
     """
 
     def __init__(self, x: FloatArray) -> None:
@@ -93,17 +94,44 @@ class Axis:
         self.origins = np.concatenate([[low - self.step] if even else [low], self.x])
 
     def _fill_buckets(self) -> int:
-        """Choose so many buckets that hardly any has several places in it; in how many steps these are told apart."""
+        """Choose so many buckets that hardly any has several places in it; how these are told apart."""
         count, best = len(self.x), 0
         buckets = count - 1
         while not best or (best > 1 and buckets <= max(min(16 * count + 4096, MOST_BUCKETS), count)):
             scale = float(buckets / (self.x[-1] - self.x[0]))
             of_knot = np.clip((self.begins - self.x[0]) * scale, 0.0, buckets - 1.0).astype(np.int64)
-            steps = int(np.bincount(of_knot).max()).bit_length()
-            if not best or steps < best:
-                best, self._buckets, self._scale, self._of_knot = steps, buckets, scale, of_knot
+            most = int(np.bincount(of_knot).max())
+            if not best or most < best:
+                best, self._buckets, self._scale, self._of_knot = most, buckets, scale, of_knot
             buckets *= 2
-        return best
+        return best if best <= TOLD else TOLD + best.bit_length()
+
+    @property
+    def halved(self) -> int:
+        """In how many steps a piece is found in its bucket, by halving; 0 where a bucket tells its places."""
+        return max(self.search - TOLD, 0)
+
+    @property
+    def slots(self) -> int:
+        """How many polynomials are kept: one for each piece, or two for each place, see :meth:`in_slots`."""
+        return 2 * len(self.x) if 0 < self.search <= TOLD else len(self)
+
+    def in_slots(self, pieces: FloatArray) -> FloatArray:
+        """The polynomials as they are looked up, (slots, 4, ...) of those of all pieces.
+
+        Where buckets tell their places, the pieces on both sides of a place are kept in a variable that is zero there:
+        so that one is to be had without the place before.
+        """
+        if not 0 < self.search <= TOLD:
+            return pieces
+        shift = (self.x - self.origins[:-1]).reshape(-1, *(1,) * (pieces.ndim - 2))
+        left = pieces[:-1].copy()
+        for k in range(ORDER):
+            for j in range(ORDER - 2, k - 1, -1):  # Horner's rule, again and again (Knuth, TAOCP 2, 4.6.4)
+                left[:, j] += shift * left[:, j + 1]
+        found = np.empty((self.slots, *pieces.shape[1:]))
+        found[0::2], found[1::2] = left, pieces[1:]
+        return found
 
     def __len__(self) -> int:
         """How many pieces there are, those outside included."""
@@ -126,21 +154,18 @@ class Axis:
             header[SCALE] = count * (1.0 - _SLACK / 16.0) / (high - origin + slack)
             header[ORIGIN], header[STEP] = origin, self.step
             return header, np.zeros(0)
-        first = np.searchsorted(self._of_knot, np.arange(self._buckets)).astype(np.float64)
+        first = np.searchsorted(self._of_knot, np.arange(self._buckets))
         header[LOWEST], header[LAST] = self.x[0], self._buckets - 1
-        header[BUCKETS], header[BEGINS] = at, at + len(first)
-        if self.search == 1:
-            before = first.astype(np.int64)
-            place = np.concatenate([self.begins, [np.nan]])[before]
-            place = np.where(
-                np.searchsorted(self._of_knot, np.arange(self._buckets), "right") > before, place, np.nan
-            )
-            zero = self.origins[before]
-            farther = np.nan_to_num(place - zero)
-            return header, np.column_stack([place, first, zero, farther]).ravel()
+        header[BUCKETS] = at
+        if not self.halved:
+            # The last ones tell places before them as well, which all numbers in them reach.
+            first = np.minimum(first, len(self.x) - self.search)
+            told = [self.begins[np.minimum(first + k, len(self.x) - 1)] for k in range(TOLD)]
+            return header, np.column_stack([*told, 2.0 * first]).ravel()
+        header[BEGINS] = at + len(first)
         # A search ends at most at the last piece: what follows it no number reaches.
-        beyond = np.full(1 << self.search, np.nan)
-        return header, np.concatenate([first, self.x[:1], self.begins, beyond])
+        beyond = np.full(1 << self.halved, np.nan)
+        return header, np.concatenate([first.astype(np.float64), self.x[:1], self.begins, beyond])
 
 
 class Table:
@@ -215,11 +240,16 @@ class Table:
             head[AXIS * k : AXIS * (k + 1)], search = axis.storage(end)
             parts.append(search)
             end += len(search)
-        size = ORDER ** len(self.axes)
+        kept = self.axes[0].in_slots(
+            self.coefficients if len(self.axes) == 1 else self.coefficients.swapaxes(1, 2)
+        )
+        if len(self.axes) == 2:  # (slots, 4, pieces, 4) by now
+            second = self.axes[1].in_slots(kept.transpose(2, 3, 0, 1))
+            kept = second.transpose(2, 0, 3, 1)
         head[COEFFICIENTS] = end
-        head[ROW] = size if len(self.axes) == 1 else size * len(self.axes[1])
+        head[ROW] = kept[0].size
         # four numbers are read together, though fewer may be wanted
-        return np.concatenate([*parts, self.coefficients.ravel(), np.zeros(ORDER)])
+        return np.concatenate([*parts, kept.ravel(), np.zeros(ORDER)])
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,12 +12,24 @@ from stc.codegen.kernel import LANES, KernelSet, compile_tapes
 from stc.codegen.runs import Runs
 from stc.codegen.tape import Tape, build_tape
 from stc.symbolic.expr import Expr, looked_up, sym
-from stc.symbolic.tables import Table, TableRef, interpolated
+from stc.symbolic.tables import TOLD, Table, TableRef, interpolated
 
 pytestmark = pytest.mark.skipif(not engine.llvm_wanted(), reason="needs LLVM")
 
-CROWDED = np.concatenate([np.linspace(0.0, 1e-2, 9), np.linspace(1.0, 30.0, 20), [1e3]])
-"""Some places so near to each other that one bucket has many of them."""
+
+def drawn(count: int, seed: int) -> np.ndarray:
+    """Places at random."""
+    return np.sort(np.random.default_rng(seed).uniform(-3.0, 9.0, count))
+
+
+#: By how their pieces are found: evenly spaced, one place in a bucket, two, three, many.
+PLACES = {
+    0: np.linspace(-1.0, 2.0, 4),
+    1: np.concatenate([np.linspace(0.0, 1.0, 5), [2.5, 3.0, 7.0]]),
+    2: np.concatenate([drawn(20, 2), 9.0 + np.array([0.2, 0.2001])]),
+    3: np.concatenate([drawn(20, 2), 9.0 + np.array([0.2, 0.2001, 0.2002])]),
+    TOLD + 4: np.concatenate([np.linspace(0.0, 1e-2, 7), np.linspace(1.0, 30.0, 20), [1e4]]),
+}
 
 
 def values_of(tape: Tape, uniform: np.ndarray, varying: np.ndarray) -> list[np.ndarray]:
@@ -59,11 +71,13 @@ def derivatives(ref: TableRef, arguments: list[Expr], most: int) -> dict[tuple[i
 
 
 @pytest.mark.parametrize("width", [4, 8])
-@pytest.mark.parametrize("places", [np.linspace(-1.0, 2.0, 4), np.array([0.0, 3.0]), CROWDED])
-def test_a_curve_and_its_derivatives(places: np.ndarray, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("search", PLACES)
+def test_a_curve_and_its_derivatives(search: int, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    places = PLACES[search]
     if width <= engine.vector_width():
         monkeypatch.setattr(engine, "vector_width", lambda: width)
     table = interpolated([places], np.sin(3.0 * places), "cubic", "extend")
+    assert table.axes[0].search == search
     ref = TableRef("T", table, (0,))
     wanted = derivatives(ref, [sym("x")], 3)
     tape = build_tape(list(wanted.values()), [ref], ["x"])

@@ -179,6 +179,8 @@ WRONG = [
     ("data: d = 3;", "", "expected data after `d =`", "3"),
     ("data: d = keyframes;", "", "keyframes are those of a model, and the spec has none", "d = keyframes"),
     ("data: x = (a, b): (0, 1), (1, 2);", "", "`x` is declared already, as a variable", "x"),
+    ("data: joint = (a, b): (0, 1), (1, 2);", "", "`joint` is what paths of a model begin with", "joint"),
+    ("data: h = (a, b): (0, 1), (1, 2);", "", "`h` is the time from one frame to the next", "h"),
     ("data: sin = (a, b): (0, 1), (1, 2);", "", "`sin` is a function", "sin"),
 ]
 
