@@ -98,7 +98,7 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty:
     if other is not None:
         raise UsageError(
             f"no standard errors: `{other.text}` is no square on the rows of data",
-            "they follow from an objective of squares, as in `[walk]: (q - walk.q)^2;`, each perhaps with a known weight",
+            "they follow from squares, as in `[walk]: (q - walk.q)^2;`, each perhaps with a known weight",
         )
     bound = transcription.bind(problem.constants, start=solution.x, check=False)
     if len(solution.x) != bound.n or len(solution.row_multipliers) != bound.m:
