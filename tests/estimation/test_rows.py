@@ -214,6 +214,8 @@ def test_what_the_data_do_not_determine_has_no_finite_error() -> None:
         ("[d]: (x - d.y)^2;", ("`y`", "its columns are `time`, `x`")),
         ("[d]: (x' - d.x')^2;", ("no time derivative",)),
         ("[d]: e^2;", ("`d.x` as a function of time", "under `[d]:` itself")),
+        ("[walk]: (x - walk.x)^2;", ("`walk` is not declared", 'under `data:`, as in `walk = "walk.csv";`')),
+        ("[lat]: (x - late.x)^2;", ("`lat` is not declared", "did you mean `late`?")),
         ("[late]: (x - late.x)^2;", ("at t = 5 s", "from 0 to 1 s")),
         ("[untimed]: (x - untimed.x)^2;", ("no column `time`",)),
         ("[0, n]: x^2; constraints: [d]: x = d.x;", ("only the objective is a sum over its rows",)),
