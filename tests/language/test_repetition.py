@@ -8,6 +8,7 @@ from stc.errors import Source, SpecError
 from stc.language import parse, read_problem
 from stc.language.show import show_syntax
 from stc.pipeline import Model
+from stc.validate.certificate.listing import listing
 
 
 def shown(text: str) -> str:
@@ -144,3 +145,14 @@ def test_carets_mark_the_braces_whole() -> None:
 
 def test_names_that_are_no_repetitions_stay_names() -> None:
     assert constraint("for = 1; in*sum = k;") == "constraints:\n  for = 1;\n  in*sum = k;"
+
+
+def test_multipliers_stand_on_the_line_that_the_statement_was_written_on() -> None:
+    text = RODS.replace("[n]: q{k} = {k};", "[n]:\n  2*q{k} + q{k}' = {k};")
+    solution = Model(Source("rods.stc", text)).solve()
+    marked = {
+        line.number: [mark.text for mark in line.marks]
+        for line in listing(solution, parse(Source("", text)).source)
+    }
+    assert [text for text in marked[5] if "u" in text] == [f"q{k}'' = u{k}" for k in (1, 2, 3)]
+    assert marked[6] == [f"2*q{k} + q{k}' = {k}" for k in (1, 2, 3)]
