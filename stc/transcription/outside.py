@@ -73,7 +73,7 @@ def _told(name: str, share: float, value: float, frame: float, ref: TableRef) ->
         begin, end = ref.table.axes[0].x[[0, -1]]
         return (
             f"`{name}` is recorded from {begin:.6g} to {end:.6g} s, and this motion reads it outside, farthest at "
-            f"frame {frame:g} ({value:.6g} s): integrals do not count it there, and other statements take its last value"
+            f"frame {frame:g} ({value:.6g} s): integrals do not count it there, other statements take its last value"
         )
     ends = " and ".join(f"{axis.x[0]:.6g} to {axis.x[-1]:.6g}" for axis in ref.table.axes)
     return (
