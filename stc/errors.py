@@ -23,9 +23,13 @@ EXCERPT_WIDTH = 110
 
 @dataclass(eq=False, slots=True)
 class Origins:
-    """Which characters of a spec every character of the text came from that its repetitions were written out into."""
+    """Which characters of a spec every character of the text came from that its repetitions were written out into.
+
+    ``counts`` are the constants that they were written out by, with their values.
+    """
 
     written: Source
+    counts: dict[str, int] = field(default_factory=dict)
     _begins: list[int] = field(default_factory=list, repr=False)
     _pieces: list[tuple[int, int, int, str]] = field(default_factory=list, repr=False)
 

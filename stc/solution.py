@@ -416,10 +416,8 @@ class Solution:
     def uncertainty(self) -> Any:
         """How well data determine the parameters: a :class:`stc.studies.uncertainty.Uncertainty`.
 
-        None where the objective is no sum of squares over the rows of data sets.
-
         Raises:
-            UsageError: the solution is not optimal.
+            UsageError: the solution is not optimal, or the objective no sum of squares over the rows of data sets.
         """
         # By name: nothing here is imported from the layers above.
         return import_module("stc.studies.uncertainty").of_solution(self)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from stc import deadline
 from stc.cli import console
+from stc.errors import UsageError
 
 if TYPE_CHECKING:
     from stc.pipeline import Model
@@ -67,13 +68,17 @@ def find_ringing(solution: Solution) -> list[Ringing]:
 
 
 def find_uncertainty(model: Model, solution: Solution) -> Uncertainty | None:
-    """The standard errors of what an optimal solution estimates; None where it is no estimation."""
+    """The standard errors of what an optimal solution estimates; None where it is no estimation, or has none."""
     problem, _ = model.transcription(solution.method, **solution.overrides)
     if not problem.parameters or not any(term.rows for term in problem.objective):
         return None
     from stc.studies.uncertainty import uncertainty
 
-    return uncertainty(model, solution)
+    try:
+        return uncertainty(model, solution)
+    except UsageError as reason:
+        console.note(str(reason))
+        return None
 
 
 def show_blame(blame: Blame) -> None:

@@ -121,7 +121,11 @@ def _declare(
     elif not (kind == first.kind == "definition"):
         line = diagnostics.source.position(first.start)[0]
         message = f"`{word}` is declared already, as a {first.kind} on line {line}"
-        diagnostics.error(message, name.start, name.end, "every name stands for one thing")
+        hint = "every name stands for one thing"
+        place = diagnostics.source.place
+        if place(first.start, first.end) == place(name.start, name.end):  # the same word, repeated
+            hint = f"it stands within a repetition: end that with `;` before `{word}`, or number it in braces"
+        diagnostics.error(message, name.start, name.end, hint)
 
 
 def dependency_order(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from stc.atomic import replacing
+from stc.errors import Source
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate import limits
@@ -41,6 +42,7 @@ class Certificate:
         report: the validation's measurements.
         replays: what was simulated.
         equations: the comparison of the equations of motion, where it was made.
+        source: the spec's text with its repetitions written out, from whoever can read it.
         refused: why it could not be made, where that was tried.
         further: measurements of others, such as the observed order of convergence.
         faults: what is wrong besides measurements, one line each: the spec has changed since, for one.
@@ -55,6 +57,7 @@ class Certificate:
     faults: list[str] = field(default_factory=list)
     more_frames: str = ""
     refused: str = ""
+    source: Source | None = None
 
     @property
     def metrics(self) -> list[Metric]:
