@@ -30,7 +30,7 @@ from stc.problem import (
     ReplayChannel,
     VariableRef,
 )
-from stc.symbolic.expr import Expr, symbols
+from stc.symbolic.expr import Expr, evaluate, symbols
 
 if TYPE_CHECKING:
     from stc.language.model.assembly import ModelStatements
@@ -139,6 +139,7 @@ class _Elaborator(Context):
             macros=self.builder.macros,
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
+            at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
         )
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
@@ -241,13 +242,30 @@ class _Elaborator(Context):
             text = statement.written or statement_text(self.source, statement)
             for part in bounded:
                 body = self.settled(part.body, where, statement)
-                found.append(Relation(body, part.lower, part.upper, where, self.span(statement), text))
+                one = Relation(body, part.lower, part.upper, where, self.span(statement), text)
+                found += (
+                    [one]
+                    if self.builder.paths is None
+                    else self.builder.paths.distances.exact(one, self._structural)
+                )
                 if self.is_fixed(body):
                     message = "this constraint holds no unknown"
                     self.diagnostics.warning(
                         message, statement.start, statement.end, "it is true or false as it is"
                     )
+        if self.builder.paths is not None:
+            self.builder.paths.distances.declare(self)
         return found
+
+    def _structural(self, e: Expr) -> float | None:
+        """The value of an expression of constants, which then shape the problem; None of others."""
+        values: dict[object, float] = {}
+        for key in symbols(e):
+            value = self.positions.structural_value(key.name) if isinstance(key, ConstantRef) else None
+            if value is None:
+                return None
+            values[key] = value
+        return float(evaluate(e, values))
 
     def _has_model(self, pose: syntax.Pose) -> bool:
         """Whether poses mean something; else that is noted."""

@@ -54,6 +54,9 @@ if TYPE_CHECKING:
 #: Looks like a function, unless a spec declares something of that name.
 MOMENTUM = "momentum"
 
+#: Calls that name things of a model.
+WORDS_OF_MODELS = ("distance", "point")
+
 #: Time derivatives of a higher order are taken for a slip.
 MAX_ORDER = 20
 
@@ -107,6 +110,7 @@ class ExpressionBuilder:
             syntax.Prime: self._prime,
             syntax.Index: self._index,
             syntax.Vector: self._vector,
+            syntax.Member: self._member,
         }
 
     def build(self, node: syntax.Expression) -> Expr:
@@ -196,19 +200,40 @@ class ExpressionBuilder:
 
     def _path(self, node: syntax.Name) -> Expr:
         """A thing of the model."""
+        found = self._of_model(node, node.name, lambda paths: paths.resolve(node.name))
+        if not self.poisoned:
+            self._leaves[node.name] = found
+        return found
+
+    def _of_model(self, node: syntax.Expression, text: str, resolve: Callable[[Paths], Expr]) -> Expr:
+        """What the model makes of a path or a call; a mistake in it is noted."""
         if self.paths is None and self.model_is_missing:
             self.poisoned = True  # that the model cannot be read has been told
             return UNKNOWN
         if self.paths is None:
             hint = 'name the model under `model:`, as in `model: "robot.xml";`'
-            return self.fail(node, f"`{node.name}` is a path of a model, and the spec has none", hint)
+            return self.fail(node, f"`{text}` is a path of a model, and the spec has none", hint)
         from stc.language.model.paths import PathError
 
         try:
-            found = self._leaves[node.name] = self.paths.resolve(node.name)
+            return resolve(self.paths)
         except PathError as error:
             return self.fail(node, error.message, error.hint)
-        return found
+
+    def _member(self, node: syntax.Member) -> Expr:
+        """A field of `point(body.NAME, x, y, z)`."""
+        call = node.operand
+        if call.function != "point":
+            hint = "of a point in a body there are: `point(body.NAME, x, y, z).vx`"
+            return self.fail(node, f"`{call.function}(...)` has no fields", hint)
+        if self.paths is None:
+            return self._of_model(node, "point(...)", lambda _: UNKNOWN)
+        at = [self.build(part) for part in call.arguments[1:]]
+        return (
+            UNKNOWN
+            if self.poisoned
+            else self._of_model(node, "point(...)", lambda paths: paths.of_point(call, at, node.fields))
+        )
 
     def _vector(self, node: syntax.Vector) -> Expr:
         hint = "state each component by itself; a vector moves a pose, as in `keyframe.stand + (0.5, 0, 0)`"
@@ -268,6 +293,8 @@ class ExpressionBuilder:
             return self._one_sided(node)
         if function == MOMENTUM and self.table.kind(MOMENTUM) is None:
             return self._momentum(node)
+        if function in WORDS_OF_MODELS and self.table.kind(function) is None:
+            return self._of_model(node, f"{function}(...)", lambda paths: paths.call(node))
         arguments = [self.build(argument) for argument in node.arguments]
         if function in FUNCTIONS:
             if len(arguments) != FUNCTIONS[function]:

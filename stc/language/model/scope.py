@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -29,11 +30,25 @@ S = TypeVar("S", bound=syntax.Node)
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 VELOCITY = ("wx", "wy", "wz")
+_PART = re.compile(r'"[^"]*"|[^."]+')
 
 
 def quoted(part: str) -> str:
     """A part of a path, in quotes where it is no plain word."""
     return part if part.isidentifier() else f'"{part}"'
+
+
+def parts_of(path: str) -> list[str]:
+    """The parts of a path, without quotes."""
+    return [part.strip('"') for part in _PART.findall(path)]
+
+
+class PathError(Exception):
+    """A path names nothing that the model has; ``hint`` says what it does have."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message, self.hint = message, hint
 
 
 def path_of(kind: str, name: str, *more: str) -> str:
@@ -345,4 +360,13 @@ def _text(path: Iterable[str]) -> str:
     return ".".join([kind, quoted(name), *more])
 
 
-__all__ = ["Coordinates", "ModelScope", "coordinates_of", "model_of", "path_of", "quoted"]
+__all__ = [
+    "Coordinates",
+    "ModelScope",
+    "PathError",
+    "coordinates_of",
+    "model_of",
+    "parts_of",
+    "path_of",
+    "quoted",
+]
