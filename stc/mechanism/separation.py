@@ -15,14 +15,16 @@ without complementarity [Zhang, Liniger & Borrelli 2021]; and any direction give
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product as combinations
+from functools import reduce
+from itertools import combinations as pairs
+from itertools import product as signs_of
 
 from stc.mechanism.dynamics import Dynamics
 from stc.mechanism.kinematics import Kinematics
 from stc.mechanism.mechanism import Geom
 from stc.mechanism.transmissions import magnitude
 from stc.mechanism.tree import WORLD, Frame
-from stc.mechanism.vectors import Matrix, Vector, dot, minus, plus, product, scaled, times, transposed
+from stc.mechanism.vectors import Matrix, Vector, cross, dot, minus, plus, product, scaled, times, transposed
 from stc.records import dataclass
 from stc.symbolic.expr import ONE, Expr, add, call, div, mul, neg, num, sub, sum_of
 
@@ -88,24 +90,41 @@ class Separation:
                 shares[k] = share
         return scaled(div(ONE, magnitude(way)), way)
 
-    def lower_bound(self, nearly: bool = False) -> Expr:
+    def lower_bound(self) -> Expr:
         """A smooth function that is nowhere above the distance while the cores do not overlap; the distance itself
         where that is smooth.
-
-        Parameters
-        ----------
-        nearly
-            Whether it is to be as good as the distance, at the cost of many operations and derivatives that are large.
         """
         if self.is_smooth and self.normal is None:
             return sub(magnitude(self.centre), num(self.radii))
-        direction = self.direction(_SHARP, _MANY) if nearly else self.direction()
-        rounded = _SHARP if nearly else _SIDES
-        seen = [
-            _absolute(width, rounded * e)
-            for width, (e, _) in zip(self.widths(direction), self.halves, strict=True)
+        direction = self.direction()
+        return self._seen(direction, dot(direction, self.centre), _SIDES)
+
+    def value(self) -> Expr:
+        """The distance but for some 1e-4 of the sizes, from below; its derivatives are large, and it takes many
+        operations.
+
+        The greatest gap of several directions: the sides of the cores and what is at right angles to two of them, which
+        are all that matter where faces or edges are nearest, and :meth:`direction` for corners.
+        """
+        if self.normal is not None or self.is_smooth:
+            return self._seen(self.direction(), dot(self.direction(), self.centre), _SHARP)
+        sides = [u for _, u in self.halves]
+        across = [cross(u, v) for u, v in pairs(sides, 2)]
+        ways = [
+            *sides,
+            *(scaled(div(ONE, magnitude(way)), way) for way in across),
+            self.direction(_SHARP, _MANY),
         ]
-        return sub(sub(dot(direction, self.centre), sum_of(seen)), num(self.radii))
+        gaps = [self._seen(way, _absolute(dot(way, self.centre), _SHARP**2), _SHARP) for way in ways]
+        return reduce(_greater, gaps)
+
+    def _seen(self, direction: Sequence[Expr], way: Expr, rounded: float) -> Expr:
+        """The gap that a direction sees, from how long the way between the centres is along it."""
+        sizes = [e for e, _ in self.halves]
+        widths = [
+            _absolute(width, rounded * e) for width, e in zip(self.widths(direction), sizes, strict=True)
+        ]
+        return sub(sub(way, sum_of(widths)), num(self.radii))
 
     def gaps(self, direction: Sequence[Expr], widths: Sequence[Expr]) -> list[Expr]:
         """Expressions of which the least is the gap that a direction sees, where ``widths`` are not too small.
@@ -133,7 +152,7 @@ class Separation:
                 height,
                 sum_of([part if sign > 0 else neg(part) for sign, part in zip(signs, parts, strict=True)]),
             )
-            for signs in combinations((-1, 1), repeat=len(parts))
+            for signs in signs_of((-1, 1), repeat=len(parts))
         ]
 
 
@@ -181,6 +200,11 @@ def _in_segment(kinematics: Kinematics, frame: Frame, segment: int) -> tuple[Mat
         turn, at = product(axes, turn), plus(origin, times(axes, at))
         here = kinematics.tree.segments[here].parent
     return turn, at
+
+
+def _greater(a: Expr, b: Expr) -> Expr:
+    """The greater of two."""
+    return mul(num(0.5), add(add(a, b), _absolute(sub(a, b), 0.0)))
 
 
 def _stopped(share: Expr, rounded: float) -> Expr:

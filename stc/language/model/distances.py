@@ -132,7 +132,7 @@ class Distances:
                     bodies = [
                         substitute(body, {}, {bound: gap}) for body in bodies for gap in self._gaps(pair)
                     ]
-                    between = substitute(between, {}, {bound: pair.apart.lower_bound(nearly=True)})
+                    between = substitute(between, {}, {bound: pair.apart.value()})
             one = replace(relation, lower=lower, upper=upper, between=between)
             found += [replace(one, body=body) for body in bodies]
         return found if any(one.body is not relation.body for one in found) else [relation]
