@@ -20,7 +20,7 @@ import numpy as np
 
 from stc.solution import Solution
 from stc.validate.metrics import FloatArray
-from stc.validate.model import ModelError, find_actuator, lines_of
+from stc.validate.model import ModelError, find_control, lines_of
 from stc.validate.places import Place, find_place, require_kind
 from stc.validate.signals import Signals
 from stc.validate.ties import joint_dof, joint_part
@@ -36,8 +36,8 @@ class Controls(Signals):
     """Control signals of a replay.
 
     Attributes:
-        names: the driven actuators.
-        actuators: their indices in the model.
+        names: of the controls: those of the driven actuators.
+        actuators: indices in the model, of the actuator of each control.
         addresses: (k,) index in MuJoCo's ``ctrl`` of each driven actuator.
     """
 
@@ -45,19 +45,20 @@ class Controls(Signals):
         """Tie the spec's ``actuator`` lines to the model.
 
         Raises:
-            ModelError: an unknown actuator, or one that takes several controls.
+            ModelError: an unknown actuator, or one of several controls that is not named.
         """
         super().__init__(solution, lines_of(solution, "actuator"))
         self.names = [line.name for line in self.lines]
-        self.actuators = [find_actuator(model, name) for name in self.names]
-        self.addresses = np.array([model.actuator_ctrladr[index] for index in self.actuators], dtype=np.intp)
+        found = [find_control(model, name) for name in self.names]
+        self.actuators = [actuator for actuator, _ in found]
+        self.addresses = np.array([address for _, address in found], dtype=np.intp)
 
     def beyond_range(self, model: mujoco.MjModel) -> list[str]:
         """Names of the actuators whose control leaves the range that the model clamps it to."""
         found = []
-        for name, index, channel in zip(self.names, self.actuators, self.channels):
-            if model.actuator_ctrllimited[index]:
-                lower, upper = model.actuator_ctrlrange[index]
+        for name, address, channel in zip(self.names, self.addresses, self.channels):
+            if model.actuator_ctrllimited[address]:
+                lower, upper = model.actuator_ctrlrange[address]
                 values = np.concatenate([channel.before, channel.after])
                 slack = 1e-9 * max(1.0, abs(lower), abs(upper))
                 if values.min() < lower - slack or values.max() > upper + slack:

@@ -17,7 +17,7 @@ from stc.validate.forces import Attachments, Controls, OuterForces
 from stc.validate.model import (
     ModelError,
     actuator_names,
-    find_actuator,
+    find_control,
     find_model,
     joint_names,
     load_model,
@@ -103,7 +103,9 @@ class Setup:
             notes.append(
                 f"joints not tied to the spec start at rest where the model has them: {', '.join(loose)}"
             )
-        idle = [name for name in actuator_names(self.compiled) if name not in self.controls.names]
+        driven, takes = set(self.controls.actuators), self.compiled.actuator_ctrlnum
+        names = enumerate(actuator_names(self.compiled))
+        idle = [name for index, name in names if index not in driven and takes[index]]
         if idle:
             notes.append(f"actuators not driven by the spec get the control 0: {', '.join(idle)}")
         clamped = self.controls.beyond_range(self.compiled)
@@ -177,7 +179,7 @@ def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> Non
     if kind == "joint":
         joint_part(model, path)
     elif kind == "actuator":
-        find_actuator(model, ".".join(path))
+        find_control(model, ".".join(path))
     elif kind == "set":
         set_fields(model, {path: 1.0})
     elif kind in ("apply", "contact"):

@@ -29,6 +29,7 @@ from stc.mechanism.mechanism import (
     Tendon,
 )
 from stc.mechanism.places import Places
+from stc.mechanism.switches import in_effect
 
 if TYPE_CHECKING:
     import mujoco
@@ -59,7 +60,7 @@ def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mecha
         raise ModelFileError(f"MuJoCo does not accept {source}: {' '.join(str(error).split())}") from None
     name = os.fsdecode(source)
     content = text if text is not None else Path(name).read_text(encoding="utf-8", errors="replace")
-    return _Reader(model, spec, Places(name, content)).mechanism(name, told)
+    return in_effect(_Reader(model, spec, Places(name, content)).mechanism(name, told))
 
 
 def _compiled(
@@ -340,8 +341,9 @@ class _Reader:
                     controls=controls,
                     activations=range(act, act + int(m.actuator_actnum[i])) if act >= 0 else range(0),
                     inputs=self._inputs(i),
-                    control_limited=bool(m.actuator_ctrllimited[u]) if controls else False,
-                    control_range=_floats(m.actuator_ctrlrange[u]) if controls else (0.0, 0.0),
+                    control_ranges=tuple(
+                        [_floats(m.actuator_ctrlrange[k]) if m.actuator_ctrllimited[k] else None for k in controls]
+                    ),
                     force_limited=bool(m.actuator_forcelimited[i]),
                     force_range=_floats(m.actuator_forcerange[i]),
                     activation_limited=bool(m.actuator_actlimited[i]),

@@ -57,7 +57,7 @@ def refusals(mechanism: Mechanism) -> list[Refusal]:
         *_of_tendons(mechanism),
         *_of_joints(mechanism),
         *_of_equalities(mechanism),
-        *_of_geoms(mechanism.geoms),
+        *(() if "contact" in mechanism.options.disabled else _of_geoms(mechanism.geoms)),
         *_others(mechanism),
     ]
     order = list(KINDS)
@@ -260,7 +260,7 @@ def _of_joints(mechanism: Mechanism) -> Iterator[Refusal]:
 def _of_equalities(mechanism: Mechanism) -> Iterator[Refusal]:
     for equality in mechanism.equalities:
         word = _word_of(equality)
-        if word == "equalities":
+        if word == "equalities" and equality.active:
             sentence = f"an equality of kind {equality.kind} cannot be stated"
             yield Refusal(word, _named("equality", equality.name), sentence, equality.place)
 

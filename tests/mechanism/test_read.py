@@ -78,8 +78,7 @@ def test_numbers(text: str) -> None:
     assert model.excluded == ((1, 2),)
     assert model.pairs[0].friction[:2] == (0.5, 0.5)
     motor, servo = model.actuators
-    assert motor.control_limited
-    assert motor.control_range == (-2.0, 2.0)
+    assert motor.control_ranges == ((-2.0, 2.0),)
     assert motor.gear[0] == 3.0
     assert (servo.gain, servo.bias, servo.bias_parameters[1]) == ("fixed", "affine", -5.0)
     options = model.options

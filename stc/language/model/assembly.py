@@ -20,6 +20,7 @@ from stc.language.model.statements import (
     activations,
     bounds,
     equations_of_motion,
+    friction_of_tendons,
     own_forces,
     replay_lines,
 )
@@ -99,6 +100,7 @@ class ModelStatements:
         forces.wrenches += contacts.wrenches()
         for dof, force in own_forces(self.scope, given):
             forces.push(dof, force)
+        forces.include(friction_of_tendons(self.scope))
         yield from equations_of_motion(context, self.scope, forces)
         yield from activations(context, self.scope)
         yield from bounds(context, self.scope)

@@ -16,7 +16,7 @@ from stc.language.names import Entry, NameTable
 from stc.mechanism.dynamics import Dynamics
 from stc.mechanism.equalities import held
 from stc.mechanism.kinematics import Motion
-from stc.mechanism.mechanism import Joint, Mechanism
+from stc.mechanism.mechanism import Actuator, Joint, Mechanism
 from stc.mechanism.numbers import Numbers
 from stc.mechanism.numbers import Path as SettingPath
 from stc.mechanism.read import read_model
@@ -111,6 +111,21 @@ def coordinates_of(joint: Joint) -> Coordinates:
     return Coordinates(joint, positions, Rotation((w, x, y, z), (p, q, r)), friction)
 
 
+def controls_of(actuator: Actuator) -> list[str]:
+    """The variables of an actuator's controls: called by itself, several by what each one is."""
+    if len(actuator.controls) == 1:
+        return [path_of("actuator", actuator.name)]
+    inputs = actuator.inputs or [f"control{k + 1}" for k in range(len(actuator.controls))]
+    return [path_of("actuator", actuator.name, each) for each in inputs]
+
+
+def activations_of(actuator: Actuator) -> list[str]:
+    """The variables of an actuator's states."""
+    names = ["activation"] if len(actuator.activations) == 1 else []
+    names = names or [f"activation{k + 1}" for k in range(len(actuator.activations))]
+    return [path_of("actuator", actuator.name, each) for each in names]
+
+
 class _InPlace(Numbers):
     """Derived numbers stand in expressions as they are: the kernels evaluate what holds no unknown once."""
 
@@ -128,6 +143,7 @@ class ModelScope:
         mechanism: its numbers.
         coordinates: the variables of each joint, in the model's order.
         controls, activations: the variables of actuators, in the model's order.
+        tendon_friction: the variable of dry friction of each tendon that has any.
         dynamics: its mechanics as expressions of the spec's variables.
         constants: numbers that the spec can set from outside, by path: inputs of the compiled program, and those that
             have been changed in the model (``changes``).
@@ -146,12 +162,13 @@ class ModelScope:
         self.path = path
         self.mechanism = mechanism
         self.coordinates = [coordinates_of(joint) for joint in mechanism.joints]
-        self.controls = [path_of("actuator", actuator.name) for actuator in mechanism.actuators]
-        self.activations = [
-            path_of("actuator", actuator.name, "activation")
-            for actuator in mechanism.actuators
-            for _ in actuator.activations
-        ]
+        self.controls = [name for actuator in mechanism.actuators for name in controls_of(actuator)]
+        self.activations = [name for actuator in mechanism.actuators for name in activations_of(actuator)]
+        self.tendon_friction = {
+            index: path_of("tendon", tendon.name, "friction")
+            for index, tendon in enumerate(mechanism.tendons)
+            if tendon.frictionloss
+        }
         fixed = changes or {}
         inputs = {path: value for path, value in settable(mechanism).items() if value and _is_input(path)}
         numbers = _InPlace(inputs.__contains__, lambda path: sym(ConstantRef(_text(path))))
@@ -194,6 +211,7 @@ class ModelScope:
         named = [(name, "variable") for found in self.coordinates for name in found.names]
         named += [(name, "variable") for found in self.coordinates for name in found.friction]
         named += [(name, "variable") for name in (*self.controls, *self.activations)]
+        named += [(name, "variable") for name in self.tendon_friction.values()]
         for equality in self.mechanism.equalities:
             if equality.active:
                 parts = held(self.dynamics, equality).names
