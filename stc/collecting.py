@@ -11,6 +11,7 @@ import numpy as np
 
 from stc.problem import FrameRange, Problem, VariableRef
 from stc.records import dataclass
+from stc.recorded_files import record
 from stc.solution import ReplayChannel, Solution
 from stc.solver import Result
 from stc.solver.optimizers import DEFAULT
@@ -39,6 +40,7 @@ def collect(
     return Solution(
         **motion_at(transcription, result.x, constants),
         directory=_folder_of(source.path, Path.cwd()) if source.path else "",
+        files=[] if source.model_file is None else record(Path(source.model_file)),
         constants=constants,
         overrides=overrides,
         status=str(result.status.value),

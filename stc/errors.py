@@ -23,11 +23,15 @@ EXCERPT_WIDTH = 110
 
 @dataclass(eq=False, slots=True)
 class Source:
-    """The text of one spec and the name it is called by in messages (a path, or ``<text>``)."""
+    """The text of one spec and the name it is called by in messages (a path, or ``<text>``).
+
+    ``model_file`` is the file of the model that the text names, where it is not to be looked for.
+    """
 
     name: str
     text: str
     path: str | None = None
+    model_file: str | None = None
     _line_starts: list[int] | None = field(default=None, repr=False)
 
     def line_starts(self) -> list[int]:

@@ -7,27 +7,30 @@ evaluated here from the spec's own text, so that nothing in a file can say other
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from stc import models
 from stc.collecting import motion_at
 from stc.digests import sha256
 from stc.errors import Source, StcError, UsageError
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.problem import Problem
+from stc.recorded_files import RecordedFile, present, unpacked
 from stc.solution import Solution, SolutionError
 from stc.solution_file import MISSHAPEN, PLAIN_FACTS, Stored, damaged, files_of, load
 from stc.trajectory import FloatArray
 from stc.transcription.multipliers import bound_nodes, multiplier_blocks, rows_by_statement
 from stc.transcription.stated import Stated, state
+from stc.validate.ordinary import refusal
 
 __all__ = ["problem_of", "read", "require_stated", "source_of", "stated_again"]
 
-_Key = tuple[str, tuple[tuple[str, float], ...], str]
+_Key = tuple[str, tuple[tuple[str, float], ...], str, tuple[str, ...]]
 #: The last problem that was stated again, for whoever judges what was just read.
 _last: list[tuple[_Key, Stated]] = []
 
@@ -43,11 +46,34 @@ def source_of(solution: Solution, beside: Path | None = None) -> Source:
     if folder is not None and beside is not None and solution.model is not None:
         moved = not (folder / solution.model).is_file() and (beside / solution.model).is_file()
         folder = beside if moved else folder
-    return _source(solution.name, solution.source, folder)
+    return _source(solution.name, solution.source, folder, solution.files)
 
 
-def _source(name: str, text: str, folder: Path | None) -> Source:
-    return Source(f"{name}.stc", text, "" if folder is None else str(folder / f"{name}.stc"))
+def _source(name: str, text: str, folder: Path | None, files: Sequence[RecordedFile]) -> Source:
+    path = "" if folder is None else str(folder / f"{name}.stc")
+    model = _model_of(files, folder)
+    return Source(f"{name}.stc", text, path, None if model is None else str(model))
+
+
+def _model_of(files: Sequence[RecordedFile], folder: Path | None) -> Path | None:
+    """The file of the model that a motion was solved for: where its text would look for it, if that is still the same
+    one, else what the solution carries; None where neither is to be had, and the text has to find what it can.
+
+    What a motion means does not depend on what has become of the model's file.  Whether a verdict is about that file is
+    judged elsewhere, by its hash (:mod:`stc.validate.setup`).
+    """
+    if not files:
+        return None
+    name = files[0].path
+    bundled = models.locate(name)
+    places = [*([] if folder is None else [folder / name]), *([] if bundled is None else [bundled])]
+    known = present(files, places)
+    if known is not None:
+        return known
+    carried = unpacked(files)
+    if carried is not None and (why := refusal(carried)):
+        raise SolutionError(f"the model that it carries is refused: {why}")
+    return carried
 
 
 def problem_of(solution: Solution) -> Problem:
@@ -67,7 +93,7 @@ def stated_again(solution: Solution) -> Stated:
         SpecError, UsageError: as :func:`problem_of`.
         SolutionError: that problem has another number of frames.
     """
-    key = _key(solution.source, solution.overrides, solution.method)
+    key = _key(solution.source, solution.overrides, solution.method, solution.files)
     if _last and _last[0][0] == key:
         return _last[0][1]
     problem = problem_of(solution)
@@ -105,8 +131,8 @@ def _primed(name: str, order: int) -> str:
     return name + "'" * order
 
 
-def _key(source: str, overrides: Mapping[str, float], method: str) -> _Key:
-    return source, tuple(sorted(overrides.items())), method
+def _key(source: str, overrides: Mapping[str, float], method: str, files: Sequence[RecordedFile]) -> _Key:
+    return source, tuple(sorted(overrides.items())), method, tuple([file.sha256 for file in files])
 
 
 def _remember(key: _Key, stated: Stated) -> Stated:
@@ -122,7 +148,7 @@ def read(path: str | os.PathLike[str]) -> Solution:
             from stc.first_format import read_first
 
             return read_first(stored, solution_of)
-        return solution_of(stored)
+        return solution_of(stored, Path(path).parent)
     except SolutionError as error:
         raise SolutionError(f"{path}: {error}") from None
     except MISSHAPEN as error:
@@ -133,8 +159,8 @@ def read(path: str | os.PathLike[str]) -> Solution:
 _WORDS = ("name", "source", "directory", "method", "status", "message", "optimizer", "sha256", "stc_version")
 
 
-def solution_of(stored: Stored) -> Solution:
-    """The solution that a file means.
+def solution_of(stored: Stored, beside: Path | None = None) -> Solution:
+    """The solution that a file means; ``beside`` is the file's folder.
 
     Raises:
         SolutionError: the file contradicts itself or its own text.
@@ -147,12 +173,12 @@ def solution_of(stored: Stored) -> Solution:
             raise TypeError(f"{key} is no text")
     if plain["sha256"] != sha256(plain["source"].encode()).hexdigest():
         raise SolutionError("the spec's text does not match its hash: the file was altered")
-    stated = _stated(plain, stored)
+    files = files_of(stored)
+    stated = _stated(plain, stored, files, beside)
     x = _unknowns(stated, stored)
     if plain["status"] == "optimal" and not np.isfinite(x).all():
         raise SolutionError("the file was altered: an optimal solution has no numbers that are not finite")
     y, z = _multipliers(stated, stored)
-    files = files_of(stored)
     if unknown := set(stored.members) - stored.used:
         raise SolutionError(
             f"the file was altered: it holds {min(unknown)}, which is nothing of this solution"
@@ -172,11 +198,15 @@ def solution_of(stored: Stored) -> Solution:
     )
 
 
-def _stated(plain: Mapping[str, Any], stored: Stored) -> Stated:
+def _stated(
+    plain: Mapping[str, Any], stored: Stored, files: Sequence[RecordedFile], beside: Path | None
+) -> Stated:
     """The problem of a file's text, once it is known to have as many frames as there are values."""
     overrides = {str(name): float(value) for name, value in plain["overrides"].items()}
-    folder = Path(plain["directory"]) if plain["directory"] else None
-    source = _source(str(plain["name"]), plain["source"], folder)
+    folder = Path(plain["directory"]) if plain["directory"] else beside
+    if folder is not None and beside is not None and files and not (folder / files[0].path).is_file():
+        folder = beside if (beside / files[0].path).is_file() else folder
+    source = _source(str(plain["name"]), plain["source"], folder, files)
     try:
         problem = elaborate(parse(source), overrides, plain["method"])
         n = int(stored.facts["n"])
@@ -186,11 +216,14 @@ def _stated(plain: Mapping[str, Any], stored: Stored) -> Stated:
             found = len(stored.vector(f"unknowns/{unknown['name']}")) - 1
             if found != n:
                 raise SolutionError(f"the file was altered: it tells of {n} steps and has {found}")
-        return _remember(_key(plain["source"], overrides, plain["method"]), state(problem))
+        return _remember(_key(plain["source"], overrides, plain["method"], files), state(problem))
     except SolutionError:
         raise
     except StcError as error:
         reason = str(error).splitlines()[0]
+        missing = [file.path for file in files if file.content is None]
+        if missing and source.model_file is None:
+            reason += f" (of its model the file carries all but {', '.join(missing[:3])})"
         raise SolutionError(f"its text states no motion that this version can read: {reason}") from None
 
 

@@ -284,6 +284,18 @@ def find_control(model: mujoco.MjModel, name: str) -> tuple[int, int]:
     return index, int(model.actuator_ctrladr[index])
 
 
+def find_activation(model: mujoco.MjModel, name: str) -> int | None:
+    """The index in ``act`` of a state of an actuator, ``servo.activation``; None of what is no such name."""
+    owner, _, part = name.rpartition(".")
+    known = actuator_names(model)
+    if name in known or owner not in known:
+        return None
+    index = known.index(owner)
+    count = int(model.actuator_actnum[index])
+    parts = ["activation"] if count == 1 else [f"activation{k + 1}" for k in range(count)]
+    return int(model.actuator_actadr[index]) + parts.index(part) if part in parts else None
+
+
 def inputs_of(model: mujoco.MjModel, actuator: int) -> list[str]:
     """What the controls of an actuator are, in the order of ``ctrl``: ``pos``, ``vel``, ``ff``, ``voltage``."""
     import mujoco

@@ -13,10 +13,11 @@ from stc.recorded_files import changed, unpacked
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate.fields import apply_fields, set_fields
-from stc.validate.forces import Attachments, Controls, OuterForces
+from stc.validate.forces import Activations, Attachments, Controls, OuterForces
 from stc.validate.model import (
     ModelError,
     actuator_names,
+    find_activation,
     find_control,
     find_model,
     joint_names,
@@ -44,6 +45,7 @@ class Setup:
         ties: the joints that the spec speaks of, part by part.
         reference: their solved motion as a function of time.
         controls: of the actuators.
+        activations: states of actuators, as the solution has them.
         applied: forces that always act.
         contact: forces that the model's own contacts should supply.
         outputs: what else is compared.
@@ -61,6 +63,7 @@ class Setup:
     ties: list[Tie]
     reference: Reference
     controls: Controls
+    activations: Activations
     applied: OuterForces
     contact: OuterForces
     outputs: list[Output]
@@ -68,6 +71,11 @@ class Setup:
     unknown: str = ""
     faults: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+
+    def put(self, data: mujoco.MjData, part: str, frame: int) -> None:
+        """Set a simulation to the solved place, velocity and activations at a node."""
+        self.reference.put(data, self.reference.at(part, frame)[:2])
+        data.act[self.activations.addresses] = self.activations.at(part, frame)
 
     def model(self, contacts: bool = True) -> mujoco.MjModel:
         """A copy of the model, whose options may be changed.
@@ -143,6 +151,7 @@ def prepare(
         ties,
         Reference(solution, ties),
         Controls(compiled, solution),
+        Activations(compiled, solution),
         OuterForces(compiled, solution, ("apply",)),
         OuterForces(compiled, solution, ("contact",)),
         compared_outputs(compiled, solution),
@@ -178,7 +187,7 @@ def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> Non
     """
     if kind == "joint":
         joint_part(model, path)
-    elif kind == "actuator":
+    elif kind == "actuator" and find_activation(model, ".".join(path)) is None:
         find_control(model, ".".join(path))
     elif kind == "set":
         set_fields(model, {path: 1.0})

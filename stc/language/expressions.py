@@ -183,7 +183,8 @@ class ExpressionBuilder:
             return self.fail(node, "`inf` may only stand alone, as a bound", hint)
         if name in FUNCTIONS or name in OPERATORS:
             return self.fail(node, f"the function `{name}` has no arguments", f"write `{name}(...)`")
-        if "." in name or (self.paths is not None and self.paths.is_word(name)):
+        of_model = self.model_is_missing and name in ("effort", "power")
+        if "." in name or of_model or (self.paths is not None and self.paths.is_word(name)):
             self.poisoned = before
             return self._path(node)
         if name not in self.constants.reported and name not in self.constants.damaged and name != "n":

@@ -342,7 +342,10 @@ class _Reader:
                     activations=range(act, act + int(m.actuator_actnum[i])) if act >= 0 else range(0),
                     inputs=self._inputs(i),
                     control_ranges=tuple(
-                        [_floats(m.actuator_ctrlrange[k]) if m.actuator_ctrllimited[k] else None for k in controls]
+                        [
+                            _floats(m.actuator_ctrlrange[k]) if m.actuator_ctrllimited[k] else None
+                            for k in controls
+                        ]
                     ),
                     force_limited=bool(m.actuator_forcelimited[i]),
                     force_range=_floats(m.actuator_forcerange[i]),

@@ -125,6 +125,8 @@ def _named(kind: str, name: str) -> str:
 
 def _medium(mechanism: Mechanism) -> Iterator[Refusal]:
     options = mechanism.options
+    if {"spring", "damper"} <= options.disabled:  # MuJoCo then has no passive forces at all
+        return
     for name, value in (("density", options.density), ("viscosity", options.viscosity)):
         if value:
             yield Refusal(

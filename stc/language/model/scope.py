@@ -346,6 +346,8 @@ def declared_names(tree: syntax.SpecTree) -> Iterator[tuple[str, syntax.ContactD
 
 def _find(statement: syntax.ModelFile, tree: syntax.SpecTree, diagnostics: Diagnostics) -> Path | None:
     """The file of a model: an absolute path, one beside the spec, or a bundled model."""
+    if tree.source.model_file is not None:
+        return Path(tree.source.model_file)
     folder = Path(tree.source.path).parent if tree.source.path else Path()
     beside = folder / statement.path
     if beside.is_file():

@@ -120,7 +120,7 @@ def replay_lines(context: Context, scope: ModelScope) -> Iterator[ReplayChannel]
         for name in one.names:
             _, *path = parts_of(name)
             yield ReplayChannel("joint", tuple(path), sym(VariableRef(name)), span)
-    for name in scope.controls:
+    for name in (*scope.controls, *scope.activations):
         _, *path = parts_of(name)
         yield ReplayChannel("actuator", tuple(path), sym(VariableRef(name)), span)
     for name in scope.constants:
