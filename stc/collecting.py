@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from stc.problem import FrameRange, Problem, VariableRef
-from stc.records import dataclass
 from stc.recorded_files import record
+from stc.records import dataclass
 from stc.solution import ReplayChannel, Solution
 from stc.solver import Result
 from stc.solver.optimizers import DEFAULT

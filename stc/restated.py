@@ -26,7 +26,6 @@ from stc.solution_file import MISSHAPEN, PLAIN_FACTS, Stored, damaged, files_of,
 from stc.trajectory import FloatArray
 from stc.transcription.multipliers import bound_nodes, multiplier_blocks, rows_by_statement
 from stc.transcription.stated import Stated, state
-from stc.validate.ordinary import refusal
 
 __all__ = ["problem_of", "read", "require_stated", "source_of", "stated_again"]
 
@@ -71,7 +70,11 @@ def _model_of(files: Sequence[RecordedFile], folder: Path | None) -> Path | None
     if known is not None:
         return known
     carried = unpacked(files)
-    if carried is not None and (why := refusal(carried)):
+    if carried is None:
+        return None
+    from stc.validate.ordinary import refusal
+
+    if why := refusal(carried):
         raise SolutionError(f"the model that it carries is refused: {why}")
     return carried
 

@@ -1,4 +1,4 @@
-"""What a model's flags and limits switch off is not stated: MuJoCo repeats what is solved, and nothing is in the way."""
+"""What a model's flags and limits switch off is not stated: MuJoCo repeats what is solved."""
 
 from __future__ import annotations
 
