@@ -1,7 +1,7 @@
 """Do the equations of motion that a spec has of its model hold in MuJoCo?  Compared at random states, term by term.
 
 The expressions are derived from the model's numbers (:mod:`stc.mechanism`); MuJoCo computes the same from the model by
-algorithms of its own.  The spec's rows are balances of forces on the degrees of freedom, in their order, so that nothing
+algorithms of its own.  The spec's rows are balances of forces on the degrees of freedom, in their order.  So nothing
 has to be found out first: any joints, actuators with states and forces of contacts are compared as they are.
 """
 
