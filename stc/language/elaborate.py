@@ -17,6 +17,7 @@ from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
+from stc.language.model.scope import is_starred
 from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
@@ -231,6 +232,8 @@ class _Elaborator(Context):
 
     def _constraints(self) -> list[Relation]:
         found: list[Relation] = []
+        if self.model is not None:
+            self._warn_of_frames()
         for _, where, pose in self.statements("constraints", syntax.Pose):
             if self._has_model(pose) and where is not None:
                 assert self.model_statements is not None
@@ -256,6 +259,26 @@ class _Elaborator(Context):
         if self.builder.paths is not None:
             self.builder.paths.distances.declare(self)
         return found
+
+    def _warn_of_frames(self) -> None:
+        """Tell of limits of each joint or actuator below a pose of a single frame, where all frames may be meant."""
+        for block in self.tree.blocks("constraints"):
+            where = None if block.header is None else self.range(block)
+            if block.header is None or where is None or where.first != where.last:
+                continue
+            if not any(isinstance(statement, syntax.Pose) for statement in block.statements):
+                continue
+            line = self.source.position(block.header.start)[0]
+            for statement in block.statements:
+                limits = isinstance(statement, syntax.Relation) and "<=" in {
+                    operator.replace(">", "<") for operator in statement.operators
+                }
+                if limits and is_starred(statement) and self.source.position(statement.start)[0] > line:
+                    message = f"this holds on frame {where.first} alone, with the pose of line {line}"
+                    hint = (
+                        "write `[0, n]:` before it if all frames are meant; `[k]: ...` on its own line if not"
+                    )
+                    self.diagnostics.warning(message, statement.start, statement.end, hint)
 
     def _structural(self, e: Expr) -> float | None:
         """The value of an expression of constants, which then shape the problem; None of others."""

@@ -302,6 +302,11 @@ def each_of(statement: S, scope: ModelScope) -> Iterator[S]:
             yield _renamed(statement, star, name)
 
 
+def is_starred(statement: syntax.Node) -> bool:
+    """Whether a statement stands for several, by a path with a star in it."""
+    return any(name.endswith(".*") for name in _names_in(statement))
+
+
 def _names_in(node: object) -> Iterator[str]:
     if isinstance(node, syntax.Name):
         yield node.name

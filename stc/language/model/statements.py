@@ -109,8 +109,8 @@ def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
             yield between(pulled, tendon.force_range, text)
         if index in scope.tendon_friction:
             name = scope.tendon_friction[index]
-            rate = scope.dynamics.tendons[index].rate
-            yield from dry(name, rate, tendon.frictionloss)
+            slip = scope.dynamics.tendons[index].rate
+            yield from dry(name, slip, tendon.frictionloss)
 
 
 def replay_lines(context: Context, scope: ModelScope) -> Iterator[ReplayChannel]:
