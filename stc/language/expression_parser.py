@@ -137,6 +137,13 @@ class ExpressionParser:
             hint = did_you_mean(self.token_text(self.at - 1), SECTIONS) if previous == "name" else ""
         raise self.fail(f"expected an operator or {what}, found {self.described()}", hint)
 
+    def commas_ahead(self) -> int:
+        """How many `,` there are up to the next parenthesis, the current one included."""
+        index = self.at
+        while self.kinds[index] not in ("(", ")", ";", "end"):
+            index += 1
+        return self.kinds[self.at : index].count(",")
+
     def decimal_hint(self, comma: int) -> str:
         """What to say of a `,` within a number; empty where the token is none."""
         around = self.kinds[comma - 1 : comma + 2]
@@ -212,7 +219,7 @@ class ExpressionParser:
         elif kind == "(":
             self.advance()
             node = self.expression()
-            if self.kind == "," and not self.decimal_hint(self.at):
+            if self.kind == "," and (self.commas_ahead() > 1 or not self.decimal_hint(self.at)):
                 node = self.vector(at, node)
             if self.kind != ")":
                 self.fail_unclosed(at, ")")

@@ -179,6 +179,14 @@ class ModelScope:
         #: Those that shape the equations: another value of one of these means deriving anew.
         self.structural = {_text(path) for path in fixed}
 
+    def number_named(self, path: Iterable[str]) -> str | None:
+        """What a number is called that shapes the equations; None of other fields of the model."""
+        text = _text(path)
+        shaping = {
+            _text(each) for each in settable(self.mechanism) if each[0] != "geom" or each[2] != "friction"
+        }
+        return text if text in self.constants or text in shaping else None
+
     @property
     def weight(self) -> float:
         """Of everything, in N, with the model's own numbers."""
