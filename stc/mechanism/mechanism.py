@@ -1,7 +1,7 @@
 """A mechanism as plain data: what MuJoCo has compiled from a model file, in its order and its units (m, kg, s, rad).
 
 Indices refer to the tuples of :class:`Mechanism`.  Body 0 is the world.  Quaternions have the real part first.  What is
-a number here is exactly the number in the compiled model.
+a number here is exactly the number that MuJoCo computes with.
 """
 
 from __future__ import annotations

@@ -140,6 +140,19 @@ class _Reader:
             warnings=told,
         )
 
+    def _in_body(self, same: int, body: int, pos: Any, quat: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """A frame in a body as MuJoCo takes it: one that its compiler found to be the body's own, or that of the
+        body's inertia, to within rounding of the file's numbers, is that one.
+        """
+        frames = _same_frames()
+        if same in (frames["BODY"], frames["BODYROT"]):
+            return (0.0, 0.0, 0.0) if same == frames["BODY"] else _floats(pos), (1.0, 0.0, 0.0, 0.0)
+        if same in (frames["INERTIA"], frames["INERTIAROT"]):
+            m = self.m
+            own = self._in_body(m.body_sameframe[body], body, m.body_ipos[body], m.body_iquat[body])
+            return own[0] if same == frames["INERTIA"] else _floats(pos), own[1]
+        return _floats(pos), _floats(quat)
+
     def _name(self, kind: str, index: int) -> str:
         import mujoco
 
@@ -181,8 +194,8 @@ class _Reader:
                     pos=_floats(m.body_pos[i]),
                     quat=_floats(m.body_quat[i]),
                     mass=float(m.body_mass[i]),
-                    com=_floats(m.body_ipos[i]),
-                    inertia_quat=_floats(m.body_iquat[i]),
+                    com=self._in_body(m.body_sameframe[i], i, m.body_ipos[i], m.body_iquat[i])[0],
+                    inertia_quat=self._in_body(m.body_sameframe[i], i, m.body_ipos[i], m.body_iquat[i])[1],
                     inertia=_floats(m.body_inertia[i]),
                     gravcomp=float(m.body_gravcomp[i]),
                     mocap=int(m.body_mocapid[i]) >= 0,
@@ -242,8 +255,12 @@ class _Reader:
                     body=int(m.geom_bodyid[i]),
                     kind=_member("mjtGeom", "mjGEOM_", m.geom_type[i]),
                     size=_floats(m.geom_size[i]),
-                    pos=_floats(m.geom_pos[i]),
-                    quat=_floats(m.geom_quat[i]),
+                    pos=self._in_body(m.geom_sameframe[i], m.geom_bodyid[i], m.geom_pos[i], m.geom_quat[i])[
+                        0
+                    ],
+                    quat=self._in_body(m.geom_sameframe[i], m.geom_bodyid[i], m.geom_pos[i], m.geom_quat[i])[
+                        1
+                    ],
                     friction=_floats(m.geom_friction[i]),
                     contype=int(m.geom_contype[i]),
                     conaffinity=int(m.geom_conaffinity[i]),
@@ -271,8 +288,12 @@ class _Reader:
                     body=int(m.site_bodyid[i]),
                     kind=_member("mjtGeom", "mjGEOM_", m.site_type[i]),
                     size=_floats(m.site_size[i]),
-                    pos=_floats(m.site_pos[i]),
-                    quat=_floats(m.site_quat[i]),
+                    pos=self._in_body(m.site_sameframe[i], m.site_bodyid[i], m.site_pos[i], m.site_quat[i])[
+                        0
+                    ],
+                    quat=self._in_body(m.site_sameframe[i], m.site_bodyid[i], m.site_pos[i], m.site_quat[i])[
+                        1
+                    ],
                     place=places[i],
                 )
                 for i in range(m.nsite)
@@ -461,6 +482,14 @@ class _Reader:
             elif instance not in harmless:
                 found.append(("plugin", self._name("PLUGIN", instance), self.places.first("instance")))
         return tuple(found)
+
+
+def _same_frames() -> dict[str, int]:
+    """MuJoCo's numbers for frames that are the same as others."""
+    import mujoco
+
+    members = mujoco.mjtSameFrame.__members__.items()
+    return {name.removeprefix("mjSAMEFRAME_"): int(member) for name, member in members}
 
 
 def _flags(enumeration: Any, prefix: str, bits: int) -> frozenset[str]:

@@ -110,3 +110,32 @@ def test_contact_that_is_left_to_the_solver_is_told_of() -> None:
         stc.load(
             'constants: n = 10;\nmodel: "quadruped.xml";\ncontact: FL = point(geom.FL_foot); free: FL;'
         ).problem()
+
+
+@pytest.mark.parametrize("number", ["body.trunk.com.x=0.03", "body.trunk.pos.z=0.1", "site.chest.pos.x=0.05"])
+def test_what_moves_in_the_model_moves_in_mujoco(tmp_path: Path, number: str) -> None:
+    """MuJoCo takes frames that coincide for one: a number that moves one of them parts them."""
+    robot = """<mujoco><worldbody><body name="trunk" pos="0 0 .3"><joint name="y" axis="0 1 0"/>
+      <joint name="x" axis="1 0 0"/><geom type="box" size=".1 .2 .3" mass="2"/><site name="chest"/>
+      <body name="arm" pos="0 0 .3"><joint name="a" axis="1 0 0"/><geom type="box" size=".1 .1 .2" mass="1"/></body>
+      </body></worldbody><actuator><motor name="jet" site="chest" gear="0 0 1 0 .3 0"/></actuator></mujoco>"""
+    spec = (
+        "constants: n = 20, T = 0.5, h = T/n; constraints: [0]: keyframe.reference; rest; actuator.jet = 3*t;"
+    )
+    path, value = number.split("=")
+    model = load(tmp_path, robot, spec)
+    solution = model.solve(constants={path: float(value)})
+    report = validate(solution, tmp_path / "robot.xml", tracked=False)
+    assert report.fields[path] == float(value)
+    assert max(m.value for m in report.metrics if m.name == "inverse-dynamics residual") < 1e-9
+
+
+def test_a_gear_of_several_numbers_does_not_keep_a_motion_from_being_judged(tmp_path: Path) -> None:
+    robot = ARM.replace('axis="0 1 0" armature=".01"', 'type="ball"').replace(
+        'joint="a"/>', 'joint="a" gear="1 2 0"/>'
+    )
+    spec = (
+        "constants: n = 10, T = 0.5, h = T/n; constraints: [0]: keyframe.reference; rest; actuator.a = 0.1;"
+    )
+    report = validate(load(tmp_path, robot, spec).solve(), tmp_path / "robot.xml", tracked=False)
+    assert max(m.value for m in report.metrics if m.name == "inverse-dynamics residual") < 1e-9
