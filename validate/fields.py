@@ -170,28 +170,8 @@ def _set_field(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> No
     component = _component(written, path[3:], components)
     if component is None:
         array[address(model, index)] = value
-    elif array[address(model, index), component] != value:
-        _part_frames(model, written, array_name, index)
+    else:
         array[address(model, index), component] = value
-
-
-def _part_frames(model: mujoco.MjModel, written: str, array: str, index: int) -> None:
-    """Let MuJoCo compute with a frame that is moved: where it coincided with another one, it took that one.
-
-    Raises:
-        ModelError: the mass matrix has no place for what follows.
-    """
-    if array == "body_ipos":
-        if model.body_simple[index]:
-            raise ModelError(
-                f"{written}: the body hangs on its centre of mass alone, and MuJoCo keeps it there: move it in the file"
-            )
-        model.body_sameframe[index] = 0
-        # Those that were found to coincide with the inertia's frame stay where that was.
-        model.geom_sameframe[model.geom_bodyid == index] = 0
-        model.site_sameframe[model.site_bodyid == index] = 0
-    elif array in ("geom_pos", "site_pos"):
-        getattr(model, array.replace("pos", "sameframe"))[index] = 0
 
 
 def _begin_to_limit(model: mujoco.MjModel, index: int) -> None:
