@@ -213,3 +213,42 @@ def test_a_point_in_a_body_moves_as_mujoco_moves_it(tmp_path: Path) -> None:
         found = [evaluate(problem.macros[f"p{f}"], values) for f in fields]
         assert np.abs(np.array(found) - wanted).max() < 1e-12
         assert evaluate(problem.macros["rate"], values) == pytest.approx(wanted[3], abs=1e-12)
+
+
+def test_an_arm_swings_around_a_box(tmp_path: Path) -> None:
+    """The bundled arm with a box in its way: four links keep off it, and a look between the frames finds the same."""
+    from stc import models
+    from stc.between import check_statements
+
+    path = models.locate("arm7.xml")
+    assert path is not None
+    text = path.read_text(encoding="utf-8")
+    post = (
+        '<geom name="post" class="drawn" type="cylinder" material="post" pos="0.5 0 0.55" size="0.05 0.55" />'
+    )
+    assert post in text
+    box = (
+        '<geom name="box" class="drawn" type="box" material="post" pos="0.5 0 0.45" size="0.05 0.07 0.45" />'
+    )
+    arm = text.replace(post, box)
+    links = {
+        "forearm": '0.17 0 0 0.32" size="0.038"',
+        "wrist": '0 0 0 0.045" size="0.034"',
+        "elbow": '0 0 0 0.1" size="0.046"',
+    }
+    for name, words in links.items():
+        assert words in arm
+        arm = arm.replace(words, f'{words} name="{name}"')
+    rows = " ".join(f"distance(geom.{name}, geom.box) >= 0.02;" for name in ("ball", *links))
+    spec = f"""constants: n = 30, T = 1, h = T/n;
+constraints: [0]: keyframe.left; rest; [n]: keyframe.right; rest;
+  [0, n]: -6 <= joint.*' <= 6; {rows} geom.ball.x^2 + geom.ball.y^2 >= 0.2^2;
+objective: [0, n]: integral(effort);"""
+    loaded = load(tmp_path, arm, spec)
+    solution = loaded.solve()
+    assert solution.status == "optimal"
+    for name in ("ball", *links):
+        assert least_distance(solution, arm, name, "box") >= 0.02 - 1e-6
+    checks = [check for check in check_statements(loaded.problem(), solution) if "distance" in check.text]
+    assert len(checks) >= 4
+    assert max(check.share for check in checks) < 0.02
