@@ -20,7 +20,7 @@ from stc.errors import Source, StcError, UsageError
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.problem import Problem
-from stc.recorded_files import RecordedFile, present, unpacked
+from stc.recorded_files import DATA_ROLE, RecordedFile, present, unpacked
 from stc.solution import Solution, SolutionError
 from stc.solution_file import MISSHAPEN, PLAIN_FACTS, Stored, damaged, files_of, load
 from stc.trajectory import FloatArray
@@ -45,13 +45,16 @@ def source_of(solution: Solution, beside: Path | None = None) -> Source:
     if folder is not None and beside is not None and solution.model is not None:
         moved = not (folder / solution.model).is_file() and (beside / solution.model).is_file()
         folder = beside if moved else folder
-    return _source(solution.name, solution.source, folder, solution.files)
+    return _source(solution.name, solution.source, folder, solution.files, solution.data)
 
 
-def _source(name: str, text: str, folder: Path | None, files: Sequence[RecordedFile]) -> Source:
+def _source(
+    name: str, text: str, folder: Path | None, files: Sequence[RecordedFile], data: Sequence[RecordedFile]
+) -> Source:
     path = "" if folder is None else str(folder / f"{name}.stc")
     model = _model_of(files, folder)
-    return Source(f"{name}.stc", text, path, None if model is None else str(model))
+    carried = {file.path: file.content or b"" for file in data}
+    return Source(f"{name}.stc", text, path, None if model is None else str(model), carried)
 
 
 def _model_of(files: Sequence[RecordedFile], folder: Path | None) -> Path | None:
@@ -96,7 +99,7 @@ def stated_again(solution: Solution) -> Stated:
         SpecError, UsageError: as :func:`problem_of`.
         SolutionError: that problem has another number of frames.
     """
-    key = _key(solution.source, solution.overrides, solution.method, solution.files)
+    key = _key(solution.source, solution.overrides, solution.method, [*solution.files, *solution.data])
     if _last and _last[0][0] == key:
         return _last[0][1]
     problem = problem_of(solution)
@@ -177,7 +180,12 @@ def solution_of(stored: Stored, beside: Path | None = None) -> Solution:
     if plain["sha256"] != sha256(plain["source"].encode()).hexdigest():
         raise SolutionError("the spec's text does not match its hash: the file was altered")
     files = files_of(stored)
-    stated = _stated(plain, stored, files, beside)
+    data = [file for file in files if file.role == DATA_ROLE]
+    files = files[: len(files) - len(data)]
+    stated = _stated(plain, stored, files, data, beside)
+    read = {each.file.path for each in stated.problem.data.values() if each.file is not None}
+    if read != {file.path for file in data}:
+        raise SolutionError("the file was altered: it carries other data than its text reads")
     x = _unknowns(stated, stored)
     if plain["status"] == "optimal" and not np.isfinite(x).all():
         raise SolutionError("the file was altered: an optimal solution has no numbers that are not finite")
@@ -202,14 +210,18 @@ def solution_of(stored: Stored, beside: Path | None = None) -> Solution:
 
 
 def _stated(
-    plain: Mapping[str, Any], stored: Stored, files: Sequence[RecordedFile], beside: Path | None
+    plain: Mapping[str, Any],
+    stored: Stored,
+    files: Sequence[RecordedFile],
+    data: Sequence[RecordedFile],
+    beside: Path | None,
 ) -> Stated:
     """The problem of a file's text, once it is known to have as many frames as there are values."""
     overrides = {str(name): float(value) for name, value in plain["overrides"].items()}
     folder = Path(plain["directory"]) if plain["directory"] else beside
     if folder is not None and beside is not None and files and not (folder / files[0].path).is_file():
         folder = beside if (beside / files[0].path).is_file() else folder
-    source = _source(str(plain["name"]), plain["source"], folder, files)
+    source = _source(str(plain["name"]), plain["source"], folder, files, data)
     try:
         problem = elaborate(parse(source), overrides, plain["method"])
         n = int(stored.facts["n"])
@@ -219,7 +231,7 @@ def _stated(
             found = len(stored.vector(f"unknowns/{unknown['name']}")) - 1
             if found != n:
                 raise SolutionError(f"the file was altered: it tells of {n} steps and has {found}")
-        return _remember(_key(plain["source"], overrides, plain["method"], files), state(problem))
+        return _remember(_key(plain["source"], overrides, plain["method"], [*files, *data]), state(problem))
     except SolutionError:
         raise
     except StcError as error:
