@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from stc.studies.grid_error import GridError
     from stc.studies.profile import Part
     from stc.studies.uncertainty import Uncertainty
+    from stc.turns import Turn
     from stc.validate.certificate import Certificate
 
 #: Width of what goes into a file or a pipe, where nothing should be cut or wrapped.
@@ -72,12 +73,22 @@ def show_solution(
                 f"with {uncertainty.freedom} degrees of freedom",
             )
         )
+    rows += [("turns", f"{escape(turn.joint)} {turn}") for turn in _turns(solution)]
     rows.append(("time", times(solution)))
     if file is not None:
         rows.append(("read from" if was_read else "saved", escape(str(file))))
     print_table(f"{solution.name}, {solution.method}, n = {solution.n}", rows)
     if not good and solution.message:
         print(solution.message)
+
+
+def _turns(solution: Solution) -> Sequence[Turn]:
+    """How far bodies turn, where the motion has any that can."""
+    if not any(name.endswith(".qw") for name in solution.variables):
+        return []
+    from stc.turns import turns
+
+    return turns(solution)
 
 
 class Comparison:

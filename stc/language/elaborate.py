@@ -8,6 +8,7 @@ mistake is noted and work goes on; at the end all mistakes are raised together.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -18,11 +19,13 @@ from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.expressions import TIME
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
+from stc.language.model.scope import is_starred
 from stc.language.names import DATA_SET
 from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
     ConstantRef,
+    DefinitionPiece,
     FrameRange,
     Guess,
     Jump,
@@ -33,7 +36,7 @@ from stc.problem import (
     ReplayChannel,
     VariableRef,
 )
-from stc.symbolic.expr import Expr, looked_up, symbols
+from stc.symbolic.expr import Expr, evaluate, looked_up, num, substitute, sym, symbols
 
 if TYPE_CHECKING:
     from stc.language.model.assembly import ModelStatements
@@ -118,6 +121,12 @@ class _Elaborator(Context):
             relations = [*self.model_statements.relations(forces_on_coordinates(self)), *relations]
             objective = [*objective, *self.model_statements.objective()]
             guesses = [*self.model_statements.guesses(), *guesses]
+        given = self._numbers_of_model(replay)
+        if given:
+            relations, objective, replay = _with_numbers(
+                given, relations, objective, replay, self.builder.pieces
+            )
+            guesses = [*self._guesses_of_numbers(), *guesses]
         if self.diagnostics.error_count:
             return None
         problem = Problem(
@@ -148,12 +157,44 @@ class _Elaborator(Context):
             macros=self.builder.macros,
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
+            at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
             data={} if self.data is None else self.data.sets,
             tables={} if self.data is None else self.data.tables,
         )
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
         return problem
+
+    def _numbers_of_model(self, replay: Sequence[ReplayChannel]) -> dict[object, Expr]:
+        """What stands for numbers of the model in its equations: expressions of `set` lines, declared parameters."""
+        if self.model is None:
+            return {}
+        found: dict[object, Expr] = {
+            ConstantRef(name): sym(ParameterRef(name))
+            for name in self.model.constants
+            if self.table.kind(name) == "parameter"
+        }
+        for channel in replay:
+            name = self.model.number_named(channel.path) if channel.kind == "set" else None
+            if name is None or channel.body is sym(ConstantRef(name)):
+                continue
+            if name in self.model.constants:
+                found[ConstantRef(name)] = channel.body
+            else:
+                hint = f"it is no input of the equations: give it by `constants: {name} = 0.1;` or `--set {name}=0.1`"
+                message = f"`set {name}` would change the replay and not the equations"
+                self.diagnostics.error(message, channel.span.start, channel.span.end, hint)
+        return found
+
+    def _guesses_of_numbers(self) -> list[Guess]:
+        """Parameters that are numbers of the model start at what the model has."""
+        assert self.model is not None
+        span = self.span(self.model.statement)
+        return [
+            Guess(name, num(value), FrameRange(0, 0), span)
+            for name, value in self.model.constants.items()
+            if self.table.kind(name) == "parameter"
+        ]
 
     def _shaping(self) -> set[str]:
         """Numbers of the model that are no inputs of the compiled program."""
@@ -213,7 +254,13 @@ class _Elaborator(Context):
                     for frame in range(where.first, where.last + 1):
                         found.setdefault((frame, *named), Jump(frame, *named, self.span(quantity)))
         if self.model_statements is not None:
-            for jump in self.model_statements.jumps():
+            jumping = self.model_statements.jumps()
+            if jumping and self.method == "central" and not told:
+                span = jumping[0].span
+                hint = "choose `method: trapezoidal;` or leave the line out for hermite-simpson"
+                message = "contact begins or ends within the motion, and the method `central` knows no jumps"
+                self.diagnostics.error(message, span.start, span.end, hint)
+            for jump in jumping:
                 found.setdefault((jump.frame, jump.name, jump.order), jump)
         return sorted(found.values(), key=lambda jump: (jump.frame, jump.span.start))
 
@@ -241,6 +288,8 @@ class _Elaborator(Context):
 
     def _constraints(self) -> list[Relation]:
         found: list[Relation] = []
+        if self.model is not None:
+            self._warn_of_frames()
         for _, where, pose in self.statements("constraints", syntax.Pose):
             if self._has_model(pose) and where is not None:
                 assert self.model_statements is not None
@@ -256,13 +305,50 @@ class _Elaborator(Context):
                     self._reads_gaps(e, statement) for e in (body, part.lower, part.upper) if e is not None
                 ):
                     continue
-                found.append(Relation(body, part.lower, part.upper, where, self.span(statement), text))
+                one = Relation(body, part.lower, part.upper, where, self.span(statement), text)
+                found += (
+                    [one]
+                    if self.builder.paths is None
+                    else self.builder.paths.distances.exact(one, self._structural)
+                )
                 if self.is_fixed(body):
                     message = "this constraint holds no unknown"
                     self.diagnostics.warning(
                         message, statement.start, statement.end, "it is true or false as it is"
                     )
+        if self.builder.paths is not None:
+            self.builder.paths.distances.declare(self)
         return found
+
+    def _warn_of_frames(self) -> None:
+        """Tell of limits of each joint or actuator below a pose of a single frame, where all frames may be meant."""
+        for block in self.tree.blocks("constraints"):
+            where = None if block.header is None else self.range(block)
+            if block.header is None or where is None or where.first != where.last:
+                continue
+            if not any(isinstance(statement, syntax.Pose) for statement in block.statements):
+                continue
+            line = self.source.position(block.header.start)[0]
+            for statement in block.statements:
+                limits = isinstance(statement, syntax.Relation) and "<=" in {
+                    operator.replace(">", "<") for operator in statement.operators
+                }
+                if limits and is_starred(statement) and self.source.position(statement.start)[0] > line:
+                    message = f"this holds on frame {where.first} alone, with the pose of line {line}"
+                    hint = (
+                        "write `[0, n]:` before it if all frames are meant; `[k]: ...` on its own line if not"
+                    )
+                    self.diagnostics.warning(message, statement.start, statement.end, hint)
+
+    def _structural(self, e: Expr) -> float | None:
+        """The value of an expression of constants, which then shape the problem; None of others."""
+        values: dict[object, float] = {}
+        for key in symbols(e):
+            value = self.positions.structural_value(key.name) if isinstance(key, ConstantRef) else None
+            if value is None:
+                return None
+            values[key] = value
+        return float(evaluate(e, values))
 
     def _has_model(self, pose: syntax.Pose) -> bool:
         """Whether poses mean something; else that is noted."""
@@ -457,3 +543,33 @@ class _Elaborator(Context):
             return None
         body = self.settled(body, self.everywhere, statement)
         return ReplayChannel(statement.kind, statement.path, body, self.span(statement))
+
+
+def _with_numbers(
+    given: Mapping[object, Expr],
+    relations: Sequence[Relation],
+    objective: Sequence[ObjectiveTerm],
+    replay: Sequence[ReplayChannel],
+    pieces: dict[str, list[DefinitionPiece]],
+) -> tuple[list[Relation], list[ObjectiveTerm], list[ReplayChannel]]:
+    """Statements with expressions in the place of numbers of the model; ranged definitions change where they are."""
+    memo: dict[Expr, Expr] = {}
+
+    def put(e: Expr) -> Expr:
+        return substitute(e, given, memo)
+
+    def bound(e: Expr | None) -> Expr | None:
+        return None if e is None else put(e)
+
+    for name, known in pieces.items():
+        pieces[name] = [replace(piece, body=put(piece.body)) for piece in known]
+    rows = []
+    for one in relations:
+        lower = bound(one.lower)
+        upper = lower if one.is_equality else bound(one.upper)
+        rows.append(replace(one, body=put(one.body), lower=lower, upper=upper, between=bound(one.between)))
+    return (
+        rows,
+        [replace(term, body=put(term.body)) for term in objective],
+        [replace(channel, body=put(channel.body)) for channel in replay],
+    )

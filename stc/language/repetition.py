@@ -54,7 +54,9 @@ def written_out(source: Source) -> Source:
         raise SpecError(diagnostics.errors()) from None
     if not reader.repeats:
         return source
-    return Source(source.name, "".join(writer.texts), source.path, source.carried, writer.origins)
+    return Source(
+        source.name, "".join(writer.texts), source.path, source.model_file, source.carried, writer.origins
+    )
 
 
 @dataclass(slots=True)

@@ -78,15 +78,10 @@ def check_equations(
         motion: a solution of the problem; positions and velocities are drawn from where it goes.
 
     Raises:
-        UsageError: the spec names no model or has its equations from it, its expressions have no value at random
-            states, or what it states cannot be compared: equations with values of neighbouring frames, for one.
+        UsageError: the spec names no model, its expressions have no value at random states, or what it states cannot
+            be compared: equations with values of neighbouring frames, for one.
         ModelError: the model does not fit the replay section.
     """
-    if problem.of_model:
-        hint = "`stc validate` judges them, and the numbers that they are made of, instant by instant"
-        raise UsageError(
-            f"the equations of {problem.name} are its model's own: there are none to compare", hint
-        )
     name = model or problem.model
     if name is None:
         raise UsageError(f"{problem.name} names no model", "a `replay:` section ties a spec to its model")
@@ -94,6 +89,13 @@ def check_equations(
     path = find_model(name, [Path()] if model else folder)
     rng = np.random.default_rng(seed)
     numbers = constant_values(problem, _parameters(problem, rng), float(rng.uniform(0.0, 1.0)))
+    if problem.of_model:
+        from stc.studies.model_rows import compare_rows
+
+        with caught_warnings() as warnings:
+            report = compare_rows(problem, _wide_phases(problem), path, numbers, states, seed)
+        report.notes += warnings
+        return report
     lines = {kind: [c for c in problem.replay if c.kind == kind] for kind in ("joint", "actuator", "set")}
     outer = [c for c in problem.replay if c.kind in ("apply", "contact")]
     with caught_warnings() as warnings:

@@ -37,7 +37,7 @@ def clamped_controls(setup: Setup) -> list[str]:
     """Which solved controls the model cuts off, in words."""
     model, found = setup.compiled, []
     clamped = setup.controls.beyond_range(model)
-    for name, index, channel in zip(setup.controls.names, setup.controls.actuators, setup.controls.channels):
+    for name, index, channel in zip(setup.controls.names, setup.controls.addresses, setup.controls.channels):
         if name in clamped:
             values = np.concatenate([channel.before, channel.after])
             lower, upper = model.actuator_ctrlrange[index]

@@ -20,6 +20,7 @@ from stc.language.model.statements import (
     activations,
     bounds,
     equations_of_motion,
+    friction_of_tendons,
     own_forces,
     replay_lines,
 )
@@ -99,9 +100,11 @@ class ModelStatements:
         forces.wrenches += contacts.wrenches()
         for dof, force in own_forces(self.scope, given):
             forces.push(dof, force)
+        forces.include(friction_of_tendons(self.scope))
         yield from equations_of_motion(context, self.scope, forces)
         yield from activations(context, self.scope)
         yield from bounds(context, self.scope)
+        yield from self.paths.distances.relations(context)
         yield from contacts.relations()
         yield from contacts.impacts()
         independence = _Independence(self)
@@ -142,6 +145,7 @@ class ModelStatements:
         known = known or {0: self.poses.named[REFERENCE]}
         yield from way_between(self.context, self.scope, known, self.contacts.flights())
         yield from self.contacts.guesses()
+        yield from self.paths.distances.guesses(self.context)
 
     def replay(self) -> list[ReplayChannel]:
         """The lines of the replay that the model and its contacts bring."""
