@@ -31,8 +31,8 @@ ELSEWHERE = 0.1
 def check_statements(problem: Problem, solution: Solution) -> list[StatementCheck]:
     """The worst violation of each statement between the nodes.
 
-    Statements on single frames, statements that read other frames or one side of a jump, and those with a
-    derivative that the solution does not know are left out, as are statements without a value anywhere.
+    Statements on single frames or on frames alone, statements that read other frames or one side of a jump, and those
+    with a derivative that the solution does not know are left out, as are statements without a value anywhere.
 
     Args:
         problem: the spec with the numbers of the solution.
@@ -45,6 +45,7 @@ def check_statements(problem: Problem, solution: Solution) -> list[StatementChec
             for number, relation in enumerate(problem.relations)
             if relation.range.first <= first
             and last <= relation.range.last
+            and not relation.on_frames
             and (parts := _parts(problem, relation, solution, first)) is not None
         ]
         for begin in range(first, last, _CHUNK):

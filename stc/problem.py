@@ -148,6 +148,7 @@ class Relation:
     is ``a - b <= 0``.  The value of a bound may be infinite: a constant may be given as ``inf``.
     ``coordinate`` is the variable whose equation of motion it is.  ``between`` is held against the bounds between the
     nodes where the body has unknowns that mean nothing there (``Problem.at_nodes``).
+    ``on_frames`` leaves out the midpoints between the frames.
     """
 
     body: Expr
@@ -158,6 +159,7 @@ class Relation:
     text: str
     coordinate: str = ""
     between: Expr | None = None
+    on_frames: bool = False
 
     @property
     def is_equality(self) -> bool:
@@ -221,6 +223,25 @@ class Rotation:
 
 
 @dataclass(frozen=True, slots=True)
+class Correction:
+    """What is added to the links of some variables on the steps from one frame to another.
+
+    Where functions of positions or velocities are rows at every frame, the links of these would be as many rows too
+    many.  Each such function brings an unknown of the step, and along its gradient the links give way by that much.
+
+    Attributes:
+        range: the first and the last frame of the steps.
+        unknowns: variables of which each step has its own value, at the node of its links.
+        shares: by variable and order of the link: gradients times unknowns, at a frame.  An orientation's link is found
+            under its angular velocities, with the order -1.
+    """
+
+    range: FrameRange
+    unknowns: tuple[str, ...]
+    shares: Mapping[tuple[str, int], Expr]
+
+
+@dataclass(frozen=True, slots=True)
 class ReplayChannel:
     """One line of ``replay:``: ``kind path = body;`` with kind joint, actuator, apply, contact, compare or set."""
 
@@ -270,5 +291,6 @@ class Problem:
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
     at_nodes: Sequence[str] = ()
+    corrections: Sequence[Correction] = ()
     data: Mapping[str, DataSet] = field(default_factory=dict)
     tables: Mapping[str, TableRef] = field(default_factory=dict)

@@ -121,11 +121,19 @@ class _Elaborator(Context):
             relations = [*self.model_statements.relations(forces_on_coordinates(self)), *relations]
             objective = [*objective, *self.model_statements.objective()]
             guesses = [*self.model_statements.guesses(), *guesses]
+        if self.diagnostics.error_count:
+            return None
+        corrections = [] if self.model_statements is None else self.model_statements.standing.corrections()
         given = self._numbers_of_model(replay)
         if given:
-            relations, objective, replay = _with_numbers(
-                given, relations, objective, replay, self.builder.pieces
-            )
+            put = _Putting(given)
+            put.definitions(self.builder.pieces)
+            relations = put.relations(relations)
+            objective = [replace(term, body=put(term.body)) for term in objective]
+            replay = [replace(channel, body=put(channel.body)) for channel in replay]
+            corrections = [
+                replace(one, shares={key: put(e) for key, e in one.shares.items()}) for one in corrections
+            ]
             guesses = [*self._guesses_of_numbers(), *guesses]
         if self.diagnostics.error_count:
             return None
@@ -142,7 +150,11 @@ class _Elaborator(Context):
             ),
             n=self.n,
             method=self.method,
-            variables=self.table.of_kind("variable"),
+            variables=[
+                *self.table.of_kind("variable"),
+                # A contact that stands twice has one unknown for both.
+                *dict.fromkeys(name for correction in corrections for name in correction.unknowns),
+            ],
             parameters=[*self.table.of_kind("parameter"), *self._impulses()],
             step=step,
             step_span=self._step_span(),
@@ -158,6 +170,7 @@ class _Elaborator(Context):
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
             at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
+            corrections=corrections,
             data={} if self.data is None else self.data.sets,
             tables={} if self.data is None else self.data.tables,
         )
@@ -202,7 +215,7 @@ class _Elaborator(Context):
 
     def _impulses(self) -> list[str]:
         """Parameters that the model's contacts bring."""
-        return [] if self.model_statements is None else self.model_statements.contacts.landings()
+        return [] if self.model_statements is None else self.model_statements.impulses()
 
     def _step_span(self) -> Span | None:
         """Where the spec says what the step is."""
@@ -545,31 +558,31 @@ class _Elaborator(Context):
         return ReplayChannel(statement.kind, statement.path, body, self.span(statement))
 
 
-def _with_numbers(
-    given: Mapping[object, Expr],
-    relations: Sequence[Relation],
-    objective: Sequence[ObjectiveTerm],
-    replay: Sequence[ReplayChannel],
-    pieces: dict[str, list[DefinitionPiece]],
-) -> tuple[list[Relation], list[ObjectiveTerm], list[ReplayChannel]]:
-    """Statements with expressions in the place of numbers of the model; ranged definitions change where they are."""
-    memo: dict[Expr, Expr] = {}
+class _Putting:
+    """Puts expressions in the place of numbers of the model."""
 
-    def put(e: Expr) -> Expr:
-        return substitute(e, given, memo)
+    def __init__(self, given: Mapping[object, Expr]) -> None:
+        self._given = given
+        self._memo: dict[Expr, Expr] = {}
 
-    def bound(e: Expr | None) -> Expr | None:
-        return None if e is None else put(e)
+    def __call__(self, e: Expr) -> Expr:
+        return substitute(e, self._given, self._memo)
 
-    for name, known in pieces.items():
-        pieces[name] = [replace(piece, body=put(piece.body)) for piece in known]
-    rows = []
-    for one in relations:
-        lower = bound(one.lower)
-        upper = lower if one.is_equality else bound(one.upper)
-        rows.append(replace(one, body=put(one.body), lower=lower, upper=upper, between=bound(one.between)))
-    return (
-        rows,
-        [replace(term, body=put(term.body)) for term in objective],
-        [replace(channel, body=put(channel.body)) for channel in replay],
-    )
+    def bound(self, e: Expr | None) -> Expr | None:
+        """The same of what may be missing."""
+        return None if e is None else self(e)
+
+    def definitions(self, pieces: dict[str, list[DefinitionPiece]]) -> None:
+        """Of definitions with ranges, where they are."""
+        for name, known in pieces.items():
+            pieces[name] = [replace(piece, body=self(piece.body)) for piece in known]
+
+    def relations(self, relations: Sequence[Relation]) -> list[Relation]:
+        """Of constraints; equalities keep one expression on both sides."""
+        rows = []
+        for one in relations:
+            lower = self.bound(one.lower)
+            upper = lower if one.is_equality else self.bound(one.upper)
+            between = self.bound(one.between)
+            rows.append(replace(one, body=self(one.body), lower=lower, upper=upper, between=between))
+        return rows

@@ -67,11 +67,10 @@ class Contact:
         """The names of its force variables."""
         return [f"{self.name}_{part}" for part in FORCES[self.kind]]
 
-    def impulses(self, phase: Phase) -> list[str]:
-        """The names of the parameters with which a phase begins."""
+    def impulses(self, which: str) -> list[str]:
+        """The names of the parameters of an impact, which is told by what they end with."""
         return [
-            f"{self.name}_{part.replace('f', 'j').replace('m', 'i')}{phase.landing}"
-            for part in FORCES[self.kind]
+            f"{self.name}_{part.replace('f', 'j').replace('m', 'i')}{which}" for part in FORCES[self.kind]
         ]
 
 
@@ -226,7 +225,25 @@ class Schedule:
 
     def landings(self) -> list[str]:
         """The names of all impulses, parameters of the problem."""
-        return [name for c in self.contacts.values() for p in c.phases if p.landing for name in c.impulses(p)]
+        return [
+            name for frame in self.impact_frames() for _, _, names in self.struck(frame) for name in names
+        ]
+
+    def impact_frames(self) -> list[int]:
+        """The frames at which something lands."""
+        return sorted({p.frames.first for c in self.contacts.values() for p in c.phases if p.landing})
+
+    def struck(self, frame: int) -> list[tuple[Contact, Phase, list[str]]]:
+        """What lands at a frame or stands there already, with the parameters of the impulses that it gives."""
+        impact = self.impact_frames().index(frame) + 1
+        found = []
+        for contact in self.contacts.values():
+            for phase in contact.phases:
+                if phase.landing and phase.frames.first == frame:
+                    found.append((contact, phase, contact.impulses(str(phase.landing))))
+                elif phase.frames.first < frame < phase.frames.last:
+                    found.append((contact, phase, contact.impulses(f"_impact{impact}")))
+        return found
 
     def complete(self) -> None:
         """Work out options and places, which definitions may be part of."""
