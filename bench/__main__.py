@@ -10,7 +10,7 @@ Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solutio
 (compiled kernels), ``mechanics`` (from a Lagrangian to compiled derivatives), ``scaling`` (growth with the frames),
 ``kkt`` (the linear systems alone, beside MUMPS), ``in_solve`` (factorisations inside whole solves, beside MUMPS in
 IPOPT), ``threads`` (two threads beside one), ``variety`` (random motions of many kinds, beside IPOPT), ``many_frames``
-(the same with many frames).
+(the same with many frames), ``robots`` (motions of whole robots, each as it is and perturbed).
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ SCRIPTS = {
     "threads": "threads",
     "variety": "variety",
     "many_frames": "variety",
+    "robots": "robots",
 }
 PARTS = ("peers", "cold", *SCRIPTS)
 ROOT = Path(__file__).resolve().parent.parent

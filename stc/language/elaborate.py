@@ -107,14 +107,16 @@ class _Elaborator(Context):
         step = work_out_step(self)
         if self.model_statements is not None:
             self.model_statements.complete()
-        relations = [*equations_of_motion(self), *self._constraints()]
+        equations = equations_of_motion(self)
+        stated = self._constraints()
+        relations = [*equations, *stated]
         objective = self._objective()
         guesses = self._guesses()
         model_file, replay = self._replay()
         if self.model_statements is not None and not self.diagnostics.error_count:
             relations = [*self.model_statements.relations(forces_on_coordinates(self)), *relations]
             objective = [*objective, *self.model_statements.objective()]
-            guesses = [*self.model_statements.guesses(), *guesses]
+            guesses = [*self.model_statements.guesses(stated), *guesses]
         if self.diagnostics.error_count:
             return None
         problem = Problem(

@@ -15,7 +15,7 @@ from stc.language.model.independence import Matrix, Point, independent, pins_to_
 from stc.language.model.mirror import other_side
 from stc.language.model.poses import REFERENCE, Poses, Stated, Values
 from stc.language.model.scope import ModelScope
-from stc.language.model.start import way_between
+from stc.language.model.start import fixed_coordinates, way_between
 from stc.language.model.statements import (
     activations,
     bounds,
@@ -131,8 +131,12 @@ class ModelStatements:
             self.guessed[where.first] = values
         return []
 
-    def guesses(self) -> Iterator[Guess]:
-        """From pose to pose, pinned or guessed, thrown up where nothing stands; contacts that bear the weight."""
+    def guesses(self, relations: Sequence[Relation]) -> Iterator[Guess]:
+        """From pose to pose, pinned or guessed, thrown up where nothing stands; contacts that bear the weight.
+
+        Args:
+            relations: those of the spec, which may fix single coordinates at a frame.
+        """
         pinned = {frame: one.values for frame, one in self.pinned.items() if one.values is not None}
         known = self.guessed | pinned
         assert self.poses is not None
@@ -140,6 +144,8 @@ class ModelStatements:
             known.setdefault(0, self.poses.usual())
             known.setdefault(self.context.n, self.poses.repeated(known[0], statement))
         known = known or {0: self.poses.named[REFERENCE]}
+        for frame, values in fixed_coordinates(self.scope, relations).items():
+            known[frame] = values | known.get(frame, {})
         yield from way_between(self.context, self.scope, known, self.contacts.flights())
         yield from self.contacts.guesses()
 

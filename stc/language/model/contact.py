@@ -335,13 +335,13 @@ class Contacts(Schedule):
         ]
 
     def flights(self) -> list[tuple[int, int]]:
-        """First and last frames of the stretches on which nothing stands, between others on which something does."""
+        """First and last frames of the stretches on which nothing stands."""
         ends = sorted((p.frames.first, p.frames.last) for c in self.contacts.values() for p in c.phases)
-        found, reached = [], None
-        for first, last in ends:
-            if reached is not None and first > reached:
+        found, reached = [], 0
+        for first, last in [*ends, (self.context.n, self.context.n)]:
+            if first > reached:
                 found.append((reached, first))
-            reached = last if reached is None else max(reached, last)
+            reached = max(reached, last)
         return found
 
     def replay_lines(self) -> Iterator[ReplayChannel]:
