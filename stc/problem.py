@@ -133,6 +133,7 @@ class Relation:
     ``lower`` and ``upper`` are expressions of constants, ``i`` and ``t`` alone, or None where absent
     (infinite); an equality has the very same expression on both sides.  ``a <= b`` with neither side constant
     is ``a - b <= 0``.  The value of a bound may be infinite: a constant may be given as ``inf``.
+    ``on_frames`` leaves out the midpoints between the frames.
     """
 
     body: Expr
@@ -142,6 +143,7 @@ class Relation:
     span: Span
     text: str
     coordinate: str = ""
+    on_frames: bool = False
 
     @property
     def is_equality(self) -> bool:
@@ -201,6 +203,25 @@ class Rotation:
 
 
 @dataclass(frozen=True, slots=True)
+class Correction:
+    """What is added to the links of some variables on the steps from one frame to another.
+
+    Where functions of positions or velocities are rows at every frame, the links of these would be as many rows too
+    many.  Each such function brings an unknown of the step, and along its gradient the links give way by that much.
+
+    Attributes:
+        range: the first and the last frame of the steps.
+        unknowns: variables of which each step has its own value, at the node of its links.
+        shares: by variable and order of the link: gradients times unknowns, at a frame.  An orientation's link is found
+            under its angular velocities, with the order -1.
+    """
+
+    range: FrameRange
+    unknowns: tuple[str, ...]
+    shares: Mapping[tuple[str, int], Expr]
+
+
+@dataclass(frozen=True, slots=True)
 class ReplayChannel:
     """One line of ``replay:``: ``kind path = body;`` with kind joint, actuator, apply, contact, compare or set."""
 
@@ -247,3 +268,4 @@ class Problem:
     model_span: Span | None = None
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
+    corrections: Sequence[Correction] = ()

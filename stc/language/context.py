@@ -26,7 +26,7 @@ class Context:
     """One spec on its way to a problem.
 
     ``n`` is 0 where a mistake left the number of frames unknown.  ``time_is_fixed`` tells whether ``t`` is
-    known before solving: false once a step depends on a parameter.
+    known before solving: false once a step depends on a parameter.  ``method`` is empty until it is known.
     """
 
     def __init__(
@@ -48,12 +48,14 @@ class Context:
         self.n = self.constants.n if self.constants.n is not None else 0
         self.everywhere = FrameRange(0, self.n)
         self.time_is_fixed = True
+        self.method = ""
         self.frames = Frames(self.n, False, self.builder.pieces, ())
         self._fixed: dict[Expr, bool] = {}
         self._strays: set[str] = set()
 
     def set_motion(self, method: str, jumps: Sequence[Jump]) -> None:
         """Tell the method and the jumps, which decide on which frames a statement can hold."""
+        self.method = method
         self.frames = Frames(self.n, method == "central", self.builder.pieces, jumps)
 
     def span(self, node: syntax.Node) -> Span:

@@ -119,6 +119,7 @@ class _Elaborator(Context):
             guesses = [*self.model_statements.guesses(stated), *guesses]
         if self.diagnostics.error_count:
             return None
+        corrections = [] if self.model_statements is None else self.model_statements.standing.corrections()
         problem = Problem(
             name=PurePath(self.source.name).stem.strip("<>") or "spec",
             source=self.source,
@@ -126,7 +127,10 @@ class _Elaborator(Context):
             structural=frozenset(self.positions.structural | self.constants.made_from("n") | self._shaping()),
             n=self.n,
             method=self.method,
-            variables=self.table.of_kind("variable"),
+            variables=[
+                *self.table.of_kind("variable"),
+                *(name for correction in corrections for name in correction.unknowns),
+            ],
             parameters=[*self.table.of_kind("parameter"), *self._impulses()],
             step=step,
             step_span=self._step_span(),
@@ -141,6 +145,7 @@ class _Elaborator(Context):
             macros=self.builder.macros,
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
+            corrections=corrections,
         )
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
@@ -152,7 +157,7 @@ class _Elaborator(Context):
 
     def _impulses(self) -> list[str]:
         """Parameters that the model's contacts bring."""
-        return [] if self.model_statements is None else self.model_statements.contacts.landings()
+        return [] if self.model_statements is None else self.model_statements.impulses()
 
     def _step_span(self) -> Span | None:
         """Where the spec says what the step is."""

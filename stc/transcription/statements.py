@@ -17,6 +17,7 @@ from stc.problem import FrameRange, ObjectiveTerm, ParameterRef, Problem, Relati
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import derivative
 from stc.symbolic.expr import ZERO, Expr, substitute, sum_of, sym, symbols
+from stc.transcription.corrections import corrections_on
 from stc.transcription.grid import Grid, IntArray, Nodes, join
 from stc.transcription.lower import DataRef, Lowering, groups
 from stc.transcription.rotations import norm_row, rotation_links, velocity_rows
@@ -140,11 +141,13 @@ class Sorter:
         if self.grid.method == "central" or self.grid.n == 0:
             return
         nodes = link_nodes(self.grid)
-        for h, where in self.lowering.link_groups(nodes):
-            for name, top in self.lowering.layout.order.items():
-                for order in range(top):
-                    for body in links(self.grid.method, name, order, h):
-                        self._add_row(body, ZERO, ZERO, where, LINK, f"link of {name}{chr(39) * order}")
+        for h, steps in self.lowering.link_groups(nodes):
+            for added, where in corrections_on(self.problem.corrections, steps, self.grid.method):
+                for name, top in self.lowering.layout.order.items():
+                    for order in range(top):
+                        whole, *middle = links(self.grid.method, name, order, h)
+                        for body in (whole + added.get((name, order), ZERO), *middle):
+                            self._add_row(body, ZERO, ZERO, where, LINK, f"link of {name}{chr(39) * order}")
 
     def _rotations(self) -> None:
         """Unit norms at all nodes, and the ties between orientations and angular velocities."""
@@ -159,12 +162,19 @@ class Sorter:
                     for lowered, nodes in self.lowering.lower(body, everywhere):
                         self._add_row(lowered, ZERO, ZERO, nodes, LINK, f"angular velocity of {of}")
                 continue
-            for h, where in self.lowering.link_groups(link_nodes(self.grid)):
-                for body in rotation_links(self.grid.method, rotation, h):
-                    self._add_row(body, ZERO, ZERO, where, LINK, f"link of {of}")
+            for h, steps in self.lowering.link_groups(link_nodes(self.grid)):
+                for added, where in corrections_on(self.problem.corrections, steps, self.grid.method):
+                    bodies = rotation_links(self.grid.method, rotation, h)
+                    for k, name in enumerate(rotation.velocity):
+                        bodies[k] = bodies[k] + added.get((name, -1), ZERO)
+                    for body in bodies:
+                        self._add_row(body, ZERO, ZERO, where, LINK, f"link of {of}")
 
     def _relation(self, number: int, relation: Relation) -> None:
-        parts = self.lowering.lower(relation.body, self.grid.nodes(relation.range))
+        where = self.grid.nodes(relation.range)
+        if relation.on_frames:
+            where = where[~where.is_midpoint]
+        parts = self.lowering.lower(relation.body, where)
         if not parts:
             self.mistakes.append(
                 Diagnostic(

@@ -15,11 +15,11 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from stc.language.model.cones import sole_cone
-from stc.language.model.holdings import Holding
+from stc.language.model.holdings import Equalities, Holding, Place, one_frame_on, unchanged
 from stc.language.model.schedule import Contact, Phase, Schedule
 from stc.language.model.scope import FORCES
 from stc.language.model.surfaces import Surface, floor
-from stc.mechanism.forces import Forces, Wrench
+from stc.mechanism.forces import Wrench
 from stc.mechanism.impact import impact
 from stc.mechanism.vectors import ORIGIN, Vector, cross, dot, plus, vector
 from stc.problem import (
@@ -33,7 +33,7 @@ from stc.problem import (
     VariableRef,
 )
 from stc.rates import one_sided
-from stc.symbolic.expr import ONE, ZERO, Expr, div, mul, neg, num, sub, sum_of, sym
+from stc.symbolic.expr import ONE, ZERO, Expr, call, div, mul, neg, num, sub, sum_of, sym
 
 #: Share of the weight by which friction may exceed its cone where a contact bears nothing.
 NEGLIGIBLE = 1e-4
@@ -168,26 +168,37 @@ class Contacts(Schedule):
                 corner = plus(at, tuple([axes[k][0] * x + axes[k][1] * y for k in range(3)]))  # type: ignore[arg-type]
                 yield surface.height(corner)
 
-    def positions(self, contact: Contact, phase: Phase) -> list[Expr]:
-        """What is 0 where a contact stands at its place."""
-        at = self.paths.place(contact.frame)[0]
-        surface = phase.surface
-        found = [sub(surface.height(at), num(contact.radius))]
-        place = phase.place
+    def places(self, contact: Contact, phase: Phase) -> list[Place]:
+        """What does not change while a contact stands."""
+        at, velocity, _ = self.paths.place(contact.frame)
+        surface, given = phase.surface, phase.place
         if contact.kind == "pin":
-            return [sub(part, place[k]) for k, part in enumerate(at) if k < len(place)]
-        found += [sub(part, place[k]) for k, part in enumerate(surface.along(at)) if k < len(place)]
+            return [_place(part, velocity[k], given[k : k + 1]) for k, part in enumerate(at)]
+        up = dot(vector(surface.normal), velocity)
+        found = [Place(up, sub(surface.height(at), num(contact.radius)))]
+        for k, (along, tangent) in enumerate(zip(surface.along(at), surface.tangents, strict=True)):
+            rate = dot(vector(tangent), velocity)
+            if not contact.radius:
+                found.append(_place(along, rate, given[k : k + 1]))
+            elif given[k : k + 1]:
+                found.append(Place(rate, sub(along, given[k]), start=True))
         if contact.kind == "foot":
             axes = self.scope.dynamics.kinematics.axes_of(contact.frame)
+            turning = self.paths.turning(contact.frame)[0]
             upright: Vector = (axes[0][2], axes[1][2], axes[2][2])
-            found += [dot(vector(tangent), upright) for tangent in surface.tangents]
-            if len(place) > 2:
-                ahead: Vector = (axes[0][0], axes[1][0], axes[2][0])
-                x, y = [dot(vector(tangent), ahead) for tangent in surface.tangents]
-                # The yaw of the sole's long axis within the surface.
-                from stc.symbolic.expr import call
-
-                found.append(sub(mul(y, call("cos", place[2])), mul(x, call("sin", place[2]))))
+            for tangent in surface.tangents:
+                rate = dot(vector(tangent), cross(turning, upright))
+                found.append(Place(rate, dot(vector(tangent), upright)))
+            # The yaw of the sole's long axis within the surface.
+            ahead: Vector = (axes[0][0], axes[1][0], axes[2][0])
+            x, y = [dot(vector(tangent), ahead) for tangent in surface.tangents]
+            rate = dot(vector(surface.normal), turning)
+            if len(given) > 2:
+                zero = sub(mul(y, call("cos", given[2])), mul(x, call("sin", given[2])))
+                found.append(Place(rate, zero))
+            else:
+                turned = sub(mul(x, one_frame_on(y)), mul(y, one_frame_on(x)))
+                found.append(Place(rate, change=turned))
         return found
 
     def velocities(self, contact: Contact, phase: Phase, side: str = "") -> list[Expr]:
@@ -251,43 +262,39 @@ class Contacts(Schedule):
         """Every phase of every contact as something that is held."""
         for contact in self.contacts.values():
             for phase in contact.phases:
-                height = None
-                if contact.kind != "pin":
-                    height = self.positions(contact, phase)[0]
+                places = self.places(contact, phase)
                 yield Holding(
                     name=contact.name,
+                    path=contact.name,
                     frames=phase.frames,
                     span=self.context.span(phase.statement),
-                    places=self.positions(contact, phase),
-                    starts=self.velocities(contact, phase, "after" if phase.landing else ""),
+                    places=places,
                     velocities=self.velocities(contact, phase),
                     accelerations=self.accelerations(contact, phase),
-                    whole=contact.kind == "pin",
+                    landing=bool(phase.landing),
                     at=() if contact.radius else self.paths.place(contact.frame)[0],
-                    height=height,
+                    height=None if contact.kind == "pin" else places[0].zero,
                     surface=phase.surface.name,
                 )
 
-    def impacts(self) -> Iterator[Relation]:
-        """Where something lands: impulses within their cones, and the balance of every momentum."""
-        landing: dict[int, list[tuple[Contact, Phase]]] = {}
-        for contact in self.contacts.values():
-            for phase in contact.phases:
-                if phase.landing:
-                    landing.setdefault(phase.frames.first, []).append((contact, phase))
-        for frame, ones in sorted(landing.items()):
+    def impacts(self, equalities: Equalities) -> Iterator[Relation]:
+        """Where something lands: impulses of all that holds, contacts' within their cones, and the balance of every
+        momentum.
+        """
+        for frame in self.impact_frames():
             where = FrameRange(frame, frame)
-            wrenches: list[Wrench] = []
-            for contact, phase in ones:
-                parts: list[Expr] = [sym(ParameterRef(name)) for name in contact.impulses(phase)]
-                wrenches += self._wrench(contact, parts, phase.surface)
+            forces = equalities.impulses(frame)
+            landing = [phase for _, phase, lands in self.struck(frame) if lands]
+            for contact, phase, _ in self.struck(frame):
+                parts: list[Expr] = [sym(ParameterRef(name)) for name in contact.impulses(phase, frame)]
+                forces.wrenches += self._wrench(contact, parts, phase.surface)
                 yield from self._cone(contact, phase, parts, where, "impulse")
-            span = self.context.span(ones[0][1].statement)
+            span = self.context.span(landing[0].statement)
             change: list[Expr] = []
             for name, order in self._speeds():
                 after, before = (sym(VariableRef(name, order, 1, 0, side)) for side in ("after", "before"))
                 change.append(sub(after, before))
-            for row in impact(self.scope.dynamics, change, Forces(wrenches=wrenches)):
+            for row in impact(self.scope.dynamics, change, forces):
                 yield Relation(row, ZERO, ZERO, where, span, "momentum at the impact")
 
     def prices(self) -> Iterator[tuple[Expr, Phase]]:
@@ -355,6 +362,11 @@ class Contacts(Schedule):
 def _ends(contact: Contact, frame: int) -> bool:
     """Whether a phase of a contact ends at a frame."""
     return any(phase.frames.last == frame for phase in contact.phases)
+
+
+def _place(at: Expr, rate: Expr, given: Sequence[Expr]) -> Place:
+    """A coordinate that is held at its value, where that is given, or at that of the first frame."""
+    return Place(rate, sub(at, given[0])) if given else Place(rate, change=unchanged(at))
 
 
 def _variables(names: Sequence[str]) -> list[Expr]:

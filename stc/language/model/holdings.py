@@ -2,48 +2,79 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from stc.errors import Span
 from stc.language.context import Context
 from stc.language.model.scope import ModelScope, path_of
 from stc.mechanism.equalities import Held, held
 from stc.mechanism.forces import Forces
-from stc.problem import FrameRange, VariableRef
+from stc.problem import FrameRange, ParameterRef, VariableRef
 from stc.records import dataclass, field
-from stc.symbolic.expr import Expr, sym
+from stc.symbolic.expr import Expr, sub, substitute, sym, symbols
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A function of the configuration that does not change while something is held.
+
+    Attributes:
+        rate: its time derivative, or another function of the velocities that vanishes with it.
+        zero: what is 0 at every frame, where the value is known.
+        change: what is 0 from a frame to the next one, where the value is that of the first frame, whatever it is.
+        start: whether the value holds at the first frame alone, as the place of a ball that rolls on from there.
+    """
+
+    rate: Expr
+    zero: Expr | None = None
+    change: Expr | None = None
+    start: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Holding:
-    """Something that is held over some frames.
-
-    Its places and velocities are fixed where it begins; from there on its accelerations are zero.
+    """Something that is held over some frames: its places, velocities and accelerations stay what they are.
 
     Attributes:
         name: what it is called in texts of statements.
+        path: the same for the names of its unknowns.
         frames: on which it holds.
         span: what it is there for.
-        places: what is 0 at the first frame, functions of the configuration.
-        starts: what is 0 there of velocities, on the side after an impact where one begins it.
-        velocities, accelerations: the same without a side, and its rates.
-        whole: whether velocities are the rates of places throughout, so that all of it is fixed from the first frame
-        on. at: the place in the world of what is held fixed there.
+        places: what of it does not change.
+        velocities, accelerations: what is 0, and its rates.
+        landing: whether an impact begins it, so that velocities are held from after that on.
+        at: the place in the world of what is held fixed there.
         height: the distance from the surface where a contact stands on one.
         surface: what that is called.
     """
 
     name: str
+    path: str
     frames: FrameRange
     span: Span
-    places: list[Expr]
-    starts: list[Expr]
+    places: list[Place]
     velocities: list[Expr]
     accelerations: list[Expr]
-    whole: bool = False
+    landing: bool = False
     at: tuple[Expr, ...] = ()
     height: Expr | None = None
     surface: str = ""
+
+    def stands(self, step: int) -> bool:
+        """Whether it holds over the step that begins at a frame."""
+        return self.frames.first <= step < self.frames.last
+
+
+def one_frame_on(e: Expr) -> Expr:
+    """The value of a function of the configuration at the next frame."""
+    keys = [key for key in symbols(e) if isinstance(key, VariableRef)]
+    return substitute(e, {key: sym(replace(key, shift=key.shift + 1)) for key in keys})
+
+
+def unchanged(e: Expr) -> Expr:
+    """What is 0 where a function of the configuration is the same at the next frame."""
+    return sub(one_frame_on(e), e)
 
 
 @dataclass(slots=True)
@@ -66,18 +97,32 @@ class Equalities:
             total.include(one.act([sym(VariableRef(path_of("equality", name, part))) for part in one.names]))
         return total
 
+    def impulses(self, frame: int) -> Forces:
+        """What they do on the model in the impact at a frame."""
+        total = Forces()
+        for name, one in self.found:
+            total.include(one.act([sym(ParameterRef(part)) for part in _impulses(name, one, frame)]))
+        return total
+
+    def impulse_names(self, frames: Sequence[int]) -> list[str]:
+        """The parameters of the impulses at some frames."""
+        return [part for frame in frames for name, one in self.found for part in _impulses(name, one, frame)]
+
     def holdings(self) -> Iterator[Holding]:
         """Each over the whole motion."""
         span = self.context.span(self.scope.statement)
         for name, one in self.found:
-            rates = list(one.rates)
+            rates = [self.context.builder.derivative(place, 1) for place in one.places]
             yield Holding(
                 name=f"equality {name}",
+                path=path_of("equality", name),
                 frames=self.context.everywhere,
                 span=span,
-                places=list(one.places),
-                starts=rates,
-                velocities=rates,
+                places=[Place(rate, place) for rate, place in zip(rates, one.places, strict=True)],
+                velocities=list(one.rates),
                 accelerations=list(one.accelerations),
-                whole=True,
             )
+
+
+def _impulses(name: str, one: Held, frame: int) -> list[str]:
+    return [f"{path_of('equality', name, part)}_impulse_{frame}" for part in one.names]

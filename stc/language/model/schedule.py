@@ -67,11 +67,11 @@ class Contact:
         """The names of its force variables."""
         return [f"{self.name}_{part}" for part in FORCES[self.kind]]
 
-    def impulses(self, phase: Phase) -> list[str]:
-        """The names of the parameters with which a phase begins."""
+    def impulses(self, phase: Phase, frame: int) -> list[str]:
+        """The names of the parameters of an impact: its own landing, or that of another contact while it stands."""
+        which = str(phase.landing) if frame == phase.frames.first else f"_at_{frame}"
         return [
-            f"{self.name}_{part.replace('f', 'j').replace('m', 'i')}{phase.landing}"
-            for part in FORCES[self.kind]
+            f"{self.name}_{part.replace('f', 'j').replace('m', 'i')}{which}" for part in FORCES[self.kind]
         ]
 
 
@@ -235,7 +235,26 @@ class Schedule:
 
     def landings(self) -> list[str]:
         """The names of all impulses, parameters of the problem."""
-        return [name for c in self.contacts.values() for p in c.phases if p.landing for name in c.impulses(p)]
+        return [
+            name
+            for frame in self.impact_frames()
+            for contact, phase, _ in self.struck(frame)
+            for name in contact.impulses(phase, frame)
+        ]
+
+    def impact_frames(self) -> list[int]:
+        """The frames at which something lands."""
+        return sorted({p.frames.first for c in self.contacts.values() for p in c.phases if p.landing})
+
+    def struck(self, frame: int) -> list[tuple[Contact, Phase, bool]]:
+        """The contacts that give impulses in the impact at a frame, and whether each lands in it or stands already."""
+        return [
+            (contact, phase, phase.frames.first == frame)
+            for contact in self.contacts.values()
+            for phase in contact.phases
+            if phase.frames.first < frame < phase.frames.last
+            or (phase.landing and phase.frames.first == frame)
+        ]
 
     def complete(self) -> None:
         """Work out options and places, which definitions may be part of."""

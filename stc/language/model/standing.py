@@ -1,0 +1,404 @@
+"""Rows of what is held: every place and velocity at every frame, and nothing that other rows imply."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+
+import numpy as np
+
+from stc.language import syntax
+from stc.language.context import Context
+from stc.language.model.contact import Contacts
+from stc.language.model.holdings import Equalities, Holding, Place
+from stc.language.model.independence import Matrix, Point, independent, pins_to_keep, stacked
+from stc.language.model.mirror import other_side
+from stc.language.model.poses import Stated, Values
+from stc.language.model.scope import ModelScope
+from stc.problem import Correction, FrameRange, ParameterRef, Relation, VariableRef
+from stc.rates import one_sided
+from stc.records import dataclass, field
+from stc.symbolic.differentiate import adjoints
+from stc.symbolic.expr import ZERO, Expr, neg, num, sym
+
+#: A pinned pose that has a contact farther off its surface than this, in m, is a mistake.
+OFF_SURFACE = 1e-3
+
+#: What a link gives way by at most in one step, in m or rad.  It is far above the errors of a method whose steps are
+#: fine enough to mean anything, and keeps an optimiser from leaping from one branch of a closed loop to another.
+LARGEST_CORRECTION = 0.05
+
+UNUSED = "no step is corrected here"
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Frames over which the same things hold, with the rows of each that no earlier one's imply.
+
+    Attributes:
+        frames: the first and the last of them.
+        held: each with the numbers of its places and of its velocities that are rows.
+    """
+
+    frames: FrameRange
+    held: list[tuple[Holding, list[int], list[int]]]
+
+
+@dataclass(slots=True)
+class Pinned:
+    """What poses say of one frame: rows with the statement that each is of, and a pose's values where there is one."""
+
+    rows: list[tuple[Stated, syntax.Pose]] = field(default_factory=list)
+    values: Values | None = None
+    statement: syntax.Pose | None = None
+
+    def dofs(self, velocity: bool) -> list[int]:
+        """The degrees of freedom whose place, or velocity, is pinned."""
+        return sorted({row.dof for row, _ in self.rows if row.velocity == velocity})
+
+
+class Standing:
+    """States what is held, and leaves out rows of it and of pinned poses that others imply.
+
+    Args:
+        pinned: poses by frame.
+        periodic: rows that join the first frame and the last one.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        scope: ModelScope,
+        equalities: Equalities,
+        contacts: Contacts,
+        pinned: Mapping[int, Pinned],
+        periodic: Sequence[tuple[Stated, syntax.Pose]],
+    ) -> None:
+        self.context, self.scope, self.contacts = context, scope, contacts
+        self.pinned, self.periodic = pinned, periodic
+        self.holdings = [*equalities.holdings(), *contacts.holdings()]
+        self.width = scope.mechanism.n_freedoms
+        self.numbers = {k: v for k, v in self.context.constants.values.items() if v is not None}
+        self._points: dict[int, Point] = {}
+        self.generic = self._generic()
+        self.stretches = list(self._stretches())
+
+    def _generic(self) -> Point:
+        """A configuration at which nothing is aligned by chance."""
+        rng = np.random.default_rng(1)
+        values: dict[str, float] = {}
+        for one in self.scope.coordinates:
+            reference = one.joint.reference
+            for name, value in zip(one.positions, reference):
+                values[name] = value + float(rng.normal(scale=0.3))
+            if one.rotation is not None:
+                q = np.array(reference[len(one.positions) :]) + rng.normal(size=4, scale=0.1)
+                values.update(zip(one.rotation.quaternion, (q / np.linalg.norm(q)).tolist()))
+        return Point(self.scope, values, self.numbers)
+
+    def _at(self, frame: int) -> Point:
+        """The pinned pose of a frame, or the generic one."""
+        pinned = self.pinned.get(frame)
+        if pinned is None or pinned.values is None:
+            return self.generic
+        if frame not in self._points:
+            numbers = {name: self.context.number(body) for name, body in pinned.values.items()}
+            self._points[frame] = Point(self.scope, numbers, self.numbers)
+        return self._points[frame]
+
+    # ------------------------------------------------------------- what is held when
+
+    def _stretches(self) -> Iterator[Stretch]:
+        """Stretches of steps on which the same things hold, in the order of time."""
+        known: dict[tuple[int, ...], list[tuple[Holding, list[int], list[int]]]] = {}
+        steps = []
+        for step in range(max(self.context.n, 1)):
+            holding = [one for one in self.holdings if one.stands(step)]
+            holding.sort(key=lambda one: one.frames.first)
+            steps.append(tuple([id(one) for one in holding]))
+            if steps[-1] not in known:
+                known[steps[-1]] = self._kept(holding)
+        first = 0
+        for key, run in groupby(steps):
+            last = first + len(list(run))
+            if key:
+                yield Stretch(FrameRange(first, min(last, self.context.n)), known[key])
+            first = last
+        for one in self.holdings:  # what holds at a single frame
+            frame = one.frames.first
+            if one.frames.last == frame and self.context.n:
+                there = [
+                    o for o in self.holdings if o.frames.first <= frame <= o.frames.last and o is not one
+                ]
+                yield Stretch(FrameRange(frame, frame), self._kept([*there, one])[-1:])
+
+    def _kept(self, holding: Sequence[Holding]) -> list[tuple[Holding, list[int], list[int]]]:
+        placed, moving = stacked([], self.width), stacked([], self.width)
+        found = []
+        for one in holding:
+            lasting = [k for k, place in enumerate(one.places) if not place.start]
+            rows = self.generic.jacobian([one.places[k].rate for k in lasting])
+            places = independent(rows, placed)
+            placed = np.vstack([placed, rows[places]])
+            rows = self.generic.jacobian(one.velocities)
+            velocities = independent(rows, moving)
+            moving = np.vstack([moving, rows[velocities]])
+            found.append((one, [lasting[k] for k in places], velocities))
+        return found
+
+    # ------------------------------------------------------------------------- rows
+
+    def relations(self) -> Iterator[Relation]:
+        """Places, velocities and accelerations of what is held."""
+        for stretch in self.stretches:
+            for one, places, velocities in stretch.held:
+                held = [one.places[k] for k in places]
+                if self.context.method != "central":
+                    yield from self._in_place(one, held, stretch.frames)
+                    yield from self._still(one, velocities, stretch.frames)
+                    yield from self._unaccelerated(one, velocities, stretch.frames)
+                elif len(places) == len(velocities):
+                    # Velocities and accelerations are differences of places, and vanish with those.
+                    yield from self._in_place(one, held, stretch.frames)
+                else:
+                    first = FrameRange(stretch.frames.first, stretch.frames.first)
+                    yield from self._in_place(one, held, first)
+                    yield from self._still(one, velocities, first)
+                    yield from self._unaccelerated(one, velocities, stretch.frames)
+        yield from self._starts()
+        yield from self._limits()
+
+    def _in_place(self, one: Holding, places: Sequence[Place], frames: FrameRange) -> Iterator[Relation]:
+        text = f"{one.name} holds its place"
+        for place in places:
+            if place.zero is not None:
+                for where in self._from_start(one, frames):
+                    yield Relation(place.zero, ZERO, ZERO, where, one.span, text, on_frames=True)
+            elif place.change is not None:
+                # It joins each frame to the next one; where the last is the first one again, one says nothing new.
+                last = frames.last - 1 - (frames.last == self.context.n and self._comes_back(one))
+                if last >= frames.first:
+                    where = FrameRange(frames.first, last)
+                    yield Relation(place.change, ZERO, ZERO, where, one.span, text, on_frames=True)
+
+    def _still(self, one: Holding, velocities: Sequence[int], frames: FrameRange) -> Iterator[Relation]:
+        for k in velocities:
+            for where in self._from_start(one, frames):
+                text = f"{one.name} holds still"
+                yield Relation(one.velocities[k], ZERO, ZERO, where, one.span, text, on_frames=True)
+
+    def _unaccelerated(
+        self, one: Holding, velocities: Sequence[int], frames: FrameRange
+    ) -> Iterator[Relation]:
+        # At midpoints forces are what takes the velocities to zero at the next frame.
+        for k in velocities:
+            text = f"{one.name} holds: its acceleration is zero"
+            yield Relation(one.accelerations[k], ZERO, ZERO, frames, one.span, text, on_frames=True)
+
+    def _from_start(self, one: Holding, frames: FrameRange) -> Iterator[FrameRange]:
+        """The frames, without the first one of a periodic motion if the last one says what holds there."""
+        if frames.first > 0 or not self._is_repeated(one):
+            yield frames
+        elif frames.last > 0:
+            yield FrameRange(1, 1)  # either side of it, where it jumps
+            yield FrameRange(1, frames.last)
+
+    def _starts(self) -> Iterator[Relation]:
+        """Places that are held where something begins and not from there on, but for those that follow from others."""
+        for one in self.holdings:
+            starting = [place for place in one.places if place.start]
+            frame = one.frames.first
+            if not starting or (frame == 0 and self._is_repeated(one)):
+                continue
+            point = self._at(frame)
+            others = [o for o in self.holdings if o.frames.first <= frame <= o.frames.last and o is not one]
+            given = [self._held(o, frame, point) for o in others]
+            given.append(point.jacobian([p.rate for p in one.places if p.zero is not None and not p.start]))
+            rows = point.jacobian([place.rate for place in starting])
+            for k in independent(rows, stacked(given, self.width)):
+                zero = starting[k].zero
+                assert zero is not None
+                yield Relation(
+                    zero, ZERO, ZERO, FrameRange(frame, frame), one.span, f"{one.name} begins at its place"
+                )
+
+    # ------------------------------------------------------------------ corrections
+
+    def corrections(self) -> list[Correction]:
+        """What the links of positions give way by to places that are held.
+
+        Those of velocities have no need of it where steps have midpoints: the forces there see to velocities.
+        """
+        if self.context.method == "central":
+            return []
+        found = []
+        for stretch in self.stretches:
+            if stretch.frames.first == stretch.frames.last:
+                continue
+            for one, places, velocities in stretch.held:
+                rates = {f"correction.{one.path}.{k}": one.places[k].rate for k in places}
+                found.append(self._correction(rates, 0, stretch.frames))
+                if self.context.method == "trapezoidal":
+                    rates = {f"correction.{one.path}.v{k}": one.velocities[k] for k in velocities}
+                    found.append(self._correction(rates, 1, stretch.frames))
+        return [one for one in found if one.unknowns]
+
+    def _correction(self, rates: Mapping[str, Expr], order: int, frames: FrameRange) -> Correction:
+        seeds = [(rate, sym(VariableRef(name))) for name, rate in rates.items()]
+        keys = [key for one in self.scope.coordinates for key in one.rates]
+        gradients = adjoints(seeds, {sym(key) for key in keys})
+        shares = {}
+        for key in keys:
+            share = gradients.get(sym(key), ZERO)
+            if share is not ZERO:
+                # The velocities of an orientation are variables of their own, and no first derivatives.
+                shares[key.name, order if key.order else order - 1] = share
+        return Correction(frames, tuple(rates), shares)
+
+    def _limits(self) -> Iterator[Relation]:
+        """Corrections are small, and nothing where there is no link for them to correct."""
+        used: dict[str, list[FrameRange]] = {}
+        for correction in self.corrections():
+            for name in correction.unknowns:
+                used.setdefault(name, []).append(correction.range)
+        span, n = self.context.span(self.scope.statement), self.context.n
+        beside = self.context.method == "trapezoidal"
+        for name, ranges in used.items():
+            body, at = sym(VariableRef(name)), 0
+            for where in sorted(ranges, key=lambda one: one.first):
+                if where.first - beside >= at:
+                    yield Relation(body, ZERO, ZERO, FrameRange(at, where.first - beside), span, UNUSED)
+                at = where.last
+            yield Relation(body, ZERO, ZERO, FrameRange(at, n), span, UNUSED)
+            if not beside:
+                yield Relation(body, ZERO, ZERO, self.context.everywhere, span, UNUSED, on_frames=True)
+            if not name.rpartition(".")[2].startswith("v"):
+                limit = num(LARGEST_CORRECTION)
+                text = f"no step is corrected by more than {LARGEST_CORRECTION} m or rad"
+                for where in ranges:
+                    within = FrameRange(where.first, where.last - beside)
+                    yield Relation(body, neg(limit), limit, within, span, text)
+
+    # -------------------------------------------------------------------- periodic
+
+    def _repeated(self, one: Holding) -> Holding | None:
+        """What holds at the last frame and is, by a periodic motion, this that holds at the first one."""
+        if not self.periodic or one.frames.first > 0:
+            return None
+        name = one.name
+        if any(statement.mirrored for _, statement in self.periodic):
+            name = other_side(name, {other.name for other in self.holdings})
+        last = [o for o in self.holdings if o.name == name and o.frames.last == self.context.n]
+        return last[0] if last else None
+
+    def _is_repeated(self, one: Holding) -> bool:
+        """Whether the rows of the last frame hold it at the first one too."""
+        return self._repeated(one) is not None
+
+    def _comes_back(self, one: Holding) -> bool:
+        """Whether it holds throughout a motion that repeats, and its last step says nothing new."""
+        names: list[str] = []
+        at: Holding | None = one
+        while at is not None and at.frames.last == self.context.n and at.name not in names:
+            names.append(at.name)
+            at = self._repeated(at)
+        return at is not None and at.name == one.name and bool(names) and one.name == min(names)
+
+    # ------------------------------------------------------------------------- poses
+
+    def pins(self) -> Iterator[Relation]:
+        """The rows of pinned poses, but for those that follow from what is held."""
+        for frame, pinned in sorted(self.pinned.items()):
+            point = self._at(frame)
+            holding = [one for one in self.holdings if one.frames.first <= frame <= one.frames.last]
+            self._check(holding, frame, pinned)
+            held = stacked([self._held(one, frame, point) for one in holding], self.width)
+            keep = pins_to_keep(held, pinned.dofs(False))
+            for row, statement in pinned.rows:
+                if not row.velocity and row.dof in keep:
+                    where, span = FrameRange(frame, frame), self.context.span(statement)
+                    yield Relation(row.body, ZERO, ZERO, where, span, row.text)
+            yield from self._velocity_pins(frame, pinned, holding, point)
+
+    def _velocity_pins(
+        self, frame: int, pinned: Pinned, holding: Sequence[Holding], point: Point
+    ) -> Iterator[Relation]:
+        """Pinned velocities, on either side of an impact."""
+        lands = any(one.landing and one.frames.first == frame for one in holding)
+        for side in ("before", "after") if lands else ("",):
+            there = holding
+            if side == "before":
+                there = [one for one in holding if one.frames.first < frame]
+            elif side == "after":
+                there = [one for one in holding if one.frames.last > frame]
+            still = stacked([point.jacobian(one.velocities) for one in there], self.width)
+            keep = pins_to_keep(still, pinned.dofs(True))
+            for row, statement in pinned.rows:
+                if row.velocity and row.dof in keep:
+                    body = one_sided(row.body, side) if side else row.body
+                    where, span = FrameRange(frame, frame), self.context.span(statement)
+                    yield Relation(body, ZERO, ZERO, where, span, row.text)
+
+    def _held(self, one: Holding, frame: int, point: Point) -> Matrix:
+        """How places that are held at a frame change with the coordinates.
+
+        Places that are wherever they were at the first frame count if a pose says where that is.
+        """
+        placed = any(
+            one.frames.first <= k < frame and pinned.values is not None for k, pinned in self.pinned.items()
+        )
+        held = [
+            place
+            for place in one.places
+            if (place.zero is not None and not place.start) or (place.change is not None and placed)
+        ]
+        return point.jacobian([place.rate for place in held])
+
+    def _check(self, holding: Sequence[Holding], frame: int, pinned: Pinned) -> None:
+        """A pinned pose has its contacts on their surfaces, and where they have been held since before."""
+        if pinned.statement is None or pinned.values is None:
+            return
+        point = self._at(frame)
+        for one in holding:
+            if one.frames.first < frame:
+                self._check_held(one, frame, pinned.statement)
+            elif one.height is not None:
+                off = float(point.numbers([one.height])[0])
+                if abs(off) > OFF_SURFACE:
+                    where = "above" if off > 0 else "below"
+                    message = f"`{one.name}` is {abs(off):.4g} m {where} the {one.surface} in this pose"
+                    hint = f"let it stand at another frame, or write `{pinned.statement.base.name} grounded`"
+                    self.context.error(pinned.statement, message, hint)
+
+    def _check_held(self, one: Holding, frame: int, statement: syntax.Pose) -> None:
+        """A pinned pose has what is held where it has been held since before."""
+        begin, point = self.pinned.get(one.frames.first), self._at(frame)
+        zeros = [place.zero for place in one.places if place.zero is not None]
+        off = float(np.abs(point.numbers(zeros)).max(initial=0.0))
+        if one.at and begin is not None and begin.values is not None:
+            moved = point.numbers(one.at) - self._at(one.frames.first).numbers(one.at)
+            off = max(off, float(np.linalg.norm(moved)))
+        if off > OFF_SURFACE:
+            since = f"where it holds since frame {one.frames.first}"
+            message = f"`{one.name}` is {off:.4g} off its place in this pose, {since}"
+            hint = "let it stand on fewer frames, or state a pose that it fits"
+            self.context.error(statement, message, hint)
+
+    # ------------------------------------------------------------------------ forces
+
+    def idle_forces(self) -> Iterator[Relation]:
+        """Parts of contact forces that can do nothing, such as those across the plane of a planar model, are zero."""
+        contacts = self.contacts
+        for contact, parts in contacts.components():
+            rows = self.generic.jacobian([rate for _, rate in parts])
+            span = self.context.span(contact.statement)
+            for index, ((name, _), row) in enumerate(zip(parts, rows, strict=True)):
+                if row.any():
+                    continue
+                text = f"{name} does nothing"
+                yield Relation(sym(VariableRef(name)), ZERO, ZERO, self.context.everywhere, span, text)
+                for frame in contacts.impact_frames():
+                    for other, phase, _ in contacts.struck(frame):
+                        if other is contact:
+                            impulse = sym(ParameterRef(contact.impulses(phase, frame)[index]))
+                            yield Relation(impulse, ZERO, ZERO, FrameRange(0, 0), span, text)

@@ -1,0 +1,68 @@
+"""Links that give way to what is held.
+
+A foot that stands is a row for its place, one for its velocity and one for its acceleration at every frame.  The
+accelerations follow from the forces of the foot, and the method's links make velocities and positions of them: these
+would then be known twice.  They differ by the discretisation error, so that the rows together would have no solution,
+and without those of places and velocities a foot would drift by what the steps' errors add up to.
+
+So the links hold along the motions that the foot leaves free.  Across, the step has an unknown g of its own, and to the
+links is added the mean of the gradients at its two ends, times g::
+
+    q1 - q0 - h/6 (v0 + 4 vm + v1) + (J0 + J1)^T g / 2 = 0,    J = dc/dq of what is held, c(q) = 0 at both frames
+
+This is the projection of each step onto what is held, as in the stabilised form of Gear, Gupta and Leimkuhler (1985)
+and in the constrained collocation of Posa, Kuindersma and Tedrake (2016).  g is as small as the method's error in one
+step, so that the method keeps its order.  The mean of both gradients matters: with that of one place inside the step
+two poses on the far sides of a circle are joined by a correction along its radius, and an optimiser finds them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from stc.problem import Correction, VariableRef
+from stc.symbolic.expr import Expr, add, mul, num, substitute, sym, symbols
+from stc.transcription.grid import Nodes
+from stc.transcription.lower import groups
+
+#: From the node of a step's links to its two ends, in frames.
+ENDS = {
+    "trapezoidal": (Fraction(0), Fraction(1)),
+    "hermite-simpson": (Fraction(-1, 2), Fraction(1, 2)),
+}
+
+
+def corrections_on(
+    corrections: Sequence[Correction], nodes: Nodes, method: str
+) -> Iterator[tuple[Mapping[tuple[str, int], Expr], Nodes]]:
+    """What is added to the links of steps.
+
+    Args:
+        nodes: those of the links, one for each step.
+
+    Yields:
+        By variable and order what is added, and the nodes that it is for.
+    """
+    if not corrections:
+        yield {}, nodes
+        return
+    active = np.array([(c.range.first <= nodes.frame) & (nodes.frame < c.range.last) for c in corrections])
+    for which, steps in groups(active.astype(np.int64)):
+        added: dict[tuple[str, int], Expr] = {}
+        for number in np.flatnonzero(which):
+            correction = corrections[int(number)]
+            for key, share in correction.shares.items():
+                left, right = (_at(share, shift, correction.unknowns) for shift in ENDS[method])
+                mean = mul(num(0.5), add(left, right))
+                added[key] = add(added[key], mean) if key in added else mean
+        yield added, nodes[steps]
+
+
+def _at(share: Expr, shift: Fraction, unknowns: Sequence[str]) -> Expr:
+    """A share with the gradient of another place of the step; the unknowns stay at the links' own node."""
+    keys = [key for key in symbols(share) if isinstance(key, VariableRef) and key.name not in unknowns]
+    return substitute(share, {key: sym(replace(key, shift=shift)) for key in keys})
