@@ -2,7 +2,8 @@
 
 Where a variable is pinned (its bounds coincide) it starts there.  Elsewhere values given from outside count,
 then a written guess; without either the start is linear between the pinned frames, constant outside them, 0 where
-nothing is pinned.  Derivatives that are unknowns of their own start from differences of these values.
+nothing is pinned.  Derivatives that are unknowns of their own start from differences of these values, and so do
+angular velocities, from those of the orientation.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from stc.problem import (
     TimeRef,
     VariableRef,
 )
-from stc.symbolic.expr import evaluate, symbols
+from stc.rates import quaternion_product
+from stc.symbolic.expr import evaluate, sym, symbols
 from stc.transcription.grid import Grid, Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import Expander
@@ -39,6 +41,9 @@ FloatArray = NDArray[np.float64]
 
 #: A motion whose duration nobody has guessed may last so many seconds, at least and at most.
 _SHORTEST, _LONGEST = 0.1, 10.0
+
+#: The product of two quaternions, whose components are symbols with the keys 0 to 7.
+_PRODUCT = quaternion_product([sym(k) for k in range(4)], [sym(k) for k in range(4, 8)])
 
 #: So many starts are tried to find such a duration.
 _MOST_STARTS = 6
@@ -99,8 +104,15 @@ def starting_point(
         name: None if given is None else given.values(name, 0, time, halfway) for name in problem.variables
     }
     written = _written(problem, grid, values, time, outside)
+    # The way between a model's poses has kinks where it jumps, but no jumps: slopes on both sides count.
+    jump = np.zeros_like(grid.jump) if problem.of_model else grid.jump
+    turning = {name: (one, k) for one in problem.rotations for k, name in enumerate(one.velocity)}
     for name, order, before, after, middle in layout.slots():
-        if order == 0:
+        if order == 0 and name in turning and outside[name] is None and name not in written:
+            rotation, axis = turning[name]
+            q = np.array([x[layout.before[:, layout.column[part, 0]]] for part in rotation.quaternion])
+            frames, mids = _at_nodes(_turns(q)[axis] / h, h, jump)
+        elif order == 0:
             known = _known(written.get(name), outside[name])
             frames, mids = _start_of(before, after, middle, lower, upper, known, time)
         else:
@@ -108,7 +120,7 @@ def starting_point(
             if known is not None and _is_whole(known):
                 frames, mids = known[:2], known[2]
             else:
-                frames, mids = _slope(frames, time, grid.jump)
+                frames, mids = _slope(frames, h, jump)
                 if known is not None:
                     frames = _over(frames[0], known[0]), _over(frames[1], known[1])
                     mids = _over(mids, known[2])
@@ -280,15 +292,20 @@ def _start_of(
 
 
 def _slope(
-    frames: tuple[FloatArray, FloatArray], time: FloatArray, jump: NDArray[np.bool_]
+    frames: tuple[FloatArray, FloatArray], h: FloatArray, jump: NDArray[np.bool_]
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
-    """Differences of values: centred inside, one-sided at the ends and on either side of a jump."""
-    n = len(time) - 1
+    """The derivative of a variable from its values (before, after) at frames: ((before, after), at midpoints)."""
+    return _at_nodes((frames[0][1:] - frames[1][:-1]) / h, h, jump)
+
+
+def _at_nodes(
+    slope: FloatArray, h: FloatArray, jump: NDArray[np.bool_]
+) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
+    """Slopes of steps, (n,), at the nodes: centred inside, one-sided at the ends and on either side of a jump."""
+    n = len(h)
     if n == 0:
         zero = np.zeros(1)
         return (zero, zero), np.zeros(0)
-    h = np.diff(time)
-    slope = (frames[0][1:] - frames[1][:-1]) / h
     before, after = np.empty(n + 1), np.empty(n + 1)
     before[1:], after[:-1] = slope, slope
     before[0], after[n] = after[0], before[n]
@@ -298,3 +315,22 @@ def _slope(
     mean = (h[k] * slope[k - 1] + h[k - 1] * slope[k]) / (h[k - 1] + h[k])
     before[k] = after[k] = mean
     return (before, after), slope
+
+
+def _turns(q: FloatArray) -> FloatArray:
+    """The shortest turns from each of several orientations to the next, as vectors in the turned frame.
+
+    Args:
+        q: quaternions, real part first. (4, n + 1)
+
+    Returns:
+        Angles times axes. (3, n)
+    """
+    backwards = q[:, :-1] * np.array([[1.0], [-1.0], [-1.0], [-1.0]])
+    real, *vector = [
+        np.asarray(evaluate(e, dict(enumerate([*backwards, *q[:, 1:]]))), float) for e in _PRODUCT
+    ]
+    sine = np.linalg.norm(vector, axis=0)
+    angle = 2.0 * np.arctan2(sine, np.abs(real))
+    scale = np.divide(angle, sine, out=np.full(len(sine), 2.0), where=sine > 0.0)
+    return np.where(real < 0.0, -1.0, 1.0) * scale * np.array(vector)

@@ -12,7 +12,6 @@ from stc.language.context import Context
 from stc.language.model.poses import Values
 from stc.language.model.scope import Coordinates, ModelScope
 from stc.problem import FrameRange, Guess, IndexRef, Relation, VariableRef
-from stc.rates import quaternion_product
 from stc.symbolic.expr import ONE, Expr, call, div, mul, neg, num, sub, sum_of, sym
 
 
@@ -131,22 +130,19 @@ def _straight(name: str, places: Sequence[tuple[int, Values]], context: Context)
 
 
 def _turning(one: Coordinates, places: Sequence[tuple[int, Values]], context: Context) -> Iterator[Guess]:
-    """The turn between orientations at a steady rate, for the quaternion and the angular velocity."""
+    """The shortest turn from each orientation to the next, at a steady rate."""
     assert one.rotation is not None
     assert context.model is not None
     span = context.span(context.model.statement)
-    ends = [
-        np.array([context.number(values[name]) for name in one.rotation.quaternion]) for _, values in places
-    ]
+    names = one.rotation.quaternion
+    ends = [np.array([context.number(values[name]) for name in names]) for _, values in places]
     for k in range(1, len(ends)):  # the nearer of the two quaternions of the same pose
         if ends[k] @ ends[k - 1] < 0:
             ends[k] = -ends[k]
     for a, b in _stretches(places, context.n):
-        where = _range(places, a, b, context.n)
         half = math.acos(min(1.0, max(-1.0, float(ends[a] @ ends[b]))))
         if half < 1e-9:
             bodies: list[Expr] = [num(float(part)) for part in ends[a]]
-            rates: list[Expr] = [num(0.0)] * 3
         else:
             first, last = places[a][0], places[b][0]
             share = div(sub(sym(IndexRef()), num(float(first))), num(float(last - first)))
@@ -157,15 +153,5 @@ def _turning(one: Coordinates, places: Sequence[tuple[int, Values]], context: Co
                 mul(num(scale * float(p)), left) + mul(num(scale * float(q)), right)
                 for p, q in zip(ends[a], ends[b], strict=True)
             ]
-            turn = quaternion_product(
-                [num(float(part)) for part in ends[a] * np.array([1, -1, -1, -1])],
-                [num(float(q)) for q in ends[b]],
-            )[1:]
-            steps = mul(context.builder.step, num(float(last - first)))
-            rates = [div(mul(num(2.0 * half * scale), part), steps) for part in turn]
-        yield from (
-            Guess(name, body, where, span) for name, body in zip(one.rotation.quaternion, bodies, strict=True)
-        )
-        yield from (
-            Guess(name, body, where, span) for name, body in zip(one.rotation.velocity, rates, strict=True)
-        )
+        where = _range(places, a, b, context.n)
+        yield from (Guess(name, body, where, span) for name, body in zip(names, bodies, strict=True))
