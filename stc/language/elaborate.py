@@ -129,7 +129,8 @@ class _Elaborator(Context):
             method=self.method,
             variables=[
                 *self.table.of_kind("variable"),
-                *(name for correction in corrections for name in correction.unknowns),
+                # A contact that stands twice has one unknown for both.
+                *dict.fromkeys(name for correction in corrections for name in correction.unknowns),
             ],
             parameters=[*self.table.of_kind("parameter"), *self._impulses()],
             step=step,

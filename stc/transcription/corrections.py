@@ -1,19 +1,20 @@
 """Links that give way to what is held.
 
-A foot that stands is a row for its place, one for its velocity and one for its acceleration at every frame.  The
-accelerations follow from the forces of the foot, and the method's links make velocities and positions of them: these
-would then be known twice.  They differ by the discretisation error, so that the rows together would have no solution,
-and without those of places and velocities a foot would drift by what the steps' errors add up to.
+A foot that stands is a row for its place and one for its velocity at every frame, and one for its acceleration at every
+node.  The accelerations follow from the forces of the foot, and the method's links make velocities and positions of
+them, so that these would be known twice.  The two differ by the discretisation error: all rows together would have no
+solution, and without those of places and velocities a foot would drift by what the steps' errors add up to.
 
-So the links hold along the motions that the foot leaves free.  Across, the step has an unknown g of its own, and to the
-links is added the mean of the gradients at its two ends, times g::
+So the links hold along the motions that the foot leaves free.  Across, each step has unknowns of its own, and to the
+links is added the mean of the gradients at its two ends, times these::
 
     q1 - q0 - h/6 (v0 + 4 vm + v1) + (J0 + J1)^T g / 2 = 0,    J = dc/dq of what is held, c(q) = 0 at both frames
+    v1 - v0 - h/6 (a0 + 4 am + a1) + (J0 + J1)^T k / 2 = 0,    J v = 0 at both frames
 
-This is the projection of each step onto what is held, as in the stabilised form of Gear, Gupta and Leimkuhler (1985)
-and in the constrained collocation of Posa, Kuindersma and Tedrake (2016).  g is as small as the method's error in one
-step, so that the method keeps its order.  The mean of both gradients matters: with that of one place inside the step
-two poses on the far sides of a circle are joined by a correction along its radius, and an optimiser finds them.
+This projects each step onto what is held, as in the stabilised form of Gear, Gupta and Leimkuhler (1985) and in the
+constrained collocation of Posa, Kuindersma and Tedrake (2016).  g and k are as small as the method's error in one step,
+so that the method keeps its order.  The mean of both gradients matters: with that of one place inside the step two
+poses on the far sides of a circle are joined by a correction along its radius, and an optimiser finds them.
 """
 
 from __future__ import annotations

@@ -190,10 +190,9 @@ class Standing:
     def _unaccelerated(
         self, one: Holding, velocities: Sequence[int], frames: FrameRange
     ) -> Iterator[Relation]:
-        # At midpoints forces are what takes the velocities to zero at the next frame.
         for k in velocities:
             text = f"{one.name} holds: its acceleration is zero"
-            yield Relation(one.accelerations[k], ZERO, ZERO, frames, one.span, text, on_frames=True)
+            yield Relation(one.accelerations[k], ZERO, ZERO, frames, one.span, text)
 
     def _from_start(self, one: Holding, frames: FrameRange) -> Iterator[FrameRange]:
         """The frames, without the first one of a periodic motion if the last one says what holds there."""
@@ -225,10 +224,7 @@ class Standing:
     # ------------------------------------------------------------------ corrections
 
     def corrections(self) -> list[Correction]:
-        """What the links of positions give way by to places that are held.
-
-        Those of velocities have no need of it where steps have midpoints: the forces there see to velocities.
-        """
+        """What the links of positions and velocities give way by to places and velocities that are held."""
         if self.context.method == "central":
             return []
         found = []
@@ -238,9 +234,8 @@ class Standing:
             for one, places, velocities in stretch.held:
                 rates = {f"correction.{one.path}.{k}": one.places[k].rate for k in places}
                 found.append(self._correction(rates, 0, stretch.frames))
-                if self.context.method == "trapezoidal":
-                    rates = {f"correction.{one.path}.v{k}": one.velocities[k] for k in velocities}
-                    found.append(self._correction(rates, 1, stretch.frames))
+                rates = {f"correction.{one.path}.v{k}": one.velocities[k] for k in velocities}
+                found.append(self._correction(rates, 1, stretch.frames))
         return [one for one in found if one.unknowns]
 
     def _correction(self, rates: Mapping[str, Expr], order: int, frames: FrameRange) -> Correction:
