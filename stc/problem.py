@@ -222,6 +222,24 @@ class Correction:
 
 
 @dataclass(frozen=True, slots=True)
+class Fixture:
+    """What of a model is held over some frames: the guess is brought there.
+
+    Attributes:
+        range: the frames.
+        reference: the frame whose guess says where that is, where nothing else does.
+        places: what is 0, functions of the configuration; what refers to the frame after it means any of the frames,
+            and what refers to the frame itself the reference.
+        rates: their derivatives as functions of configuration and velocities.
+    """
+
+    range: FrameRange
+    reference: int
+    places: Sequence[Expr]
+    rates: Sequence[Expr]
+
+
+@dataclass(frozen=True, slots=True)
 class ReplayChannel:
     """One line of ``replay:``: ``kind path = body;`` with kind joint, actuator, apply, contact, compare or set."""
 
@@ -241,7 +259,8 @@ class Problem:
     parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared, and
     ``model_span`` where the model is named.
     ``rotations`` are the orientations among the variables, and ``of_model`` tells whether a model has brought the
-    equations of motion.
+    equations of motion; for the guess, ``fixtures`` are what it holds, and ``root`` the variables by which it moves as
+    a whole.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
     others, which occur in no other expression by name.
     """
@@ -268,4 +287,6 @@ class Problem:
     model_span: Span | None = None
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
+    fixtures: Sequence[Fixture] = ()
+    root: frozenset[str] = frozenset()
     corrections: Sequence[Correction] = ()

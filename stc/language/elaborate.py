@@ -146,6 +146,8 @@ class _Elaborator(Context):
             macros=self.builder.macros,
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
+            fixtures=[] if self.model_statements is None else self.model_statements.fixtures(),
+            root=frozenset() if self.model_statements is None else self.model_statements.root(),
             corrections=corrections,
         )
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)

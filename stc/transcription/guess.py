@@ -26,12 +26,13 @@ from stc.problem import (
     TimeRef,
     VariableRef,
 )
-from stc.rates import quaternion_product
-from stc.symbolic.expr import evaluate, sym, symbols
+from stc.symbolic.expr import evaluate, symbols
 from stc.transcription.grid import Grid, Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import Expander
+from stc.transcription.settle import Settling
 from stc.transcription.steps import Steps
+from stc.transcription.turns import turns_between
 
 if TYPE_CHECKING:
     from stc.guess_file import GivenValues, NodeValues
@@ -41,9 +42,6 @@ FloatArray = NDArray[np.float64]
 
 #: A motion whose duration nobody has guessed may last so many seconds, at least and at most.
 _SHORTEST, _LONGEST = 0.1, 10.0
-
-#: The product of two quaternions, whose components are symbols with the keys 0 to 7.
-_PRODUCT = quaternion_product([sym(k) for k in range(4)], [sym(k) for k in range(4, 8)])
 
 #: So many starts are tried to find such a duration.
 _MOST_STARTS = 6
@@ -104,17 +102,23 @@ def starting_point(
         name: None if given is None else given.values(name, 0, time, halfway) for name in problem.variables
     }
     written = _written(problem, grid, values, time, outside)
+    starts = {}
+    for name, order, before, after, middle in layout.slots():
+        if order == 0:
+            known = _known(written.get(name), outside[name])
+            starts[name] = _start_of(before, after, middle, lower, upper, known, time)
+    if problem.fixtures and given is None:
+        _settle(problem, starts, time, values)
     # The way between a model's poses has kinks where it jumps, but no jumps: slopes on both sides count.
     jump = np.zeros_like(grid.jump) if problem.of_model else grid.jump
     turning = {name: (one, k) for one in problem.rotations for k, name in enumerate(one.velocity)}
     for name, order, before, after, middle in layout.slots():
         if order == 0 and name in turning and outside[name] is None and name not in written:
             rotation, axis = turning[name]
-            q = np.array([x[layout.before[:, layout.column[part, 0]]] for part in rotation.quaternion])
-            frames, mids = _at_nodes(_turns(q)[axis] / h, h, jump)
+            q = np.array([starts[part][0][0] for part in rotation.quaternion])
+            frames, mids = _at_nodes(turns_between(q[:, :-1], q[:, 1:])[axis] / h, h, jump)
         elif order == 0:
-            known = _known(written.get(name), outside[name])
-            frames, mids = _start_of(before, after, middle, lower, upper, known, time)
+            frames, mids = starts[name]
         else:
             known = None if given is None else given.values(name, order, time, halfway)
             if known is not None and _is_whole(known):
@@ -128,6 +132,29 @@ def starting_point(
         if len(middle):
             x[middle] = mids
     return np.clip(x, lower, upper)
+
+
+def _settle(
+    problem: Problem,
+    starts: dict[str, tuple[tuple[FloatArray, FloatArray], FloatArray]],
+    time: FloatArray,
+    known: Mapping[object, float],
+) -> None:
+    """Bring what a model holds to its place; ``starts`` are values of variables, which are changed."""
+    n, middles = len(time) - 1, any(len(mids) for _, mids in starts.values())
+    at = np.arange(2 * n + 1) / 2.0 if middles else np.arange(n + 1.0)
+    paths = {}
+    for name, ((before, _), mids) in starts.items():
+        paths[name] = np.empty(len(at))
+        paths[name][:: 2 if middles else 1] = before
+        if middles:
+            paths[name][1::2] = mids
+    whole = {**known, TimeRef(): np.interp(at, np.arange(n + 1.0), time)}
+    settling = Settling(problem, paths, at, whole)
+    settling.run()
+    for name in settling.moved:
+        frames = paths[name][:: 2 if middles else 1]
+        starts[name] = (frames, frames), paths[name][1::2] if middles else starts[name][1]
 
 
 def check_names(given: GivenValues, problem: Problem) -> None:
@@ -315,22 +342,3 @@ def _at_nodes(
     mean = (h[k] * slope[k - 1] + h[k - 1] * slope[k]) / (h[k - 1] + h[k])
     before[k] = after[k] = mean
     return (before, after), slope
-
-
-def _turns(q: FloatArray) -> FloatArray:
-    """The shortest turns from each of several orientations to the next, as vectors in the turned frame.
-
-    Args:
-        q: quaternions, real part first. (4, n + 1)
-
-    Returns:
-        Angles times axes. (3, n)
-    """
-    backwards = q[:, :-1] * np.array([[1.0], [-1.0], [-1.0], [-1.0]])
-    real, *vector = [
-        np.asarray(evaluate(e, dict(enumerate([*backwards, *q[:, 1:]]))), float) for e in _PRODUCT
-    ]
-    sine = np.linalg.norm(vector, axis=0)
-    angle = 2.0 * np.arctan2(sine, np.abs(real))
-    scale = np.divide(angle, sine, out=np.full(len(sine), 2.0), where=sine > 0.0)
-    return np.where(real < 0.0, -1.0, 1.0) * scale * np.array(vector)

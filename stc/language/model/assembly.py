@@ -20,6 +20,7 @@ from stc.language.model.statements import (
     replay_lines,
 )
 from stc.problem import (
+    Fixture,
     FrameRange,
     Guess,
     Jump,
@@ -129,6 +130,22 @@ class ModelStatements:
         Args:
             relations: those of the spec, which may fix single coordinates at a frame.
         """
+        known = self._known_poses(relations)
+        yield from way_between(self.context, self.scope, known, self.contacts.flights())
+        yield from self.contacts.guesses()
+
+    def fixtures(self) -> list[Fixture]:
+        """What is held, to which the way between poses is brought."""
+        return list(self.standing.fixtures(self._known_poses(())))
+
+    def root(self) -> frozenset[str]:
+        """The freedoms of bodies that hang on nothing but the world."""
+        bodies = self.scope.mechanism.bodies
+        first = [one for one in self.scope.coordinates if bodies[one.joint.body].parent == 0]
+        return frozenset(name for one in first for name in one.freedoms)
+
+    def _known_poses(self, relations: Sequence[Relation]) -> dict[int, Values]:
+        """Poses, or parts of them, by frame; in a periodic motion the first and the last frame have some."""
         pinned = {frame: one.values for frame, one in self.pinned.items() if one.values is not None}
         known = self.guessed | pinned
         assert self.poses is not None
@@ -138,8 +155,7 @@ class ModelStatements:
         known = known or {0: self.poses.named[REFERENCE]}
         for frame, values in fixed_coordinates(self.scope, relations).items():
             known[frame] = values | known.get(frame, {})
-        yield from way_between(self.context, self.scope, known, self.contacts.flights())
-        yield from self.contacts.guesses()
+        return known
 
     def replay(self) -> list[ReplayChannel]:
         """The lines of the replay that the model and its contacts bring."""

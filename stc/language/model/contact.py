@@ -201,6 +201,16 @@ class Contacts(Schedule):
                 found.append(Place(rate, change=turned))
         return found
 
+    def _centre(self, contact: Contact, phase: Phase) -> list[Place]:
+        """Where a ball that rolls is along its surface, as long as it does not turn."""
+        at, velocity, _ = self.paths.place(contact.frame)
+        return [
+            _place(along, dot(vector(tangent), velocity), phase.place[k : k + 1])
+            for k, (along, tangent) in enumerate(
+                zip(phase.surface.along(at), phase.surface.tangents, strict=True)
+            )
+        ]
+
     def velocities(self, contact: Contact, phase: Phase, side: str = "") -> list[Expr]:
         """The velocity of what touches, along the surface's axes; of a foot its angular velocity too."""
         _, velocity, _ = self.paths.place(contact.frame)
@@ -269,6 +279,7 @@ class Contacts(Schedule):
                     frames=phase.frames,
                     span=self.context.span(phase.statement),
                     places=places,
+                    nearly=self._centre(contact, phase) if contact.radius else [],
                     velocities=self.velocities(contact, phase),
                     accelerations=self.accelerations(contact, phase),
                     landing=bool(phase.landing),

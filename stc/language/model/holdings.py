@@ -42,6 +42,7 @@ class Holding:
         frames: on which it holds.
         span: what it is there for.
         places: what of it does not change.
+        nearly: what of it hardly changes: it is no row, but a guess in which it does not is a good one.
         velocities, accelerations: what is 0, and its rates.
         landing: whether an impact begins it, so that velocities are held from after that on.
         at: the place in the world of what is held fixed there.
@@ -57,6 +58,7 @@ class Holding:
     velocities: list[Expr]
     accelerations: list[Expr]
     landing: bool = False
+    nearly: Sequence[Place] = ()
     at: tuple[Expr, ...] = ()
     height: Expr | None = None
     surface: str = ""
