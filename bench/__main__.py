@@ -181,6 +181,7 @@ def script(part: str, options: argparse.Namespace) -> None:
         ],
         "mechanics": ["--quick", "--rounds", "2"] if options.quick else [],
         "variety": ["--each", "2"] if options.quick else [],
+        "robots": ["--each", "2"] if options.quick else [],
         "many_frames": ["--frames", "800", "--each", "1" if options.quick else "3", "--time-limit", "10"],
         "scaling": [
             *(["--frames", "50,1000,10000"] if options.quick else []),

@@ -3,8 +3,8 @@
     python -m bench robots                              all, with 20 perturbed ones each
     python bench/robots.py [quadruped_hop ...] [--each 20] [--seed 1] [--time-limit 60] [--list]
 
-A perturbed motion has the mass of every body, with its inertia, and every duration, distance and speed of the spec times a
-random number between 0.9 and 1.1.  Each is solved from the spec's own guess.  Processor time of the solve alone.
+A perturbed motion has the mass of every body, with its inertia, and every duration, distance and speed of the spec
+times a random number between 0.9 and 1.1.  Each is solved from the spec's own guess.  Processor time of the solve alone.
 """
 
 from __future__ import annotations
@@ -71,9 +71,7 @@ def solve(model: stc.Model, constants: dict[str, float], time_limit: float) -> E
     model.prepare(**constants)
     begin = time.process_time()
     solution = model.solve(time_limit=time_limit, constants=constants)
-    return Ending(
-        solution.status, solution.objective, solution.iterations, time.process_time() - begin
-    )
+    return Ending(solution.status, solution.objective, solution.iterations, time.process_time() - begin)
 
 
 def line(name: str, own: Ending, others: Sequence[Ending]) -> str:

@@ -88,7 +88,7 @@ class Settling:
             self._move(self._step(np.clip(off, -FARTHEST, FARTHEST), rates))
         off, rates = self._held()
         reached = (np.abs(off) < REACHED).all(axis=0)
-        held = (np.abs(rates) > DAMPING**2).any(axis=0) & reached
+        held = np.asarray((np.abs(rates) > DAMPING**2).any(axis=0) & reached)
         corrections = np.zeros((len(self.freedoms), len(self.at)))
         for row, (freedom, there) in enumerate(zip(self.freedoms, held, strict=True)):
             if there.any():

@@ -255,23 +255,3 @@ def test_a_periodic_motion_without_a_pose_starts_in_the_first_keyframe(tmp_path:
     spec = "constants: n = 10, T = 0.4, h = T/n; constraints: [0, n]: periodic + (0.3, 0, 0);"
     assert started(tmp_path, spec, "joint.FLk") == pytest.approx(-1.6)
     assert started(tmp_path, spec, "joint.root.x") == pytest.approx(np.linspace(0.0, 0.3, 11))
-
-
-def test_what_nothing_holds_starts_by_falling_and_turns_to_where_equations_say(tmp_path: Path) -> None:
-    spec = """constants: n = 10, T = 0.5, h = T/n;
-    constraints: [0]: keyframe.reference + (0, 0, 3) turned 3 about x; rest;
-      [n]: joint.root.qx; joint.root.qy; joint.root.qz; joint.root.x = 0.2;"""
-    model = load(tmp_path, BOX, spec)
-    problem, transcription = model.transcription()
-    x, layout = transcription.guess(problem.constants), transcription.layout
-
-    def start(name: str, order: int = 0) -> np.ndarray:
-        return x[layout.before[:, layout.column[f"joint.root.{name}", order]]]
-
-    t = np.linspace(0.0, 0.5, 11)
-    assert start("z") == pytest.approx(3.0 - 0.5 * 9.81 * t**2)
-    assert start("x") == pytest.approx(0.4 * t)
-    assert start("qw") ** 2 == pytest.approx(np.cos(1.5 - 3.0 * t) ** 2)
-    assert start("wx")[1:] == pytest.approx(-6.0)  # at rest in the first frame
-    assert start("wy")[1:] == pytest.approx(0.0, abs=1e-12)
-    assert start("z", 1)[1:-1] == pytest.approx(-9.81 * t[1:-1])
