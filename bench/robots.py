@@ -4,7 +4,7 @@
     python bench/robots.py [quadruped_hop ...] [--each 20] [--seed 1] [--time-limit 60] [--list]
 
 A perturbed motion has the mass of every body, with its inertia, and every duration, distance and speed of the spec
-times a random number between 0.9 and 1.1.  Each is solved from the spec's own guess.  Processor time of the solve alone.
+times a random number between 0.9 and 1.1.  Each is solved from its own guess.  Processor time of the solve alone.
 """
 
 from __future__ import annotations

@@ -131,7 +131,8 @@ class ModelStatements:
             relations: those of the spec, which may fix single coordinates at a frame.
         """
         known = self._known_poses(relations)
-        yield from way_between(self.context, self.scope, known, self.contacts.flights())
+        flights = [] if self.equalities.to_world else self.contacts.flights()
+        yield from way_between(self.context, self.scope, known, flights)
         yield from self.contacts.guesses()
 
     def fixtures(self) -> list[Fixture]:

@@ -10,6 +10,7 @@ from stc.language.context import Context
 from stc.language.model.scope import ModelScope, path_of
 from stc.mechanism.equalities import Held, held
 from stc.mechanism.forces import Forces
+from stc.mechanism.tree import WORLD
 from stc.problem import FrameRange, ParameterRef, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, sub, substitute, sym, symbols
@@ -91,6 +92,11 @@ class Equalities:
         for equality in self.scope.mechanism.equalities:
             if equality.active:
                 self.found.append((equality.name, held(self.scope.dynamics, equality)))
+
+    @property
+    def to_world(self) -> bool:
+        """Whether one of them holds a part of the model to what nothing moves."""
+        return any(frame.segment == WORLD for _, one in self.found for frame in one.ends)
 
     def forces(self) -> Forces:
         """What they do on the model."""

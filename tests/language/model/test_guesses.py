@@ -78,3 +78,11 @@ def test_a_steady_turn_starts_with_its_angular_velocity(tmp_path: Path, method: 
     start = Guess(tmp_path, BOX, spec)
     for axis, share in (("x", 0.0), ("y", 0.6), ("z", 0.8)):
         assert start(f"joint.root.w{axis}") == pytest.approx(4.0 * share, abs=1e-12)
+
+
+def test_what_an_equality_holds_to_the_world_does_not_fall(tmp_path: Path) -> None:
+    hung = BOX.replace(
+        "</worldbody>", '</worldbody><equality><connect body1="box" anchor="0 0 0.5"/></equality>'
+    )
+    spec = "constants: n = 10, T = 0.5, h = T/n; constraints: [0]: keyframe.reference; rest;"
+    assert Guess(tmp_path, hung, spec)("joint.root.z") == pytest.approx(0.0, abs=1e-9)
