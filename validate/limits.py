@@ -202,6 +202,9 @@ SLIDING_WINDOW: Final = 0.3
 CONTACT_FORCE: Final = 2e-2
 CONTACT_FORCE_MOST: Final = 1e-1
 
+#: What stands on something and moves farther than this, in m, is told of.
+STANDS: Final = 1e-3
+
 #: Largest violation of an inequality of the spec between the nodes, as a share of what it compares (see stc.between).
 INEQUALITY_BETWEEN: Final[ByMethod] = {"hermite-simpson": 2e-2, "trapezoidal": 5e-2, "central": 5e-2}
 

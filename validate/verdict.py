@@ -18,6 +18,7 @@ from stc.validate import limits
 from stc.validate.claims import Claims
 from stc.validate.contact import contact_metrics, friction_note, missing_contacts
 from stc.validate.contact_cones import beyond_contacts
+from stc.validate.contact_drift import contact_drift, drift_metrics, drift_notes
 from stc.validate.contact_forces import ContactForces, contact_force_metrics, contact_forces, windows_of
 from stc.validate.contact_meter import ContactMeter
 from stc.validate.energy import energy_balance
@@ -256,6 +257,9 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claim
     metrics += momentum_metrics(setup)
     metrics += missing_contacts(setup)
     metrics += contact_force_metrics(replays.ground)
+    stands = contact_drift(setup, replays.ground)
+    metrics += drift_metrics(stands)
+    replays.notes += drift_notes(stands)
     unjudged = _unjudged(setup, metrics)
     if unjudged:
         replays.notes.append(f"not judged: {', '.join(unjudged)}, as {_why_not(setup)}")

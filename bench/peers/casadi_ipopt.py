@@ -2,7 +2,8 @@
 
 P1 and P2 eliminate what is explicit (P2: the accelerations); the chains keep accelerations and torques as unknowns,
 tied by inverse dynamics, which is much sparser than eliminating them, and so does P5, where contact forces are
-unknowns, too.  P6 is the lamp's program itself, kernel by kernel (:mod:`bench.casadi_bridge`).
+unknowns, too.  P6 to P8 are the bundled
+specs' programs themselves, kernel by kernel (:mod:`bench.casadi_bridge`).
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from bench.peers.task import Case, Outcome, Task
 
 
 def build(case: Case, variant: str) -> Task:
-    makers = {"P1": _point, "P2": _cart_pole, "P5": _jump, "P6": _bundled_jump}
+    makers = {"P1": _point, "P2": _cart_pole, "P5": _jump}
     makers |= dict.fromkeys(("P3", "P3s", "P4"), _chain)
+    makers |= dict.fromkeys(problems.BUNDLED, _bundled)
     program, arguments, more = makers[case.problem](case)
     solver = ca.nlpsol("solver", "ipopt", program, ipopt_options(case, variant, **more))
     return Task(lambda: solved(solver, arguments))
@@ -217,12 +219,12 @@ def _jump(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     return {"x": unknowns, "f": objective, "g": together}, arguments, _JUMP_OPTIONS
 
 
-def _bundled_jump(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+def _bundled(case: Case) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     import stc
     from bench import casadi_bridge
 
-    constants = problems.constants_of("P6", case.n)
-    problem, transcription = stc.load(problems.spec_of("P6", 0)).transcription(**constants)
+    constants = problems.constants_of(case.problem, case.n)
+    problem, transcription = stc.load(problems.spec_of(case.problem, 0)).transcription(**constants)
     bound = transcription.bind(problem.constants)
     w, f, g = casadi_bridge.program(bound)
     arguments = {

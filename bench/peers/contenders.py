@@ -32,12 +32,18 @@ class Contender:
 
 _EVERY = {"P1": 100_000, "P2": 100_000, "P3": 10_000, "P3s": 200, "P4": 50}
 _LAMP = {"P5": 10_000, "P6": 10_000}
+_ROBOTS = {"P7": 60, "P8": 60}
 
 CONTENDERS = (
-    Contender("stc", "stc", "ours", sizes={**_EVERY, **_LAMP}),
+    Contender("stc", "stc", "ours", sizes={**_EVERY, **_LAMP, **_ROBOTS}),
     *(
         Contender(
-            f"IPOPT, {variant}", "CasADi + IPOPT", "casadi_ipopt", variant, "casadi", {**_EVERY, **_LAMP}
+            f"IPOPT, {variant}",
+            "CasADi + IPOPT",
+            "casadi_ipopt",
+            variant,
+            "casadi",
+            {**_EVERY, **_LAMP, **_ROBOTS},
         )
         for variant in ("mapped", "expanded")
     ),
@@ -71,6 +77,7 @@ CONTENDERS = (
     Contender(
         "Crocoddyl", "Crocoddyl", "crocoddyl_shooting", "", "crocoddyl", {"P2": 1000, "P3": 1000}, same=False
     ),
+    Contender("Crocoddyl, legs", "Crocoddyl", "crocoddyl_quadruped", "", "crocoddyl", {"P7": 60}, same=False),
 )
 
 

@@ -8,8 +8,10 @@ P3s the same from a guess that swings: P3 has dozens of optima, and from its own
 P4  the same of 2, 10 and 20 rods
 P5  a lamp on a flat foot jumps: six coordinates, phases of fixed length, a plastic landing; inverse dynamics
 P6  the lamp's jump of the bundled specs, ``luxo_jump``
+P7  the hop of a quadruped from its model file, in space, of the bundled specs: ``quadruped_hop``
+P8  the jump of a humanoid, likewise: ``humanoid_jump``
 
-All use the trapezoidal rule (P6: Hermite-Simpson) with n intervals: q and q' are continuous and linear in
+All use the trapezoidal rule (P6 to P8: Hermite-Simpson) with n intervals: q and q' are continuous and linear in
 between averages of q' and q''.
 """
 
@@ -23,6 +25,9 @@ from typing import Any
 import numpy as np
 
 SPECS = Path(__file__).resolve().parent / "specs"
+
+#: The problems that are bundled specs.
+BUNDLED = {"P6": "luxo_jump", "P7": "quadruped_hop", "P8": "humanoid_jump"}
 
 Function = Callable[[Any], Any]
 
@@ -199,7 +204,9 @@ def chain_spec(rods: int, swing: Sequence[Sequence[float]] = ()) -> str:
 
 
 def constants_of(problem: str, n: int) -> dict[str, int]:
-    """Those that give the text so many intervals (P5: a multiple of 15; P6: of 60)."""
+    """Those that give the text so many intervals (P5: a multiple of 15; P6: of 60; P7 and P8 have their own number)."""
+    if problem in ("P7", "P8"):
+        return {}
     return {"k": n // 60} if problem == "P6" else {"n": n}
 
 
@@ -207,6 +214,6 @@ def spec_of(problem: str, rods: int) -> str:
     """The text, or the bundled name, of a problem in this project's language."""
     if problem in ("P3", "P3s", "P4"):
         return chain_spec(rods, SWING if problem == "P3s" else ())
-    if problem == "P6":
-        return "luxo_jump"
+    if problem in BUNDLED:
+        return BUNDLED[problem]
     return (SPECS / f"{problem.lower()}.stc").read_text(encoding="utf-8")

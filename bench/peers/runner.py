@@ -39,6 +39,8 @@ CASES = (
     Case("P4", 50, 20, max_iterations=1000),
     Case("P5", 120),
     Case("P6", 120),
+    Case("P7", 60, time_limit=300.0),
+    Case("P8", 60, time_limit=300.0),
 )
 
 #: From process start to solution saved.

@@ -12,7 +12,7 @@ class Case:
     """One problem at one size.
 
     Attributes:
-        problem: ``P1`` to ``P6``, or ``P3s``.
+        problem: ``P1`` to ``P8``, or ``P3s``.
         n: number of intervals.
         rods: of the chain, for P3, P3s and P4.
         max_iterations: where a tool is to stop; what did not converge by then is compared per iteration.

@@ -58,7 +58,7 @@ def test_a_motion_is_found_and_obeys_the_equations_of_mujoco(name: str) -> None:
     assert solution.status == "optimal"
     error, d = against_mujoco(solution)
     assert error < 1e-7
-    assert drift(solution) < 5e-3
+    assert drift(solution) < 1e-8
     body, place = MOTIONS[name]
     for found, wanted in zip(d.body(body).xpos, place or (), strict=False):
         assert wanted is None or found == pytest.approx(wanted, abs=5e-3)

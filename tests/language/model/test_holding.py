@@ -1,0 +1,146 @@
+"""What a model holds stays where it is: loops, feet and hands, by MuJoCo's kinematics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from stc.solution import Solution
+
+from .bodies import FEET, load, put, quadruped, residual
+
+#: A crank, a coupler and a rocker, all of different lengths.
+FOUR_BAR = """<mujoco><worldbody>
+  <body name="a"><joint name="a" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 0 0 .2" size=".02" mass="1"/>
+    <body name="b" pos="0 0 .2"><joint name="b" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 .4 0 .1" size=".02" mass="1"/></body></body>
+  <body name="c" pos=".4 0 0"><joint name="c" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 0 0 .3" size=".02" mass="1"/></body>
+  </worldbody><equality><connect name="pin" body1="b" body2="c" anchor=".4 0 .1"/></equality>
+  <actuator><motor name="a" joint="a"/></actuator></mujoco>"""
+
+#: A turn of the crank; the guess turns the crank alone and leaves the loop open.
+TURN = """constants: n = 30, T = 0.8, h = T/n;
+constraints: [0]: keyframe.reference; rest;  [n]: joint.a = 2*pi; joint.a';
+objective: [0, n]: integral(effort);
+"""
+
+#: A swing that nothing is left to choose in.
+SWING = """constants: n = 20, T = 0.3, h = T/n;
+method: {method};
+constraints: [0]: keyframe.reference; rest;  [0, n]: actuator.a = 2*sin(8*t);
+guess: [0, n]: joint.a = 0.5*(i/n)^2; joint.b = -0.5*(i/n)^2; joint.c = 0.5*(i/n)^2;
+"""
+
+
+def gaps(solution: Solution, model: str, side: str = "before") -> np.ndarray:
+    """How far apart the ends of a loop are, by MuJoCo's own rows."""
+    m = mujoco.MjModel.from_xml_string(model)
+    d = mujoco.MjData(m)
+    found = []
+    for k in range(solution.n):
+        put(m, d, lambda name, order=0, k=k: float(getattr(solution.trajectories[name, order], side)[k]))
+        mujoco.mj_fwdPosition(m, d)
+        equality = d.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+        found.append(float(np.abs(d.efc_pos[equality]).max()))
+    return np.array(found)
+
+
+def sites(solution: Solution, model: str, name: str, side: str = "before") -> np.ndarray:
+    """(n+1, 3) where a site is at the frames."""
+    m = mujoco.MjModel.from_xml_string(model)
+    d = mujoco.MjData(m)
+    found = []
+    for k in range(solution.n + (side != "mid")):
+        put(m, d, lambda name, order=0, k=k: float(getattr(solution.trajectories[name, order], side)[k]))
+        mujoco.mj_kinematics(m, d)
+        found.append(d.site(name).xpos.copy())
+    return np.array(found)
+
+
+def test_a_four_bar_stays_closed_whatever_its_guess(tmp_path: Path) -> None:
+    solution = load(tmp_path, FOUR_BAR, TURN).solve(n=60)
+    assert solution.status == "optimal"
+    assert gaps(solution, FOUR_BAR).max() < 1e-9
+    assert gaps(solution, FOUR_BAR, "mid").max() < 1e-3
+
+
+@pytest.mark.parametrize(("method", "order"), [("hermite-simpson", 4), ("trapezoidal", 2), ("central", 2)])
+def test_methods_keep_their_order_on_a_closed_loop(tmp_path: Path, method: str, order: int) -> None:
+    model = load(tmp_path, FOUR_BAR, SWING.format(method=method))
+    fine = load(tmp_path, FOUR_BAR, SWING.format(method="hermite-simpson")).solve(n=320)
+    errors = []
+    for n in (40, 80):
+        solution = model.solve(n=n)
+        assert solution.status == "optimal"
+        assert gaps(solution, FOUR_BAR).max() < 1e-9
+        errors.append(float(np.abs(solution["joint.a"] - fine["joint.a"][:: 320 // n]).max()))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.4)
+
+
+def test_feet_stay_while_the_trunk_is_moved_about(tmp_path: Path) -> None:
+    spec = f"""constants: n = 16, T = 0.6, h = T/n;
+    {FEET} [0, n]: FL; FR; RL; RR;
+    constraints: [0]: keyframe.stand; rest;  [n]: rest;
+      [n/4]: joint.root.x = 0.03;  [n/2]: joint.root.y = 0.03;  [3*n/4]: joint.root.z = 0.25;
+    objective: [0, n]: integral(effort + 1e-3*joint.*''^2);"""
+    solution = load(tmp_path, quadruped(), spec).solve()
+    assert solution.status == "optimal"
+    for foot in ("FL", "FR", "RL", "RR"):
+        start = sites(solution, quadruped(), foot)[0]
+        assert np.abs(sites(solution, quadruped(), foot) - start).max() < 1e-8
+        assert np.abs(sites(solution, quadruped(), foot, "mid") - start).max() < 1e-3
+    assert residual(solution, quadruped(), ("FL", "FR", "RL", "RR")) < 1e-9
+
+
+GYMNAST = """<mujoco><worldbody>
+  <body name="arms" pos="0 0 2"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+    <joint name="swing" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.6" size=".04" mass="8"/>
+    <site name="grip" pos="0 0 0"/>
+    <body name="legs" pos="0 0 -.6"><joint name="hip" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -.8" size=".06" mass="30"/></body></body>
+  </worldbody><actuator><motor name="hip" joint="hip"/></actuator></mujoco>"""
+
+
+def test_hands_stay_on_the_bar(tmp_path: Path) -> None:
+    """On few frames, where the bar once sank by more than half a metre."""
+    spec = """constants: n = 16, T = 1.4, h = T/n;
+    contact: hands = pin(site.grip);  [0, n]: hands at 0, 0, 2;
+    constraints: [0]: keyframe.reference; rest;  [n]: joint.swing = 1.5;
+    objective: [0, n]: integral(1e-4*effort + 1e-3*joint.*''^2);"""
+    solution = load(tmp_path, GYMNAST, spec).solve()
+    assert solution.status == "optimal"
+    assert np.abs(sites(solution, GYMNAST, "grip") - [0, 0, 2]).max() < 1e-9
+    assert np.abs(sites(solution, GYMNAST, "grip", "mid") - [0, 0, 2]).max() < 1e-2
+
+
+#: Two feet on the ends of a beam.
+BEAM = """<mujoco><worldbody><geom type="plane" size="5 5 .1"/>
+  <body name="beam"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+    <joint name="tilt" axis="0 1 0"/><geom type="box" size=".5 .05 .05" mass="3"/>
+    <site name="left" pos="-.5 0 0"/><site name="right" pos=".5 0 0"/></body>
+  </worldbody></mujoco>"""
+
+
+def test_what_stands_bears_its_part_of_another_ones_impact(tmp_path: Path) -> None:
+    """A beam on one foot comes down on the other: both impulses together stop it, as they do in closed form."""
+    spec = """constants: n = 20, T = 0.2, h = T/n;
+    contact:
+      left = point(site.left), friction = 2;  right = point(site.right), friction = 2;
+      [0, n]: left at 0;  [n/2, n]: right;
+    constraints: [0]: joint.tilt'; [n/2]: joint.tilt = 0;
+    guess: [0, n]: joint.x = 0.5;"""
+    solution = load(tmp_path, BEAM, spec).solve()
+    assert solution.status == "optimal"
+    spin = solution.trajectories["joint.tilt", 1]
+    assert spin.before[10] > 0.1
+    assert abs(spin.after[10]) < 1e-5
+    # The moment of inertia about the standing foot, times the speed, over the distance; the rest by momentum.
+    inertia = 3.0 / 12.0 * (1.0**2 + 0.1**2)
+    landing = (inertia + 3.0 * 0.5**2) * spin.before[10]
+    assert solution["right_jz1"] == pytest.approx(landing, rel=1e-4)
+    assert solution["left_jz_at_10"] == pytest.approx(3.0 * 0.5 * spin.before[10] - landing, rel=1e-4)

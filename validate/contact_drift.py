@@ -1,0 +1,205 @@
+"""How far what stands moves: the solved motion of contact points while contact forces act on them.
+
+A spec may hold a foot by its acceleration alone, or by anything else: at the frames and between them the method moves
+it by its error, and an optimiser may make use of that.  Where each contact point of the model is, and how fast, is
+asked of MuJoCo's kinematics along the solved motion, at the frames and between them.  A sphere may roll: what counts is
+the way of the material points that touch, one after the other.  What slides with its friction does not stand, and what
+stands on something that moves goes with it: both are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.records import dataclass
+from stc.validate import limits
+from stc.validate.contact_meter import touchable, welded
+from stc.validate.metrics import FloatArray, Metric
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from stc.validate.contact_forces import ContactForces
+    from stc.validate.places import Place
+    from stc.validate.setup import Setup
+
+#: Of the largest contact force, so much acts where something stands.
+_ACTS = 1e-9
+
+#: Shares of a step at which a motion is looked at, its frames left out.
+_BETWEEN = np.array([0.25, 0.5, 0.75])
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """A contact point over some frames on which a force acts.
+
+    Attributes:
+        name: of the point, as the replay's lines have it.
+        first, last: frames.
+        drift: how far it has moved from where it began, at most, in m.
+        frame: where that is, a fraction between frames.
+    """
+
+    name: str
+    first: int
+    last: int
+    drift: float
+    frame: float
+
+
+def contact_drift(setup: Setup, ground: Sequence[ContactForces] = ()) -> list[Stand]:
+    """How far each contact point moves while a force acts on it.
+
+    Args:
+        setup: the motion.
+        ground: tells which bodies slide.
+    """
+    import mujoco
+
+    if not setup.all_tied or not setup.solution.n:
+        return []
+    model = touchable(setup.model())
+    data = mujoco.MjData(model)
+    slides = {one.body: one.slides for one in ground}
+    found = []
+    for place, (name, lines) in _places(setup).items():
+        body = model.body(place.body).name or str(place.body)
+        for first, last in _stands(setup, lines):
+            if np.any(slides.get(body, np.zeros(1, bool))[first : last + 1]):
+                continue
+            if not _on_what_moves(setup, model, data, place, first):
+                found.append(Stand(name, first, last, *_moved(setup, model, data, place, first, last)))
+    return found
+
+
+def drift_metrics(stands: Sequence[Stand]) -> list[Metric]:
+    """The farthest that each contact point moves while it stands."""
+    worst: dict[str, Stand] = {}
+    for stand in stands:
+        if stand.name not in worst or stand.drift > worst[stand.name].drift:
+            worst[stand.name] = stand
+    return [
+        Metric(
+            "contact moves while it stands", f"{one.name}, frames {one.first} to {one.last}", one.drift, "m"
+        )
+        for one in worst.values()
+    ]
+
+
+def drift_notes(stands: Sequence[Stand]) -> list[str]:
+    """What is to be said of contacts that move too far."""
+    far = [stand for stand in stands if not stand.drift <= limits.STANDS]
+    if not far:
+        return []
+    worst = max(far, key=lambda stand: stand.drift)
+    return [
+        f"{worst.name} stands on frames {worst.first} to {worst.last} and moves by {worst.drift:.2g} m until "
+        f"frame {worst.frame:g}: the forces of this motion are those of a place that gives way; more frames, or rows "
+        "for its place and velocity, hold it"
+    ]
+
+
+def _places(setup: Setup) -> dict[Place, tuple[str, list[int]]]:
+    """The points of the contact lines, each with its name and its lines."""
+    found: dict[Place, tuple[str, list[int]]] = {}
+    for number, (line, place) in enumerate(zip(setup.contact.lines, setup.contact.where.places, strict=True)):
+        if place is not None:
+            found.setdefault(place, (".".join(line.path[:-1]), []))[1].append(number)
+    return found
+
+
+def _stands(setup: Setup, lines: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """First and last frames of the steps in which a force acts."""
+    largest = max(
+        [float(np.abs(part).max()) for one in setup.contact.channels for part in (one.before, one.after)],
+        default=0.0,
+    )
+    acting = np.zeros(setup.solution.n, bool)
+    for number in lines:
+        channel = setup.contact.channels[number]
+        inside = [channel.after[:-1], channel.before[1:], *([] if channel.mid is None else [channel.mid])]
+        acting |= np.max(np.abs(inside), axis=0) > _ACTS * largest
+    first = 0
+    for acts, run in groupby(acting):
+        last = first + len(list(run))
+        if acts:
+            yield first, last
+        first = last
+
+
+def _on_what_moves(
+    setup: Setup, model: mujoco.MjModel, data: mujoco.MjData, place: Place, frame: int
+) -> bool:
+    """Whether what a body touches at a frame is a body that moves."""
+    import mujoco
+
+    setup.reference.put(data, setup.reference.at("after", frame)[:2])
+    mujoco.mj_fwdPosition(model, data)
+    own = welded(model, place.body)
+    for contact in data.contact:
+        bodies = [int(model.geom_bodyid[geom]) for geom in contact.geom if geom >= 0]
+        others = [body for body in bodies if body not in own]
+        if len(others) < len(bodies) and any(model.body_weldid[body] for body in others):
+            return True
+    return False
+
+
+def _moved(
+    setup: Setup, model: mujoco.MjModel, data: mujoco.MjData, place: Place, first: int, last: int
+) -> tuple[float, float]:
+    """How far a point has moved from where it was at a frame, at most, in m, and at which frame that is."""
+    times, states = [float(first)], [setup.reference.at("after", first)[:2]]
+    for step in range(first, last):
+        positions, velocities = setup.reference.in_step(step, _BETWEEN)[:2]
+        states += list(zip(positions, velocities, strict=True))
+        states.append(setup.reference.at("before", step + 1)[:2])
+        times += [*(step + _BETWEEN).tolist(), step + 1.0]
+    ways = _ways(model, data, place, setup, states)
+    if place.radius:
+        # From the velocities of the points that touch, by the trapezoid rule.
+        at = np.interp(times, np.arange(setup.solution.n + 1), setup.solution.time)
+        steps = 0.5 * np.diff(at)[:, None, None] * (ways[1:] + ways[:-1])
+        ways = np.concatenate([np.zeros_like(ways[:1]), np.cumsum(steps, axis=0)])
+    far = np.linalg.norm(ways - ways[:1], axis=2).max(axis=1)
+    worst = int(np.argmax(far))
+    return float(far[worst]), times[worst]
+
+
+def _ways(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    place: Place,
+    setup: Setup,
+    states: Sequence[Sequence[FloatArray]],
+) -> FloatArray:
+    """(k, p, 3) where the points of a place are in k states; of a sphere the velocity of the one that touches."""
+    import mujoco
+
+    found = []
+    for state in states:
+        setup.reference.put(data, state)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        at = place.point(model, data)
+        if place.radius:
+            along = np.zeros((3, model.nv))
+            mujoco.mj_jac(model, data, along, None, at, place.body)
+            found.append([along @ data.qvel])
+        else:
+            found.append([at + corner for corner in _corners(model, data, place)])
+    return np.array(found)
+
+
+def _corners(model: mujoco.MjModel, data: mujoco.MjData, place: Place) -> list[FloatArray]:
+    """From a place to the points that are looked at: of the face of a box its corners, elsewhere itself."""
+    import mujoco
+
+    if place.kind != "geom" or int(model.geom_type[place.index]) != int(mujoco.mjtGeom.mjGEOM_BOX):
+        return [np.zeros(3)]
+    x, y = data.geom_xmat[place.index].reshape(3, 3).T[:2] * model.geom_size[place.index, :2, None]
+    return [sign * x + other * y for sign in (-1.0, 1.0) for other in (-1.0, 1.0)]
