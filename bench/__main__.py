@@ -7,10 +7,11 @@
     python -m bench peers cold --again     write the tables of the last run once more, without measuring
 
 Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solution saved), ``evaluator`` and ``lamp``
-(compiled kernels), ``mechanics`` (from a Lagrangian to compiled derivatives), ``scaling`` (growth with the frames),
-``kkt`` (the linear systems alone, beside MUMPS), ``in_solve`` (factorisations inside whole solves, beside MUMPS in
-IPOPT), ``threads`` (two threads beside one), ``variety`` (random motions of many kinds, beside IPOPT), ``many_frames``
-(the same with many frames), ``robots`` (motions of whole robots, each as it is and perturbed).
+(compiled kernels), ``tables`` (look-ups beside polynomials), ``mechanics`` (from a Lagrangian to compiled
+derivatives), ``scaling`` (growth with the frames), ``kkt`` (the linear systems alone, beside MUMPS), ``in_solve``
+(factorisations inside whole solves, beside MUMPS in IPOPT), ``threads`` (two threads beside one), ``variety`` (random
+motions of many kinds, beside IPOPT), ``many_frames`` (the same with many frames), ``robots`` (motions of whole
+robots, each as it is and perturbed).
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from bench.peers.task import Case
 SCRIPTS = {
     "evaluator": "evaluator",
     "lamp": "lamp",
+    "tables": "tables",
     "mechanics": "mechanics",
     "scaling": "scaling",
     "kkt": "kkt",
@@ -173,6 +175,7 @@ def script(part: str, options: argparse.Namespace) -> None:
     arguments = {
         "evaluator": ["--markdown", *(["--rounds", "5"] if options.quick else [])],
         "lamp": ["--rounds", "5"] if options.quick else [],
+        "tables": ["--rounds", "5"] if options.quick else [],
         "kkt": ["--quick"] if options.quick else [],
         "in_solve": ["--frames", "200", "--rounds", "1"] if options.quick else [],
         "threads": [

@@ -62,7 +62,7 @@ def motion_at(stated: Stated, x: FloatArray, constants: Mapping[str, float]) -> 
     recovery = stated.recovery(x, constants)
     return {
         "name": problem.name,
-        "source": problem.source.text,
+        "source": problem.source.written,
         "method": problem.method,
         "time": recovery.time,
         "trajectories": recovery.trajectories(),
@@ -71,8 +71,19 @@ def motion_at(stated: Stated, x: FloatArray, constants: Mapping[str, float]) -> 
         "x": x,
         "model": problem.model,
         "replay": _replay_channels(problem, recovery),
+        **_data_of(problem, recovery),
         "force_frames": _force_frames(stated),
     }
+
+
+def _data_of(problem: Problem, recovery: Recovery) -> dict[str, Any]:
+    """The files of a spec's data, and what tables are used for outside of their numbers."""
+    if not problem.data:
+        return {}
+    from stc.data_sets import files_of
+    from stc.transcription.outside import used_outside
+
+    return {"data": files_of(problem.data), "outside": used_outside(recovery)}
 
 
 @lru_cache(maxsize=16)

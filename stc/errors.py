@@ -22,19 +22,75 @@ EXCERPT_WIDTH = 110
 
 
 @dataclass(eq=False, slots=True)
+class Origins:
+    """Which characters of a spec every character of the text came from that its repetitions were written out into."""
+
+    written: Source
+    _begins: list[int] = field(default_factory=list, repr=False)
+    _pieces: list[tuple[int, int, int, str]] = field(default_factory=list, repr=False)
+
+    def add(self, at: int, length: int, start: int, end: int, values: str) -> None:
+        """From ``at`` on, ``length`` characters stand for those from ``start`` to ``end`` of the spec.
+
+        Where they are as many, each stands for one; else all for all.  ``values`` is what is repeated there.
+        """
+        self._begins.append(at)
+        self._pieces.append((length, start, end, values))
+
+    def place(self, start: int, end: int) -> tuple[int, int]:
+        """The characters of the spec that those from ``start`` to ``end`` stand for."""
+        begin = self._corner(start, 0)
+        return begin, max(begin, self._corner(max(start, end - 1), 1))
+
+    def _corner(self, offset: int, after: int) -> int:
+        """Where the character at ``offset`` begins in the spec, or with ``after`` = 1 where it ends."""
+        piece = max(0, bisect_right(self._begins, offset) - 1)
+        length, start, end, _ = self._pieces[piece]
+        if length != end - start:
+            return end if after else start
+        return min(start + offset - self._begins[piece] + after, end)
+
+    def values(self, offset: int) -> str:
+        """What is repeated there, and for what: ``k = 3``; empty outside repetitions."""
+        return self._pieces[max(0, bisect_right(self._begins, offset) - 1)][3]
+
+
+@dataclass(eq=False, slots=True)
 class Source:
-    """The text of one spec and the name it is called by in messages (a path, or ``<text>``)."""
+    """The text of one spec and the name it is called by in messages (a path, or ``<text>``).
+
+    ``origins`` tells, of a text whose repetitions have been written out, what in the spec its characters stand for;
+    lines and columns are those of the spec.
+    ``carried`` holds the data files that the text names, by the paths that it writes, where it comes from a solution,
+    which carries them; None where they lie beside the spec.
+    """
 
     name: str
     text: str
     path: str | None = None
+    carried: Mapping[str, bytes] | None = None
+    origins: Origins | None = field(default=None, repr=False)
     _line_starts: list[int] | None = field(default=None, repr=False)
 
+    @property
+    def written(self) -> str:
+        """The text of the spec as it was written."""
+        return self.text if self.origins is None else self.origins.written.text
+
+    def place(self, start: int, end: int) -> tuple[int, int]:
+        """The characters of what was written that ``start`` to ``end`` stand for."""
+        return (start, end) if self.origins is None else self.origins.place(start, end)
+
+    def repeats(self, name: str, offset: int) -> bool:
+        """Whether what stands there is one of several that are written once, for each ``name``."""
+        values = "" if self.origins is None else self.origins.values(offset)
+        return f", {name} = " in f", {values}"
+
     def line_starts(self) -> list[int]:
-        """Offsets of the first character of every line."""
+        """Offsets of the first character of every line that was written."""
         if self._line_starts is None:
             starts = [0]
-            find = self.text.find
+            find = self.written.find
             at = find("\n")
             while at >= 0:
                 starts.append(at + 1)
@@ -45,6 +101,7 @@ class Source:
     def position(self, offset: int) -> tuple[int, int]:
         """Line and column of a character, both counted from 1."""
         starts = self.line_starts()
+        offset = self.place(offset, offset + 1)[0]
         line = bisect_right(starts, offset) - 1
         return line + 1, offset - starts[line] + 1
 
@@ -52,8 +109,9 @@ class Source:
         """The text of a line (counted from 1) without its line end."""
         starts = self.line_starts()
         start = starts[number - 1]
-        end = starts[number] - 1 if number < len(starts) else len(self.text)
-        return self.text[start:end].rstrip("\r")
+        written = self.written
+        end = starts[number] - 1 if number < len(starts) else len(written)
+        return written[start:end].rstrip("\r")
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +134,13 @@ class Span:
 
     @property
     def text(self) -> str:
-        """The characters themselves."""
+        """The characters themselves, those of repetitions written out."""
         return self.source.text[self.start : self.end]
+
+    @property
+    def repeated(self) -> str:
+        """For what this is one of several that are written once: ``k = 3``; else empty."""
+        return "" if self.source.origins is None else self.source.origins.values(self.start)
 
     @property
     def location(self) -> str:
@@ -89,7 +152,8 @@ class Span:
         """The line of the span, numbered, with a row of carets below it."""
         number, column = self.source.position(self.start)
         line = self.source.line(number)
-        width = max(1, min(self.end - self.start, len(line) - column + 1))
+        start, end = self.source.place(self.start, self.end)
+        width = max(1, min(end - start, len(line) - column + 1))
         # A piece of a long line is enough: nothing is measured that is not shown.
         before = _shown(line[max(0, column - 1 - EXCERPT_WIDTH) : column - 1])
         marked = _shown(line[column - 1 : column - 1 + min(width, EXCERPT_WIDTH)])
@@ -126,7 +190,8 @@ class Diagnostic:
         """Location and message, the excerpt, the hint: three to six lines without a final line end."""
         text = f"{self.severity}: {self.message}"
         if self.span is not None:
-            text = f"{self.span.location}: {text}\n{self.span.excerpt()}"
+            for_what = f" (for {self.span.repeated})" if self.span.repeated else ""
+            text = f"{self.span.location}: {text}{for_what}\n{self.span.excerpt()}"
         return text + "".join(f"\n        {line}" for line in self.hint.splitlines())
 
     def __str__(self) -> str:

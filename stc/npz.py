@@ -62,13 +62,13 @@ def save(stream: IO[bytes], arrays: Mapping[str, np.ndarray]) -> None:
     stream.write(directory + _END.pack(b"PK\x05\x06", 0, 0, count, count, len(directory), offset, 0))
 
 
-def load(path: str | os.PathLike[str], compressed: bool = False) -> dict[str, np.ndarray]:
+def load(path: str | os.PathLike[str] | bytes, compressed: bool = False) -> dict[str, np.ndarray]:
     """Read the arrays of an ``.npz`` file from anyone: plain numbers alone, and no more memory than the file is large.
 
     What members claim to be is held against what is there before any memory is taken for it.
 
     Args:
-        path: of the file.
+        path: of the file, or all that is in it.
         compressed: whether members may be compressed; together they may then come to 256 MiB.
 
     Raises:
@@ -78,13 +78,14 @@ def load(path: str | os.PathLike[str], compressed: bool = False) -> dict[str, np
     import zipfile
 
     found: dict[str, np.ndarray] = {}
-    with zipfile.ZipFile(path) as archive:
+    with zipfile.ZipFile(io.BytesIO(path) if isinstance(path, bytes) else path) as archive:
         entries = archive.infolist()
         packed = any(entry.compress_type != zipfile.ZIP_STORED for entry in entries)
         if packed and not compressed:
             raise ContentsError("its members are compressed, which those of solution files are not")
         claimed = sum(entry.file_size for entry in entries)
-        most = _MOST_UNPACKED if packed else Path(path).stat().st_size
+        size = len(path) if isinstance(path, bytes) else Path(path).stat().st_size
+        most = _MOST_UNPACKED if packed else size
         if claimed > most:
             raise ContentsError(
                 f"its members claim {claimed} bytes together, where {most} are the most there can be"

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING
 from stc.records import dataclass, field
 
 if TYPE_CHECKING:
+    from stc.data_sets import DataSet
     from stc.errors import Diagnostic, Source, Span
     from stc.symbolic.expr import Expr
+    from stc.symbolic.tables import TableRef
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +104,17 @@ class IndexRef:
         return "i"
 
 
+@dataclass(frozen=True, slots=True)
+class CellRef:
+    """A column of a data set, in a statement that stands on its rows: the number in the row at hand."""
+
+    data: str
+    column: str
+
+    def __str__(self) -> str:
+        return f"{self.data}.{self.column}"
+
+
 def index_text(scale: Fraction | int, shift: Fraction | int) -> str:
     """``scale*i + shift`` as the spec language writes it: ``i + 1``, ``2*i``, ``60 - i``, ``7``."""
     if scale == 0:
@@ -152,13 +165,17 @@ class Relation:
 
 @dataclass(frozen=True, slots=True)
 class ObjectiveTerm:
-    """One summand of the objective: a plain sum over the frames, or an integral over the range's time."""
+    """One summand of the objective: a plain sum over the frames, or an integral over the range's time.
+
+    With ``rows`` it is a sum over the rows of that data set instead, and the range is frame 0 alone.
+    """
 
     body: Expr
     integral: bool
     range: FrameRange
     span: Span
     text: str
+    rows: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,6 +278,7 @@ class Problem:
     ``rotations`` are the orientations among the variables, and ``of_model`` tells whether a model has brought the
     equations of motion; for the guess, ``fixtures`` are what it holds, and ``root`` the variables by which it moves as
     a whole.
+    ``data`` holds the columns of numbers that the spec reads, ``tables`` the functions that it makes of them.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
     others, which occur in no other expression by name.
     """
@@ -290,3 +308,5 @@ class Problem:
     fixtures: Sequence[Fixture] = ()
     root: frozenset[str] = frozenset()
     corrections: Sequence[Correction] = ()
+    data: Mapping[str, DataSet] = field(default_factory=dict)
+    tables: Mapping[str, TableRef] = field(default_factory=dict)

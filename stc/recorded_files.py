@@ -17,6 +17,9 @@ from stc.records import dataclass
 #: number; larger ones by their hashes alone.
 TEXT_CARRIED, CARRIED = 2**20, 2**12
 
+#: The role of a file of numbers that a spec reads; solutions carry them whole.
+DATA_ROLE = "data"
+
 _COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _TAG = re.compile(rb"<\s*(\w+)([^<>]*)>")
 _ATTRIBUTE = re.compile(rb"""(\w+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
@@ -30,8 +33,9 @@ class RecordedFile:
     """A file that a motion depends on, as it was when the motion was solved.
 
     Attributes:
-        role: ``model`` for the model's own file, ``part`` for those that it includes, meshes and the like.
-        path: relative to the model's folder, with ``/`` between folders.
+        role: ``model`` for the model's own file, ``part`` for those that it includes, meshes and the like, ``data`` for
+            the numbers that a spec reads.
+        path: relative to the model's folder, with ``/`` between folders; of data as the spec writes it.
         sha256: hash of its content, hexadecimal.
         size: of its content, in bytes.
         content: all of it, or None where only the hash is kept.

@@ -7,7 +7,7 @@ evaluated here from the spec's own text, so that nothing in a file can say other
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from stc.errors import Source, StcError, UsageError
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.problem import Problem
+from stc.recorded_files import DATA_ROLE, RecordedFile
 from stc.solution import Solution, SolutionError
 from stc.solution_file import MISSHAPEN, PLAIN_FACTS, Stored, damaged, files_of, load
 from stc.trajectory import FloatArray
@@ -27,7 +28,7 @@ from stc.transcription.stated import Stated, state
 
 __all__ = ["problem_of", "read", "require_stated", "source_of", "stated_again"]
 
-_Key = tuple[str, tuple[tuple[str, float], ...], str]
+_Key = tuple[str, tuple[tuple[str, float], ...], str, tuple[str, ...]]
 #: The last problem that was stated again, for whoever judges what was just read.
 _last: list[tuple[_Key, Stated]] = []
 
@@ -43,11 +44,12 @@ def source_of(solution: Solution, beside: Path | None = None) -> Source:
     if folder is not None and beside is not None and solution.model is not None:
         moved = not (folder / solution.model).is_file() and (beside / solution.model).is_file()
         folder = beside if moved else folder
-    return _source(solution.name, solution.source, folder)
+    return _source(solution.name, solution.source, folder, solution.data)
 
 
-def _source(name: str, text: str, folder: Path | None) -> Source:
-    return Source(f"{name}.stc", text, "" if folder is None else str(folder / f"{name}.stc"))
+def _source(name: str, text: str, folder: Path | None, data: Sequence[RecordedFile]) -> Source:
+    path = "" if folder is None else str(folder / f"{name}.stc")
+    return Source(f"{name}.stc", text, path, {file.path: file.content or b"" for file in data})
 
 
 def problem_of(solution: Solution) -> Problem:
@@ -67,7 +69,7 @@ def stated_again(solution: Solution) -> Stated:
         SpecError, UsageError: as :func:`problem_of`.
         SolutionError: that problem has another number of frames.
     """
-    key = _key(solution.source, solution.overrides, solution.method)
+    key = _key(solution.source, solution.overrides, solution.method, solution.data)
     if _last and _last[0][0] == key:
         return _last[0][1]
     problem = problem_of(solution)
@@ -105,8 +107,8 @@ def _primed(name: str, order: int) -> str:
     return name + "'" * order
 
 
-def _key(source: str, overrides: Mapping[str, float], method: str) -> _Key:
-    return source, tuple(sorted(overrides.items())), method
+def _key(source: str, overrides: Mapping[str, float], method: str, data: Sequence[RecordedFile]) -> _Key:
+    return source, tuple(sorted(overrides.items())), method, tuple(file.sha256 for file in data)
 
 
 def _remember(key: _Key, stated: Stated) -> Stated:
@@ -147,12 +149,17 @@ def solution_of(stored: Stored) -> Solution:
             raise TypeError(f"{key} is no text")
     if plain["sha256"] != sha256(plain["source"].encode()).hexdigest():
         raise SolutionError("the spec's text does not match its hash: the file was altered")
-    stated = _stated(plain, stored)
+    files = files_of(stored)
+    data = [file for file in files if file.role == DATA_ROLE]
+    files = files[: len(files) - len(data)]
+    stated = _stated(plain, stored, data)
+    read = {each.file.path for each in stated.problem.data.values() if each.file is not None}
+    if read != {file.path for file in data}:
+        raise SolutionError("the file was altered: it carries other data than its text reads")
     x = _unknowns(stated, stored)
     if plain["status"] == "optimal" and not np.isfinite(x).all():
         raise SolutionError("the file was altered: an optimal solution has no numbers that are not finite")
     y, z = _multipliers(stated, stored)
-    files = files_of(stored)
     if unknown := set(stored.members) - stored.used:
         raise SolutionError(
             f"the file was altered: it holds {min(unknown)}, which is nothing of this solution"
@@ -172,11 +179,11 @@ def solution_of(stored: Stored) -> Solution:
     )
 
 
-def _stated(plain: Mapping[str, Any], stored: Stored) -> Stated:
+def _stated(plain: Mapping[str, Any], stored: Stored, data: Sequence[RecordedFile]) -> Stated:
     """The problem of a file's text, once it is known to have as many frames as there are values."""
     overrides = {str(name): float(value) for name, value in plain["overrides"].items()}
     folder = Path(plain["directory"]) if plain["directory"] else None
-    source = _source(str(plain["name"]), plain["source"], folder)
+    source = _source(str(plain["name"]), plain["source"], folder, data)
     try:
         problem = elaborate(parse(source), overrides, plain["method"])
         n = int(stored.facts["n"])
@@ -186,7 +193,7 @@ def _stated(plain: Mapping[str, Any], stored: Stored) -> Stated:
             found = len(stored.vector(f"unknowns/{unknown['name']}")) - 1
             if found != n:
                 raise SolutionError(f"the file was altered: it tells of {n} steps and has {found}")
-        return _remember(_key(plain["source"], overrides, plain["method"]), state(problem))
+        return _remember(_key(plain["source"], overrides, plain["method"], data), state(problem))
     except SolutionError:
         raise
     except StcError as error:

@@ -134,6 +134,8 @@ class Solution:
             for ``central`` with second or higher derivatives the frames where the widest stencil fits.
         files: what it depends on besides its text: the files of the model as they were. Empty until the solution is
             saved; then :func:`read` gives them.
+        data: the data files that the spec reads, whole, as they were when it was solved.
+        outside: a sentence for each table that the motion uses outside of its numbers; computed.
         sha256: hash of ``source`` (hexadecimal); computed.
         stc_version: version of the program that made the solution.
         origin: the :class:`stc.pipeline.Model` that made it; None for one that was read from a file.
@@ -168,6 +170,8 @@ class Solution:
     replay: Sequence[ReplayChannel] = ()
     force_frames: tuple[int, int] | None = None
     files: Sequence[RecordedFile] = ()
+    data: Sequence[RecordedFile] = ()
+    outside: Sequence[str] = ()
     derived: frozenset[tuple[str, int]] = frozenset()
     sha256: str = ""
     stc_version: str = ""
@@ -399,6 +403,17 @@ class Solution:
         """
         # By name: nothing here is imported from the layers above.
         return import_module("stc.origin").resolve(self, **changes)
+
+    def uncertainty(self) -> Any:
+        """How well data determine the parameters: a :class:`stc.studies.uncertainty.Uncertainty`.
+
+        None where the objective is no sum of squares over the rows of data sets.
+
+        Raises:
+            UsageError: the solution is not optimal.
+        """
+        # By name: nothing here is imported from the layers above.
+        return import_module("stc.studies.uncertainty").of_solution(self)
 
     def save(self, path: Path) -> None:
         """Write the solution to ``path``: ``.npz`` (NumPy arrays) or ``.csv`` (text), both complete.

@@ -39,7 +39,7 @@ from stc import npz
 from stc.arguments import path as file_path
 from stc.atomic import replacing
 from stc.errors import UsageError
-from stc.recorded_files import RecordedFile, record
+from stc.recorded_files import DATA_ROLE, RecordedFile, record
 from stc.records import dataclass, field
 from stc.solution import Solution, SolutionError
 from stc.trajectory import FloatArray
@@ -242,7 +242,7 @@ def stored_of(solution: Solution) -> Stored:
     facts["multipliers"] = [{"kind": block.kind, "label": block.label} for block in solution.multipliers]
     members.update({f"multipliers/{k}": block.values for k, block in enumerate(solution.multipliers)})
     facts["files"] = []
-    for k, file in enumerate(solution.files or _files_of(solution)):
+    for k, file in enumerate([*(solution.files or _files_of(solution)), *solution.data]):
         known = {"role": file.role, "path": file.path, "sha256": file.sha256, "bytes": file.size}
         facts["files"].append({**known, "carried": file.content is not None})
         if file.content is not None:
@@ -261,6 +261,15 @@ def _files_of(solution: Solution) -> list[RecordedFile]:
     return [] if beside is None else record(beside)
 
 
+#: Which roles may follow which: the model's own file, its parts, then data.
+_AFTER = {
+    "": ("model", DATA_ROLE),
+    "model": ("part", DATA_ROLE),
+    "part": ("part", DATA_ROLE),
+    DATA_ROLE: (DATA_ROLE,),
+}
+
+
 def files_of(stored: Stored) -> list[RecordedFile]:
     """The files that a stored solution depends on.
 
@@ -269,14 +278,18 @@ def files_of(stored: Stored) -> list[RecordedFile]:
     """
     from stc.digests import sha256
 
-    found = []
+    found: list[RecordedFile] = []
     for k, known in enumerate(stored.facts["files"]):
         content = stored.vector(f"files/{k}").astype(np.uint8).tobytes() if known["carried"] else None
         file = RecordedFile(
             str(known["role"]), str(known["path"]), str(known["sha256"]), int(known["bytes"]), content
         )
-        if file.role != ("part" if k else "model"):
-            raise SolutionError(f"the file was altered: {file.path} is said to be its model's {file.role}")
+        before = found[-1].role if k else ""
+        if file.role not in _AFTER[before]:
+            what = "its data" if before == DATA_ROLE else "its model's"
+            raise SolutionError(f"the file was altered: {file.path} is said to be {what} {file.role}")
+        if file.role == DATA_ROLE and content is None:
+            raise SolutionError(f"the file was altered: it does not carry its data {file.path}")
         if content is not None and sha256(content).hexdigest() != file.sha256:
             raise SolutionError(
                 f"the file was altered: {file.path}, which it carries, does not match its hash"

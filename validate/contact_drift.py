@@ -153,7 +153,8 @@ def _moved(
     setup: Setup, model: mujoco.MjModel, data: mujoco.MjData, place: Place, first: int, last: int
 ) -> tuple[float, float]:
     """How far a point has moved from where it was at a frame, at most, in m, and at which frame that is."""
-    times, states = [float(first)], [setup.reference.at("after", first)[:2]]
+    times: list[float] = [float(first)]
+    states: list[Sequence[FloatArray]] = [setup.reference.at("after", first)[:2]]
     for step in range(first, last):
         positions, velocities = setup.reference.in_step(step, _BETWEEN)[:2]
         states += list(zip(positions, velocities, strict=True))

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from stc.solution import Solution
     from stc.studies.compare import Run
     from stc.studies.profile import Part
+    from stc.studies.uncertainty import Uncertainty
     from stc.validate.certificate import Certificate
 
 #: Width of what goes into a file or a pipe, where nothing should be cut or wrapped.
@@ -37,7 +38,12 @@ MOST_WARNINGS = 20
 MOST_PARAMETERS = 12
 
 
-def show_solution(solution: Solution, file: Path | None, was_read: bool = False) -> None:
+def show_solution(
+    solution: Solution,
+    file: Path | None,
+    was_read: bool = False,
+    uncertainty: Uncertainty | None = None,
+) -> None:
     """The outcome of a solve; ``file`` is where it is saved, or was read from, None when it is nowhere."""
     good = solution.status == "optimal"
     status = f"[green]{solution.status}[/green]" if good else f"[bold red]{solution.status}[/bold red]"
@@ -50,9 +56,18 @@ def show_solution(solution: Solution, file: Path | None, was_read: bool = False)
         ("size", f"{len(solution.x)} variables, {len(solution.row_multipliers)} rows"),
     ]
     for name, value in list(solution.parameters.items())[:MOST_PARAMETERS]:
-        rows.append((name, f"{value:.10g}"))
+        error = "" if uncertainty is None else f", standard error {uncertainty.errors[name]:.5g}"
+        rows.append((name, f"{value:.10g}{error}"))
     if len(solution.parameters) > MOST_PARAMETERS:
         rows.append(("", f"and {len(solution.parameters) - MOST_PARAMETERS} more parameters"))
+    if uncertainty is not None:
+        rows.append(
+            (
+                "residuals",
+                f"{uncertainty.residuals}, of standard deviation {uncertainty.deviation:.5g} "
+                f"with {uncertainty.freedom} degrees of freedom",
+            )
+        )
     rows.append(("time", times(solution)))
     if file is not None:
         rows.append(("read from" if was_read else "saved", escape(str(file))))

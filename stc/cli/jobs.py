@@ -51,8 +51,10 @@ def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_
     from stc.studies.replay_lines import check_replay_lines
 
     model = load(spec, options.constants)
-    if page is not None and model.source.path is not None:
-        spare(page, [(model.source.path, "the spec itself")], "--report")
+    if page is not None:
+        from stc.cli.keeping import inputs_of
+
+        spare(page, inputs_of(model), "--report")
     check_replay_lines(model.problem(options.method))
     outcome = _solved(model, options, as_json, save=True)
     if outcome.solution.model is None:
@@ -217,6 +219,7 @@ def require_optimal(solution: Solution, done: str, force: bool) -> None:
 
 def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     """Read a spec as far as its nonlinear program, and tell its sizes; good when nothing in it is known to fail."""
+    from stc.language.show_data import described
     from stc.solving import contradictions_of
     from stc.studies.replay_lines import check_replay_lines
 
@@ -241,6 +244,7 @@ def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
                 **record.blank(status, "; ".join(contradictions)),
                 **facts,
                 "constants": dict(problem.constants),
+                "data": dict(described(problem)),
                 "warnings": warnings,
                 "contradictions": contradictions,
             }
@@ -252,6 +256,7 @@ def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
         ("unknowns", f"{len(problem.variables)} variables a frame, {len(problem.parameters)} parameters"),
         ("size", f"{sizes['variables']} variables, {sizes['rows']} rows"),
         ("nonzeros", f"{sizes['jacobian']} in the Jacobian, {sizes['hessian']} in the Hessian's lower half"),
+        *((f"data {name}", text) for name, text in described(problem)),
         ("warnings", str(len(problem.warnings))),
     ]
     verdict = "infeasible, its bounds contradict each other" if contradictions else "no mistakes"
@@ -309,7 +314,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
     if file is not None and file.exists():
         from stc.cli.keeping import keep_inputs
 
-        keep_inputs(file, model.source.path, options.search.guess)
+        keep_inputs(file, model, options.search.guess)
     from stc.solver.optimizers import DEFAULT
 
     if options.threads is not None:
@@ -358,6 +363,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
     with guard.on_end(ending):
         if solution.status != "optimal":
             return replace(outcome, blame=reasons.find_blame(model, solution, options.explain))
+        outcome = replace(outcome, uncertainty=reasons.find_uncertainty(model, solution))
         if options.explain:
             return replace(outcome, explanation=reasons.find_explanation(model, solution))
     return outcome

@@ -3,29 +3,46 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stc.cli import console
 from stc.errors import StcError
 
-__all__ = ["keep_inputs", "keep_optimal"]
+if TYPE_CHECKING:
+    from stc.pipeline import Model
+
+__all__ = ["inputs_of", "keep_inputs", "keep_optimal"]
 
 
-def keep_inputs(file: Path, spec: str | None, guess: Path | None = None) -> None:
+def inputs_of(model: Model) -> list[tuple[str | Path, str]]:
+    """The files that a spec is read from, each with what it is: its own, and those of its data."""
+    from stc.language.syntax import DataFile
+
+    path = model.source.path
+    folder = Path(path).parent if path else Path()
+    found: list[tuple[str | Path, str]] = [] if path is None else [(path, "the spec itself")]
+    for block in model.tree.blocks("data"):
+        named = [each for each in block.statements if isinstance(each, DataFile)]
+        found += [(folder / each.path, f"the data `{each.name.name}` of the spec") for each in named]
+    return found
+
+
+def keep_inputs(file: Path, model: Model, guess: Path | None = None) -> None:
     """Refuse to save over what a solve reads, before it begins.
 
     A saved solution may be replaced by the one that started from it, as ``--warm-start`` does.
 
     Args:
         file: where the solution is to go.
-        spec: path of the spec, None where there is none.
+        model: the spec.
         guess: table of starting values.
 
     Raises:
-        UsageError: that file is the spec, or a table of starting values.
+        UsageError: that file is the spec, data that it reads, or a table of starting values.
     """
     from stc.arguments import same_file, spare
 
-    spare(file, [] if spec is None else [(spec, "the spec itself")], "-o")
+    spare(file, inputs_of(model), "-o")
     if guess is not None and same_file(file, guess) and not _is_saved(guess):
         spare(file, [(guess, "the table of --guess-from")], "-o")
 

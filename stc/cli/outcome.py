@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from stc.studies.blame import Blame
     from stc.studies.explain import Explanation
     from stc.studies.profile import Part
+    from stc.studies.uncertainty import Uncertainty
 
 __all__ = ["Ending", "Outcome", "keep_solution"]
 
@@ -34,6 +35,7 @@ class Outcome:
     warnings: Sequence[Diagnostic] = ()
     blame: Blame | None = None
     explanation: Explanation | None = None
+    uncertainty: Uncertainty | None = None
     found: Found | None = None
     profile: Sequence[Part] = ()
     unsaved: str = ""
@@ -57,6 +59,8 @@ class Outcome:
         )
         known["blame"] = None if self.blame is None else self.blame.to_dict()
         known.update({} if self.explanation is None else self.explanation.to_dict())
+        if self.uncertainty is not None:
+            known["estimation"] = self.uncertainty.to_dict()
         if self.profile:
             known["profile"] = [part.to_dict() for part in self.profile]
         if self.unsaved:
@@ -65,11 +69,13 @@ class Outcome:
 
     def show(self) -> None:
         """What people see of it."""
-        console.show_solution(self.solution, self.file, self.was_read)
+        console.show_solution(self.solution, self.file, self.was_read, self.uncertainty)
         if self.found is not None and (in_all := self.found.in_all()):
             print(in_all)
         if self.found is not None and self.found.message:
             console.note(self.found.message)
+        for told in self.solution.outside:
+            console.note(told)
         if self.blame is not None:
             reasons.show_blame(self.blame)
         if self.explanation is not None:

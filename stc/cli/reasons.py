@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from stc.solution import Solution
     from stc.studies.blame import Blame
     from stc.studies.explain import Explanation, Sensitivity
+    from stc.studies.uncertainty import Uncertainty
 
 #: Seconds for finding who is to blame: unasked, and when the user wants an explanation.
 UNASKED, ASKED = 2.0, 60.0
@@ -43,6 +44,16 @@ def find_explanation(model: Model, solution: Solution) -> Explanation | None:
     from stc.studies.explain import explain
 
     return explain(model, solution)
+
+
+def find_uncertainty(model: Model, solution: Solution) -> Uncertainty | None:
+    """The standard errors of what an optimal solution estimates; None where it is no estimation."""
+    problem, _ = model.transcription(solution.method, **solution.overrides)
+    if not problem.parameters or not any(term.rows for term in problem.objective):
+        return None
+    from stc.studies.uncertainty import uncertainty
+
+    return uncertainty(model, solution)
 
 
 def show_blame(blame: Blame) -> None:

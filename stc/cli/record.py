@@ -53,11 +53,13 @@ def of_solution(solution: Solution, file: str | None = None, warnings: Iterable[
         blame=None,
         active=None,
         sensitivities=None,
+        estimation=None,
         variables=len(solution.x),
         rows=len(solution.row_multipliers),
         parameters=dict(solution.parameters),
         file=file,
         warnings=of_diagnostics(warnings),
+        outside=list(solution.outside),
     )
     record["seconds"].update(solution.seconds)
     return record

@@ -103,7 +103,7 @@ def _live(target: str, options: SolveOptions, window: Window) -> int:
     if model.problem(options.method).model is None:
         raise UsageError(f"{model.name} has no `replay:` section that names a model to show it with")
     file = options.output or writable_solution(f"{model.name}.npz")
-    keep_inputs(file, model.source.path)
+    keep_inputs(file, model)
 
     def keep(solution: Solution) -> None:
         keep_optimal(file, solution.status)

@@ -29,10 +29,10 @@ def fetch(vector: Vector, indices: Sequence[str], offset: int | str) -> list[str
             position = vector.let(f"load i32, ptr {place}, align 4")
             source = vector.let(f"getelementptr inbounds double, ptr %workspace, i32 {position}")
             lanes.append(vector.let(f"load <{RUN} x double>, ptr {source}, align 8"))
-    return _transposed(vector, lanes)
+    return transposed(vector, lanes)
 
 
-def _transposed(vector: Vector, lanes: Sequence[str]) -> list[str]:
+def transposed(vector: Vector, lanes: Sequence[str]) -> list[str]:
     """What four or eight registers hold of each of four numbers, as four registers."""
     if len(lanes) == 2 * LANES:
         # Two lanes share a register, those whose halves come to lie beside each other in the last step: that is then

@@ -29,7 +29,7 @@ from stc.codegen.engine import LANES
 from stc.codegen.fixed import FixedModule
 from stc.codegen.fusion import find_fused, reads_of
 from stc.codegen.runs import RUN, Runs
-from stc.codegen.tape import CIRCULAR, OPERATORS, Tape
+from stc.codegen.tape import CIRCULAR, CLIP, LOOKUPS, OPERATORS, REACHES, READ, Tape
 from stc.records import dataclass
 
 __all__ = ["CHUNK", "Code", "assemble", "entry", "interpreter_ir", "module"]
@@ -41,7 +41,7 @@ ROW: Final = CHUNK * LANES
 #: The instructions, by number: those that move values, those of tapes, and those for two of a tape's.
 MOVES: Final = ("uniform", "literal", "fetch", "kept", "store")
 PAIRS: Final = ("fma", "fms", "fnma", "sincos")
-INSTRUCTIONS: Final = (*MOVES, *OPERATORS, *PAIRS)
+INSTRUCTIONS: Final = (*MOVES, *OPERATORS, *LOOKUPS, *PAIRS)
 NUMBER: Final = {name: number for number, name in enumerate(INSTRUCTIONS)}
 #: Numbers of an instruction: itself, where its result goes, up to three operands.
 WORDS: Final = 5
@@ -363,6 +363,7 @@ def _instruction(name: str, fused: bool) -> list[str]:
 
 def _operate(name: str, v: Any, load: Callable[[str], str], store: Callable[..., None]) -> None:
     """One of a tape's operations, or two at once."""
+    from stc.codegen.lookups import clip, places, reaches, read
     from stc.codegen.operations import written_out
     from stc.codegen.vector_math import sine_cosine
 
@@ -377,6 +378,12 @@ def _operate(name: str, v: Any, load: Callable[[str], str], store: Callable[...,
     elif name in CIRCULAR:
         sine, cosine = sine_cosine(v, a, name != "cos", name != "sin")
         store("d", v.div(sine, cosine) if name == "tan" else sine or cosine)
+    elif name == CLIP:
+        store("d", clip(v, a, load("b")))
+    elif name == REACHES:
+        store("d", reaches(v, a, load("b")))
+    elif name == READ:
+        store("d", read(v, places(v, v.add(a, load("b")))))
     elif OPERATORS[name] == 1:
         store("d", written_out(v, name, [a]))
     else:

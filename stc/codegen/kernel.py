@@ -152,7 +152,7 @@ class Kernel:
                 varying[v] = workspace[index[:, place // RUN].reshape(-1) + place % RUN]
         for slot, row in self.runs.kept_rows(tape).items():
             varying[slot - tape.n_uniform] = kept[:, row].reshape(-1)
-        values = reference.run(tape, uniform[: tape.n_uniform], varying)
+        values = reference.run(tape, uniform, varying)
         out[...] = values.reshape(len(tape.outputs), blocks, LANES).transpose(1, 0, 2)
 
 

@@ -27,7 +27,7 @@ from stc.codegen.fusion import find_fused, reads_of
 from stc.codegen.operations import WRITTEN_OUT, MathFunctions, Operations, function_length
 from stc.codegen.residency import Residency
 from stc.codegen.runs import RUN, Runs
-from stc.codegen.tape import CIRCULAR, TOGETHER, Tape
+from stc.codegen.tape import CIRCULAR, READ, TOGETHER, Tape
 from stc.codegen.vector import PREFETCH, Vector, hexadecimal, prefetch
 
 #: Operations per basic block.
@@ -103,7 +103,7 @@ class _Kernel:
         once = Operations(tape, scalar, self.functions)
         for number in range(tape.n_uniform_ops):
             op, a, b = tape.ops[number]
-            result = once.emit(op, a, value_of(a), value_of(b) if b >= 0 else "")
+            result = once.emit(op, a, value_of(a), value_of(b) if b >= 0 else "", b)
             values[tape.first_op + number] = result
 
         varying_inputs = range(tape.n_uniform, tape.first_literal)
@@ -202,6 +202,7 @@ class _Kernel:
         slot_of = {
             (op, a): tape.first_op + k for k, (op, a, _) in enumerate(tape.ops) if op in ("sin", "cos")
         }
+        read_by = {(a, b): tape.first_op + k for k, (op, a, b) in enumerate(tape.ops) if op == READ}
         known: set[int] = set()
         # Angles whose sines and cosines are written out, but not yet.
         angles = dict.fromkeys(a for op, a, _ in tape.ops[tape.n_uniform_ops :] if op in CIRCULAR)
@@ -237,7 +238,12 @@ class _Kernel:
                         registers.append(residency.operand(angle, tuple(there)))
                     if beside:
                         each.circular_together(there, registers)
-                made.append((slot, each.emit(op, a, first, second)))
+                if op == READ:
+                    for literal, number_read in each.read(a, first, b).items():
+                        made.append((read_by[a, literal], number_read))
+                    known.update(partner for partner, _ in made)
+                else:
+                    made.append((slot, each.emit(op, a, first, second, b)))
                 # What is there as well is a value like others from now on.
                 for angle in there:
                     for other in ("sin", "cos"):

@@ -5,12 +5,30 @@ What is reduced in strength is listed in :mod:`stc.codegen.tape`.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Collection, Container, Hashable, Sequence
 from typing import Final
 
+from stc.codegen.tape import CLIP, REACHES, READ
 from stc.symbolic.expr import Expr
 from stc.symbolic.fingerprint import Fingerprint
+from stc.symbolic.tables import (
+    AXIS,
+    BEGINS,
+    BUCKET,
+    BUCKETS,
+    COEFFICIENTS,
+    LAST,
+    LOWEST,
+    ORDER,
+    ORIGIN,
+    ROW,
+    SCALE,
+    SLOT,
+    STEP,
+    TOLD,
+)
 
 MAX_WHOLE_POWER: Final = 64
 MAX_HALF_POWER: Final = 32
@@ -137,6 +155,8 @@ class Lowering:
         for node in nodes:
             if not node.args:
                 self.number[node] = self._leaf(node)
+            elif node.op == "at":
+                self.number[node] = self.number[node.args[0]]
             elif node in input_of:
                 self.number[node] = self._equal[node.fingerprint] = input_of[node]
             else:
@@ -146,7 +166,7 @@ class Lowering:
         if node.op == "num":
             return self.program.constant(node.payload)
         try:
-            return self._input_of[node.payload]
+            return self._input_of[node.payload.base if node.op == "table" else node.payload]
         except KeyError:
             raise ValueError(f"the symbol {node.payload!r} is not an input of the tape") from None
 
@@ -164,6 +184,8 @@ class Lowering:
             return program.emit(op, number[node.args[0]])
         left, right = node.args
         a, b = number[left], number[right]
+        if op == "look":
+            return self._looked_up(a, right)
         if op == "mul" and program.uniform[a] != program.uniform[b]:
             return self._scaled(a, right) if program.uniform[a] else self._scaled(b, left)
         if op == "div" and right in self._inverted and not (program.uniform[a] and program.uniform[b]):
@@ -174,6 +196,69 @@ class Lowering:
             if power is not None:
                 return power
         return program.emit(op, a, b)
+
+    def _looked_up(self, x: int, place: Expr) -> int:
+        """A table, or a derivative of it: the polynomial of the piece that x lies in."""
+        emit = self.program.emit
+        leaf = place if place.op == "table" else place.args[1]
+        table, orders = self.number[leaf], leaf.payload.orders
+        axes = leaf.payload.table.axes
+        piece, first = self._piece(x, table, 0, axes[0].search)
+        begin = emit("add", table, self._read(table, COEFFICIENTS))
+        begin = emit("add", begin, emit("mul", piece, self._read(table, ROW)))
+        if place.op == "table":
+            return self._polynomial(first, [self._read(begin, k) for k in range(ORDER)], orders[0])
+        piece, second = self._piece(self.number[place], table, AXIS, axes[1].search)
+        begin = emit("add", begin, emit("mul", piece, self.program.constant(float(ORDER * ORDER))))
+        rows = []
+        for k in range(ORDER):
+            row = [self._read(begin, ORDER * k + j) for j in range(ORDER)]
+            rows.append(self._polynomial(second, row, orders[1]) if k >= orders[0] else ABSENT)
+        return self._polynomial(first, rows, orders[0])
+
+    def _read(self, place: int, k: int) -> int:
+        return self.program.emit(READ, place, self.program.constant(float(k)))
+
+    def _piece(self, x: int, table: int, axis: int, search: int) -> tuple[int, int]:
+        """The slot of the piece that x lies in along an axis, and what x is more than where its variable is zero."""
+        emit, constant = self.program.emit, self.program.constant
+        offset = emit("sub", x, self._read(table, axis + LOWEST))
+        scaled = emit("mul", offset, self._read(table, axis + SCALE))
+        piece = emit(CLIP, scaled, self._read(table, axis + LAST))
+        if not search:
+            origin = emit("mul", piece, self._read(table, axis + STEP))
+            return piece, emit("sub", x, emit("add", origin, self._read(table, axis + ORIGIN)))
+        buckets = emit("add", table, self._read(table, axis + BUCKETS))
+        if search <= TOLD:
+            bucket = emit("add", buckets, emit("mul", piece, constant(float(BUCKET))))
+            slot, zero = self._read(bucket, SLOT), self._read(bucket, 0)
+            before = zero
+            for k in range(search):
+                place = self._read(bucket, k)
+                there = emit(REACHES, place, x)
+                slot = emit("add", slot, emit("mul", constant(2.0), there) if k else there)
+                if k:
+                    zero = emit("add", zero, emit("mul", there, emit("sub", place, before)))
+                before = place
+            return slot, emit("sub", x, zero)
+        begins = emit("add", table, self._read(table, axis + BEGINS))
+        piece = self._read(emit("add", buckets, piece), 0)
+        for step in reversed(range(search - TOLD)):
+            stride = 1 << step
+            begin = self._read(emit("add", begins, piece), stride)
+            there = emit(REACHES, begin, x)
+            piece = emit("add", piece, there if stride == 1 else emit("mul", constant(float(stride)), there))
+        return piece, emit("sub", x, self._read(emit("add", begins, piece), 0))
+
+    def _polynomial(self, x: int, coefficients: Sequence[int], order: int) -> int:
+        """Of a cubic polynomial with these coefficients the derivative of this order."""
+        emit, constant = self.program.emit, self.program.constant
+        result = ABSENT
+        for k in reversed(range(order, ORDER)):
+            factor = math.perm(k, order)
+            term = coefficients[k] if factor == 1 else emit("mul", constant(float(factor)), coefficients[k])
+            result = term if result == ABSENT else emit("add", emit("mul", x, result), term)
+        return result
 
     def _scaled(self, factor: int, node: Expr) -> int:
         """``factor*node`` with a uniform factor; where the node is for this alone, with all its uniform factors."""

@@ -13,7 +13,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from stc.codegen.fusion import Fused
-from stc.codegen.tape import CIRCULAR, Tape
+from stc.codegen.lookups import clip, places, reaches, read, read_run
+from stc.codegen.runs import RUN
+from stc.codegen.tape import CIRCULAR, CLIP, REACHES, READ, Tape
 from stc.codegen.vector import Vector
 from stc.codegen.vector_math import BINARY, UNARY, sine_cosine, sines_cosines
 
@@ -126,6 +128,27 @@ class Operations:
                 wanted.setdefault(a, set()).add(op)
         self._wanted = wanted
         self._circular: dict[int, tuple[str, str]] = {}
+        self._places: dict[int, list[str]] = {}
+        self._literals: dict[int, int] = {}
+        self._runs = self._read_together(tape)
+
+    def _read_together(self, tape: Tape) -> dict[int, list[tuple[int, list[int]]]]:
+        """Per slot of a place, the runs of numbers that one load brings: the first one, and the literals wanted."""
+        wanted: dict[int, set[int]] = {}
+        for op, a, b in tape.ops:
+            if op == READ:
+                self._literals[b] = int(tape.constants[b - tape.first_literal])
+                wanted.setdefault(a, set()).add(b)
+        found: dict[int, list[tuple[int, list[int]]]] = {}
+        for slot, literals in wanted.items():
+            runs: list[tuple[int, list[int]]] = []
+            for literal in sorted(literals, key=self._literals.__getitem__):
+                k = self._literals[literal]
+                if not runs or k >= runs[-1][0] + RUN:
+                    runs.append((k, []))
+                runs[-1][1].append(literal)
+            found[slot] = runs
+        return found
 
     def calls(self, op: str, slot: int) -> bool:
         """Whether emitting the operation now would call a function; ``slot`` identifies the first operand."""
@@ -133,9 +156,15 @@ class Operations:
             return False
         return op in UNARY or op in BINARY or (op in CIRCULAR and slot not in self._circular)
 
-    def emit(self, op: str, slot: int, a: str, b: str) -> str:
-        """Result of one operation; ``slot`` identifies the first operand."""
+    def emit(self, op: str, slot: int, a: str, b: str, other: int = -1) -> str:
+        """Result of one operation; ``slot`` identifies the first operand, ``other`` the second one."""
         vector = self.vector
+        if op == READ:
+            return self.read(slot, a, other)[other]
+        if op == CLIP:
+            return clip(vector, a, b)
+        if op == REACHES:
+            return reaches(vector, a, b)
         if op in CIRCULAR:
             pair = self.circular(slot, a)
             return vector.div(*pair) if op == "tan" else pair[op == "cos"]
@@ -158,6 +187,19 @@ class Operations:
             wanted = self._wanted[slot]
             each.append((a, wanted != {"cos"}, wanted != {"sin"}))
         self._circular.update(zip(slots, sines_cosines(self.vector, each), strict=True))
+
+    def read(self, slot: int, place: str, number: int) -> dict[int, str]:
+        """The number so many places after each lane's, and what is wanted of the three after it: by their literals."""
+        at = self._places.get(slot)
+        if at is None:
+            at = self._places[slot] = places(self.vector, place)
+        for first, together in self._runs[slot]:
+            if number in together:
+                if self.vector.lanes == 1 or len(together) == 1:
+                    return {number: read(self.vector, at, self._literals[number])}
+                found = read_run(self.vector, at, first)
+                return {each: found[self._literals[each] - first] for each in together}
+        raise KeyError(number)
 
     def circular(self, slot: int, a: str) -> tuple[str, str]:
         """Sine and cosine of a slot, as far as the tape wants them, computed at the first call."""

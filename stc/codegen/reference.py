@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stc.codegen.tape import Tape
+from stc.codegen.tape import CLIP, REACHES, READ, Tape
 from stc.symbolic.traverse import NUMPY_MEANING
 
 _CHUNK: Final = 4096
@@ -17,7 +19,8 @@ _CHUNK: Final = 4096
 def run(tape: Tape, uniform: ArrayLike, varying: ArrayLike) -> NDArray[np.float64]:
     """Run the tape on N instances at once.
 
-    ``uniform`` has shape (n_uniform,), ``varying`` (n_varying, N); the result has shape (n_outputs, N).
+    ``uniform`` has shape (n_uniform or more,): the numbers of tables follow the inputs.  ``varying`` has shape
+    (n_varying, N); the result has shape (n_outputs, N).
     Invalid operations give nan and overflows inf, silently, as IEEE 754 says.
 
     Raises:
@@ -25,7 +28,7 @@ def run(tape: Tape, uniform: ArrayLike, varying: ArrayLike) -> NDArray[np.float6
     """
     shared = np.asarray(uniform, dtype=np.float64)
     each = np.asarray(varying, dtype=np.float64)
-    if shared.shape != (tape.n_uniform,) or each.ndim != 2 or each.shape[0] != tape.n_varying:
+    if shared.ndim != 1 or len(shared) < tape.n_uniform or each.ndim != 2 or each.shape[0] != tape.n_varying:
         raise ValueError(
             f"inputs of shapes {shared.shape} and {each.shape} for a tape of {tape.n_uniform} uniform "
             f"and {tape.n_varying} varying inputs"
@@ -40,10 +43,16 @@ def run(tape: Tape, uniform: ArrayLike, varying: ArrayLike) -> NDArray[np.float6
 def _run_chunk(
     tape: Tape, uniform: NDArray[np.float64], varying: NDArray[np.float64], out: NDArray[np.float64]
 ) -> None:
-    values: list[Any] = [*uniform, *varying, *map(np.float64, tape.constants)]
+    meanings: dict[str, Callable[..., Any]] = {
+        **NUMPY_MEANING,
+        CLIP: _clip,
+        REACHES: _reaches,
+        READ: partial(_read, uniform),
+    }
+    values: list[Any] = [*uniform[: tape.n_uniform], *varying, *map(np.float64, tape.constants)]
     last_use = tape.last_use
     for number, (op, a, b) in enumerate(tape.ops):
-        meaning = NUMPY_MEANING[op]
+        meaning = meanings[op]
         values.append(meaning(values[a]) if b < 0 else meaning(values[a], values[b]))
         if last_use[a] == number:
             values[a] = None
@@ -51,3 +60,18 @@ def _run_chunk(
             values[b] = None
     for row, slot in enumerate(tape.outputs):
         out[row] = values[slot]
+
+
+def _clip(x: Any, last: Any) -> Any:
+    """x rounded down, between 0 and ``last``; 0 where it is no number."""
+    return np.floor(np.where(x > 0.0, np.where(x < last, x, last), 0.0))
+
+
+def _reaches(begin: Any, x: Any) -> Any:
+    """1 where ``begin`` is not above x, else 0."""
+    return np.where(np.less_equal(begin, x), 1.0, 0.0)
+
+
+def _read(numbers: NDArray[np.float64], place: Any, k: Any) -> Any:
+    """The numbers ``k`` places after given ones."""
+    return numbers[np.add(place, k).astype(np.int64)]

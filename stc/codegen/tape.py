@@ -7,7 +7,8 @@ A :class:`Tape` is in static single assignment form.  Values live in numbered *s
 Uniform inputs have one value per call, varying inputs one per instance (frame).  Operations that depend on
 uniform inputs and literals alone come first and are flagged, so that a back end can run them once per call.
 
-The operators are those of :data:`OPERATORS` and nothing else.  What is reduced in strength on the way here:
+The operators are those of :data:`OPERATORS` and :data:`LOOKUPS` and nothing else.  What is reduced in strength on the
+way here:
 
 - ``e^k`` with whole ``|k| <= 64`` becomes multiplications (repeated squaring, powers shared), ``e^(k/2)``
   with odd ``|k| <= 32`` multiplications and a square root; a negative exponent adds one division.  ``pow``
@@ -40,7 +41,16 @@ if TYPE_CHECKING:
     from stc.codegen.lowering import Program
 
 OPERATORS: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2, "neg": 1, **FUNCTIONS}
-"""The operators of a tape and how many operands each takes."""
+"""The operators of a tape that are arithmetic, and how many operands each takes."""
+
+CLIP, REACHES, READ = "clip", "reaches", "read"
+LOOKUPS: Final[dict[str, int]] = {CLIP: 2, REACHES: 2, READ: 2}
+"""The others, which looking up a table takes.
+
+``clip(x, last)`` is x rounded down, between 0 and last; 0 where x is no number.  ``reaches(begin, x)`` is 1 where begin
+is not above x, else 0.  ``read(place, k)`` is the number k places after the place in what follows the uniform inputs,
+counted from the first of those; k is a literal.
+"""
 
 CIRCULAR: Final = ("sin", "cos", "tan")
 """The operators that have most of their work in common, if they have their operand in common."""

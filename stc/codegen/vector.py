@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from itertools import count
 from typing import Final
 
-_INTRINSICS: Final = ("sqrt", "fabs", "rint", "fma", "copysign")
+_INTRINSICS: Final = ("sqrt", "fabs", "rint", "trunc", "fma", "copysign")
 _OPERANDS: Final = {"fma": 3, "copysign": 2}
 
 _SIGN_BIT: Final = -(2**63)
@@ -109,7 +109,7 @@ class Vector:
         return self.let(f"fneg {self.f} {a}")
 
     def call(self, intrinsic: str, *operands: str) -> str:
-        """One of the intrinsics sqrt, fabs, rint (to even), fma, copysign."""
+        """One of the intrinsics sqrt, fabs, rint (to even), trunc, fma, copysign."""
         arguments = ", ".join([f"{self.f} {operand}" for operand in operands])
         return self.let(f"call {self.f} @llvm.{intrinsic}.{self.suffix}({arguments})")
 

@@ -89,7 +89,7 @@ class Constants:
             self.diagnostics.error(f"the constant `{name}` has no value", entry.start, entry.end, hint)
             return None
         try:
-            return affine(entry.value, self._resolve)[1]
+            return affine(entry.value, self.resolve)[1]
         except NotANumber as problem:
             self.diagnostics.error(problem.message, problem.node.start, problem.node.end, problem.hint)
         except Unknown:
@@ -99,11 +99,11 @@ class Constants:
     def value_of(self, expression: syntax.Expression) -> float | None:
         """The value of an expression of constants; None where it holds anything else or has none."""
         try:
-            return affine(expression, self._resolve)[1]
+            return affine(expression, self.resolve)[1]
         except (NotANumber, Unknown):
             return None
 
-    def _resolve(self, node: syntax.Name) -> tuple[float, float]:
+    def resolve(self, node: syntax.Name) -> tuple[float, float]:
         """A name within the value of a constant."""
         name = node.name
         kind = self.table.kind(name)
@@ -156,6 +156,8 @@ class Constants:
         entry = self.table.entries.get("n")
         start, end = (entry.start, entry.end) if entry is not None else (0, 0)
         value = self.values.get("n")
+        if value is None and entry is None and not self.damaged and self._is_without_motion():
+            value = 0.0
         if value is None:
             if entry is None and "n" not in self.damaged:
                 hint = (
@@ -173,6 +175,10 @@ class Constants:
             return None
         self.values["n"] = float(round(value))
         return round(value)
+
+    def _is_without_motion(self) -> bool:
+        """Whether parameters are all that is unknown: there is one frame, and nothing to say of it."""
+        return bool(self.table.of_kind("parameter")) and not self.table.of_kind("variable")
 
     def made_from(self, name: str) -> set[str]:
         """The constant and every other one that shaped its value."""

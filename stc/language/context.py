@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from stc.errors import Span
 from stc.language import syntax
@@ -13,11 +13,16 @@ from stc.language.definitions import Definitions, collect_definitions, runs
 from stc.language.diagnostics import Diagnostics
 from stc.language.expressions import ExpressionBuilder
 from stc.language.frames import Frames
+from stc.language.kinks import advice, kinks_in
 from stc.language.model.scope import each_of
-from stc.language.names import collect_names
+from stc.language.names import DATA_SET, collect_names
 from stc.language.positions import Positions
+from stc.language.smoothing import smoothed
 from stc.problem import ConstantRef, DefinitionRef, FrameRange, IndexRef, Jump, TimeRef
 from stc.symbolic.expr import Expr, evaluate, substitute, symbols
+
+if TYPE_CHECKING:
+    from stc.language.data import Data
 
 S = TypeVar("S", bound=syntax.Node)
 
@@ -40,18 +45,29 @@ class Context:
         self.definitions: Definitions = collect_definitions(tree, self.table, diagnostics)
         self.positions = Positions(self.table, self.constants, self.definitions.unranged(), diagnostics)
         self.builder = ExpressionBuilder(self.table, self.constants, self.positions, diagnostics)
+        self.data = self.builder.data = self._data()
         self.model = self.table.model
         if self.model is not None:
             self.builder.use_model(self.model)
         else:
             self.builder.model_is_missing = any(tree.blocks("model"))
+        self.builder.model_hint = _model_hint(tree)
         self.n = self.constants.n if self.constants.n is not None else 0
         self.everywhere = FrameRange(0, self.n)
         self.time_is_fixed = True
         self.method = ""
+        self.section = ""  # whose statements are read
         self.frames = Frames(self.n, False, self.builder.pieces, ())
         self._fixed: dict[Expr, bool] = {}
         self._strays: set[str] = set()
+
+    def _data(self) -> Data | None:
+        """What `data:` declares; None where the spec has no such section."""
+        if not any(section.kind == "data" for section in self.tree.sections):
+            return None
+        from stc.language.data import Data
+
+        return Data(self.tree, self.table, self.constants, self.diagnostics)
 
     def set_motion(self, method: str, jumps: Sequence[Jump]) -> None:
         """Tell the method and the jumps, which decide on which frames a statement can hold."""
@@ -64,20 +80,46 @@ class Context:
     def error(self, node: syntax.Node, message: str, hint: str = "") -> None:
         self.diagnostics.error(message, node.start, node.end, hint)
 
-    def range(self, block: syntax.Block) -> FrameRange | None:
-        """The frames of a block; None after a mistake in its header."""
-        return self.everywhere if block.header is None else self.positions.frames(block.header)
+    def range(self, block: syntax.Block, *, rows: bool = False) -> FrameRange | None:
+        """The frames of a block; None after a mistake in its header.
+
+        Args:
+            rows: whether it may name a data set, over whose rows its statements are summed: then it is frame 0 alone.
+        """
+        if block.header is None:
+            return self.everywhere
+        data = self.rows(block)
+        if not data:
+            return self.positions.frames(block.header)
+        if not rows:
+            hint = f"under `objective:` a term is summed over them, as in `[{data}]: (x - {data}.x)^2;`"
+            self.error(
+                block.header, f"`{data}` is a data set: only the objective is a sum over its rows", hint
+            )
+            return None
+        return FrameRange(0, 0, self.span(block.header))
+
+    def rows(self, block: syntax.Block) -> str:
+        """The data set on whose rows the statements of a block stand; empty where they stand on frames."""
+        header = block.header
+        if header is None or header.last is not None or not isinstance(header.first, syntax.Name):
+            return ""
+        name = header.first.name
+        return name if self.table.kind(name) == DATA_SET else ""
 
     def statements(self, section: str, kind: type[S]) -> Iterator[tuple[syntax.Block, FrameRange | None, S]]:
         """Each statement of one kind in a section, with its block and that one's frames; before it, the builder forgets
         that there was a mistake."""
+        self.section = section
         for block in self.tree.blocks(section):
-            where = self.range(block)
+            where = self.range(block, rows=section == "objective")
+            self.builder.rows = self.rows(block)
             for found in block.statements:
                 for statement in self._each(found):
                     if isinstance(statement, kind):
                         self.builder.poisoned = False
                         yield block, where, statement
+        self.builder.rows = ""
 
     def _each(self, statement: syntax.Statement) -> Iterator[syntax.Statement]:
         """A statement as it is; one in which `joint.*` stands, for each joint in turn."""
@@ -119,7 +161,15 @@ class Context:
             message = "`before` and `after` mean the plain value here: nothing jumps on these frames"
             hint = "list what jumps under `jumps:`, with the frame in a range header"
             self.diagnostics.warning(message, node.start, node.end, hint)
-        return plain
+        return self.smooth(plain, where, node)
+
+    def smooth(self, e: Expr, where: FrameRange, node: syntax.Node) -> Expr:
+        """``e`` with roots that have slopes wherever it has some; kinks that are left are mistakes."""
+        found = smoothed(e)
+        for kink in kinks_in(self.builder, found) if not isinstance(node, syntax.Channel) else ():
+            header = "[0, n]:" if where.span is None else where.span.text
+            self.error(kink, *advice(self.builder, kink, node, self.section, header))
+        return found
 
     def _line(self, node: syntax.Node) -> int:
         return self.source.position(node.start)[0]
@@ -167,6 +217,36 @@ class Context:
             body = substitute(e, {key: self.builder.derivative(run.piece.body, key.order)})
             found += self.by_piece(body, replace(where, first=run.first, last=run.last), node)
         return found
+
+
+def _model_hint(tree: syntax.SpecTree) -> str:
+    """What to write for the word `model` in an expression, in the words of the spec."""
+    files = [
+        statement.path
+        for section in ("model", "replay")
+        for block in tree.blocks(section)
+        for statement in block.statements
+        if isinstance(statement, syntax.ModelFile)
+    ]
+    path = files[0] if files else "robot.xml"
+    listed = f"`stc show {path}` lists what it has"
+    if any(tree.blocks("model")):
+        return f"a model is no number; its joints are `joint.NAME`, its motors `actuator.NAME`: {listed}"
+    instead = "in place of `lagrangian:`" if any(tree.blocks("lagrangian")) else "as a section of its own"
+    hint = (
+        f'write `model: "{path}";` {instead}: it brings the coordinates, as `joint.NAME`, the motors and the '
+        f"equations of motion; {listed}"
+    )
+    names = [
+        statement.name.name
+        for block in tree.blocks("variables")
+        for statement in block.statements
+        if isinstance(statement, syntax.Declaration)
+    ]
+    if names:
+        some = ", ".join(f"`{name}`" for name in names[:3]) + (", ..." if len(names) > 3 else "")
+        hint += f"\nvariables that stand for its coordinates ({some}) are then not declared"
+    return hint
 
 
 def _expressions(node: syntax.Node) -> list[syntax.Expression]:

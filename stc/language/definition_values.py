@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -56,7 +57,10 @@ def define(context: Context, holds_integral: Callable[[syntax.Expression], bool]
         if len(pieces) == 1 and (pieces[0].range.first, pieces[0].range.last) == (0, context.n):
             builder.macros[name] = pieces[0].body
         else:
-            builder.pieces[name] = pieces
+            builder.pieces[name] = [
+                replace(piece, body=context.smooth(piece.body, piece.range, formula.value))
+                for piece, formula in zip(pieces, formulas, strict=True)
+            ]
     builder.poisoned = False
 
 

@@ -8,7 +8,10 @@ from stc.errors import Diagnostic, Source, Span
 
 
 class Diagnostics:
-    """The mistakes and warnings found so far in one source; the same one at the same place counts once."""
+    """The mistakes and warnings found so far in one source; the same one at the same place counts once.
+
+    In what is repeated, a place counts once whatever is said of it: it is told of the first that goes wrong.
+    """
 
     def __init__(self, source: Source) -> None:
         self.source = source
@@ -18,6 +21,8 @@ class Diagnostics:
 
     def _add(self, severity: str, message: str, start: int, end: int, hint: str) -> None:
         key = (message, start, end)
+        if self.source.origins is not None and self.source.origins.values(start):
+            key = (severity, *self.source.place(start, end))
         if key in self._seen:
             return
         self._seen.add(key)
@@ -47,7 +52,8 @@ def shortened(listed: list[str], most: int = 12) -> list[str]:
 
 
 def _place(diagnostic: Diagnostic) -> int:
-    return diagnostic.span.start if diagnostic.span is not None else -1
+    span = diagnostic.span
+    return span.source.place(span.start, span.end)[0] if span is not None else -1
 
 
 def edit_distance(a: str, b: str) -> int:

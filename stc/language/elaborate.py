@@ -7,7 +7,7 @@ mistake is noted and work goes on; at the end all mistakes are raised together.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -16,11 +16,14 @@ from stc.language import checks, syntax
 from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
+from stc.language.expressions import TIME
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
+from stc.language.names import DATA_SET
 from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
     ConstantRef,
+    FrameRange,
     Guess,
     Jump,
     ObjectiveTerm,
@@ -30,7 +33,7 @@ from stc.problem import (
     ReplayChannel,
     VariableRef,
 )
-from stc.symbolic.expr import Expr, symbols
+from stc.symbolic.expr import Expr, looked_up, symbols
 
 if TYPE_CHECKING:
     from stc.language.model.assembly import ModelStatements
@@ -124,7 +127,13 @@ class _Elaborator(Context):
             name=PurePath(self.source.name).stem.strip("<>") or "spec",
             source=self.source,
             constants={name: value for name, value in self.constants.values.items() if value is not None},
-            structural=frozenset(self.positions.structural | self.constants.made_from("n") | self._shaping()),
+            structural=frozenset(
+                self.positions.structural
+                | self.constants.made_from("n")
+                | self._shaping()
+                | (set() if self.data is None else self.data.structural)
+                | self._placing(step, objective)
+            ),
             n=self.n,
             method=self.method,
             variables=[
@@ -149,6 +158,8 @@ class _Elaborator(Context):
             fixtures=[] if self.model_statements is None else self.model_statements.fixtures(),
             root=frozenset() if self.model_statements is None else self.model_statements.root(),
             corrections=corrections,
+            data={} if self.data is None else self.data.sets,
+            tables={} if self.data is None else self.data.tables,
         )
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
@@ -251,6 +262,10 @@ class _Elaborator(Context):
             text = statement.written or statement_text(self.source, statement)
             for part in bounded:
                 body = self.settled(part.body, where, statement)
+                if any(
+                    self._reads_gaps(e, statement) for e in (body, part.lower, part.upper) if e is not None
+                ):
+                    continue
                 found.append(Relation(body, part.lower, part.upper, where, self.span(statement), text))
                 if self.is_fixed(body):
                     message = "this constraint holds no unknown"
@@ -266,9 +281,30 @@ class _Elaborator(Context):
             self.error(pose, f"`{pose.base.name}` is not declared", hint)
         return self.model_statements is not None
 
+    def _counted(self, integrand: Expr) -> Expr:
+        """An integrand that counts only where the recordings that it reads have numbers."""
+        if self.data is None:
+            return integrand
+        from stc.language.recorded import counted_where_known
+
+        return counted_where_known(integrand, self.data, self.builder.pieces)
+
+    def _reads_gaps(self, body: Expr, node: syntax.Node) -> bool:
+        """Whether a statement that holds at every frame reads a recording with gaps, which is noted."""
+        if self.data is None:
+            return False
+        from stc.language.recorded import references
+
+        for ref in references(body, self.builder.pieces):
+            if self.data.weight_of(ref)[1]:
+                hint = "a term of an `integral` in the objective counts only where there are numbers"
+                self.error(node, f"`{ref.name}` has gaps, and this statement wants it at every frame", hint)
+                return True
+        return False
+
     def _objective(self) -> list[ObjectiveTerm]:
         found: list[ObjectiveTerm] = []
-        for _, where, statement in self.statements("objective", syntax.Relation):
+        for block, where, statement in self.statements("objective", syntax.Relation):
             if statement.operators:
                 hint = "relations belong under `constraints:`; an equation is penalised as `(a - b)^2`"
                 self.builder.fail(statement, "an objective is an expression, not a relation", hint)
@@ -281,8 +317,29 @@ class _Elaborator(Context):
             text = statement_text(self.source, statement)
             for part in summands:
                 body = self.settled(part.body, where, statement)
-                found.append(ObjectiveTerm(body, part.integral, where, self.span(statement), text))
+                rows = self.rows(block)
+                if rows and not self._stands_on_rows(body, part.integral, rows, statement):
+                    continue
+                if part.integral:
+                    body = self._counted(body)
+                elif self._reads_gaps(body, statement):
+                    continue
+                found.append(ObjectiveTerm(body, part.integral, where, self.span(statement), text, rows))
         return found
+
+    def _stands_on_rows(self, body: Expr, integral: bool, rows: str, node: syntax.Node) -> bool:
+        """Whether a term has a value on each row of a data set; mistakes are noted."""
+        from stc.language.measurements import stands_on_rows
+
+        return stands_on_rows(self, body, integral, rows, node)
+
+    def _placing(self, step: Expr, objective: Sequence[ObjectiveTerm]) -> frozenset[str]:
+        """The constants that decide where the rows of data are among the frames."""
+        if not any(term.rows for term in objective):
+            return frozenset()
+        from stc.language.measurements import placing_rows
+
+        return placing_rows(self, step)
 
     # ------------------------------------------------------- guesses and replay
 
@@ -292,6 +349,8 @@ class _Elaborator(Context):
             if self._has_model(pose) and where is not None:
                 assert self.model_statements is not None
                 found += self.model_statements.guess(pose, where)
+        for _, where, guess in self.statements("guess", syntax.GuessFrom):
+            found += self._guesses_from(guess, where)
         for _, where, statement in self.statements("guess", syntax.Assignment):
             body = self.builder.build(statement.value)
             name = statement.name.name
@@ -305,6 +364,25 @@ class _Elaborator(Context):
                 if self._guess_is_known(statement, kind, value):
                     found.append(Guess(name, value, part, self.span(statement)))
         return found
+
+    def _guesses_from(self, guess: syntax.GuessFrom, where: FrameRange | None) -> list[Guess]:
+        """The guesses that a data set gives: for every variable that has a column of its name."""
+        name = guess.name.name
+        if self.table.kind(name) != DATA_SET:
+            if name not in self.tree.damaged:
+                known = self.table.of_kind(DATA_SET)
+                what = (
+                    f"`{name}` is a {self.table.kind(name)}"
+                    if self.table.kind(name)
+                    else f"`{name}` is not declared"
+                )
+                hint = did_you_mean(name, known) or f"write `{name} = ...;` for a value"
+                self.error(guess, what if known else f"expected `=` after `{name}`", hint)
+            return []
+        if where is None or self.data is None:
+            return []
+        columns = self.data.guessed(guess, self.table.of_kind("variable"))
+        return [Guess(each, looked_up(ref, TIME), where, self.span(guess)) for each, ref in columns]
 
     def _no_guess_for(self, name: syntax.Name, kind: str | None) -> None:
         word = name.name

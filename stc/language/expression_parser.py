@@ -10,8 +10,9 @@ import math
 
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, did_you_mean
+from stc.language.habits import components_hint, conditional_hint, listed
 from stc.language.lexer import Tokens
-from stc.language.words import DEGREES, MAXIMISING, MINIMISING, SECTIONS, UNITS
+from stc.language.words import CONDITIONALS, DEGREES, MAXIMISING, MINIMISING, SECTIONS, UNITS
 
 #: Parentheses, calls, indices and exponents within each other: more is refused (and never needed).
 MAX_NESTING = 100
@@ -191,6 +192,8 @@ class ExpressionParser:
         at, kind = self.at, self.kind
         node: syntax.Expression
         if kind == "name":
+            if self.token_text(at) in CONDITIONALS and kinds[at + 1] in ("(", "name"):
+                raise self.fail(f"there is no `{self.token_text(at)}`", conditional_hint(self))
             self.advance()
             if self.kind == ".":
                 node = self.path(at)
@@ -209,7 +212,7 @@ class ExpressionParser:
         elif kind == "(":
             self.advance()
             node = self.expression()
-            if self.kind == "," and not self.decimal_hint(self.at):
+            if self.kind == "," and (not self.decimal_hint(self.at) or self.kinds[self.at + 2] == ","):
                 node = self.vector(at, node)
             if self.kind != ")":
                 self.fail_unclosed(at, ")")
@@ -297,6 +300,8 @@ class ExpressionParser:
         elif self.kind == "string":
             hint = "only `replay:` takes text in quotes"
         elif self.kind == "[":
+            if len(listed(self, self.at)) > 1:
+                return self.fail("an expression is a number, not a list", components_hint(self))
             hint = "a range header is `[a, b]:`, with a `:` at its end"
         return self.fail(f"expected an expression{after}, found {self.described()}", hint)
 

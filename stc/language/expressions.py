@@ -12,11 +12,14 @@ from stc.language import syntax
 from stc.language.constants import Constants
 from stc.language.definitions import runs
 from stc.language.diagnostics import Diagnostics, derivative_meant, did_you_mean
-from stc.language.names import NameTable
+from stc.language.habits import function_hint
+from stc.language.kinks import KINKED, kinked
+from stc.language.names import DATA_SET, TABLE, NameTable
 from stc.language.numbers import arity_message
 from stc.language.positions import Positions
 from stc.language.words import FUNCTION_ADVICE, OPERATORS, RESERVED
 from stc.problem import (
+    CellRef,
     ConstantRef,
     DefinitionPiece,
     DefinitionRef,
@@ -36,6 +39,7 @@ from stc.symbolic.expr import (
     call,
     div,
     evaluate,
+    looked_up,
     mul,
     neg,
     num,
@@ -48,6 +52,7 @@ from stc.symbolic.expr import (
 )
 
 if TYPE_CHECKING:
+    from stc.language.data import Data
     from stc.language.model.paths import Paths
     from stc.language.model.scope import ModelScope
 
@@ -96,6 +101,10 @@ class ExpressionBuilder:
         self._rate: Callable[[object], Expr] = rate
         self.paths: Paths | None = None
         self.model_is_missing = False
+        self.data: Data | None = None
+        self.model_hint = ""  # what to write for the word `model` in an expression
+        self.kinks: dict[Expr, syntax.Call] = {}  # what has one, and the call that it is from
+        self.rows = ""  # the data set on whose rows a statement stands
         self._build: dict[type, Callable[[Any], Expr]] = {
             syntax.Number: self._number,
             syntax.Name: self._name,
@@ -160,6 +169,8 @@ class ExpressionBuilder:
             leaf = self.macros[name]
         elif name in self.pieces:
             leaf = sym(DefinitionRef(name))
+        elif entry.kind in (DATA_SET, TABLE):
+            return self._bare_data(node, entry.kind)
         elif name in self.integral_definitions:
             message = (
                 f"the definition `{name}` holds an integral; it may only stand as a term of the objective"
@@ -186,7 +197,12 @@ class ExpressionBuilder:
             self.constants.reported.add(name)
             known = [*self.table.entries, *RESERVED, "n", "h"]
             hint = (
-                derivative_meant(name, self.table.of_kind("variable"))
+                (name == "model" and self.model_hint)
+                or (
+                    self.diagnostics.source.repeats(name, node.start)
+                    and f"within the repetition write `{{{name}}}`"
+                )
+                or derivative_meant(name, self.table.of_kind("variable"))
                 or (name == "dt" and "the time from one frame to the next is `h`; a derivative is `x'`")
                 or did_you_mean(name, known)
                 or "declare it under `constants:`, `variables:` or `parameters:`"
@@ -194,13 +210,62 @@ class ExpressionBuilder:
             return self.fail(node, f"`{name}` is not declared", hint)
         return UNKNOWN
 
+    def _bare_data(self, node: syntax.Name, kind: str) -> Expr:
+        """The name of a data set or of a table where an expression is wanted."""
+        if kind == TABLE:
+            return self.fail(node, f"the table `{node.name}` has no arguments", f"write `{node.name}(...)`")
+        hint = f"name one of its columns, as in `{node.name}.x`, or make a table of them under `data:`"
+        return self.fail(node, f"`{node.name}` is a data set, not a number", hint)
+
+    def _reference(self, node: syntax.Name) -> Expr:
+        """A column of a data set, as a function of time; in a statement on its rows, as the number in each."""
+        assert self.data is not None
+        if self.rows and node.name.partition(".")[0] == self.rows:
+            return self._cell(node)
+        found = self.data.reference(node)
+        if found is None:
+            self.poisoned = True
+            return UNKNOWN
+        return looked_up(found[0], TIME)
+
+    def _cell(self, node: syntax.Name) -> Expr:
+        assert self.data is not None
+        found = self.data.column(node)
+        if found is None:
+            self.poisoned = True
+            return UNKNOWN
+        data, name, values = found
+        if values.shape != (data.rows,):
+            hint = "rows are those of columns of one length"
+            return self.fail(node, f"`{node.name}` has another shape than the rows of `{data.name}`", hint)
+        return sym(CellRef(data.name, name))
+
+    def _looked_up(self, node: syntax.Call) -> Expr:
+        """A table with its arguments."""
+        self.table.entries[node.function].used = True
+        arguments = [self.build(argument) for argument in node.arguments]
+        ref = None if self.data is None else self.data.tables.get(node.function)
+        if ref is None:  # it could not be read, which has been noted
+            self.poisoned = True
+            return UNKNOWN
+        wanted = len(ref.orders)
+        if len(arguments) != wanted:
+            plural = "s" if wanted > 1 else ""
+            message = f"the table `{node.function}` takes {wanted} argument{plural}, not {len(arguments)}"
+            return self.fail(node, message)
+        return looked_up(ref, *arguments)
+
     def _path(self, node: syntax.Name) -> Expr:
-        """A thing of the model."""
+        """A thing of the model, or a column of data."""
+        if self.table.kind(node.name.partition(".")[0]) == DATA_SET:
+            return self._reference(node)
         if self.paths is None and self.model_is_missing:
             self.poisoned = True  # that the model cannot be read has been told
             return UNKNOWN
         if self.paths is None:
             hint = 'name the model under `model:`, as in `model: "robot.xml";`'
+            if node.name.startswith("model."):
+                hint = self.model_hint
             return self.fail(node, f"`{node.name}` is a path of a model, and the spec has none", hint)
         from stc.language.model.paths import PathError
 
@@ -268,7 +333,11 @@ class ExpressionBuilder:
             return self._one_sided(node)
         if function == MOMENTUM and self.table.kind(MOMENTUM) is None:
             return self._momentum(node)
+        if self.table.kind(function) == TABLE:
+            return self._looked_up(node)
         arguments = [self.build(argument) for argument in node.arguments]
+        if function in KINKED and self.table.kind(function) is None:
+            return kinked(self, node, arguments)
         if function in FUNCTIONS:
             if len(arguments) != FUNCTIONS[function]:
                 return self.fail(node, arity_message(function, len(arguments)))
@@ -286,7 +355,13 @@ class ExpressionBuilder:
                 hint += f", `{function}[k]` for the value at frame k"
             what = f"`{function}` is a {kind}, not a function" if kind else f"`{function}` is not a function"
             return self.fail(node, what, hint)
-        hint = FUNCTION_ADVICE.get(function) or did_you_mean(function, [*FUNCTIONS, *OPERATORS])
+        source = self.diagnostics.source
+        texts = [source.text[argument.start : argument.end] for argument in node.arguments]
+        hint = (
+            function_hint(function, texts)
+            or FUNCTION_ADVICE.get(function)
+            or did_you_mean(function, [*FUNCTIONS, *OPERATORS])
+        )
         return self.fail(
             syntax.Name(node.start, node.start + len(function), function),
             f"there is no function `{function}`",
@@ -351,6 +426,9 @@ class ExpressionBuilder:
         e = self.build(operand)
         if self.poisoned:
             return UNKNOWN
+        if any(isinstance(key, CellRef) for key in symbols(e)):
+            hint = "between its rows nothing has been measured"
+            return self.fail(node, "the numbers of a row have no time derivative", hint)
         highest = max((k.order for k in symbols(e) if isinstance(k, VariableRef | DefinitionRef)), default=0)
         if highest + order > MAX_ORDER:
             return self.fail(node, f"time derivatives go up to order {MAX_ORDER}")

@@ -14,12 +14,14 @@ from stc.language.diagnostics import Diagnostics
 from stc.records import dataclass
 
 _LETTER = r"A-Za-z_\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u024f\u0370-\u03ff\u1f00-\u1fff"
+#: What names are made of after their first letter, as the inside of a class of a regular expression.
+WORD_CHARACTER = f"{_LETTER}0-9"
 _TOKEN = re.compile(
     rf"""(?P<blank>(?:[\s\ufeff]+|\#[^\n]*)+)
-    |(?P<name>[{_LETTER}][{_LETTER}0-9]*)
-    |(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)
+    |(?P<name>[{_LETTER}][{WORD_CHARACTER}]*)
+    |(?P<number>(?:[0-9]+(?:\.(?!\.)[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)
     |(?P<slip>\*\*|[=!]=|:=|&&|\|\||[<>](?!=)|[≤≥−–·×÷’′″²³“”])
-    |(?P<operator><=|>=|[-+*/^()\[\],;:=.])
+    |(?P<operator><=|>=|\.\.|[-+*/^()\[\],;:=.{{}}])
     |(?P<prime>'+)
     |(?P<string>"[^"\n]*")
     """,
@@ -53,6 +55,9 @@ _SLIPS: dict[str, tuple[str, str]] = {
 }
 
 
+_BRACES_HINT = "group with parentheses; braces belong to repetitions, as in `for k in 1..3: q{k} >= 0;`"
+
+
 @dataclass(slots=True)
 class Tokens:
     """Kinds, first characters and ends of all tokens; the last one is of kind ``end`` and empty."""
@@ -67,8 +72,11 @@ class Tokens:
         return self.source.text[self.starts[index] : self.ends[index]]
 
 
-def tokenize(source: Source, diagnostics: Diagnostics) -> Tokens:
-    """Split a text into tokens; characters that belong to none are noted in ``diagnostics`` and left out."""
+def tokenize(source: Source, diagnostics: Diagnostics, *, repetitions: bool = False) -> Tokens:
+    """Split a text into tokens; characters that belong to none are noted in ``diagnostics`` and left out.
+
+    Braces are tokens with ``repetitions`` alone: where these have been written out there are none.
+    """
     kinds: list[str] = []
     starts: list[int] = []
     ends: list[int] = []
@@ -77,7 +85,7 @@ def tokenize(source: Source, diagnostics: Diagnostics) -> Tokens:
     match = _TOKEN.match
     while position < length:
         found = match(text, position)
-        if found is None:
+        if found is None or (text[position] in "{}" and not repetitions):
             position = _bad_character(text, position, diagnostics)
             continue
         kind = found.lastgroup or ""
@@ -115,14 +123,16 @@ def _bad_character(text: str, position: int, diagnostics: Diagnostics) -> int:
     if not shown.isprintable():
         shown = f"U+{ord(shown):04X}"
     hint = {
-        "{": "group with parentheses",
-        "}": "group with parentheses",
+        "{": _BRACES_HINT,
+        "}": _BRACES_HINT,
         "&": "every relation is a statement of its own; end it with `;`",
         "|": "every relation is a statement of its own; alternatives cannot be stated",
         "%": "comments start with `#`",
         "$": "constants are set from outside with `--set name=value`",
         "\\": "a statement may go on over several lines without any mark",
         "`": "write the plain `'`",
+        "?": "formulas for several stretches of frames stand under range headers, as in `[0, 10]: u = 1;`; "
+        "a choice by an unknown x is, smoothly, `b + (a - b)*(1 + tanh(x/e))/2`",
         "!": "comments start with `#`",
         "°": "angles are in radians: 30 degrees are `30*pi/180`",
     }.get(shown, "")

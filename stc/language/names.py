@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics
-from stc.language.words import RESERVED
+from stc.language.words import PATH_WORDS, RESERVED
 from stc.records import dataclass, field
 from stc.symbolic.expr import FUNCTIONS
 
@@ -20,6 +20,10 @@ KINDS = {
     "parameters": "parameter",
     "definitions": "definition",
 }
+
+
+#: What `data:` declares.
+DATA_SET, TABLE = "data set", "table"
 
 
 @dataclass(slots=True)
@@ -42,7 +46,8 @@ class NameTable:
     model: ModelScope | None = None
 
     def kind(self, name: str) -> str | None:
-        """``constant``, ``variable``, ``parameter`` or ``definition``; None when nothing declares it."""
+        """``constant``, ``variable``, ``parameter``, ``definition``, ``data set`` or ``table``; None when nothing
+        declares it."""
         entry = self.entries.get(name)
         return None if entry is None else entry.kind
 
@@ -61,14 +66,16 @@ def collect_names(
     """
     table = NameTable()
     for section in spec.sections:
-        kind = KINDS.get(section.kind)
-        if kind is None:
-            continue
+        kind = KINDS.get(section.kind, "")
         for block in section.blocks:
             for statement in block.statements:
-                if isinstance(statement, syntax.Declaration):
+                if isinstance(statement, syntax.DataFile | syntax.DataKeyframes | syntax.DataRows):
+                    _declare(table, diagnostics, statement.name, DATA_SET, None)
+                elif isinstance(statement, syntax.TableDefinition):
+                    _declare(table, diagnostics, statement.name, TABLE, None)
+                elif kind and isinstance(statement, syntax.Declaration):
                     _declare(table, diagnostics, statement.name, kind, statement.value)
-                elif isinstance(statement, syntax.Assignment):
+                elif kind and isinstance(statement, syntax.Assignment):
                     _declare(table, diagnostics, statement.name, kind, None)
     if any(section.kind == "model" for section in spec.sections):
         from stc.language.model.scope import model_of
@@ -91,9 +98,17 @@ def _declare(
     if word in FUNCTIONS:
         diagnostics.error(f"`{word}` is a function", name.start, name.end, "choose another name")
         return
+    if kind == DATA_SET and word in PATH_WORDS:
+        message = f"`{word}` is what paths of a model begin with"
+        diagnostics.error(message, name.start, name.end, "choose another name")
+        return
     if word == "n" and kind != "constant":
         hint = "declare it under `constants:`"
         diagnostics.error("`n` is the number of the last frame, a constant", name.start, name.end, hint)
+        return
+    if word == "h" and kind in (DATA_SET, TABLE):
+        message = "`h` is the time from one frame to the next"
+        diagnostics.error(message, name.start, name.end, "choose another name")
         return
     if word == "h" and kind in ("variable", "parameter"):
         hint = "declare a parameter of another name, such as `T`, and define `h = T/n` under `definitions:`"

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from fractions import Fraction
 
 from stc.language import syntax
+from stc.language.kinks import KINKED, OF_NUMBERS, count_fits
 from stc.symbolic.expr import FUNCTIONS
 
 #: Distance from a whole number that counts as rounding noise.
@@ -79,6 +80,11 @@ def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
         if len(arguments) != FUNCTIONS[node.function]:
             raise NotANumber(node, arity_message(node.function, len(arguments)))
         return 0.0, _applied(node, node.function, _MATH[node.function], *arguments)
+    if isinstance(node, syntax.Call) and node.function in KINKED:
+        if not count_fits(node.function, len(node.arguments)):
+            raise NotANumber(node, f"`{node.function}` takes another number of arguments")
+        values = [_plain(argument, resolve) for argument in node.arguments]
+        return 0.0, _applied(node, node.function, OF_NUMBERS[node.function], *values)
     if isinstance(node, syntax.Prime):
         raise NotANumber(node, "a time derivative has no fixed value")
     if isinstance(node, syntax.Index):

@@ -6,6 +6,8 @@ that one run reports all of them.
 
 from __future__ import annotations
 
+import re
+
 from stc.errors import Source, SpecError
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, did_you_mean, nearest_name
@@ -16,6 +18,7 @@ from stc.language.expression_parser import (
     ExpressionParser,
     Misread,
 )
+from stc.language.habits import list_hint, vector_hint
 from stc.language.lexer import Tokens, tokenize
 from stc.language.statements import statement_text
 from stc.language.words import (
@@ -28,6 +31,9 @@ from stc.language.words import (
     SECTION_SYNONYMS,
     SECTIONS,
 )
+
+#: Words outside of comments without which nothing is repeated.
+_PERHAPS_REPEATS = re.compile(r"^[^#\n]*\b(?:for|sum)\b", re.MULTILINE)
 
 #: What may follow the name of a pose.
 _POSE_OPTIONS = ("mirrored", "grounded", "turned")
@@ -47,7 +53,15 @@ def parse(source: Source) -> syntax.SpecTree:
 
 
 def parse_with_recovery(source: Source, diagnostics: Diagnostics) -> syntax.SpecTree:
-    """The tree of all statements that could be read; the mistakes are added to ``diagnostics``."""
+    """The tree of all statements that could be read; the mistakes are added to ``diagnostics``.
+
+    Raises:
+        SpecError: with the mistakes in how repetitions are written, where there are any.
+    """
+    if _PERHAPS_REPEATS.search(source.text) is not None:
+        from stc.language.repetition import written_out
+
+        source = diagnostics.source = written_out(source)
     return _Parser(tokenize(source, diagnostics), diagnostics).spec()
 
 
@@ -246,8 +260,12 @@ class _Parser(ExpressionParser):
                 raise self.fail(f"expected the name of a {what}, found {self.described()}", hint)
             name = self.name(f"the name of a {what}")
             value: syntax.Expression | None = None
-            if self.kind in ("prime", "["):
-                raise self.fail(f"a {what} is declared by its name alone, found {self.described()}")
+            if self.kind in ("prime", "[", "(", ".."):
+                hint = vector_hint(self, name.name)
+                raise self.fail(f"a {what} is declared by its name alone, found {self.described()}", hint)
+            if valued and self.kind == "=" and (hint := list_hint(self, name.name)):
+                self.advance()
+                raise self.fail(f"a {what} is a number, not a list", hint)
             if self.kind == "=":
                 if not valued:
                     self.diagnostics.error(
@@ -315,6 +333,11 @@ class _Parser(ExpressionParser):
         if self.pose_at_hand():
             into.append(self.pose())
             self.end_statement("the pose")
+            return
+        if self.kind == "name" and self.kinds[self.at + 1] == ";":
+            name = self.name("the name of a data set")
+            into.append(syntax.GuessFrom(name.start, name.end, name))
+            self.end_statement("the guess")
             return
         hint = "derivatives start from differences of the guessed values; frames go into a header before it"
         self.assignment(into, "guess", hint)
@@ -507,6 +530,11 @@ class _Parser(ExpressionParser):
         found = syntax.JumpList(start, self.ends[self.at - 1], quantities)
         self.end_statement("the last quantity")
         into.append(found)
+
+    def data_statement(self, into: list[syntax.Statement]) -> None:
+        from stc.language.data_parser import data_statement
+
+        data_statement(self, into)
 
     def method_statement(self, into: list[syntax.Statement]) -> None:
         start = self.starts[self.at]

@@ -12,6 +12,7 @@ from stc.errors import Source
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics
 from stc.language.lexer import tokenize
+from stc.language.show_data import described, show_data_statement
 from stc.problem import Problem
 from stc.symbolic.expr import Expr, reachable, render
 from stc.symbolic.render import number_text
@@ -25,7 +26,7 @@ _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(5)
 
 def show_tokens(source: Source) -> str:
     """Every token on a line of its own: line:column, kind, characters."""
-    tokens = tokenize(source, Diagnostics(source))
+    tokens = tokenize(source, Diagnostics(source), repetitions=True)
     lines = []
     for index, kind in enumerate(tokens.kinds):
         line, column = source.position(tokens.starts[index])
@@ -110,6 +111,8 @@ def show_statement(node: syntax.Statement) -> str:
     if isinstance(node, syntax.PoseDefinition):
         changes = [f", {change.name.name} = {show_expression(change.value)}" for change in node.changes]
         return f"{node.name.name} = {_pose(node.pose)}{''.join(changes)};"
+    if not isinstance(node, syntax.Channel):
+        return show_data_statement(node, show_expression)
     path = ".".join(part if part.isidentifier() else f'"{part}"' for part in node.path)
     return f"{node.kind} {path} = {show_expression(node.value)};"
 
@@ -159,6 +162,10 @@ def _problem_lines(problem: Problem) -> Iterator[str]:
     for name, value in problem.constants.items():
         shaping = "  # shapes the problem" if name in problem.structural else ""
         yield f"{_INDENT}{name} = {number_text(value)}{shaping}"
+    if problem.data or problem.tables:
+        yield "data:"
+    for name, text in described(problem):
+        yield f"{_INDENT}{name} = {text}"
     for title, names in (("variables", problem.variables), ("parameters", problem.parameters)):
         if names:
             yield f"{title}:\n{_INDENT}{', '.join(names)}"
@@ -185,7 +192,8 @@ def _problem_lines(problem: Problem) -> Iterator[str]:
         yield "objective:"
     for term in problem.objective:
         text = _text_of(term.body)
-        yield f"{_INDENT}{term.range}: " + (f"integral({text})" if term.integral else text)
+        where = f"[{term.rows}]" if term.rows else str(term.range)
+        yield f"{_INDENT}{where}: " + (f"integral({text})" if term.integral else text)
     if problem.model is not None or problem.replay:
         yield "replay:"
     if problem.model is not None:

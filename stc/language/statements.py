@@ -56,6 +56,9 @@ class Relations:
             hint = "a chain is `lo <= e <= hi` or `hi >= e >= lo`; write separate statements"
             mixed = "`=` cannot be chained" if "=" in operators else "this chain points both ways"
             builder.fail(node, mixed, hint)
+        if any(isinstance(operand, syntax.Vector) for operand in node.operands):
+            builder.fail(node, "an expression is a number, not a vector", self._components(node))
+            return []
         sides: list[Expr | float] = []
         for operand in node.operands:
             size = infinite(operand)
@@ -82,6 +85,30 @@ class Relations:
             else:
                 found.append(pair)
         return found
+
+    def _components(self, node: syntax.Relation) -> str:
+        """What to write for a relation of vectors: a relation for each component."""
+        source = self.builder.diagnostics.source
+        sizes = {len(operand.items) for operand in node.operands if isinstance(operand, syntax.Vector)}
+        if len(sizes) > 1:
+            return "its sides have other numbers of components than each other"
+        rows = []
+        for k in range(sizes.pop()):
+            parts = []
+            for operand in node.operands:
+                if isinstance(operand, syntax.Vector):
+                    parts.append(statement_text(source, operand.items[k]))
+                elif isinstance(operand, syntax.Name):
+                    parts.append(f"{operand.name}{k + 1}")
+                elif isinstance(operand, syntax.Prime) and isinstance(operand.operand, syntax.Name):
+                    parts.append(f"{operand.operand.name}{k + 1}" + "'" * operand.order)
+                else:
+                    parts.append(statement_text(source, operand))
+            row = parts[0]
+            for operator, part in zip(node.operators, parts[1:]):
+                row += f" {operator} {part}"
+            rows.append(row + (";" if node.operators else " = 0;"))
+        return f"state each component by itself: `{' '.join(rows)}`"
 
     def _pair(
         self, node: syntax.Relation, left: Expr | float, operator: str, right: Expr | float, *, swapped: bool

@@ -246,6 +246,46 @@ class ContactPlace(Node):
 
 
 @dataclass(slots=True)
+class DataFile(Node):
+    """``polar = "polar.csv";`` in `data:`."""
+
+    name: Name
+    path: str
+
+
+@dataclass(slots=True)
+class DataKeyframes(Node):
+    """``walk = keyframes;`` in `data:`: the keyframes of the model, at their times."""
+
+    name: Name
+
+
+@dataclass(slots=True)
+class DataRows(Node):
+    """``thrust = (speed, force): (0, 10), (5, 4);`` in `data:`; a row has an expression for each column."""
+
+    name: Name
+    columns: list[Name]
+    rows: list[list[Expression]]
+
+
+@dataclass(slots=True)
+class TableDefinition(Node):
+    """``CL = table(polar.alpha, polar.cl), monotone, outside = hold;`` in `data:`; an option may lack a value."""
+
+    name: Name
+    columns: list[Name]
+    options: list[tuple[Name, Name | None]]
+
+
+@dataclass(slots=True)
+class GuessFrom(Node):
+    """``walk;`` in `guess:`: what is in a data set is where the solver starts."""
+
+    name: Name
+
+
+@dataclass(slots=True)
 class RangeHeader(Node):
     """``[first, last]:``; ``last`` is None in ``[k]:``."""
 
@@ -265,6 +305,11 @@ Statement: TypeAlias = (
     | ContactPlace
     | Pose
     | PoseDefinition
+    | DataFile
+    | DataKeyframes
+    | DataRows
+    | TableDefinition
+    | GuessFrom
 )
 
 

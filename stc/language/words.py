@@ -35,6 +35,7 @@ SECTIONS: dict[str, SectionKind] = {
     "model": SectionKind('the name of a MuJoCo model, as in `"robot.xml";`'),
     "poses": SectionKind("`name = keyframe.stand, joint.knee = 1.9;`", declares=True),
     "contact": SectionKind("what touches the ground, and when", ranged=True),
+    "data": SectionKind('`name = "file.csv";`, rows of numbers, and tables made of columns', declares=True),
 }
 
 #: What other tools call the sections.
@@ -94,6 +95,24 @@ FRAMES_MEANT = {
     ),
 }
 
+#: What paths of a model begin with.
+PATH_WORDS = frozenset(
+    [
+        "body",
+        "site",
+        "geom",
+        "com",
+        "momentum",
+        "angular",
+        "energy",
+        "joint",
+        "actuator",
+        "equality",
+        "option",
+        "keyframe",
+    ]
+)
+
 #: What people write after numbers, and where angles are no radians.
 UNITS = frozenset(
     ("g", "kg", "m", "mm", "cm", "km", "s", "ms", "min", "N", "kN", "Nm", "J", "W", "Hz", "rad")
@@ -103,6 +122,9 @@ DEGREES = frozenset(("deg", "degree", "degrees"))
 #: Ways to ask for the largest value of what is minimised.
 MAXIMISING = frozenset(("max", "maximize", "maximise", "maximum"))
 MINIMISING = frozenset(("min", "minimize", "minimise", "minimum"))
+
+#: What people write to choose one of two values.
+CONDITIONALS = frozenset(("if", "ifelse", "if_else", "iif", "where", "cond", "piecewise"))
 
 #: What people write for functions that the language calls otherwise or does not have.
 FUNCTION_ADVICE = {
@@ -118,15 +140,12 @@ FUNCTION_ADVICE = {
     "sqr": "write `x^2`",
     "square": "write `x^2`",
     "cbrt": "write `x^(1/3)`",
-    "abs": "it has a kink; write `sqrt(x^2 + e^2)` with a small constant e, or bound both `x` and `-x`",
-    "min": "it has a kink; bound a parameter by each of the arguments instead",
-    "max": "it has a kink; bound a parameter by each of the arguments instead",
-    "sign": "it has a step; a smooth `tanh(x/e)` with a small constant e stands in for it",
+    "norm": "write `sqrt(x^2 + y^2)`",
     "dot": "the time derivative of `x` is written `x'`",
     "der": "the time derivative of `x` is written `x'`",
     "diff": "the time derivative of `x` is written `x'`",
     "ddot": "the second time derivative of `x` is written `x''`",
-    "sum": "an objective is summed over its frames already",
+    "sum": "an objective is summed over its frames already; of like things it is `sum(k in 1..3: m{k}*q{k})`",
     "int": "the integral of an objective term is written `integral(e)`",
     "maximize": "what stands under `objective:` is minimised: for the largest `e`, write `-(e)`",
     "maximise": "what stands under `objective:` is minimised: for the largest `e`, write `-(e)`",

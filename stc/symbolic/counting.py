@@ -51,6 +51,8 @@ CHAIN_RULE: Final[dict[str, Any]] = {
     "exp": ("mul", ("exp", "a"), "a'"),
     "log": ("div", "a'", "a"),
     "sqrt": ("div", "a'", ("mul", "l", ("sqrt", "a"))),
+    "look": ("add", ("mul", ("look", "a", "b"), "a'"), ("mul", ("look", "a", "b"), "b'")),
+    "at": "a'",
 }
 """The naive derivative of each operator, as a tree."""
 

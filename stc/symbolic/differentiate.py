@@ -16,7 +16,21 @@ from collections.abc import Callable, Hashable, Iterable, Sequence, Set
 from operator import attrgetter
 from typing import Any, Final
 
-from stc.symbolic.node import ONE, ZERO, Expr, add, call, div, mul, neg, num, pow_, sub, sym
+from stc.symbolic.node import (
+    ONE,
+    ZERO,
+    Expr,
+    add,
+    call,
+    div,
+    mul,
+    neg,
+    num,
+    pow_,
+    slope_of_look,
+    sub,
+    sym,
+)
 from stc.symbolic.rules import collect
 from stc.symbolic.traverse import reachable
 
@@ -63,6 +77,12 @@ BY_ARGUMENT: Final[dict[str, tuple[Callable[..., Expr], ...]]] = {
     "exp": (lambda s, f, a: mul(s, f),),
     "log": (lambda s, f, a: div(s, a),),
     "sqrt": (lambda s, f, a: div(mul(num(0.5), s), f),),
+    # The second argument of a table passes through `at` as it is: what belongs to it is the slope by that argument.
+    "look": (
+        lambda s, f, x, place: mul(s, slope_of_look(x, place, 0)),
+        lambda s, f, x, place: mul(s, slope_of_look(x, place, 1)),
+    ),
+    "at": (lambda s, f, y, table: s, lambda s, f, y, table: ZERO),
 }
 """The derivative table: per operator, one entry per operand."""
 

@@ -6,6 +6,7 @@ from stc.symbolic import rules as _rules
 from stc.symbolic.node import (
     ARITY,
     FUNCTIONS,
+    OF_TABLES,
     ONE,
     ZERO,
     Expr,
@@ -14,6 +15,7 @@ from stc.symbolic.node import (
     div,
     interned_count,
     is_literal,
+    looked_up,
     mul,
     neg,
     num,
@@ -23,15 +25,17 @@ from stc.symbolic.node import (
     sub,
     sum_of,
     sym,
+    table_leaf,
 )
 from stc.symbolic.render import render
-from stc.symbolic.traverse import evaluate, evaluate_all, postorder, reachable, substitute, symbols
+from stc.symbolic.traverse import evaluate, evaluate_all, postorder, reachable, substitute, symbols, tables
 
 RULES = _rules.RULES
 
 __all__ = [
     "ARITY",
     "FUNCTIONS",
+    "OF_TABLES",
     "ONE",
     "RULES",
     "ZERO",
@@ -43,6 +47,7 @@ __all__ = [
     "evaluate_all",
     "interned_count",
     "is_literal",
+    "looked_up",
     "mul",
     "neg",
     "num",
@@ -57,4 +62,6 @@ __all__ = [
     "sum_of",
     "sym",
     "symbols",
+    "table_leaf",
+    "tables",
 ]

@@ -147,6 +147,9 @@ OF_FUNCTION: Final[dict[str, Callable[[Fingerprint], Fingerprint]]] = {
 """The fingerprints of functions of one argument."""
 
 
-def of_atan2(y: Fingerprint, x: Fingerprint) -> Fingerprint:
-    """The fingerprint of ``atan2(y, x)``."""
-    return _of_pair(10, y, x)
+OF_PAIR: Final[dict[str, Callable[[Fingerprint, Fingerprint], Fingerprint]]] = {
+    "atan2": lambda y, x: _of_pair(10, y, x),
+    "look": lambda x, place: _of_pair(12, x, place),
+    "at": lambda y, table: _of_pair(13, y, table),
+}
+"""The fingerprints of functions of two operands."""

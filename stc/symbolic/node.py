@@ -24,19 +24,22 @@ import math
 import weakref
 from collections.abc import Callable, Hashable, Iterable
 from struct import pack
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from stc.digests import blake2b
 from stc.symbolic.fingerprint import (
     OF_FUNCTION,
+    OF_PAIR,
     PRIME,
     Fingerprint,
     element,
-    of_atan2,
     of_literal,
     power,
     reciprocal,
 )
+
+if TYPE_CHECKING:
+    from stc.symbolic.tables import TableRef
 
 FUNCTIONS: Final[dict[str, int]] = {
     "sin": 1,
@@ -56,23 +59,27 @@ FUNCTIONS: Final[dict[str, int]] = {
 """The functions of the spec language and how many arguments each takes."""
 
 ARITY: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2, "neg": 1, **FUNCTIONS}
-"""Every operator that has operands; ``num`` and ``sym`` are leaves."""
+"""Every operator whose operands are numbers."""
+
+LOOK, AT, TABLE = "look", "at", "table"
+OF_TABLES: Final[dict[str, int]] = {LOOK: 2, AT: 2}
+"""The operators of tables, see :mod:`stc.symbolic.tables`; ``num``, ``sym`` and ``table`` are leaves."""
 
 COMMUTATIVE: Final = frozenset({"add", "mul"})
 _ADDITIVE: Final = frozenset({"add", "sub"})
 
 _HASH_BITS: Final = 60
 _HASH_MASK: Final = (1 << _HASH_BITS) - 1
-_OPCODE: Final[dict[str, int]] = {op: 7919 * (k + 2) for k, op in enumerate(ARITY)}
+_OPCODE: Final[dict[str, int]] = {op: 7919 * (k + 2) for k, op in enumerate((*ARITY, *OF_TABLES))}
 
 
 class Expr:
     """One interned node; made by the constructors of this module only, never changed.
 
-    ``op`` is ``"num"``, ``"sym"`` or an operator of :data:`ARITY`; ``args`` its operands; ``payload`` the
-    value of a literal (float) or the key of a symbol (hashable).  ``order`` is explained above,
-    ``fingerprint`` in :mod:`stc.symbolic.fingerprint`; ``settled`` remembers that no rule applies.  Equality
-    is identity.
+    ``op`` is ``"num"``, ``"sym"``, ``"table"`` or an operator that has operands, ``args``; ``payload`` the
+    value of a literal (float), the key of a symbol (hashable) or a :class:`~stc.symbolic.tables.TableRef`.
+    ``order`` is explained above, ``fingerprint`` in :mod:`stc.symbolic.fingerprint`; ``settled`` remembers that no rule
+    applies.  Equality is identity.
     """
 
     __slots__ = ("__weakref__", "args", "fingerprint", "op", "order", "payload", "settled")
@@ -204,7 +211,7 @@ def _make(key: tuple[str, Expr, Expr | None]) -> Expr:
         elif op == "pow":
             mark = power(mark, b.fingerprint, b.payload if b.op == "num" else None)
         else:
-            mark = of_atan2(mark, b.fingerprint)
+            mark = OF_PAIR[op](mark, b.fingerprint)
     node = Expr(op, args, None, ((high >> _HASH_BITS) + 1 << _HASH_BITS) | low, mark)
     ref = _Ref(node, _forget)
     ref.key = key
@@ -246,13 +253,41 @@ def sym(key: Hashable) -> Expr:
     return _register(entry, Expr("sym", (), key, (1 << _HASH_BITS) | low, element(0, low)))
 
 
+def table_leaf(ref: TableRef) -> Expr:
+    """The leaf for a table, or for a derivative of one."""
+    entry = (TABLE, ref)
+    known = _table.get(entry)
+    found = None if known is None else known()
+    if found is not None:
+        return found
+    digest = blake2b(repr(ref).encode(), digest_size=8).digest()
+    low = int.from_bytes(digest, "big") & _HASH_MASK
+    return _register(entry, Expr(TABLE, (), ref, (1 << _HASH_BITS) | low, element(11, low)))
+
+
+def looked_up(ref: TableRef, *arguments: Expr) -> Expr:
+    """The value of a table, or of a derivative of one, at one argument or two."""
+    leaf = table_leaf(ref)
+    x, *second = arguments
+    return _construct((LOOK, x, _construct((AT, second[0], leaf)) if second else leaf))
+
+
+def slope_of_look(x: Expr, place: Expr, argument: int) -> Expr:
+    """The partial derivative of ``look(x, place)`` by one of the table's arguments, counted from 0."""
+    leaf = place.args[1] if place.op == AT else place
+    ref = leaf.payload.derivative(argument)
+    if ref is None:
+        return ZERO
+    return looked_up(ref, x, *place.args[:1])
+
+
 def raw(op: str, *args: Expr) -> Expr:
     """Intern ``op(*args)`` as it stands, without simplifying and without reordering operands.
 
     Raises:
         ValueError: the operator is unknown or has another number of operands.
     """
-    if ARITY.get(op) != len(args):
+    if ARITY.get(op, OF_TABLES.get(op)) != len(args):
         raise ValueError(f"no operator {op!r} with {len(args)} operands")
     return _intern(op, *args)
 
@@ -260,6 +295,8 @@ def raw(op: str, *args: Expr) -> Expr:
 def _restore(op: str, args: tuple[Expr, ...], payload: Any) -> Expr:
     if op == "num":
         return num(payload)
+    if op == TABLE:
+        return table_leaf(payload)
     return sym(payload) if op == "sym" else _intern(op, *args)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from stc.records import dataclass
@@ -77,6 +77,16 @@ def _compound(op: str, args: list[_Text]) -> _Text:
     return _Text(f"{op}({', '.join(arg.text for arg in args)})", _ATOM)
 
 
+def _looked_up(node: Expr, done: Mapping[Expr, _Text]) -> _Text:
+    """A table with its arguments; a function of time as it is written, without."""
+    x, place = node.args
+    leaf = place.args[1] if place.op == "at" else place
+    if leaf.payload.of_time:
+        return done[leaf]
+    arguments = [x, *place.args[:1]]
+    return _Text(f"{done[leaf].text}({', '.join(done[each].text for each in arguments)})", _ATOM)
+
+
 def render(e: Expr, name_of: Callable[[Any], str] = str, limit: int = 20_000) -> str:
     """Infix text of ``e``; ``name_of`` turns symbol keys into names.
 
@@ -90,6 +100,12 @@ def render(e: Expr, name_of: Callable[[Any], str] = str, limit: int = 20_000) ->
             done[node] = _number(node.payload)
         elif node.op == "sym":
             done[node] = _Text(name_of(node.payload), _ATOM, _NAME)
+        elif node.op == "table":
+            done[node] = _Text(str(node.payload), _ATOM, _NAME)
+        elif node.op == "at":
+            done[node] = done[node.args[0]]
+        elif node.op == "look":
+            done[node] = _looked_up(node, done)
         else:
             part = _compound(node.op, [done[arg] for arg in node.args])
             done[node] = part if len(part.text) <= limit else _Text("...", _ATOM)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.symbolic.node import Expr
+from stc.symbolic.tables import look
 from stc.symbolic.traverse import NUMPY_MEANING, reachable
 
 FloatArray = NDArray[np.float64]
@@ -38,6 +39,8 @@ _SLOPES: Final[Mapping[str, tuple[Callable[..., Any], ...]]] = {
     "exp": (lambda f, a: f,),
     "log": (lambda f, a: 1.0 / a,),
     "sqrt": (lambda f, a: 0.5 / f,),
+    "look": (lambda f, x, place: look(x, place, 0), lambda f, x, place: look(x, place, 1)),
+    "at": (lambda f, y, table: 1.0,),
 }
 
 
@@ -56,6 +59,8 @@ class Sweep:
             for node in reachable(self.roots):
                 if node.op == "num":
                     done[node] = np.float64(node.payload)
+                elif node.op == "table":
+                    done[node] = node.payload
                 elif node.op == "sym":
                     done[node] = np.asarray(values[node.payload], dtype=np.float64)
                 else:
@@ -81,7 +86,7 @@ class Sweep:
                     found[node.payload] = seed
                     continue
                 given = [done[arg] for arg in node.args]
-                for arg, slope in zip(node.args, _SLOPES[node.op], strict=True):
+                for arg, slope in zip(node.args, _SLOPES[node.op], strict=node.op != "at"):
                     if arg in active:
                         part = seed * slope(done[node], *given)
                         adjoint[arg] = adjoint[arg] + part if arg in adjoint else part

@@ -28,7 +28,7 @@ def degrees(exprs: Sequence[Expr], keys: Iterable[Hashable]) -> list[int]:
     found: dict[Expr, int] = {}
     for node in reachable(exprs):
         op = node.op
-        if op == "num":
+        if op == "num" or op == "table":
             found[node] = CONSTANT
         elif op == "sym":
             found[node] = LINEAR if node.payload in wanted else CONSTANT

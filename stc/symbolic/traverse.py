@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.symbolic.node import Expr, rebuild
+from stc.symbolic.tables import At, TableRef, look
 
 _by_order = attrgetter("order")
 
@@ -62,6 +63,12 @@ def symbols(e: Expr) -> tuple[Any, ...]:
         found = tuple(node.payload for node in reachable([e]) if node.op == "sym")
         _symbols_of[e] = found
     return found
+
+
+def tables(roots: Iterable[Expr]) -> list[TableRef]:
+    """The tables in expressions, each once, as functions and not as derivatives of them; by their names."""
+    found = {node.payload.base for node in reachable(roots) if node.op == "table"}
+    return sorted(found, key=lambda ref: (ref.name, ref.table.digest))
 
 
 def substitute(e: Expr, replacement: Mapping[Any, Expr], memo: dict[Expr, Expr] | None = None) -> Expr:
@@ -118,6 +125,8 @@ NUMPY_MEANING: Final[dict[str, Callable[..., Any]]] = {
     "exp": np.exp,
     "log": np.log,
     "sqrt": np.sqrt,
+    "look": look,
+    "at": At,
 }
 """What each operator means."""
 
@@ -133,6 +142,8 @@ def evaluate_all(roots: Sequence[Expr], values: Mapping[Hashable, Any]) -> list[
             elif op == "sym":
                 value = values[node.payload]
                 done[node] = np.float64(value) if isinstance(value, int | float) else value
+            elif op == "table":
+                done[node] = node.payload
             else:
                 done[node] = NUMPY_MEANING[op](*[done[arg] for arg in node.args])
     return [done[root] for root in roots]

@@ -27,6 +27,7 @@ from stc.codegen.runs import RUN, Copies, Runs, find_runs
 from stc.codegen.tape import Tape
 from stc.problem import ConstantRef
 from stc.records import dataclass
+from stc.symbolic.expr import tables
 from stc.transcription.derive import (
     GRADIENT,
     HESSIAN,
@@ -195,16 +196,24 @@ class Program:
     fixed_curvature: NDArray[np.bool_]
 
 
-def assemble(statements: Statements, layout: Layout, constants: Sequence[str]) -> Program:
+def assemble(
+    statements: Statements, layout: Layout, constants: Sequence[str], with_tables: bool = False
+) -> Program:
     """Derives every group and lays out workspace, buffers and sparsity.
 
     Args:
         statements: lowered rows and objective.
         layout: of the decision variables.
         constants: names of all constants, the kernels' uniform inputs in this order.
+        with_tables: whether there may be tables in the statements.
     """
     groups = build_groups(statements)
-    uniform: list[object] = [*(ConstantRef(name) for name in constants), ObjectiveFactor()]
+    used = (
+        tables([*(r.body for r in statements.rows), *(s.body for s in statements.summands)])
+        if with_tables
+        else []
+    )
+    uniform: list[object] = [*(ConstantRef(name) for name in constants), *used, ObjectiveFactor()]
     derive(groups, uniform)
     for group in groups:
         group.positions = np.array(

@@ -16,11 +16,12 @@ from stc.codegen import threads
 from stc.codegen.calls import chain
 from stc.codegen.kernel import KernelSet
 from stc.errors import EvaluationError
-from stc.problem import ConstantRef, Problem, Relation
+from stc.problem import ConstantRef, ParameterRef, Problem, Relation, VariableRef
 from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Part, Scaling
 from stc.solver.keeping import Keeper
 from stc.symbolic.expr import ZERO, Expr, evaluate, symbols
+from stc.symbolic.tables import TableRef
 from stc.transcription.assemble import Program, data_of
 from stc.transcription.bending import row_bends
 from stc.transcription.evaluation import Piece, copied_within, evaluator, fill_constants, kernel_calls
@@ -87,6 +88,16 @@ class Numbers:
         if value is None:
             value = self._known[e] = float(evaluate(e, self.constants))
         return np.full(len(nodes), value)
+
+    def of_unknowns(self, e: Expr, nodes: Nodes, layout: Layout, x: FloatArray) -> FloatArray:
+        """The value of ``e`` at every node of a decision vector ``x`` (layout.size,). (k,)"""
+        given: dict[object, float | FloatArray] = dict(self.constants)
+        for key in symbols(e):
+            if isinstance(key, VariableRef | ParameterRef):
+                given[key] = x[layout.position(key, nodes)]
+            elif isinstance(key, DataRef):
+                given[key] = self.data(key, nodes)
+        return np.broadcast_to(np.asarray(evaluate(e, given), float), (len(nodes),))
 
 
 def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, numbers: Numbers) -> Bounds:
@@ -279,9 +290,9 @@ class BoundProgram:
             data = data_of(self.workspace, group, start)
             for k, ref in enumerate(group.data):
                 data[k] = numbers.data(ref, group.nodes)
-        self.uniform = np.array(
-            [constants.get(getattr(k, "name", ""), 0.0) for k in program.uniform] or [0.0]
-        )
+        self.uniform = uniform_inputs(program, constants)
+        #: The factor of the objective among them, (1,).
+        self.factor = self.uniform[len(program.uniform) - 1 : len(program.uniform)]
         self.kernels = kernels
         self.values_buffer = aligned_zeros(program.values_size)
         self.derivatives_buffer = aligned_zeros(program.derivatives_size)
@@ -382,6 +393,22 @@ class BoundProgram:
         stated.derivatives_call()
         # Nobody else may write to them: constants among them are not written again.
         return _read_only(stated.gradient), _read_only(stated.jac), _read_only(stated.hess)
+
+
+def uniform_inputs(program: Program, constants: Mapping[str, float]) -> FloatArray:
+    """The values of the inputs that all nodes share: constants, where each table begins, the objective's factor; then
+    the numbers of the tables."""
+    values: list[float] = []
+    numbers: list[FloatArray] = []
+    end = len(program.uniform)
+    for key in program.uniform:
+        if isinstance(key, TableRef):
+            numbers.append(key.table.storage())
+            values.append(float(end))
+            end += len(numbers[-1])
+        else:
+            values.append(constants.get(getattr(key, "name", ""), 0.0))
+    return np.concatenate([values, *numbers])
 
 
 def _read_only(array: FloatArray) -> FloatArray:

@@ -11,10 +11,9 @@ links is added the mean of the gradients at its two ends, times these::
     q1 - q0 - h/6 (v0 + 4 vm + v1) + (J0 + J1)^T g / 2 = 0,    J = dc/dq of what is held, c(q) = 0 at both frames
     v1 - v0 - h/6 (a0 + 4 am + a1) + (J0 + J1)^T k / 2 = 0,    J v = 0 at both frames
 
-This projects each step onto what is held, as in the stabilised form of Gear, Gupta and Leimkuhler (1985) and in the
+This projects each step onto what is held, as in the stabilised form of Gear, Leimkuhler and Gupta (1985) and in the
 constrained collocation of Posa, Kuindersma and Tedrake (2016).  g and k are as small as the method's error in one step,
-so that the method keeps its order.  The mean of both gradients matters: with that of one place inside the step two
-poses on the far sides of a circle are joined by a correction along its radius, and an optimiser finds them.
+so that the method keeps its order.  The mean of the gradients at both ends is the same forwards and backwards in time.
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ def fill_constants(program: Program, workspace: FloatArray, uniform: FloatArray,
     ):
         tape = group.programs.constants_tape
         if tape.outputs and group.size:
-            values = reference.run(tape, uniform[: tape.n_uniform], data_of(workspace, group, data_start))
+            values = reference.run(tape, uniform, data_of(workspace, group, data_start))
             outputs = blocks(values, np.float64).reshape(-1)
             buffer[start : start + outputs.size] = outputs
     for matrix in (program.gradient, program.jacobian, program.hessian):
@@ -315,7 +315,7 @@ def _derivatives_call(
         [
             *steps.place_variables(result.x, scaling.variable, its, variables),
             *steps.place_multipliers(result.y, scaling.row, its, nlp.workspace[n : n + m]),
-            place(result.weight, objective, nlp.uniform[-1:]),
+            place(result.weight, objective, nlp.factor),
         ],
         *values(),
         nlp.copies_for_derivatives,

@@ -26,17 +26,19 @@ SIDES = {"": SINGLE, "before": BEFORE, "after": AFTER}
 class Nodes:
     """Places where a statement stands, in time order.
 
-    ``position`` (k,): twice the frame index (odd at midpoints); ``side`` (k,): SINGLE, BEFORE or AFTER.
+    ``position`` (k,): twice the frame index (odd at midpoints); ``side`` (k,): SINGLE, BEFORE or AFTER; ``row`` (k,):
+    of a statement on the rows of a data set, which row each is for, of which several may be within one step; else None.
     """
 
     position: IntArray
     side: IntArray
+    row: IntArray | None = None
 
     def __len__(self) -> int:
         return len(self.position)
 
     def __getitem__(self, which: NDArray[np.bool_] | IntArray) -> Nodes:
-        return Nodes(self.position[which], self.side[which])
+        return Nodes(self.position[which], self.side[which], None if self.row is None else self.row[which])
 
     @property
     def frame(self) -> IntArray:
@@ -49,7 +51,8 @@ class Nodes:
 
     def key(self) -> bytes:
         """Equal for equal nodes: groups statements that stand on the same places."""
-        return self.position.tobytes() + b"|" + self.side.tobytes()
+        rows = b"" if self.row is None else b"|" + self.row.tobytes()
+        return self.position.tobytes() + b"|" + self.side.tobytes() + rows
 
 
 def join(parts: list[Nodes]) -> Nodes:

@@ -31,7 +31,7 @@ class DataRef:
 
     ``kind``: ``index`` (i), ``elapsed`` (share of basis function ``item`` in t), ``step`` (share of basis
     function ``item`` in the step after frame ``scale*i + shift``), ``weight`` (entry ``item`` of the
-    quadrature tables of an objective term).
+    quadrature tables of an objective term), ``row`` (that entry's number for the row that the node is for).
     """
 
     kind: str
@@ -240,4 +240,7 @@ def data_values(
     if ref.kind == "step":
         at = np.rint(float(ref.scale) * nodes.position / 2.0 + float(ref.shift)).astype(np.int64)
         return coefficients[ref.item, np.clip(at, 0, max(steps.n - 1, 0))]
+    if ref.kind == "row":
+        assert nodes.row is not None
+        return weights[ref.item][nodes.row]
     return weights[ref.item]

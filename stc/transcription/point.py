@@ -185,7 +185,7 @@ class Point:
         """Expressions at nodes, some at a time, with where their unknowns are in the decision vector."""
         symbols_of = dict.fromkeys(key for body in bodies for key in symbols(body))
         for begin in range(0, len(nodes), _CHUNK):
-            some = Nodes(nodes.position[begin : begin + _CHUNK], nodes.side[begin : begin + _CHUNK])
+            some = nodes[np.arange(begin, min(begin + _CHUNK, len(nodes)))]
             values = dict(self._constants)
             keys: dict[Hashable, IntArray] = {}
             for key in symbols_of:

@@ -7,6 +7,7 @@ they stand on.  Numbers enter in :mod:`stc.transcription.assemble`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,9 @@ from stc.transcription.grid import Grid, IntArray, Nodes, join
 from stc.transcription.lower import DataRef, Lowering, groups
 from stc.transcription.rotations import norm_row, rotation_links, velocity_rows
 from stc.transcription.schemes import link_nodes, links, quadrature, sum_weights
+
+if TYPE_CHECKING:
+    from stc.transcription.measured import Measured
 
 LINK = -1
 """Relation number of the rows that tie derivatives together."""
@@ -128,7 +132,9 @@ class Sorter:
             look()
             self._relation(number, relation)
         for number, term in enumerate(self.problem.objective):
-            if term.integral:
+            if term.rows:
+                self._measured(number, term)
+            elif term.integral:
                 self._integral(number, term)
             else:
                 self._plain(number, term)
@@ -271,6 +277,24 @@ class Sorter:
         also.update((int(row.relation[among[k]]), int(kept[k])) for k in dropped)
         left = np.delete(np.arange(len(row.nodes)), among[dropped])
         return Row(row.body, row.lower, row.upper, row.nodes[left], row.relation[left], row.label, also)
+
+    def _measured(self, number: int, term: ObjectiveTerm) -> None:
+        rows = self.measured(term)
+        self.summands += [Summand(body, nodes, number) for body, nodes in rows.lowered(term.body)]
+
+    def measured(self, term: ObjectiveTerm) -> Measured:
+        """What tells what expressions mean on the rows of a term's data set; its numbers become tables here.
+
+        Raises:
+            SpecError: a row lies outside the motion, or its place among the frames is not known beforehand.
+        """
+        from stc.transcription.measured import Measured
+
+        return Measured(self.lowering, term, self._table_of_rows)
+
+    def _table_of_rows(self, numbers: NDArray[np.float64]) -> DataRef:
+        self.weights.append(WeightTable(len(numbers), fixed=numbers))
+        return DataRef("row", len(self.weights) - 1)
 
     def _plain(self, number: int, term: ObjectiveTerm) -> None:
         first, last = term.range.first, term.range.last

@@ -238,6 +238,13 @@ class Transcription(Stated):
             for group in self.program.groups:
                 for summand in group.summands:
                     term = self.problem.objective[summand.term]
+                    if term.rows:
+                        values = bound.numbers.of_unknowns(summand.body, summand.nodes, self.layout, bound.x0)
+                        wrong = np.flatnonzero(~np.isfinite(values))
+                        if len(wrong):
+                            frame = float(summand.nodes.position[wrong[0]]) / 2
+                            self._undefined(term.text, term.span, frame, bound, term.body)
+                        continue
                     recovery = self.recovery(bound.x0)
                     channel = recovery.channel(term.body)
                     values = channel.before[term.range.first : term.range.last + 1]
@@ -285,7 +292,9 @@ def transcribe(problem: Problem) -> Transcription:
     """
     begin = time.perf_counter()
     stated = state(problem)
-    program = assemble(stated.statements, stated.layout, list(problem.constants))
+    program = assemble(
+        stated.statements, stated.layout, list(problem.constants), with_tables=bool(problem.data)
+    )
     programs = [g.programs for g in program.groups]
     tapes = [one.values_tape for one in programs] + [one.derivatives_tape for one in programs]
     result = Transcription(

@@ -25,7 +25,7 @@ def constant_fault(body: Expr, constants: Mapping[object, float]) -> tuple[str, 
     for node in reachable([body]):  # parts before what they are parts of
         if node.op == "div" and _is_fixed(node.args[1]) and evaluate(node.args[1], constants) == 0.0:
             return "it divides by zero, so that no guess helps", _named(node.args[1], constants)
-        if not _is_fixed(node):
+        if node.op in ("table", "at") or not _is_fixed(node):
             continue
         value = float(evaluate(node, constants))
         if np.isfinite(value):

@@ -137,6 +137,7 @@ def test_json_has_every_promised_key(stc_: Stc) -> None:
         "blame": "NoneType",
         "active": "NoneType",
         "sensitivities": "NoneType",
+        "estimation": "NoneType",
         "variables": "int",
         "rows": "int",
         "parameters": "dict",
@@ -146,6 +147,7 @@ def test_json_has_every_promised_key(stc_: Stc) -> None:
         "n": "int",
         "file": "str",
         "warnings": "list",
+        "outside": "list",
     }
     assert set(STAGES) <= set(record["seconds"])
     assert all(isinstance(value, float) for value in record["seconds"].values())

@@ -72,6 +72,18 @@ def test_a_table_does_not_take_the_place_of_its_solution(suffix: str, stc_: Stc)
     assert stc_("validate", saved)[0] == 0
 
 
+def test_a_solve_keeps_its_data(stc_: Stc) -> None:
+    text = Path("hop.stc").read_text()
+    declared = 'data: walk = "walk.npz"; other = "other.csv";\nconstraints:'
+    Path("walk.stc").write_text(text.replace("constraints:", declared, 1))
+    np.savez("walk.npz", time=np.arange(3.0), x=np.arange(3.0))
+    Path("other.csv").write_text("a,b\n0,1\n")
+    refused(stc_, "solve", "walk.stc", what="the data `walk` of the spec")
+    refused(stc_, "solve", "walk.stc", "-o", "other.csv", what="the data `other` of the spec")
+    refused()
+    assert stc_("solve", "walk.stc", "-o", "new.npz")[0] == 0
+
+
 def test_an_export_does_not_take_the_place_of_its_model(stc_: Stc) -> None:
     refused(stc_, "export", "hop.npz", "--format", "keyframes", "-o", "hop.xml", what="the model hop.xml")
     assert stc_("export", "hop.npz", "--format", "keyframes")[0] == 0

@@ -16,7 +16,7 @@ from stc.symbolic.counting import (
     shared_ops,
     tree_ops,
 )
-from stc.symbolic.expr import ARITY, Expr, call, num, raw, sym
+from stc.symbolic.expr import ARITY, OF_TABLES, Expr, call, num, raw, sym
 
 Tree = tuple[Any, ...] | str
 
@@ -50,7 +50,7 @@ def size(tree: Tree) -> int:
 
 
 def test_every_operator_has_a_chain_rule() -> None:
-    assert set(CHAIN_RULE) == {*ARITY, "power"}
+    assert set(CHAIN_RULE) == {*ARITY, *OF_TABLES, "power"}
 
 
 @settings(max_examples=100)

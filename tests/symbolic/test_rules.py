@@ -15,6 +15,7 @@ from stc.symbolic.expr import (
     call,
     div,
     evaluate,
+    looked_up,
     mul,
     neg,
     num,
@@ -25,6 +26,7 @@ from stc.symbolic.expr import (
     sym,
 )
 from stc.symbolic.rules import Rule
+from stc.symbolic.tables import TableRef, interpolated
 from stc.symbolic.traverse import NUMPY_MEANING
 
 X, Y, Z = sym("x"), sym("y"), sym("z")
@@ -50,6 +52,8 @@ def _pool() -> list[Expr]:
     small += [Y - X, X / Y, Y / X, X / Z, Y / Z, X**3.0, X**-0.71, X**Y, call("exp", X), call("log", X)]
     small += [call(name, X) for name in ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh")]
     small += [call("sqrt", X), call("atan2", X, Y)]
+    curve = interpolated([np.array([0.0, 0.3, 1.0])], np.array([1.0, -0.5, 2.0]), "cubic", "hold")
+    small.append(looked_up(TableRef("T", curve, (0,)), X))
     squares = [call("sin", X) ** 2.0, call("cos", X) ** 2.0]
     wide = [(X + Y) + X * Y, (X + Y) - X * Y, X - (X * Y), neg(X * Y), neg(X / Y), call("exp", Y) + (X + Y)]
     return [*leaves, *small, *squares, *wide]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from stc.symbolic.node import ARITY, ONE, ZERO, Expr, add, div, finite, mul, neg, num, sub
+from stc.symbolic.node import ARITY, LOOK, ONE, ZERO, Expr, add, div, finite, mul, neg, num, sub
 from stc.symbolic.rules.table import ANY, SCALED, coefficient, rule, scale
 
 
@@ -139,7 +139,7 @@ def _sub_multiples(a: Expr, b: Expr) -> Expr | None:
 
 for _left, _right in (
     (("neg", "mul"), ANY),
-    (ANY[1:2] + tuple(o for o in ARITY if o not in SCALED), ("neg", "mul")),
+    (ANY[1:2] + tuple(o for o in (*ARITY, LOOK) if o not in SCALED), ("neg", "mul")),
 ):
     rule("l1*e1 - l2*e2", "l1*(e1-e2) if l1 = l2; (l1-l2)*e1 if e1 = e2; signs", "sub", _left, _right)(
         _sub_multiples

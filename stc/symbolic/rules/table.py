@@ -26,6 +26,7 @@ from stc.records import dataclass
 from stc.symbolic.node import (
     ARITY,
     COMMUTATIVE,
+    LOOK,
     ZERO,
     Expr,
     Rewrite,
@@ -37,7 +38,7 @@ from stc.symbolic.node import (
     unary_rules,
 )
 
-ANY: Final = ("num", "sym", *ARITY)
+ANY: Final = ("num", "sym", *ARITY, LOOK)
 SCALED: Final = ("num", "neg", "mul")
 
 

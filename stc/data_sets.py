@@ -1,0 +1,196 @@
+"""Numbers that a spec reads: columns with names, from a file or from the spec itself.
+
+``.csv``
+    The first line names the columns; every other one is a row with a number for each.  Empty cells and ``nan`` are
+    gaps.  Cells are separated by ``,``, ``;`` or tabulators; lines that begin with ``#`` say nothing.
+``.npz``
+    NumPy arrays by their names, numbers alone, of one or two dimensions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc import npz
+from stc.digests import sha256
+from stc.errors import StcError
+from stc.recorded_files import DATA_ROLE, RecordedFile
+from stc.records import dataclass, field
+
+__all__ = ["MOST_BYTES", "SUFFIXES", "TIME", "DataError", "DataSet", "files_of", "read_file"]
+
+FloatArray = NDArray[np.float64]
+
+#: What the names of files of numbers end in.
+SUFFIXES = (".csv", ".npz")
+#: A file of numbers may be so large: solutions carry it whole.
+MOST_BYTES = 2**25
+#: The column that tells when each row was measured, in seconds.
+TIME = "time"
+
+
+class DataError(StcError):
+    """A file or a table of numbers that is not as it should be; ``hint`` says what to do."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message, self.hint = message, hint
+
+    def __str__(self) -> str:
+        return self.message
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DataSet:
+    """Columns of numbers with names.
+
+    Attributes:
+        name: what the spec calls it.
+        columns: each (k,), in the order of the file, NaN where a cell is empty; arrays of an ``.npz`` may have other
+            lengths than each other, or two dimensions.
+        where: what it is called in messages: its file, or "" for numbers of the spec.
+        lines: (k,) the line of the file that each row stands on; empty where there are none.
+        file: what it was read from, with its content; None for numbers of the spec.
+        structural: the constants that numbers of the spec were worked out from.
+    """
+
+    name: str
+    columns: Mapping[str, FloatArray]
+    where: str = ""
+    lines: Sequence[int] = ()
+    file: RecordedFile | None = None
+    structural: frozenset[str] = field(default_factory=frozenset)
+
+    @property
+    def rows(self) -> int:
+        """How many numbers the longest column has."""
+        return max((len(column) for column in self.columns.values()), default=0)
+
+    @property
+    def time(self) -> FloatArray | None:
+        """When each row was measured, in seconds; None where nothing says so."""
+        return self.columns.get(TIME)
+
+    def place(self, row: int) -> str:
+        """What a row, counted from 0, is called in messages: by the line of its file where it has one."""
+        if self.lines:
+            return f"line {self.lines[row]} of `{self.where}`"
+        return f"row {row + 1} of `{self.where or self.name}`"
+
+
+def read_file(name: str, path: str, content: bytes) -> DataSet:
+    """The columns of a file.
+
+    Args:
+        name: what the spec calls them.
+        path: of the file, as the spec writes it, with one of :data:`SUFFIXES`, which tells the format.
+        content: all of it.
+
+    Raises:
+        DataError: it is no table of numbers, or too large.
+    """
+    if len(content) > MOST_BYTES:
+        raise DataError(
+            f"`{path}` has {len(content)} bytes, and {MOST_BYTES} are the most that data may have",
+            "leave out rows or columns that the spec does not need",
+        )
+    record = RecordedFile(DATA_ROLE, path, str(sha256(content).hexdigest()), len(content), content)
+    if path.lower().endswith(".npz"):
+        return DataSet(name, _of_npz(path, content), path, (), record)
+    columns, lines = _of_csv(path, content)
+    return DataSet(name, columns, path, lines, record)
+
+
+def _of_csv(path: str, content: bytes) -> tuple[dict[str, FloatArray], list[int]]:
+    import csv
+
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise DataError(
+            f"`{path}` is not UTF-8 text: line {line} has the byte {content[error.start]:#x}",
+            "save it in the encoding UTF-8, which editors offer where they save files",
+        ) from None
+    kept = [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.startswith("#")
+    ]
+    if len(kept) < 2:
+        raise DataError(f"`{path}` holds no table: a line of names and lines of numbers are needed")
+    heading = kept[0][1]
+    mark = next((mark for mark in (",", ";", "\t") if mark in heading), ",")
+    numbers = [number for number, _ in kept]
+    try:
+        names, *rows = csv.reader((line for _, line in kept), delimiter=mark, strict=True)
+    except csv.Error as error:
+        raise DataError(f"`{path}` is no table ({error})") from None
+    if len(rows) + 1 != len(kept):
+        raise DataError(f"`{path}` has quotes that do not close on their line")
+    names = [name.strip() for name in names]
+    _check_heading(path, names, numbers[0])
+    table = np.empty((len(rows), len(names)))
+    for k, row in enumerate(rows):
+        if len(row) != len(names):
+            cells = f"{len(row)} cell{'s' if len(row) != 1 else ''}"
+            raise DataError(f"line {numbers[k + 1]} of `{path}` has {cells} for {len(names)} columns")
+        try:
+            table[k] = row
+        except ValueError:  # an empty cell, or a mistake
+            table[k] = [_number(cell) for cell in row]
+    wrong = np.argwhere(np.isinf(table) | np.isnan(table))
+    for k, column in wrong:
+        cell = rows[k][column].strip()
+        if cell and cell.lower() != "nan":
+            raise DataError(f"line {numbers[k + 1]} of `{path}` has `{cell}` for {names[column]}: no number")
+    return {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}, numbers[1:]
+
+
+def _check_heading(path: str, names: Sequence[str], line: int) -> None:
+    if all(not math.isnan(_number(name)) for name in names):
+        raise DataError(f"line {line} of `{path}` holds numbers; it has to name the columns")
+    if not all(names):
+        raise DataError(f"column {list(names).index('') + 1} of `{path}` has no name on line {line}")
+    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+    if twice is not None:
+        raise DataError(f"`{path}` has two columns `{twice}` on line {line}")
+
+
+def _number(cell: str) -> float:
+    """The number in a cell; NaN where there is none."""
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
+def _of_npz(path: str, content: bytes) -> dict[str, FloatArray]:
+    import zipfile
+    import zlib
+
+    try:
+        members = npz.load(content, compressed=True)
+    except npz.ContentsError as error:
+        raise DataError(f"`{path}` cannot be read: {error}") from None
+    except (OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError):
+        raise DataError(f"`{path}` is damaged: it was cut off, or is no .npz file") from None
+    columns: dict[str, FloatArray] = {}
+    for name, values in members.items():
+        if values.ndim > 2 or not values.size:
+            raise DataError(f"`{name}` in `{path}` has the shape {values.shape}: lists and matrices are read")
+        columns[name] = column = np.atleast_1d(values).astype(np.float64)
+        if np.isinf(column).any():
+            raise DataError(f"`{name}` in `{path}` is infinite somewhere")
+    if not columns:
+        raise DataError(f"`{path}` holds no arrays")
+    return columns
+
+
+def files_of(data: Mapping[str, DataSet]) -> list[RecordedFile]:
+    """The files that data sets were read from, each once."""
+    return list({each.file.path: each.file for each in data.values() if each.file is not None}.values())

@@ -1,0 +1,178 @@
+"""What data is made of: files beside a spec, keyframes of a model, grids, and stretches of recorded motions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.data_sets import MOST_BYTES, SUFFIXES, TIME, DataError, DataSet
+from stc.language.diagnostics import did_you_mean
+from stc.symbolic.tables import Axis, Table, interpolated
+
+if TYPE_CHECKING:
+    from stc.language.model.scope import ModelScope
+
+FloatArray = NDArray[np.float64]
+
+#: Cells of a table of two arguments: sixteen numbers are kept for each.
+MOST_CELLS = 1_000_000
+
+#: The least distance of two places of a table, as a share of its length; and the greatest length, or its reciprocal.
+NEAR, LENGTH = 1e-12, 1e100
+NEAR_HINT = f"places are told apart that are a share of {NEAR:g} of all of the table from each other"
+
+_PART = re.compile(r'"([^"]*)"|([^.]+)')
+
+
+def split_path(path: str) -> tuple[str, str]:
+    """The first word of a path, and the rest as a column may be called: without quotes."""
+    parts = [quoted or plain for quoted, plain in _PART.findall(path)]
+    return parts[0], ".".join(parts[1:])
+
+
+def plain_path(path: str) -> str:
+    """A path as a column may be called: without quotes."""
+    return ".".join(part for part in split_path(path) if part)
+
+
+def found_beside(path: str, spec: str | None, carried: Mapping[str, bytes] | None) -> bytes:
+    """What is in a file: what the spec's solution carries, else what lies beside the spec.
+
+    Raises:
+        DataError: there is no such file, or it cannot be read.
+    """
+    if not path.lower().endswith(SUFFIXES):
+        raise DataError(f"data is read from a .csv or .npz file, not from `{path}`")
+    if carried is not None:
+        if path not in carried:
+            raise DataError(f"the solution does not carry `{path}`")
+        return carried[path]
+    folder = Path(spec).parent if spec else Path()
+    try:
+        file = folder / path
+        if not file.is_file():
+            known = [each.name for suffix in ("*.csv", "*.npz") for each in sorted(folder.glob(suffix))]
+            hint = did_you_mean(path, known) or "it is looked for beside the spec"
+            raise DataError(f"there is no file `{path}`", hint)
+        with file.open("rb") as stream:
+            return stream.read(MOST_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise DataError(f"`{path}` cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def too_near(places: FloatArray) -> int | None:
+    """Of rising places the first of two that are not told apart; None where all are."""
+    length = float(places[-1] - places[0])
+    near = int(np.argmin(np.diff(places)))
+    apart = places[near + 1] - places[near] > NEAR * length
+    return None if apart and 1.0 / LENGTH < length < LENGTH else near
+
+
+def keyframes(name: str, model: ModelScope) -> DataSet:
+    """The keyframes of a model as columns: one for each variable that they give a value to, and the time.
+
+    Raises:
+        DataError: there are fewer than two, or their times do not rise.
+    """
+    known = model.mechanism.keyframes
+    times = np.array([key.time for key in known])
+    if len(known) < 2 or not (np.diff(times) > 0.0).all():
+        shown = ", ".join(f"{time:g}" for time in times)
+        raise DataError(
+            f"the keyframes of the model make no motion: their times are {shown or 'none'}",
+            'give each its `time` in the file of the model, rising, as in `<key name="stand" time="0" .../>`',
+        )
+    columns: dict[str, FloatArray] = {TIME: times}
+    poses = [each for joint in model.coordinates for each in joint.pose]
+    rates = [each for joint in model.coordinates for each in joint.rates]
+    for k, variable in enumerate(poses):
+        columns[plain_path(variable)] = np.array([key.qpos[k] for key in known])
+    for k, rate in enumerate(rates):
+        if not rate.order:
+            columns[plain_path(rate.name)] = np.array([key.qvel[k] for key in known])
+    for k, control in enumerate(model.controls):
+        columns[plain_path(control)] = np.array([key.controls[k] for key in known])
+    return DataSet(name, columns, model.path.name)
+
+
+def grid(
+    data: DataSet, names: Sequence[str], x: FloatArray, y: FloatArray, values: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The axes and the matrix of a grid in long form: a row for each place, in any order.
+
+    Raises:
+        DataError: a place is missing, or stands twice.
+    """
+    rows, row = np.unique(x, return_inverse=True)
+    columns, column = np.unique(y, return_inverse=True)
+    hint = "each value of the first argument stands once with each of the second"
+    if len(rows) < 2 or len(columns) < 2:
+        what = names[0] if len(rows) < 2 else names[1]
+        raise DataError(
+            f"`{what}` has one value alone", "a table of two arguments has two values of each at least"
+        )
+    for what, places in zip(names, (rows, columns), strict=False):
+        if too_near(places) is not None:
+            raise DataError(f"`{what}` has values that differ too little", NEAR_HINT)
+    if len(rows) * len(columns) > 4 * MOST_CELLS:
+        raise DataError(f"`{names[0]}` and `{names[1]}` make no grid of {len(x)} places", hint)
+    cell = row * len(columns) + column
+    order = np.argsort(cell, kind="stable")
+    twice = np.flatnonzero(np.diff(cell[order]) == 0)
+    if len(twice):
+        one, other = sorted(int(order[twice[0] + k]) for k in (0, 1))
+        place = f"{data.place(other)} has the same place as {data.place(one)}"
+        raise DataError(f"{place}: {names[0]} = {x[one]:.9g}, {names[1]} = {y[one]:.9g}", hint)
+    if len(cell) < len(rows) * len(columns):
+        there = np.zeros(len(rows) * len(columns), bool)
+        there[cell] = True
+        i, j = divmod(int(np.argmin(there)), len(columns))
+        missing = f"{names[0]} = {rows[i]:.9g}, {names[1]} = {columns[j]:.9g}"
+        raise DataError(f"there is no value of `{names[2]}` for {missing}", hint)
+    return rows, columns, values[order].reshape(len(rows), len(columns))
+
+
+def checked(table: Table) -> Table:
+    """The same, if numbers are enough for it.
+
+    Raises:
+        DataError: its places are too near to each other, or its values too large.
+    """
+    inner = table.coefficients[tuple(slice(1, -1) for _ in table.axes)]
+    if not np.isfinite(inner).all():
+        raise DataError("the numbers of this table are too large, or too near to each other")
+    return table
+
+
+def stretches(there: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """The first and the last place of every stretch of two or more."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(np.int8)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]
+
+
+def bridged(time: FloatArray, values: FloatArray, runs: Sequence[tuple[int, int]]) -> Table:
+    """A spline on each stretch, straight lines between, and the last value outside."""
+    parts = [interpolated([time[a : b + 1]], values[a : b + 1], "cubic", "hold") for a, b in runs]
+    places = np.concatenate([part.axes[0].x for part in parts])
+    rows: list[FloatArray] = [parts[0].coefficients[:1]]
+    for k, part in enumerate(parts):
+        rows.append(part.coefficients[1:-1])
+        if k + 1 < len(parts):
+            a, b = runs[k][1], runs[k + 1][0]
+            slope = (values[b] - values[a]) / (time[b] - time[a])
+            rows.append(np.array([[values[a], slope, 0.0, 0.0]]))
+    rows.append(parts[-1].coefficients[-1:])
+    return Table([Axis(places)], np.concatenate(rows), 3, "cubic", "hold")
+
+
+def presence(time: FloatArray, runs: Sequence[tuple[int, int]], slack: float) -> Table:
+    """1 on every stretch, its ends included, and 0 elsewhere."""
+    edges = [edge for a, b in runs for edge in (time[a] - slack, np.nextafter(time[b] + slack, np.inf))]
+    coefficients = np.zeros((len(edges) + 1, 4))
+    coefficients[1::2, 0] = 1.0
+    return Table([Axis(np.array(edges))], coefficients, 0, "steps", "hold")

@@ -1,0 +1,263 @@
+"""`abs`, `min`, `max`, `sign` and `floor`: what they are of what is known, and what to write for them elsewhere.
+
+Of constants they are numbers, of `t`, `i` and data functions like any other. Of an unknown, ``abs(e)`` stands for
+``sqrt(e^2)``, ``max(a, b)`` for ``(a + b + sqrt((a - b)^2))/2``: in products that are smooth all the same, such as
+``v*abs(v)`` and ``max(0, x)^2``, they may stay (:mod:`stc.language.smoothing`). Anywhere else no solver that follows
+slopes can take them; then the message has the lines that state the same without a kink.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from stc.language import syntax
+from stc.problem import CellRef, ConstantRef, IndexRef, TimeRef
+from stc.symbolic.expr import Expr, add, call, evaluate, mul, num, pow_, reachable, sub, symbols
+
+if TYPE_CHECKING:
+    from stc.language.expressions import ExpressionBuilder
+
+#: The functions, and how many arguments each takes: at least, at most.
+KINKED: dict[str, tuple[int, float]] = {
+    "abs": (1, 1),
+    "min": (2, math.inf),
+    "max": (2, math.inf),
+    "sign": (1, 1),
+    "floor": (1, 1),
+}
+
+#: What the functions are of numbers.
+OF_NUMBERS: dict[str, Callable[..., float]] = {
+    "abs": abs,
+    "min": min,
+    "max": max,
+    "sign": lambda x: float((x > 0) - (x < 0)),
+    "floor": lambda x: float(math.floor(x)),
+}
+
+
+def count_fits(function: str, given: int) -> bool:
+    """Whether a function takes so many arguments."""
+    least, most = KINKED[function]
+    return least <= given <= most
+
+
+def kinked(builder: ExpressionBuilder, node: syntax.Call, arguments: Sequence[Expr]) -> Expr:
+    """A call of one of :data:`KINKED`; mistakes are noted in the builder."""
+    name = node.function
+    if builder.poisoned:
+        return num(0.0)
+    if not count_fits(name, len(arguments)):
+        return builder.fail(node, *_wrong_count(builder, node, len(arguments)))
+    keys = [key for argument in arguments for key in symbols(argument)]
+    if all(isinstance(key, ConstantRef) for key in keys):
+        values = {key: builder.positions.structural_value(key.name) for key in keys}
+        if None in values.values():
+            builder.poisoned = True
+            return num(0.0)
+        return num(float(OF_NUMBERS[name](*(float(evaluate(e, values)) for e in arguments))))
+    if name in ("sign", "floor"):
+        return builder.fail(node, *_no_slope(builder, node))
+    found = arguments[0]
+    if name == "abs":
+        return _noted(builder, node, found)
+    for other in arguments[1:]:
+        gap = _noted(builder, node, sub(found, other))
+        found = mul(num(0.5), (add if name == "max" else sub)(add(found, other), gap))
+    return found
+
+
+def _noted(builder: ExpressionBuilder, node: syntax.Call, e: Expr) -> Expr:
+    """The size of an expression; where it holds an unknown its kink is remembered."""
+    found = call("sqrt", pow_(e, num(2.0)))
+    if not all(isinstance(key, ConstantRef | IndexRef | TimeRef | CellRef) for key in symbols(e)):
+        builder.kinks[found] = node
+    return found
+
+
+def kinks_in(builder: ExpressionBuilder, e: Expr) -> list[syntax.Call]:
+    """The calls that an expression has kinks from."""
+    if not builder.kinks:
+        return []
+    found = (builder.kinks[node] for node in reachable([e]) if node in builder.kinks)
+    return list({(node.start, node.end): node for node in found}.values())
+
+
+# ------------------------------------------------------------------------------------------------ what to write
+
+
+def _text(builder: ExpressionBuilder, node: syntax.Node) -> str:
+    from stc.language.statements import statement_text
+
+    return statement_text(builder.diagnostics.source, node)
+
+
+def _tight(builder: ExpressionBuilder, node: syntax.Expression) -> str:
+    """The text of an operand as it stands behind a minus."""
+    text = _text(builder, node)
+    return text if isinstance(node, syntax.Name | syntax.Number | syntax.Call | syntax.Prime) else f"({text})"
+
+
+def _negative(builder: ExpressionBuilder, node: syntax.Expression) -> str:
+    if isinstance(node, syntax.Number) and not node.value:
+        return "0"
+    return _text(builder, node.operand) if isinstance(node, syntax.Negate) else f"-{_tight(builder, node)}"
+
+
+def _wrong_count(builder: ExpressionBuilder, node: syntax.Call, given: int) -> tuple[str, str]:
+    name = node.function
+    if name in ("min", "max") and given == 1:
+        new = _free_name(builder, node)
+        sign = "<=" if name == "max" else ">="
+        argument = _text(builder, node.arguments[0])
+        hint = (
+            f"for the {'largest' if name == 'max' else 'smallest'} value over the frames write\n"
+            f"parameters: {new};\nconstraints: [0, n]: {argument} {sign} {new};\nand `{new}` in place of "
+            f"`{_text(builder, node)}`"
+        )
+        return f"`{name}` takes two arguments or more, not 1", hint
+    wanted = "two arguments or more" if name in ("min", "max") else "1 argument"
+    return f"`{name}` takes {wanted}, not {given}", ""
+
+
+def _no_slope(builder: ExpressionBuilder, node: syntax.Call) -> tuple[str, str]:
+    text = _text(builder, node)
+    argument = node.arguments[0]
+    if node.function == "floor":
+        hint = "solvers that follow slopes find no whole numbers: make it a constant, and solve for each (`--set`)"
+        return f"`{text}` jumps from one whole number to the next", hint
+    of = _text(builder, argument)
+    hint = (
+        f"`{_tight(builder, argument)}*abs({of})` is smooth and stands for `{text}*{_tight(builder, argument)}^2`; "
+        f"else take\n`tanh({_tight(builder, argument)}/e)` with a constant `e` as small as matters, as in "
+        f"`constants: e = 0.01;`"
+    )
+    return f"`{text}` jumps where `{of}` is 0", hint
+
+
+def _free_name(builder: ExpressionBuilder, node: syntax.Call) -> str:
+    """A name for what a call stands for, which the spec does not have yet."""
+    first = next((name for argument in node.arguments for name in syntax.names(argument)), "")
+    word = "".join(c if c.isalnum() or c == "_" else "_" for c in first.rpartition(".")[2])
+    plain = f"{node.function}_{word}" if word else f"{node.function}imum"
+    name, count = plain, 1
+    while name in builder.table.entries:
+        count += 1
+        name = f"{plain}{count}"
+    return name
+
+
+def advice(
+    builder: ExpressionBuilder, node: syntax.Call, statement: syntax.Node, section: str, header: str
+) -> tuple[str, str]:
+    """What is wrong with a call whose kink a statement keeps, and the lines to write.
+
+    Args:
+        builder: with the spec's text and names.
+        node: the call.
+        statement: that it stands in, by itself or in a definition.
+        section: of the statement.
+        header: its range header.
+    """
+    text, name = _text(builder, node), node.function
+    if name == "abs":
+        where = f"where `{_text(builder, node.arguments[0])}` is 0"
+    else:
+        where = "where its arguments are equal"
+    message = f"`{text}` has a kink {where}, at which it has no slope"
+    sides = _sides(node, statement) if section == "constraints" else None
+    if sides is not None:
+        lines = _relation_lines(builder, node, *sides)
+        if lines:
+            return message, lines
+    new = _free_name(builder, node)
+    parts = [_text(builder, argument) for argument in node.arguments]
+    negated = _negative(builder, node.arguments[0])
+    members = [*parts, negated] if name == "abs" else parts
+    weight = 0
+    if section == "objective" and isinstance(statement, syntax.Relation):
+        weight = _weight(statement.operands[0], node)
+    if weight and (weight > 0) == (name != "min"):
+        sign = ">=" if weight > 0 else "<="
+        rows = " ".join(f"{new} {sign} {part};" for part in members)
+        end = f"and `{new}` in place of `{text}`: as {'small' if weight > 0 else 'large'} as it may be, it is just that"
+        return message, f"write\nvariables: {new};\nconstraints: {header} {rows}\n{end}"
+    rows = _exactly(builder, node, new)
+    return (
+        message,
+        f"write\nvariables: {new};\nconstraints: {header} {rows}\nand `{new}` in place of `{text}`",
+    )
+
+
+def _exactly(builder: ExpressionBuilder, node: syntax.Call, new: str) -> str:
+    """The statement that something is what a call says: one of two inequalities is an equality."""
+    one = _tight(builder, node.arguments[0])
+    if node.function == "abs":
+        return f"0 <= {new} - {one} complements {new} + {one} >= 0;"
+    *others, last = node.arguments
+    if len(others) > 1:  # of three and more, the last one against the rest
+        inner = f"{node.function}({', '.join(_text(builder, each) for each in others)})"
+    else:
+        inner = one
+    other = _tight(builder, last)
+    if node.function == "max":
+        return f"0 <= {new} - {inner} complements {new} - {other} >= 0;"
+    return f"0 <= {inner} - {new} complements {other} - {new} >= 0;"
+
+
+def _sides(node: syntax.Call, statement: syntax.Node) -> tuple[str, syntax.Expression] | None:
+    """The sign and the other side of a relation one of whose sides a call is."""
+    if not isinstance(statement, syntax.Relation) or len(statement.operators) != 1:
+        return None
+    left, right = statement.operands
+    sign = statement.operators[0]
+    if left == node and node not in list(syntax.walk(right)):
+        return sign, right
+    if right == node and node not in list(syntax.walk(left)):
+        return {"<=": ">=", ">=": "<="}.get(sign, sign), left
+    return None
+
+
+def _relation_lines(
+    builder: ExpressionBuilder, node: syntax.Call, sign: str, other: syntax.Expression
+) -> str:
+    """What to write for ``call <= other`` and the like; empty where nothing simple says it."""
+    limit = _text(builder, other)
+    parts = [_text(builder, argument) for argument in node.arguments]
+    name = node.function
+    if sign == "=":
+        if isinstance(other, syntax.Name) and len(node.arguments) < 3:
+            return f"write `{_exactly(builder, node, limit)}`"
+        return ""
+    if name == "abs" and sign == "<=":
+        return f"write `{_negative(builder, other)} <= {parts[0]} <= {limit};`"
+    if (name == "max") == (sign == "<=") and name != "abs":
+        rows = " ".join(f"{part} {sign} {limit};" for part in parts)
+        return f"write `{rows}`"
+    members = [*parts, _negative(builder, node.arguments[0])] if name == "abs" else parts
+    rows = " or ".join(f"`{part} {sign} {limit};`" for part in members)
+    return f"this leaves a choice, which you make: state {rows} on the frames where it is to hold"
+
+
+def _weight(e: syntax.Expression, wanted: syntax.Call) -> int:
+    """The sign with which a call enters a sum: 1 or -1, 0 where that is not plain."""
+    if e == wanted and e.start == wanted.start:
+        return 1
+    if isinstance(e, syntax.Sum):
+        signs = [(1 if sign == "+" else -1) * _weight(term, wanted) for sign, term in e.terms]
+        return next((sign for sign in signs if sign), 0)
+    if isinstance(e, syntax.Negate):
+        return -_weight(e.operand, wanted)
+    if isinstance(e, syntax.Call) and e.function == "integral" and len(e.arguments) == 1:
+        return _weight(e.arguments[0], wanted)
+    if isinstance(e, syntax.Product):
+        found = [
+            (k, _weight(factor, wanted)) for k, (operator, factor) in enumerate(e.factors) if operator == "*"
+        ]
+        inside = next(((k, sign) for k, sign in found if sign), None)
+        others = [factor for k, (_, factor) in enumerate(e.factors) if inside is not None and k != inside[0]]
+        if inside is not None and all(isinstance(other, syntax.Name | syntax.Number) for other in others):
+            return inside[1]  # constants with names are weights, which are positive
+    return 0
