@@ -8,11 +8,13 @@ solver, and neither its kernels nor its derivatives nor its scaling (:mod:`stc.t
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from stc.errors import Span, StcError
 from stc.language.parser import parse
 from stc.language.syntax import Declaration
 from stc.problem import Problem
+from stc.recorded_files import changed
 from stc.restated import stated_again
 from stc.solution import Solution
 from stc.transcription.point import Found, Miss, Point
@@ -62,7 +64,19 @@ def judge(solution: Solution) -> Claims:
         missed=_missed(problem, found) if found.violation > limits.VIOLATION else "",
         optimality=found.optimality,
         words=words,
+        notes=_other_data(solution),
     )
+
+
+def _other_data(solution: Solution) -> list[str]:
+    """Which of the data that a motion was solved with is not what lies beside the spec by now."""
+    if not solution.directory:
+        return []
+    return [
+        f"{path} has changed since this motion was solved: it is judged with the data that it carries"
+        for path in changed(solution.data, Path(solution.directory) / "spec")
+        if (Path(solution.directory) / path).is_file()
+    ]
 
 
 def _objective(problem: Problem, solution: Solution, found: Found) -> Claim:

@@ -157,6 +157,13 @@ def test_a_recording_is_followed_where_it_has_numbers(tmp_path: Path) -> None:
     assert not judge(solved).faults
 
 
+def test_a_motion_that_lasts_longer_than_its_recording_is_told(tmp_path: Path) -> None:
+    recorded(tmp_path)
+    assert not stc.load(saved_spec(tmp_path, FOLLOWED)).solve().outside[1:]
+    told = stc.load(saved_spec(tmp_path, FOLLOWED)).solve(T=3.0).outside
+    assert any("`walk.x` is recorded from -0.03 to 2.05 s" in each and "(3 s)" in each for each in told)
+
+
 def test_the_objective_counts_the_known_stretches(tmp_path: Path) -> None:
     time, _, y = recorded(tmp_path)
     text = FOLLOWED.replace("(x - walk.x)^2 + (y - walk.y)^2 + w*(u^2 + v^2)", "(y - walk.y)^2")
@@ -238,7 +245,8 @@ def test_a_solution_carries_its_data(suffix: str, kept: tuple[Path, Solution]) -
     np.testing.assert_array_equal(again["y"], solved["y"])
     claims = judge(again)
     assert not claims.faults
-    assert not claims.notes
+    (note,) = claims.notes
+    assert note.startswith("sine.csv has changed since")
     assert next(claim.recomputed for claim in claims.claims if claim.name == "objective") == pytest.approx(
         solved.objective
     )

@@ -24,7 +24,7 @@ _MEANT = {
 def used_outside(recovery: Recovery) -> list[str]:
     """A sentence for each table that a motion uses outside of its numbers."""
     problem = recovery.problem
-    if not problem.tables:
+    if not problem.data:
         return []
     stated = [(r.body, r.range) for r in problem.relations] + [(o.body, o.range) for o in problem.objective]
     worst: dict[str, tuple[float, float, float, TableRef]] = {}
@@ -46,10 +46,10 @@ def used_outside(recovery: Recovery) -> list[str]:
 
 
 def _arguments(node: Expr) -> list[tuple[Expr, TableRef, int]]:
-    """The arguments of a look-up, with the table and the number of the argument; none of a function of time."""
+    """The arguments of a look-up, with the table and the number of the argument."""
     x, place = node.args
     leaf = place.args[1] if place.op == "at" else place
-    if leaf.payload.of_time:
+    if leaf.payload.table.kind == "steps":  # where a recording is there: it is looked up besides
         return []
     both = [x, *place.args[:1]]
     return [(argument, leaf.payload.base, k) for k, argument in enumerate(both)]
@@ -69,6 +69,12 @@ def _farthest(
 
 
 def _told(name: str, share: float, value: float, frame: float, ref: TableRef) -> str:
+    if ref.of_time:
+        begin, end = ref.table.axes[0].x[[0, -1]]
+        return (
+            f"`{name}` is recorded from {begin:.6g} to {end:.6g} s, and this motion reads it outside, farthest at "
+            f"frame {frame:g} ({value:.6g} s): integrals do not count it there, other statements take its last value"
+        )
     ends = " and ".join(f"{axis.x[0]:.6g} to {axis.x[-1]:.6g}" for axis in ref.table.axes)
     return (
         f"the table `{name}` is from {ends}, and this motion uses it outside, farthest at frame {frame:g} "
