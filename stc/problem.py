@@ -242,6 +242,24 @@ class Correction:
 
 
 @dataclass(frozen=True, slots=True)
+class Fixture:
+    """What of a model is held over some frames: the guess is brought there.
+
+    Attributes:
+        range: the frames.
+        reference: the frame whose guess says where that is, where nothing else does.
+        places: what is 0, functions of the configuration; what refers to the frame after it means any of the frames,
+            and what refers to the frame itself the reference.
+        rates: their derivatives as functions of configuration and velocities.
+    """
+
+    range: FrameRange
+    reference: int
+    places: Sequence[Expr]
+    rates: Sequence[Expr]
+
+
+@dataclass(frozen=True, slots=True)
 class ReplayChannel:
     """One line of ``replay:``: ``kind path = body;`` with kind joint, actuator, apply, contact, compare or set."""
 
@@ -261,7 +279,8 @@ class Problem:
     parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared, and
     ``model_span`` where the model is named.
     ``rotations`` are the orientations among the variables, and ``of_model`` tells whether a model has brought the
-    equations of motion.
+    equations of motion; for the guess, ``fixtures`` are what it holds, and ``root`` the variables by which it moves as
+    a whole.
     ``at_nodes`` are variables that are chosen node by node, without a course in time: the directions of distances.
     ``data`` holds the columns of numbers that the spec reads, ``tables`` the functions that it makes of them.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
@@ -291,6 +310,8 @@ class Problem:
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
     at_nodes: Sequence[str] = ()
+    fixtures: Sequence[Fixture] = ()
+    root: frozenset[str] = frozenset()
     corrections: Sequence[Correction] = ()
     data: Mapping[str, DataSet] = field(default_factory=dict)
     tables: Mapping[str, TableRef] = field(default_factory=dict)

@@ -113,17 +113,20 @@ class _Elaborator(Context):
         step = work_out_step(self)
         if self.model_statements is not None:
             self.model_statements.complete()
-        relations = [*equations_of_motion(self), *self._constraints()]
+        equations = equations_of_motion(self)
+        stated = self._constraints()
+        relations = [*equations, *stated]
         objective = self._objective()
         guesses = self._guesses()
         model_file, replay = self._replay()
         if self.model_statements is not None and not self.diagnostics.error_count:
             relations = [*self.model_statements.relations(forces_on_coordinates(self)), *relations]
             objective = [*objective, *self.model_statements.objective()]
-            guesses = [*self.model_statements.guesses(), *guesses]
+            guesses = [*self.model_statements.guesses(stated), *guesses]
         if self.diagnostics.error_count:
             return None
         corrections = [] if self.model_statements is None else self.model_statements.standing.corrections()
+        fixtures = [] if self.model_statements is None else self.model_statements.fixtures()
         given = self._numbers_of_model(replay)
         if given:
             put = _Putting(given)
@@ -133,6 +136,10 @@ class _Elaborator(Context):
             replay = [replace(channel, body=put(channel.body)) for channel in replay]
             corrections = [
                 replace(one, shares={key: put(e) for key, e in one.shares.items()}) for one in corrections
+            ]
+            fixtures = [
+                replace(one, places=[put(e) for e in one.places], rates=[put(e) for e in one.rates])
+                for one in fixtures
             ]
             guesses = [*self._guesses_of_numbers(), *guesses]
         if self.diagnostics.error_count:
@@ -170,6 +177,8 @@ class _Elaborator(Context):
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
             at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
+            fixtures=fixtures,
+            root=frozenset() if self.model_statements is None else self.model_statements.root(),
             corrections=corrections,
             data={} if self.data is None else self.data.sets,
             tables={} if self.data is None else self.data.tables,
