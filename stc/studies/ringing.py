@@ -147,10 +147,11 @@ def _runs(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
 def _held(problem: Problem) -> set[str]:
     """The variables that alternate at a cost, or are no controls.
 
-    That is those that equations of motion determine, those whose squares the objective has, and contact forces, which
-    the ground shares out among its points as it likes.
+    That is those that equations of motion determine, those whose squares the objective has, contact forces, which
+    the ground shares out among its points as it likes, and unknowns of the transcription's own.
     """
-    held = {name for rotation in problem.rotations for name in (*rotation.quaternion, *rotation.velocity)}
+    held = set(problem.at_nodes) | {name for one in problem.corrections for name in one.unknowns}
+    held |= {name for rotation in problem.rotations for name in (*rotation.quaternion, *rotation.velocity)}
     for relation in _equations(problem):
         keys = symbols(resolved(problem, relation.body, relation.range.first))
         held |= {key.name for key in keys if isinstance(key, VariableRef) and key.order}
