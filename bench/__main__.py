@@ -10,7 +10,8 @@ Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solutio
 (compiled kernels), ``tables`` (look-ups beside polynomials), ``mechanics`` (from a Lagrangian to compiled
 derivatives), ``scaling`` (growth with the frames), ``kkt`` (the linear systems alone, beside MUMPS), ``in_solve``
 (factorisations inside whole solves, beside MUMPS in IPOPT), ``threads`` (two threads beside one), ``variety`` (random
-motions of many kinds, beside IPOPT), ``many_frames`` (the same with many frames).
+motions of many kinds, beside IPOPT), ``many_frames`` (the same with many frames), ``robots`` (motions of whole
+robots, each as it is and perturbed).
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ SCRIPTS = {
     "threads": "threads",
     "variety": "variety",
     "many_frames": "variety",
+    "robots": "robots",
 }
 PARTS = ("peers", "cold", *SCRIPTS)
 ROOT = Path(__file__).resolve().parent.parent
@@ -182,6 +184,7 @@ def script(part: str, options: argparse.Namespace) -> None:
         ],
         "mechanics": ["--quick", "--rounds", "2"] if options.quick else [],
         "variety": ["--each", "2"] if options.quick else [],
+        "robots": ["--each", "2"] if options.quick else [],
         "many_frames": ["--frames", "800", "--each", "1" if options.quick else "3", "--time-limit", "10"],
         "scaling": [
             *(["--frames", "50,1000,10000"] if options.quick else []),

@@ -80,9 +80,9 @@ def _is_square(term: Expr) -> bool:
 
 def _parts(problem: Problem, relation: Relation, solution: Solution, first: int) -> _Parts | None:
     """A statement ready to be evaluated after frame ``first``, or None where that cannot be done."""
-    bounds = (relation.body, relation.lower, relation.upper)
+    bounds = (relation.between or relation.body, relation.lower, relation.upper)
     keys = [k for e in bounds if e is not None for k in symbols(e)]
-    if any(getattr(key, "side", "") for key in keys):
+    if any(getattr(key, "side", "") or getattr(key, "name", "") in problem.at_nodes for key in keys):
         return None
     body, lower, upper = (None if e is None else resolved(problem, e, first) for e in bounds)
     assert body is not None

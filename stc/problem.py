@@ -146,6 +146,8 @@ class Relation:
     ``lower`` and ``upper`` are expressions of constants, ``i`` and ``t`` alone, or None where absent
     (infinite); an equality has the very same expression on both sides.  ``a <= b`` with neither side constant
     is ``a - b <= 0``.  The value of a bound may be infinite: a constant may be given as ``inf``.
+    ``coordinate`` is the variable whose equation of motion it is.  ``between`` is held against the bounds between the
+    nodes where the body has unknowns that mean nothing there (``Problem.at_nodes``).
     ``on_frames`` leaves out the midpoints between the frames.
     """
 
@@ -156,6 +158,7 @@ class Relation:
     span: Span
     text: str
     coordinate: str = ""
+    between: Expr | None = None
     on_frames: bool = False
 
     @property
@@ -239,6 +242,24 @@ class Correction:
 
 
 @dataclass(frozen=True, slots=True)
+class Fixture:
+    """What of a model is held over some frames: the guess is brought there.
+
+    Attributes:
+        range: the frames.
+        reference: the frame whose guess says where that is, where nothing else does.
+        places: what is 0, functions of the configuration; what refers to the frame after it means any of the frames,
+            and what refers to the frame itself the reference.
+        rates: their derivatives as functions of configuration and velocities.
+    """
+
+    range: FrameRange
+    reference: int
+    places: Sequence[Expr]
+    rates: Sequence[Expr]
+
+
+@dataclass(frozen=True, slots=True)
 class ReplayChannel:
     """One line of ``replay:``: ``kind path = body;`` with kind joint, actuator, apply, contact, compare or set."""
 
@@ -258,7 +279,9 @@ class Problem:
     parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared, and
     ``model_span`` where the model is named.
     ``rotations`` are the orientations among the variables, and ``of_model`` tells whether a model has brought the
-    equations of motion.
+    equations of motion; for the guess, ``fixtures`` are what it holds, and ``root`` the variables by which it moves as
+    a whole.
+    ``at_nodes`` are variables that are chosen node by node, without a course in time: the directions of distances.
     ``data`` holds the columns of numbers that the spec reads, ``tables`` the functions that it makes of them.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
     others, which occur in no other expression by name.
@@ -286,6 +309,9 @@ class Problem:
     model_span: Span | None = None
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
+    at_nodes: Sequence[str] = ()
+    fixtures: Sequence[Fixture] = ()
+    root: frozenset[str] = frozenset()
     corrections: Sequence[Correction] = ()
     data: Mapping[str, DataSet] = field(default_factory=dict)
     tables: Mapping[str, TableRef] = field(default_factory=dict)

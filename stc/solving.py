@@ -155,15 +155,6 @@ def _unmoved(bound: BoundProgram, status: Status, message: str = "", least: floa
     )
 
 
-def _with_counts(result: Result, before: Result) -> Result:
-    """A result with the iterations of a solve before it."""
-    return replace(
-        result,
-        iterations=result.iterations + before.iterations,
-        factorizations=result.factorizations + before.factorizations,
-    )
-
-
 #: A motion that strays from another one by no more than this share of its range is the same one.
 ALIKE = 0.25
 
@@ -201,8 +192,6 @@ class ColdSolve:
         """Solve; the same again when called again."""
         if self.transcription.is_quadratic:  # takes few steps anyway
             return self._fine(self.options, None, self.callback)
-        if self.problem.of_model and self.problem.method == "hermite-simpson":
-            return self._lower_order_first()
         fewer = self._reduce(FINE)
         nested = Nested(
             self._coarse, self._between, self._follow, self._alike, self._fine, self.options, self.callback
@@ -213,37 +202,6 @@ class ColdSolve:
         return nested.fewer_for_help(
             Start(self._followed.x0), lambda fineness: self._reduce(fineness) is not None
         )
-
-    def _lower_order_first(self) -> Result:
-        """The motion by the trapezoidal rule first, and the higher order from there.
-
-        Half as many unknowns have to find out how the motion goes, and nothing is free between the frames that could
-        swing meanwhile (as with fewer frames: nested iteration).  Where that finds no motion, or none follows from it,
-        the solve starts from the guess.
-        """
-        begin = time.perf_counter()
-        small, reduced = self.model.compiled("trapezoidal", self.given)
-        for part in ("derive", "compile"):
-            self.seconds[part] += reduced.seconds.pop(part, 0.0)
-        self.seconds["solve"] -= time.perf_counter() - begin
-        _, first = solve(
-            reduced, small.constants, self.options, None, self.callback, minimizer=self.minimizer
-        )
-        if first.status in (Status.TIME_LIMIT, Status.INTERRUPTED):
-            return self._fine(self.options, self._follow_from(small, reduced, first), self.callback)
-        options = replace(self.options, max_iterations=max(1, self.options.max_iterations - first.iterations))
-        if first.status is not Status.OPTIMAL:
-            return _with_counts(self._fine(options, None, self.callback), first)
-        start = self._follow_from(small, reduced, first)
-        guess = only_once(lambda _: (Start(self.transcription.bind(self.problem.constants).x0), 0))
-        options = replace(options, warm_start=True)
-        return _with_counts(self._fine(options, replace(start, another=guess), self.callback), first)
-
-    def _follow_from(self, small: Problem, reduced: Transcription, result: Result) -> Start:
-        """Where the motion by another method leads to."""
-        motion = collect(reduced, result, small.constants, self.given, {})
-        found, self._followed = self.model.follow(motion, self.transcription, self.problem, small)
-        return found
 
     def _reduce(self, fineness: Fineness) -> FewerFrames | None:
         fewer = self.model.on_fewer_frames(self.problem, self.given, fineness)

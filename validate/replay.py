@@ -189,8 +189,7 @@ class _Simulation:
     def run(self, time_step: float, watcher: Watcher | None) -> Replay:
         setup, model, data, result = self.setup, self.model, self.data, self.result
         solution = setup.solution
-        start = setup.reference.at("after", 0)[:2]
-        setup.reference.put(data, start)
+        setup.put(data, "after", 0)
         self._record(0)
         times, path = [float(solution.time[0])], [data.qpos.copy()]
         data.time = times[0]
@@ -204,7 +203,7 @@ class _Simulation:
             for grip in self.grips:
                 data.eq_active[grip.equality] = grip.on[frame]
             if frame in self.restarts:
-                setup.reference.put(data, setup.reference.at("after", frame)[:2])
+                setup.put(data, "after", frame)
             parts = max(limits.SUBSTEPS, math.ceil(duration / time_step - 1e-9))
             model.opt.timestep = duration / parts
             result.time_step = max(result.time_step, model.opt.timestep)

@@ -16,7 +16,6 @@ from collections.abc import Callable, Hashable, Iterable, Sequence, Set
 from operator import attrgetter
 from typing import Any, Final
 
-from stc.symbolic.counting import shared_ops
 from stc.symbolic.node import (
     ONE,
     ZERO,
@@ -39,6 +38,7 @@ Key = Hashable
 Entries = dict[tuple[int, int], Expr]
 """A sparse matrix: nonzero entries by (row, column), in ascending order."""
 
+#: Forward sweeps of so many times as many steps still end in fewer operations, as a rule.
 _FAR_MORE: Final = 8
 _by_order = attrgetter("order")
 
@@ -199,8 +199,8 @@ def _by_columns(exprs: Sequence[Expr], keys: Sequence[Key], triangle: bool = Fal
     return dict(sorted(entries.items(), key=lambda entry: entry[0]))
 
 
-def _ways(exprs: Sequence[Expr], keys: Sequence[Key]) -> list[Entries]:
-    """The Jacobian by rows and by columns; only one of them where the other would take far more steps."""
+def _columns_pay(exprs: Sequence[Expr], keys: Sequence[Key]) -> bool:
+    """Whether forward sweeps take not far more steps than reverse ones: they share more, along chains above all."""
     nodes = reachable(exprs)
     depends = _marks(nodes, keys)
     used_by: dict[Expr, int] = dict.fromkeys(nodes, 0)
@@ -211,12 +211,7 @@ def _ways(exprs: Sequence[Expr], keys: Sequence[Key]) -> list[Entries]:
             used_by[arg] |= used_by[node]
     row_steps = sum(used_by[node].bit_count() for node in nodes if depends[node])
     column_steps = sum(mark.bit_count() for mark in depends.values())
-    found = []
-    if row_steps <= _FAR_MORE * column_steps:
-        found.append(_by_rows(exprs, keys))
-    if column_steps <= _FAR_MORE * row_steps:
-        found.append(_by_columns(exprs, keys))
-    return found
+    return column_steps <= _FAR_MORE * row_steps
 
 
 def gradient(e: Expr, keys: Sequence[Key]) -> list[Expr]:
@@ -232,11 +227,8 @@ def derivative(e: Expr, key: Key) -> Expr:
 
 
 def jacobian(exprs: Sequence[Expr], keys: Sequence[Key]) -> Entries:
-    """The nonzero partial derivatives ``(row, col) -> d exprs[row] / d keys[col]``, by row, then column.
-
-    By rows or by columns, whichever takes fewer operations together with the expressions.
-    """
-    return min(_ways(exprs, keys), key=lambda entries: shared_ops([*exprs, *entries.values()]))
+    """The nonzero partial derivatives ``(row, col) -> d exprs[row] / d keys[col]``, by row, then column."""
+    return (_by_columns if _columns_pay(exprs, keys) else _by_rows)(exprs, keys)
 
 
 def hessian(e: Expr, keys: Sequence[Key]) -> Entries:
@@ -246,20 +238,6 @@ def hessian(e: Expr, keys: Sequence[Key]) -> Entries:
     matrix is symmetric, but columns share more of their tangents.
     """
     return _by_columns(gradient(e, keys), keys, triangle=True)
-
-
-def jacobian_and_hessian(exprs: Sequence[Expr], total: Expr, keys: Sequence[Key]) -> tuple[Entries, Entries]:
-    """:func:`jacobian` of ``exprs`` and :func:`hessian` of ``total``, for example their weighted sum.
-
-    The Jacobian is that which takes fewer operations together with the Hessian: they share subexpressions.
-    """
-    second = hessian(total, keys)
-    present = {node.fingerprint for node in reachable([*exprs, *second.values()])}
-
-    def added(entries: Entries) -> int:
-        return len({node.fingerprint for node in reachable(entries.values())} - present)
-
-    return min(_ways(exprs, keys), key=added), second
 
 
 def total_derivative(e: Expr, rate: Callable[[Any], Expr], memo: dict[Expr, Expr] | None = None) -> Expr:

@@ -22,7 +22,7 @@ from stc.codegen.tape import Tape, build_tape
 from stc.deadline import look
 from stc.problem import ParameterRef, VariableRef
 from stc.records import dataclass, field
-from stc.symbolic.differentiate import gradient, jacobian_and_hessian
+from stc.symbolic.differentiate import gradient, hessian, jacobian
 from stc.symbolic.expr import FUNCTIONS, Expr, call, reachable, sum_of, sym, symbols
 from stc.symbolic.structure import degrees, mentioning
 from stc.transcription.grid import IntArray, Nodes
@@ -140,7 +140,7 @@ class Group:
         curved = [sym(MultiplierRef(r)) * e for r, e in enumerate(bodies) if of_rows[r] > 1]
         if self.objective is not None and objective_degree > 1:
             curved.append(sym(ObjectiveFactor()) * self.objective)
-        first, second = jacobian_and_hessian(bodies, sum_of(curved), keys)
+        first, second = jacobian(bodies, keys), hessian(sum_of(curved), keys)
         entries.update((Derivative(JACOBIAN, r, k), e) for (r, k), e in first.items())
         entries.update((Derivative(HESSIAN, a, b), e) for (a, b), e in second.items())
         changes = mentioning(list(second.values()), _changes)

@@ -2,7 +2,8 @@
 
 Where a variable is pinned (its bounds coincide) it starts there.  Elsewhere values given from outside count,
 then a written guess; without either the start is linear between the pinned frames, constant outside them, 0 where
-nothing is pinned.  Derivatives that are unknowns of their own start from differences of these values.
+nothing is pinned.  Derivatives that are unknowns of their own start from differences of these values, and so do
+angular velocities, from those of the orientation.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ from stc.symbolic.expr import evaluate, symbols
 from stc.transcription.grid import Grid, Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import Expander
+from stc.transcription.settle import Settling
 from stc.transcription.steps import Steps
+from stc.transcription.turns import turns_between
 
 if TYPE_CHECKING:
     from stc.guess_file import GivenValues, NodeValues
@@ -99,23 +102,85 @@ def starting_point(
         name: None if given is None else given.values(name, 0, time, halfway) for name in problem.variables
     }
     written = _written(problem, grid, values, time, outside)
+    starts = {}
     for name, order, before, after, middle in layout.slots():
         if order == 0:
             known = _known(written.get(name), outside[name])
-            frames, mids = _start_of(before, after, middle, lower, upper, known, time)
+            starts[name] = _start_of(before, after, middle, lower, upper, known, time)
+    if problem.fixtures and given is None:
+        _settle(problem, starts, time, values)
+    # The way between a model's poses has kinks where it jumps, but no jumps: slopes on both sides count.
+    jump = np.zeros_like(grid.jump) if problem.of_model else grid.jump
+    turning = {name: (one, k) for one in problem.rotations for k, name in enumerate(one.velocity)}
+    for name, order, before, after, middle in layout.slots():
+        if order == 0 and name in turning and outside[name] is None and name not in written:
+            rotation, axis = turning[name]
+            q = np.array([starts[part][0][0] for part in rotation.quaternion])
+            frames, mids = _at_nodes(turns_between(q[:, :-1], q[:, 1:])[axis] / h, h, jump)
+        elif order == 0:
+            frames, mids = starts[name]
         else:
             known = None if given is None else given.values(name, order, time, halfway)
             if known is not None and _is_whole(known):
                 frames, mids = known[:2], known[2]
             else:
-                frames, mids = _slope(frames, time, grid.jump)
+                frames, mids = _slope(frames, h, jump)
                 if known is not None:
                     frames = _over(frames[0], known[0]), _over(frames[1], known[1])
                     mids = _over(mids, known[2])
         x[before], x[after] = frames[0], frames[1]
         if len(middle):
             x[middle] = mids
+    _follow(problem, layout, values, outside, x)
     return np.clip(x, lower, upper)
+
+
+def _follow(
+    problem: Problem,
+    layout: Layout,
+    values: Mapping[object, float],
+    outside: Mapping[str, NodeValues | None],
+    x: FloatArray,
+) -> None:
+    """Start variables that are guessed by the starting values of others, such as the directions of distances."""
+    following = [g for g in problem.guesses if _follows(g) and not _is_whole(outside[g.name])]
+    if not following:
+        return
+    places = {name: parts for name, order, *parts in layout.slots() if order == 0}
+    for guess in following:
+        for side, at in enumerate(places[guess.name]):
+            known: dict[object, float | FloatArray] = dict(values)
+            known.update({VariableRef(name): x[parts[side]] for name, parts in places.items()})
+            if len(at):
+                x[at] = evaluate(guess.body, known)
+
+
+def _follows(guess: Guess) -> bool:
+    """Whether a guess is made of the starting values of other variables, on all frames."""
+    return any(isinstance(key, VariableRef) for key in symbols(guess.body))
+
+
+def _settle(
+    problem: Problem,
+    starts: dict[str, tuple[tuple[FloatArray, FloatArray], FloatArray]],
+    time: FloatArray,
+    known: Mapping[object, float],
+) -> None:
+    """Bring what a model holds to its place; ``starts`` are values of variables, which are changed."""
+    n, middles = len(time) - 1, any(len(mids) for _, mids in starts.values())
+    at = np.arange(2 * n + 1) / 2.0 if middles else np.arange(n + 1.0)
+    paths = {}
+    for name, ((before, _), mids) in starts.items():
+        paths[name] = np.empty(len(at))
+        paths[name][:: 2 if middles else 1] = before
+        if middles:
+            paths[name][1::2] = mids
+    whole = {**known, TimeRef(): np.interp(at, np.arange(n + 1.0), time)}
+    settling = Settling(problem, paths, at, whole)
+    settling.run()
+    for name in settling.moved:
+        frames = paths[name][:: 2 if middles else 1]
+        starts[name] = (frames, frames), paths[name][1::2] if middles else starts[name][1]
 
 
 def check_names(given: GivenValues, problem: Problem) -> None:
@@ -183,7 +248,7 @@ def _written(
     result: dict[str, tuple[FloatArray, FloatArray]] = {}
     expand = Expander(problem, grid)
     for guess in problem.guesses:
-        if guess.name not in problem.variables or _is_whole(outside[guess.name]):
+        if guess.name not in problem.variables or _is_whole(outside[guess.name]) or _follows(guess):
             continue
         if guess.name not in result:
             result[guess.name] = np.full(grid.n + 1, np.nan), np.full(grid.n, np.nan)
@@ -280,15 +345,20 @@ def _start_of(
 
 
 def _slope(
-    frames: tuple[FloatArray, FloatArray], time: FloatArray, jump: NDArray[np.bool_]
+    frames: tuple[FloatArray, FloatArray], h: FloatArray, jump: NDArray[np.bool_]
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
-    """Differences of values: centred inside, one-sided at the ends and on either side of a jump."""
-    n = len(time) - 1
+    """The derivative of a variable from its values (before, after) at frames: ((before, after), at midpoints)."""
+    return _at_nodes((frames[0][1:] - frames[1][:-1]) / h, h, jump)
+
+
+def _at_nodes(
+    slope: FloatArray, h: FloatArray, jump: NDArray[np.bool_]
+) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
+    """Slopes of steps, (n,), at the nodes: centred inside, one-sided at the ends and on either side of a jump."""
+    n = len(h)
     if n == 0:
         zero = np.zeros(1)
         return (zero, zero), np.zeros(0)
-    h = np.diff(time)
-    slope = (frames[0][1:] - frames[1][:-1]) / h
     before, after = np.empty(n + 1), np.empty(n + 1)
     before[1:], after[:-1] = slope, slope
     before[0], after[n] = after[0], before[n]

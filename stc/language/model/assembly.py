@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from stc.language import syntax
 from stc.language.context import Context
@@ -11,15 +11,17 @@ from stc.language.model.holdings import Equalities
 from stc.language.model.poses import REFERENCE, Poses, Stated, Values
 from stc.language.model.scope import ModelScope
 from stc.language.model.standing import Pinned, Standing
-from stc.language.model.start import way_between
+from stc.language.model.start import fixed_coordinates, way_between
 from stc.language.model.statements import (
     activations,
     bounds,
     equations_of_motion,
+    friction_of_tendons,
     own_forces,
     replay_lines,
 )
 from stc.problem import (
+    Fixture,
     FrameRange,
     Guess,
     Jump,
@@ -93,9 +95,11 @@ class ModelStatements:
         forces.wrenches += contacts.wrenches()
         for dof, force in own_forces(self.scope, given):
             forces.push(dof, force)
+        forces.include(friction_of_tendons(self.scope))
         yield from equations_of_motion(context, self.scope, forces)
         yield from activations(context, self.scope)
         yield from bounds(context, self.scope)
+        yield from self.paths.distances.relations(context)
         yield from contacts.relations()
         yield from contacts.impacts(self.equalities)
         yield from self.standing.idle_forces()
@@ -123,8 +127,30 @@ class ModelStatements:
             self.guessed[where.first] = values
         return []
 
-    def guesses(self) -> Iterator[Guess]:
-        """From pose to pose, pinned or guessed, thrown up where nothing stands; contacts that bear the weight."""
+    def guesses(self, relations: Sequence[Relation]) -> Iterator[Guess]:
+        """From pose to pose, pinned or guessed, thrown up where nothing stands; contacts that bear the weight.
+
+        Args:
+            relations: those of the spec, which may fix single coordinates at a frame.
+        """
+        known = self._known_poses(relations)
+        flights = [] if self.equalities.to_world else self.contacts.flights()
+        yield from way_between(self.context, self.scope, known, flights)
+        yield from self.contacts.guesses()
+        yield from self.paths.distances.guesses(self.context)
+
+    def fixtures(self) -> list[Fixture]:
+        """What is held, to which the way between poses is brought."""
+        return list(self.standing.fixtures(self._known_poses(())))
+
+    def root(self) -> frozenset[str]:
+        """The freedoms of bodies that hang on nothing but the world."""
+        bodies = self.scope.mechanism.bodies
+        first = [one for one in self.scope.coordinates if bodies[one.joint.body].parent == 0]
+        return frozenset(name for one in first for name in one.freedoms)
+
+    def _known_poses(self, relations: Sequence[Relation]) -> dict[int, Values]:
+        """Poses, or parts of them, by frame; in a periodic motion the first and the last frame have some."""
         pinned = {frame: one.values for frame, one in self.pinned.items() if one.values is not None}
         known = self.guessed | pinned
         assert self.poses is not None
@@ -132,8 +158,9 @@ class ModelStatements:
             known.setdefault(0, self.poses.usual())
             known.setdefault(self.context.n, self.poses.repeated(known[0], statement))
         known = known or {0: self.poses.named[REFERENCE]}
-        yield from way_between(self.context, self.scope, known, self.contacts.flights())
-        yield from self.contacts.guesses()
+        for frame, values in fixed_coordinates(self.scope, relations).items():
+            known[frame] = values | known.get(frame, {})
+        return known
 
     def replay(self) -> list[ReplayChannel]:
         """The lines of the replay that the model and its contacts bring."""

@@ -200,6 +200,16 @@ class Contacts(Schedule):
                 found.append(Place(rate, change=turned))
         return found
 
+    def _centre(self, contact: Contact, phase: Phase) -> list[Place]:
+        """Where a ball that rolls is along its surface, as long as it does not turn."""
+        at, velocity, _ = self.paths.place(contact.frame)
+        return [
+            _place(along, dot(vector(tangent), velocity), phase.place[k : k + 1])
+            for k, (along, tangent) in enumerate(
+                zip(phase.surface.along(at), phase.surface.tangents, strict=True)
+            )
+        ]
+
     def velocities(self, contact: Contact, phase: Phase, side: str = "") -> list[Expr]:
         """The velocity of what touches, along the surface's axes; of a foot its angular velocity too."""
         _, velocity, _ = self.paths.place(contact.frame)
@@ -268,6 +278,7 @@ class Contacts(Schedule):
                     frames=phase.frames,
                     span=self.context.span(phase.statement),
                     places=places,
+                    nearly=self._centre(contact, phase) if contact.radius else [],
                     velocities=self.velocities(contact, phase),
                     accelerations=self.accelerations(contact, phase),
                     landing=bool(phase.landing),
@@ -342,13 +353,13 @@ class Contacts(Schedule):
         ]
 
     def flights(self) -> list[tuple[int, int]]:
-        """First and last frames of the stretches on which nothing stands, between others on which something does."""
+        """First and last frames of the stretches on which nothing stands."""
         ends = sorted((p.frames.first, p.frames.last) for c in self.contacts.values() for p in c.phases)
-        found, reached = [], None
-        for first, last in ends:
-            if reached is not None and first > reached:
+        found, reached = [], 0
+        for first, last in [*ends, (self.context.n, self.context.n)]:
+            if first > reached:
                 found.append((reached, first))
-            reached = last if reached is None else max(reached, last)
+            reached = max(reached, last)
         return found
 
     def replay_lines(self) -> Iterator[ReplayChannel]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from stc.errors import Span
@@ -10,6 +10,7 @@ from stc.language.context import Context
 from stc.language.model.scope import ModelScope, path_of
 from stc.mechanism.equalities import Held, held
 from stc.mechanism.forces import Forces
+from stc.mechanism.tree import WORLD
 from stc.problem import FrameRange, ParameterRef, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, sub, substitute, sym, symbols
@@ -42,6 +43,7 @@ class Holding:
         frames: on which it holds.
         span: what it is there for.
         places: what of it does not change.
+        nearly: what of it hardly changes: it is no row, but a guess in which it does not is a good one.
         velocities, accelerations: what is 0, and its rates.
         landing: whether an impact begins it, so that velocities are held from after that on.
         at: the place in the world of what is held fixed there.
@@ -57,6 +59,7 @@ class Holding:
     velocities: list[Expr]
     accelerations: list[Expr]
     landing: bool = False
+    nearly: Sequence[Place] = ()
     at: tuple[Expr, ...] = ()
     height: Expr | None = None
     surface: str = ""
@@ -89,6 +92,11 @@ class Equalities:
         for equality in self.scope.mechanism.equalities:
             if equality.active:
                 self.found.append((equality.name, held(self.scope.dynamics, equality)))
+
+    @property
+    def to_world(self) -> bool:
+        """Whether one of them holds a part of the model to what nothing moves."""
+        return any(frame.segment == WORLD for _, one in self.found for frame in one.ends)
 
     def forces(self) -> Forces:
         """What they do on the model."""

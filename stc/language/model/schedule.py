@@ -176,23 +176,14 @@ class Schedule:
         Raises:
             PathError: that is not what is written.
         """
-        body, *at = call.arguments
-        numbers = [self.context.constants.value_of(part) for part in at]
-        if (
-            call.function != "point"
-            or not isinstance(body, syntax.Name)
-            or len(numbers) != 3
-            or None in numbers
-        ):
-            raise PathError("a point in a body is `point(body.NAME, x, y, z)`", "x, y and z are constants")
-        of, *rest = parts_of(body.name)
-        if of != "body" or len(rest) != 1:
-            raise PathError(f"`{body.name}` is no body", "a point in a body is `point(body.NAME, x, y, z)`")
-        index = index_of(self.scope.mechanism.bodies, rest[0])
-        self.paths.frame(of, rest[0])  # tells of a name that is not there
-        assert index is not None
+        numbers = [self.context.constants.value_of(part) for part in call.arguments[1:]]
+        if None in numbers:
+            raise PathError(
+                "a contact is at a place that is known before solving", "x, y and z are constants"
+            )
         place = [float(x or 0.0) for x in numbers]
-        return self.scope.dynamics.point(index, place), ("body", rest[0], *(repr(x) for x in place))
+        frame, body = self.paths.point(call, [num(x) for x in place])
+        return frame, ("body", body, *(repr(x) for x in place))
 
     def _schedule(self, statement: syntax.ContactPlace, where: FrameRange, ranged: bool) -> None:
         contact = self.contacts.get(statement.name.name)

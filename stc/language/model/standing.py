@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
 import numpy as np
@@ -15,7 +15,7 @@ from stc.language.model.independence import Matrix, Point, independent, pins_to_
 from stc.language.model.mirror import other_side
 from stc.language.model.poses import Stated, Values
 from stc.language.model.scope import ModelScope
-from stc.problem import Correction, FrameRange, ParameterRef, Relation, VariableRef
+from stc.problem import Correction, Fixture, FrameRange, ParameterRef, Relation, VariableRef
 from stc.rates import one_sided
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import adjoints
@@ -167,6 +167,17 @@ class Standing:
                     yield from self._unaccelerated(one, velocities, stretch.frames)
         yield from self._starts()
         yield from self._limits()
+
+    def fixtures(self, poses: Iterable[int]) -> Iterator[Fixture]:
+        """What is held, for the guess; ``poses`` are frames whose pose is known, where feet stand as it says."""
+        for one in self.holdings:
+            first, last = one.frames.first, one.frames.last
+            reference = min([frame for frame in poses if first <= frame <= last], default=first)
+            lasting = [place for place in (*one.places, *one.nearly) if not place.start]
+            known = [(place.zero, place.rate) for place in lasting if place.zero is not None]
+            same = [(place.change, place.rate) for place in lasting if place.change is not None]
+            for some in filter(None, (known, same)):
+                yield Fixture(one.frames, reference, [e for e, _ in some], [rate for _, rate in some])
 
     def _in_place(self, one: Holding, places: Sequence[Place], frames: FrameRange) -> Iterator[Relation]:
         text = f"{one.name} holds its place"

@@ -11,43 +11,89 @@ import numpy as np
 from stc.language.context import Context
 from stc.language.model.poses import Values
 from stc.language.model.scope import Coordinates, ModelScope
-from stc.problem import FrameRange, Guess, IndexRef
-from stc.rates import quaternion_product
-from stc.symbolic.expr import Expr, call, div, mul, num, sub, sym
+from stc.problem import FrameRange, Guess, IndexRef, Relation, VariableRef
+from stc.symbolic.expr import ONE, Expr, call, div, mul, neg, num, sub, sum_of, sym
 
 
 def way_between(
     context: Context, scope: ModelScope, known: Mapping[int, Values], flights: Sequence[tuple[int, int]]
 ) -> Iterator[Guess]:
-    """Starting values of all coordinates: from one pinned pose to the next, the shortest turn between orientations.
+    """Starting values of all coordinates: from one known pose to the next, the shortest turn between orientations.
 
-    Where nothing touches anything the root is thrown up so that it comes down when something does.
+    Where nothing touches anything the root is thrown up so that it comes down when something does, or falls from where
+    it is known to be.
 
     Args:
-        known: poses by frame, one at least.
+        known: poses by frame, one at least that gives all coordinates; others may give a few.
         flights: first and last frames of stretches without contact.
     """
-    span = context.span(scope.statement)
-    frames = sorted(known)
     for one in scope.coordinates:
         for name in one.positions:
-            yield from _straight(name, [(frame, known[frame][name]) for frame in frames], context)
+            yield from _straight(name, _places(known, [name]), context)
         if one.rotation is not None:
-            yield from _turning(one, [(frame, known[frame]) for frame in frames], context)
+            yield from _turning(one, _places(known, one.rotation.quaternion), context)
     root = scope.coordinates[0] if scope.coordinates else None
     if root is not None and root.joint.kind == "free":
-        height = root.positions[2]
         for first, last in flights:
-            index = sym(IndexRef())
-            arch = mul(sub(index, num(float(first))), sub(num(float(last)), index))
-            pull = num(-0.5 * scope.mechanism.options.gravity[2])
-            thrown = mul(mul(pull, mul(context.builder.step, context.builder.step)), arch)
-            before, after = (
-                max([f for f in frames if f <= first], default=frames[0]),
-                min([f for f in frames if f >= last], default=frames[-1]),
-            )
-            base = _between(before, known[before][height], after, known[after][height])
-            yield Guess(height, base + thrown, FrameRange(first, last), span)
+            yield _thrown(context, scope, root.positions[2], _places(known, [root.positions[2]]), first, last)
+
+
+def fixed_coordinates(scope: ModelScope, relations: Sequence[Relation]) -> dict[int, Values]:
+    """What equations say of single coordinates at single frames, by frame.
+
+    Of an orientation three components are enough: of the two quaternions that have them, the fourth one positive.
+    """
+    names = {name for one in scope.coordinates for name in one.pose}
+    found: dict[int, Values] = {}
+    for relation in relations:
+        key = relation.body.payload if relation.body.op == "sym" else None
+        if (
+            relation.is_equality
+            and relation.lower is not None
+            and relation.range.first == relation.range.last
+            and isinstance(key, VariableRef)
+            and key == VariableRef(key.name)
+            and key.name in names
+        ):
+            found.setdefault(relation.range.first, {})[key.name] = relation.lower
+    for values in found.values():
+        for rotation in scope.rotations:
+            given = [name for name in rotation.quaternion if name in values]
+            if len(given) == 3:
+                (missing,) = set(rotation.quaternion) - set(given)
+                rest = sub(ONE, sum_of([mul(values[name], values[name]) for name in given]))
+                values[missing] = call("sqrt", rest)
+    return found
+
+
+def _places(known: Mapping[int, Values], names: Sequence[str]) -> list[tuple[int, Values]]:
+    """The frames at which all of some coordinates are known, and the values there."""
+    return [(frame, known[frame]) for frame in sorted(known) if all(name in known[frame] for name in names)]
+
+
+def _thrown(
+    context: Context,
+    scope: ModelScope,
+    height: str,
+    places: Sequence[tuple[int, Values]],
+    first: int,
+    last: int,
+) -> Guess:
+    """The height of the root in a flight: an arc above the way between poses, a fall where one end is open."""
+    before = max([place for place in places if place[0] <= first], default=places[0], key=lambda p: p[0])
+    after = min([place for place in places if place[0] >= last], default=places[-1], key=lambda p: p[0])
+    index = sym(IndexRef())
+    since, until = sub(index, num(float(first))), sub(num(float(last)), index)
+    if places[-1][0] <= first and last == context.n:
+        arc = neg(mul(since, since))
+    elif places[0][0] >= last and first == 0:
+        arc = neg(mul(until, until))
+    else:
+        arc = mul(since, until)
+    pull = num(-0.5 * scope.mechanism.options.gravity[2])
+    thrown = mul(mul(pull, mul(context.builder.step, context.builder.step)), arc)
+    base = _between(before[0], before[1][height], after[0], after[1][height])
+    return Guess(height, base + thrown, FrameRange(first, last), context.span(scope.statement))
 
 
 def _between(first: int, a: Expr, last: int, b: Expr) -> Expr:
@@ -75,31 +121,28 @@ def _range(places: Sequence[tuple[int, object]], a: int, b: int, n: int) -> Fram
     return FrameRange(0, places[0][0]) if a == 0 else FrameRange(places[a][0], n)
 
 
-def _straight(name: str, places: Sequence[tuple[int, Expr]], context: Context) -> Iterator[Guess]:
+def _straight(name: str, places: Sequence[tuple[int, Values]], context: Context) -> Iterator[Guess]:
     assert context.model is not None
     span = context.span(context.model.statement)
     for a, b in _stretches(places, context.n):
-        body = _between(places[a][0], places[a][1], places[b][0], places[b][1])
+        body = _between(places[a][0], places[a][1][name], places[b][0], places[b][1][name])
         yield Guess(name, body, _range(places, a, b, context.n), span)
 
 
 def _turning(one: Coordinates, places: Sequence[tuple[int, Values]], context: Context) -> Iterator[Guess]:
-    """The turn between orientations at a steady rate, for the quaternion and the angular velocity."""
+    """The shortest turn from each orientation to the next, at a steady rate."""
     assert one.rotation is not None
     assert context.model is not None
     span = context.span(context.model.statement)
-    ends = [
-        np.array([context.number(values[name]) for name in one.rotation.quaternion]) for _, values in places
-    ]
+    names = one.rotation.quaternion
+    ends = [np.array([context.number(values[name]) for name in names]) for _, values in places]
     for k in range(1, len(ends)):  # the nearer of the two quaternions of the same pose
         if ends[k] @ ends[k - 1] < 0:
             ends[k] = -ends[k]
     for a, b in _stretches(places, context.n):
-        where = _range(places, a, b, context.n)
         half = math.acos(min(1.0, max(-1.0, float(ends[a] @ ends[b]))))
         if half < 1e-9:
             bodies: list[Expr] = [num(float(part)) for part in ends[a]]
-            rates: list[Expr] = [num(0.0)] * 3
         else:
             first, last = places[a][0], places[b][0]
             share = div(sub(sym(IndexRef()), num(float(first))), num(float(last - first)))
@@ -110,15 +153,5 @@ def _turning(one: Coordinates, places: Sequence[tuple[int, Values]], context: Co
                 mul(num(scale * float(p)), left) + mul(num(scale * float(q)), right)
                 for p, q in zip(ends[a], ends[b], strict=True)
             ]
-            turn = quaternion_product(
-                [num(float(part)) for part in ends[a] * np.array([1, -1, -1, -1])],
-                [num(float(q)) for q in ends[b]],
-            )[1:]
-            steps = mul(context.builder.step, num(float(last - first)))
-            rates = [div(mul(num(2.0 * half * scale), part), steps) for part in turn]
-        yield from (
-            Guess(name, body, where, span) for name, body in zip(one.rotation.quaternion, bodies, strict=True)
-        )
-        yield from (
-            Guess(name, body, where, span) for name, body in zip(one.rotation.velocity, rates, strict=True)
-        )
+        where = _range(places, a, b, context.n)
+        yield from (Guess(name, body, where, span) for name, body in zip(names, bodies, strict=True))
