@@ -1,4 +1,4 @@
-"""Solves every motion of the lamp and the segment, replays it in MuJoCo, and writes the table of docs/motions.md.
+"""Solves the motions of the lamp, the segment and the robots, replays them, and writes the tables of docs/motions.md.
 
 python bench/motions.py                     all; some minutes
 python bench/motions.py luxo_jump --print   some, and the page stays as it is
@@ -39,6 +39,18 @@ GROUND = [
     "luxo_two_jumps",
     "luxo_backflip",
 ]
+ROBOTS = (
+    "arm_swing",
+    "falling_cat",
+    "high_bar",
+    "lamp_turn",
+    "quadruped_backflip",
+    "quadruped_box_jump",
+    "quadruped_hop",
+    "quadruped_trot",
+    "humanoid_jump",
+    "humanoid_step",
+)
 OTHERS = ("luxo_poses", "luxo_three_poses", "segment_to_pose", "segment_flip", "segment_swing")
 
 
@@ -106,6 +118,23 @@ def in_the_air(name: str) -> str:
     )
 
 
+def of_model(solution: Solution) -> str:
+    """The line of a motion of a model: how far the tracked replay is from it, and what it fails."""
+    report = validate(solution)
+    grounded = any(line.kind == "contact" for line in solution.replay)
+    name = "tracked error on the ground, RMS" if grounded else "tracked drift, largest"
+    found = {metric.subject: metric.value for metric in report.metrics if metric.name == name}
+    joints = max(value for subject, value in found.items() if subject != "base")
+    base = f"{found['base']:.1e}" if "base" in found else "-"
+    failed = sorted({metric.name for metric in report.metrics if metric.verdict == "fail"})
+    return (
+        f"| `{solution.name}` | {solution.n} | {len(solution.x)} | {solution.iterations} "
+        f"| {values(report, 'growth of small errors')[0]:.1e} | {base} | {joints:.1e} "
+        f"| {100 * max(values(report, 'feedback share')):.2g} % | {values(report, 'energy balance')[0]:.1e} "
+        f"| {'; '.join(failed) or 'passed'} |"
+    )
+
+
 def operations(name: str) -> str:
     """What derivatives cost: the chain rule by every unknown of the motion, and what is left to compute."""
     counts = count_operations(stc.load(name).transcription()[1])
@@ -136,12 +165,19 @@ def tables(names: Sequence[str]) -> str:
             "|" + " --- |" * 8,
             *[in_the_air(name) for name in names if name in OTHERS],
         ],
+        ["Of models, base as a share of its way and the worst joint, RMS on the ground, largest without it:"],
+        [
+            "| motion | frames | unknowns | iterations | growth of errors | tracked: base | joints "
+            "| share of the feedback, worst motor | energy balance | verdict |",
+            "|" + " --- |" * 10,
+            *[of_model(stc.load(name).solve()) for name in names if name in ROBOTS],
+        ],
         ["Arithmetic operations of the derivatives over the whole motion (`stc show SPEC --stage ops`):"],
         [
             "| motion | Jacobian: naive trees | simplified and shared | Hessian: naive trees "
             "| simplified and shared | left at most |",
             "|" + " --- |" * 6,
-            *[operations(name) for name in names],
+            *[operations(name) for name in names if name not in ROBOTS],
         ],
     ]
     busy = (
@@ -155,9 +191,9 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="MOTION", help="all by default")
     parser.add_argument("--print", action="store_true", dest="dry", help="leave docs/motions.md as it is")
     options = parser.parse_args()
-    if unknown := set(options.names) - {*GROUND, *OTHERS}:
+    if unknown := set(options.names) - {*GROUND, *OTHERS, *ROBOTS}:
         parser.error(f"unknown motion {', '.join(sorted(unknown))}")
-    text = tables(options.names or [*GROUND, *OTHERS])
+    text = tables(options.names or [*GROUND, *OTHERS, *ROBOTS])
     print(text)
     if not (options.dry or options.names):
         page = PAGE.read_text(encoding="utf-8")

@@ -130,6 +130,7 @@ def _around() -> list[Element]:
         for side in (1.0, -1.0)
     ]
     return [
+        element("site", name="bar", pos=(0.0, 0.0, BAR), size=(0.005,), rgba=(0.0, 0.0, 0.0, 0.0)),
         element(
             "geom",
             name="bar",
@@ -168,11 +169,23 @@ def describe() -> Description:
         "A gymnast in the plane, and a high bar.\n"
         "Written by `python -m stc.models.build` from models/gymnast.py: change that file and run it again.",
         element("compiler", angle="radian", autolimits=True),
-        stage.options(1e-4, impratio=10.0),
+        stage.options(1e-4, impratio=100.0, cone="elliptic"),
         *stage.picture((0.6, 0.0, 1.6), 3.0),
-        defaults(0.0, 0.0, {"group": 3.0, **_TOUCHING}),
+        defaults(0.02, 0.2, {"group": 3.0, **_TOUCHING}),
         element("asset", *stage.assets(), *MATERIALS),
         world,
+        # Hands that hold the bar: on in a replay while they do.
+        element(
+            "equality",
+            element(
+                "connect",
+                name="hands",
+                site1="grip",
+                site2="bar",
+                active=False,
+                solref=_TOUCHING["solref"],
+            ),
+        ),
         element("actuator", *motors),
         element("keyframe", *keys),
     )

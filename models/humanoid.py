@@ -178,7 +178,7 @@ def describe() -> Description:
         "A humanoid with 21 motors.\n"
         "Written by `python -m stc.models.build` from models/humanoid.py: change that file and run it again.",
         element("compiler", angle="radian", autolimits=True),
-        stage.options(1e-4, impratio=10.0),
+        stage.options(1e-4, impratio=100.0, cone="elliptic"),
         *stage.picture((0.1, 0.0, 0.7), 2.0),
         defaults(0.02, 0.2, _TOUCHING),
         element("asset", *stage.assets(), *MATERIALS),

@@ -172,7 +172,7 @@ def _document(what: str, *around: Element) -> str:
         f"{what}\n"
         "Written by `python -m stc.models.build` from models/quadruped.py: change that file and run it again.",
         element("compiler", angle="radian", autolimits=True),
-        stage.options(1e-4, impratio=10.0),
+        stage.options(1e-4, impratio=100.0, cone="elliptic"),
         *stage.picture((0.1, 0.0, 0.25), 1.2),
         defaults(0.005, 0.05, _TOUCHING),
         element("asset", *stage.assets(), *MATERIALS),

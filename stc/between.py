@@ -31,8 +31,8 @@ ELSEWHERE = 0.1
 def check_statements(problem: Problem, solution: Solution) -> list[StatementCheck]:
     """The worst violation of each statement between the nodes.
 
-    Statements on single frames, statements that read other frames or one side of a jump, and those with a
-    derivative that the solution does not know are left out, as are statements without a value anywhere.
+    Statements on single frames or on frames alone, statements that read other frames or one side of a jump, and those
+    with a derivative that the solution does not know are left out, as are statements without a value anywhere.
 
     Args:
         problem: the spec with the numbers of the solution.
@@ -45,6 +45,7 @@ def check_statements(problem: Problem, solution: Solution) -> list[StatementChec
             for number, relation in enumerate(problem.relations)
             if relation.range.first <= first
             and last <= relation.range.last
+            and not relation.on_frames
             and (parts := _parts(problem, relation, solution, first)) is not None
         ]
         for begin in range(first, last, _CHUNK):
@@ -79,9 +80,9 @@ def _is_square(term: Expr) -> bool:
 
 def _parts(problem: Problem, relation: Relation, solution: Solution, first: int) -> _Parts | None:
     """A statement ready to be evaluated after frame ``first``, or None where that cannot be done."""
-    bounds = (relation.body, relation.lower, relation.upper)
+    bounds = (relation.between or relation.body, relation.lower, relation.upper)
     keys = [k for e in bounds if e is not None for k in symbols(e)]
-    if any(getattr(key, "side", "") for key in keys):
+    if any(getattr(key, "side", "") or getattr(key, "name", "") in problem.at_nodes for key in keys):
         return None
     body, lower, upper = (None if e is None else resolved(problem, e, first) for e in bounds)
     assert body is not None

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from stc.bundled import is_solution
-from stc.errors import StcError, UsageError
+from stc.errors import Source, StcError, UsageError
 from stc.solution import Solution, read
 
 if TYPE_CHECKING:
@@ -60,9 +60,21 @@ def certify(
         compared, why = _equations(solution, certificate.replays.setup.path)
         certificate.equations = compared
         certificate.refused = why
+    certificate.source = _written_out(solution)
     if not certificate.passed:
         certificate.more_frames = _more_frames(solution)
     return certificate
+
+
+def _written_out(solution: Solution) -> Source | None:
+    """A spec's text with its repetitions written out; None where it cannot be read any more."""
+    from stc.language.parser import parse
+    from stc.restated import source_of
+
+    try:
+        return parse(source_of(solution)).source
+    except StcError:
+        return None
 
 
 def _obeys(certificate: Certificate) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from stc.problem import FrameRange, Problem, VariableRef
+from stc.recorded_files import record
 from stc.records import dataclass
 from stc.solution import ReplayChannel, Solution
 from stc.solver import Result
@@ -39,6 +40,7 @@ def collect(
     return Solution(
         **motion_at(transcription, result.x, constants),
         directory=_folder_of(source.path, Path.cwd()) if source.path else "",
+        files=[] if source.model_file is None else record(Path(source.model_file)),
         constants=constants,
         overrides=overrides,
         status=str(result.status.value),

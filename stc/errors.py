@@ -23,9 +23,13 @@ EXCERPT_WIDTH = 110
 
 @dataclass(eq=False, slots=True)
 class Origins:
-    """Which characters of a spec every character of the text came from that its repetitions were written out into."""
+    """Which characters of a spec every character of the text came from that its repetitions were written out into.
+
+    ``counts`` are the constants that they were written out by, with their values.
+    """
 
     written: Source
+    counts: dict[str, int] = field(default_factory=dict)
     _begins: list[int] = field(default_factory=list, repr=False)
     _pieces: list[tuple[int, int, int, str]] = field(default_factory=list, repr=False)
 
@@ -59,6 +63,7 @@ class Origins:
 class Source:
     """The text of one spec and the name it is called by in messages (a path, or ``<text>``).
 
+    ``model_file`` is the file of the model that the text names, where it is not to be looked for.
     ``origins`` tells, of a text whose repetitions have been written out, what in the spec its characters stand for;
     lines and columns are those of the spec.
     ``carried`` holds the data files that the text names, by the paths that it writes, where it comes from a solution,
@@ -68,6 +73,7 @@ class Source:
     name: str
     text: str
     path: str | None = None
+    model_file: str | None = None
     carried: Mapping[str, bytes] | None = None
     origins: Origins | None = field(default=None, repr=False)
     _line_starts: list[int] | None = field(default=None, repr=False)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from stc.errors import Span, StcError
 from stc.language.parser import parse
-from stc.language.syntax import Declaration
+from stc.language.syntax import Declaration, ModelFile
 from stc.problem import Problem
 from stc.recorded_files import changed
 from stc.restated import stated_again
@@ -64,7 +64,7 @@ def judge(solution: Solution) -> Claims:
         missed=_missed(problem, found) if found.violation > limits.VIOLATION else "",
         optimality=found.optimality,
         words=words,
-        notes=_other_data(solution),
+        notes=[*_left_out(problem), *_other_data(solution)],
     )
 
 
@@ -105,6 +105,20 @@ def _declared(problem: Problem, name: str) -> str:
                 if isinstance(declared, Declaration) and declared.name.name == name:
                     return Span(problem.source, declared.start, declared.end).location
     return ""
+
+
+def _left_out(problem: Problem) -> list[str]:
+    """A note of what the spec leaves out of its model, which MuJoCo does not."""
+    words = [
+        word.name
+        for section in parse(problem.source).sections
+        if section.kind == "model"
+        for block in section.blocks
+        for named in block.statements
+        if isinstance(named, ModelFile)
+        for word in named.without
+    ]
+    return [f"the spec leaves out of its model what MuJoCo simulates: {', '.join(words)}"] if words else []
 
 
 def _faults(problem: Problem, solution: Solution, found: Found) -> list[str]:

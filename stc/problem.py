@@ -146,6 +146,8 @@ class Relation:
     ``lower`` and ``upper`` are expressions of constants, ``i`` and ``t`` alone, or None where absent
     (infinite); an equality has the very same expression on both sides.  ``a <= b`` with neither side constant
     is ``a - b <= 0``.  The value of a bound may be infinite: a constant may be given as ``inf``.
+    ``coordinate`` is the variable whose equation of motion it is.  ``between`` is held against the bounds between the
+    nodes where the body has unknowns that mean nothing there (``Problem.at_nodes``).
     ``on_frames`` leaves out the midpoints between the frames.
     """
 
@@ -156,6 +158,7 @@ class Relation:
     span: Span
     text: str
     coordinate: str = ""
+    between: Expr | None = None
     on_frames: bool = False
 
     @property
@@ -278,6 +281,7 @@ class Problem:
     ``rotations`` are the orientations among the variables, and ``of_model`` tells whether a model has brought the
     equations of motion; for the guess, ``fixtures`` are what it holds, and ``root`` the variables by which it moves as
     a whole.
+    ``at_nodes`` are variables that are chosen node by node, without a course in time: the directions of distances.
     ``data`` holds the columns of numbers that the spec reads, ``tables`` the functions that it makes of them.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
     others, which occur in no other expression by name.
@@ -305,6 +309,7 @@ class Problem:
     model_span: Span | None = None
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
+    at_nodes: Sequence[str] = ()
     fixtures: Sequence[Fixture] = ()
     root: frozenset[str] = frozenset()
     corrections: Sequence[Correction] = ()

@@ -7,7 +7,7 @@ it is that body, and where none lies there, have the one that the file carries.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
 
 from stc.digests import sha256
@@ -82,6 +82,15 @@ def changed(files: Sequence[RecordedFile], model: Path) -> list[str]:
     return found
 
 
+#: Folders that models have been written out to, by the hashes of their files.
+_unpacked: dict[tuple[str, ...], Path] = {}
+
+
+def present(files: Sequence[RecordedFile], places: Iterable[Path]) -> Path | None:
+    """The first of some places where the model's own file is, and it and its parts are the recorded ones."""
+    return next((place for place in places if place.is_file() and not changed(files, place)), None)
+
+
 def unpacked(files: Sequence[RecordedFile]) -> Path | None:
     """The path of a model written out from what is carried, in a folder that goes when the process ends.
 
@@ -97,13 +106,17 @@ def unpacked(files: Sequence[RecordedFile]) -> Path | None:
         path = PurePosixPath(file.path)
         if file.content is None or path.is_absolute() or ".." in path.parts:
             return None
+    key = tuple([file.path + file.sha256 for file in files])
+    if key in _unpacked:
+        return _unpacked[key]
     folder = Path(mkdtemp(prefix="stc-model-"))
     atexit.register(rmtree, folder, ignore_errors=True)
     for file in files:
         target = folder / file.path
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(file.content or b"")
-    return folder / next(file.path for file in files if file.role == "model")
+    _unpacked[key] = folder / next(file.path for file in files if file.role == "model")
+    return _unpacked[key]
 
 
 def _files(model: Path) -> Iterator[tuple[str, str]]:

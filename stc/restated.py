@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from stc import models
 from stc.collecting import motion_at
 from stc.digests import sha256
 from stc.errors import Source, StcError, UsageError
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.problem import Problem
-from stc.recorded_files import DATA_ROLE, RecordedFile
+from stc.recorded_files import DATA_ROLE, RecordedFile, present, unpacked
 from stc.solution import Solution, SolutionError
 from stc.solution_file import MISSHAPEN, PLAIN_FACTS, Stored, damaged, files_of, load
 from stc.trajectory import FloatArray
@@ -44,12 +45,41 @@ def source_of(solution: Solution, beside: Path | None = None) -> Source:
     if folder is not None and beside is not None and solution.model is not None:
         moved = not (folder / solution.model).is_file() and (beside / solution.model).is_file()
         folder = beside if moved else folder
-    return _source(solution.name, solution.source, folder, solution.data)
+    return _source(solution.name, solution.source, folder, solution.files, solution.data)
 
 
-def _source(name: str, text: str, folder: Path | None, data: Sequence[RecordedFile]) -> Source:
+def _source(
+    name: str, text: str, folder: Path | None, files: Sequence[RecordedFile], data: Sequence[RecordedFile]
+) -> Source:
     path = "" if folder is None else str(folder / f"{name}.stc")
-    return Source(f"{name}.stc", text, path, {file.path: file.content or b"" for file in data})
+    model = _model_of(files, folder)
+    carried = {file.path: file.content or b"" for file in data}
+    return Source(f"{name}.stc", text, path, None if model is None else str(model), carried)
+
+
+def _model_of(files: Sequence[RecordedFile], folder: Path | None) -> Path | None:
+    """The file of the model that a motion was solved for: where its text would look for it, if that is still the same
+    one, else what the solution carries; None where neither is to be had, and the text has to find what it can.
+
+    What a motion means does not depend on what has become of the model's file.  Whether a verdict is about that file is
+    judged elsewhere, by its hash (:mod:`stc.validate.setup`).
+    """
+    if not files:
+        return None
+    name = files[0].path
+    bundled = models.locate(name)
+    places = [*([] if folder is None else [folder / name]), *([] if bundled is None else [bundled])]
+    known = present(files, places)
+    if known is not None:
+        return known
+    carried = unpacked(files)
+    if carried is None:
+        return None
+    from stc.validate.ordinary import refusal
+
+    if why := refusal(carried):
+        raise SolutionError(f"the model that it carries is refused: {why}")
+    return carried
 
 
 def problem_of(solution: Solution) -> Problem:
@@ -69,7 +99,7 @@ def stated_again(solution: Solution) -> Stated:
         SpecError, UsageError: as :func:`problem_of`.
         SolutionError: that problem has another number of frames.
     """
-    key = _key(solution.source, solution.overrides, solution.method, solution.data)
+    key = _key(solution.source, solution.overrides, solution.method, [*solution.files, *solution.data])
     if _last and _last[0][0] == key:
         return _last[0][1]
     problem = problem_of(solution)
@@ -107,8 +137,8 @@ def _primed(name: str, order: int) -> str:
     return name + "'" * order
 
 
-def _key(source: str, overrides: Mapping[str, float], method: str, data: Sequence[RecordedFile]) -> _Key:
-    return source, tuple(sorted(overrides.items())), method, tuple(file.sha256 for file in data)
+def _key(source: str, overrides: Mapping[str, float], method: str, files: Sequence[RecordedFile]) -> _Key:
+    return source, tuple(sorted(overrides.items())), method, tuple([file.sha256 for file in files])
 
 
 def _remember(key: _Key, stated: Stated) -> Stated:
@@ -124,7 +154,7 @@ def read(path: str | os.PathLike[str]) -> Solution:
             from stc.first_format import read_first
 
             return read_first(stored, solution_of)
-        return solution_of(stored)
+        return solution_of(stored, Path(path).parent)
     except SolutionError as error:
         raise SolutionError(f"{path}: {error}") from None
     except MISSHAPEN as error:
@@ -135,8 +165,8 @@ def read(path: str | os.PathLike[str]) -> Solution:
 _WORDS = ("name", "source", "directory", "method", "status", "message", "optimizer", "sha256", "stc_version")
 
 
-def solution_of(stored: Stored) -> Solution:
-    """The solution that a file means.
+def solution_of(stored: Stored, beside: Path | None = None) -> Solution:
+    """The solution that a file means; ``beside`` is the file's folder.
 
     Raises:
         SolutionError: the file contradicts itself or its own text.
@@ -152,7 +182,7 @@ def solution_of(stored: Stored) -> Solution:
     files = files_of(stored)
     data = [file for file in files if file.role == DATA_ROLE]
     files = files[: len(files) - len(data)]
-    stated = _stated(plain, stored, data)
+    stated = _stated(plain, stored, files, data, beside)
     read = {each.file.path for each in stated.problem.data.values() if each.file is not None}
     if read != {file.path for file in data}:
         raise SolutionError("the file was altered: it carries other data than its text reads")
@@ -179,11 +209,19 @@ def solution_of(stored: Stored) -> Solution:
     )
 
 
-def _stated(plain: Mapping[str, Any], stored: Stored, data: Sequence[RecordedFile]) -> Stated:
+def _stated(
+    plain: Mapping[str, Any],
+    stored: Stored,
+    files: Sequence[RecordedFile],
+    data: Sequence[RecordedFile],
+    beside: Path | None,
+) -> Stated:
     """The problem of a file's text, once it is known to have as many frames as there are values."""
     overrides = {str(name): float(value) for name, value in plain["overrides"].items()}
-    folder = Path(plain["directory"]) if plain["directory"] else None
-    source = _source(str(plain["name"]), plain["source"], folder, data)
+    folder = Path(plain["directory"]) if plain["directory"] else beside
+    if folder is not None and beside is not None and files and not (folder / files[0].path).is_file():
+        folder = beside if (beside / files[0].path).is_file() else folder
+    source = _source(str(plain["name"]), plain["source"], folder, files, data)
     try:
         problem = elaborate(parse(source), overrides, plain["method"])
         n = int(stored.facts["n"])
@@ -193,11 +231,14 @@ def _stated(plain: Mapping[str, Any], stored: Stored, data: Sequence[RecordedFil
             found = len(stored.vector(f"unknowns/{unknown['name']}")) - 1
             if found != n:
                 raise SolutionError(f"the file was altered: it tells of {n} steps and has {found}")
-        return _remember(_key(plain["source"], overrides, plain["method"], data), state(problem))
+        return _remember(_key(plain["source"], overrides, plain["method"], [*files, *data]), state(problem))
     except SolutionError:
         raise
     except StcError as error:
         reason = str(error).splitlines()[0]
+        missing = [file.path for file in files if file.content is None]
+        if missing and source.model_file is None:
+            reason += f" (of its model the file carries all but {', '.join(missing[:3])})"
         raise SolutionError(f"its text states no motion that this version can read: {reason}") from None
 
 

@@ -404,13 +404,20 @@ class Solution:
         # By name: nothing here is imported from the layers above.
         return import_module("stc.origin").resolve(self, **changes)
 
+    def grid_error(self) -> Any:
+        """The estimated discretisation error: see :func:`stc.studies.grid_error.grid_error`, which this calls."""
+        # By name: nothing here is imported from the layers above.
+        return import_module("stc.studies.grid_error").grid_error(self)
+
+    def ringing(self) -> Any:
+        """The controls that alternate from node to node: see :func:`stc.studies.ringing.ringing`, which this calls."""
+        return import_module("stc.studies.ringing").ringing(self)
+
     def uncertainty(self) -> Any:
         """How well data determine the parameters: a :class:`stc.studies.uncertainty.Uncertainty`.
 
-        None where the objective is no sum of squares over the rows of data sets.
-
         Raises:
-            UsageError: the solution is not optimal.
+            UsageError: the solution is not optimal, or the objective no sum of squares over the rows of data sets.
         """
         # By name: nothing here is imported from the layers above.
         return import_module("stc.studies.uncertainty").of_solution(self)

@@ -19,6 +19,7 @@ from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.contact_meter import ContactMeter, touchable, welded
 from stc.validate.contact_nodes import NodeForces, nearest_node, node_forces, nodes_of
+from stc.validate.grips import grips
 from stc.validate.impacts import jumping_frames
 from stc.validate.metrics import FloatArray, Metric
 from stc.validate.replay import Replay
@@ -201,7 +202,7 @@ def _wrenches(setup: Setup, motion: Replay, meter: ContactMeter) -> dict[int, Fl
     import mujoco
 
     model, n = setup.model(), setup.solution.n
-    data = mujoco.MjData(model)
+    data, held = mujoco.MjData(model), grips(setup)
     found = {body: np.full((n + 1, 6), np.nan) for body in meter.columns}
     for frame in range(n + 1):
         if not np.all(np.isfinite(motion.positions[frame])):
@@ -210,9 +211,11 @@ def _wrenches(setup: Setup, motion: Replay, meter: ContactMeter) -> dict[int, Fl
         part = "after" if frame < n else "before"
         data.ctrl[setup.controls.addresses] = setup.controls.at(part, frame)
         setup.applied.apply(model, data, setup.applied.at(part, frame))
+        for grip in held:
+            data.eq_active[grip.equality] = grip.on[min(frame, n - 1)]
         mujoco.mj_forward(model, data)
-        for body, wrenches in found.items():
-            wrenches[frame] = meter.wrench(model, data, body)
+        for body, wrench in meter.wrenches(model, data).items():
+            found[body][frame] = wrench
     return found
 
 

@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.validate.grips import grips
+from stc.validate.rotations import cross
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -108,27 +111,33 @@ class ContactMeter:
             body: np.append(np.isin(model.geom_bodyid, list(welded(model, body))), False).astype(float)
             for body in self.columns
         }
+        self._grips = grips(setup)
         self.impulses = {body: np.zeros((setup.solution.n, 6)) for body in self.columns}
 
     def add(self, frame: int, model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
         """Let what the contacts give now act for some time of a frame step."""
-        if data.ncon:
-            for body, impulse in self.impulses.items():
-                impulse[frame] += seconds * self.wrench(model, data, body)
+        if data.ncon or self._grips:
+            for body, wrench in self.wrenches(model, data).items():
+                self.impulses[body][frame] += seconds * wrench
 
-    def wrench(self, model: mujoco.MjModel, data: mujoco.MjData, body: int) -> FloatArray:
-        """(6,) force and torque about the body's origin, along the world's axes, of all contacts of a body."""
+    def wrenches(self, model: mujoco.MjModel, data: mujoco.MjData) -> dict[int, FloatArray]:
+        """Per body (6,) force and torque about its origin, along the world's axes, of all its contacts and grips."""
         import mujoco
 
         contacts, local = data.contact, np.zeros((data.ncon, 6))
         for number, force in enumerate(local):
             mujoco.mj_contactForce(model, data, number, force)
-        # The force is the one on the second geom; one inside the body itself counts twice, and cancels.
-        own = self._own[body][contacts.geom]
-        forces, torques = np.einsum(
-            "c,cpi,cij->pcj", own[:, 1] - own[:, 0], local.reshape(-1, 2, 3), contacts.frame.reshape(-1, 3, 3)
-        )
-        arms = contacts.pos - data.xpos[body]
-        # By hand: np.cross takes longer than all the rest.
-        turned = arms[:, [1, 2, 0]] * forces[:, [2, 0, 1]] - arms[:, [2, 0, 1]] * forces[:, [1, 2, 0]]
-        return np.concatenate([forces.sum(axis=0), (torques + turned).sum(axis=0)])
+        forces, torques = np.einsum("cpi,cij->pcj", local.reshape(-1, 2, 3), contacts.frame.reshape(-1, 3, 3))
+        found, geoms, places = {}, contacts.geom, contacts.pos
+        for body, own in self._own.items():
+            # The force is the one on the second geom; one inside the body itself counts twice, and cancels.
+            share = own[geoms[:, 1]] - own[geoms[:, 0]]
+            moments = torques + cross(places - data.xpos[body], forces)
+            found[body] = np.concatenate([share @ forces, share @ moments])
+        for grip in self._grips:
+            force = grip.force(data)
+            for site, given in zip(grip.sites, (force, -force)):
+                for body in welded(model, int(model.site_bodyid[site])) & found.keys():
+                    found[body][:3] += given
+                    found[body][3:] += cross(data.site_xpos[site] - data.xpos[body], given)
+        return found

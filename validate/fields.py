@@ -161,7 +161,7 @@ def _set_field(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> No
         at = address(model, index)
         if array_name == "jnt_range":
             _begin_to_limit(model, index)
-        elif array[at, components + 1 :].any():
+        elif array[at, components + 1 :].any() and array[at, components] != value:
             raise ModelError(
                 f"{written}: the model gives the {path[0]} a {path[2]} of several parts; this would set the first"
             )

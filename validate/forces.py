@@ -1,7 +1,9 @@
 """What drives the model: the controls of its actuators, and forces that act on it from outside.
 
 ``actuator NAME = e``
-    the control of an actuator.
+    the control of an actuator; ``actuator NAME.pos = e`` (``.vel``, ``.ff``, ``.voltage``) of one that takes several.
+``actuator NAME.activation = e``
+    its state, of which the replay takes the start alone; ``.activation1``, ... where it has several.
 ``apply joint.NAME = e``, ``apply body.NAME.fx = e``, ``apply site.NAME.my = e`` (...)
     a force that acts whatever the model itself supplies: a generalised force on a joint (on a free joint's ``.x``,
     ``.y``, ``.z``, ``.wx``, ``.wy`` or ``.wz``); a force (``fx``, ``fy``, ``fz``, in N, along the world's axes) at a
@@ -20,7 +22,7 @@ import numpy as np
 
 from stc.solution import Solution
 from stc.validate.metrics import FloatArray
-from stc.validate.model import ModelError, find_actuator, lines_of
+from stc.validate.model import ModelError, find_activation, find_control, lines_of
 from stc.validate.places import Place, find_place, require_kind
 from stc.validate.signals import Signals
 from stc.validate.ties import joint_dof, joint_part
@@ -36,8 +38,8 @@ class Controls(Signals):
     """Control signals of a replay.
 
     Attributes:
-        names: the driven actuators.
-        actuators: their indices in the model.
+        names: of the controls: those of the driven actuators.
+        actuators: indices in the model, of the actuator of each control.
         addresses: (k,) index in MuJoCo's ``ctrl`` of each driven actuator.
     """
 
@@ -45,24 +47,40 @@ class Controls(Signals):
         """Tie the spec's ``actuator`` lines to the model.
 
         Raises:
-            ModelError: an unknown actuator, or one that takes several controls.
+            ModelError: an unknown actuator, or one of several controls that is not named.
         """
-        super().__init__(solution, lines_of(solution, "actuator"))
+        lines = [line for line in lines_of(solution, "actuator") if find_activation(model, line.name) is None]
+        super().__init__(solution, lines)
         self.names = [line.name for line in self.lines]
-        self.actuators = [find_actuator(model, name) for name in self.names]
-        self.addresses = np.array([model.actuator_ctrladr[index] for index in self.actuators], dtype=np.intp)
+        found = [find_control(model, name) for name in self.names]
+        self.actuators = [actuator for actuator, _ in found]
+        self.addresses = np.array([address for _, address in found], dtype=np.intp)
 
     def beyond_range(self, model: mujoco.MjModel) -> list[str]:
         """Names of the actuators whose control leaves the range that the model clamps it to."""
         found = []
-        for name, index, channel in zip(self.names, self.actuators, self.channels):
-            if model.actuator_ctrllimited[index]:
-                lower, upper = model.actuator_ctrlrange[index]
+        for name, address, channel in zip(self.names, self.addresses, self.channels):
+            if model.actuator_ctrllimited[address]:
+                lower, upper = model.actuator_ctrlrange[address]
                 values = np.concatenate([channel.before, channel.after])
                 slack = 1e-9 * max(1.0, abs(lower), abs(upper))
                 if values.min() < lower - slack or values.max() > upper + slack:
                     found.append(name)
         return found
+
+
+class Activations(Signals):
+    """States of actuators, as ``actuator NAME.activation`` lines tell them: a replay starts there.
+
+    Attributes:
+        addresses: (k,) index in MuJoCo's ``act`` of each.
+    """
+
+    def __init__(self, model: mujoco.MjModel, solution: Solution) -> None:
+        """Tie the spec's lines to the model."""
+        found = [(line, find_activation(model, line.name)) for line in lines_of(solution, "actuator")]
+        super().__init__(solution, [line for line, address in found if address is not None])
+        self.addresses = np.array([address for _, address in found if address is not None], dtype=np.intp)
 
 
 class Attachments:

@@ -1,12 +1,14 @@
 """Small deviations along a solved motion: how they grow, and how controls steer them.
 
 MuJoCo's finite differences (``mjd_transitionFD``) give, at instants along the motion, the linear map of one
-time step: deviation' = A deviation + B change of control.  Deviations are ordered positions, then velocities.
+time step: deviation' = A deviation + B change of control.  Deviations are ordered positions, then velocities.  The
+model's own contacts take no part; those that the solved forces press together hold (:mod:`stc.validate.held`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -14,6 +16,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate import limits
+from stc.validate.held import Holding
 from stc.validate.metrics import FloatArray
 from stc.validate.model import ModelError
 from stc.validate.progress import steps
@@ -45,12 +48,12 @@ class Linearisation:
         return np.asarray(self.first[frame] + inside)
 
 
-def linearise(setup: Setup, external: bool = False) -> Linearisation:
+def linearise(setup: Setup, held: bool = True) -> Linearisation:
     """Linearise along the solved motion.
 
     Args:
         setup: the motion and its model; it must be known how every coordinate moves.
-        external: apply the solved contact forces and switch the model's own contacts off.
+        held: whether contacts that press hold; else their forces stay what they are.
 
     Raises:
         ModelError: the solution does not tell how every coordinate moves, or MuJoCo does not differentiate the model.
@@ -60,10 +63,11 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
     untied = setup.untied
     if not (setup.all_tied or untied):
         raise ModelError("the motion is not linearised: some joints of the model are not tied to the spec")
-    model = setup.model(contacts=not external)
+    model = setup.model(contacts=False)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     data = mujoco.MjData(model)
-    forces = setup.all_forces if external else setup.applied
+    forces = setup.all_forces
+    holding = Holding(setup, forces, held)
     durations = np.diff(setup.solution.time)
     parts = np.array([max(1, math.ceil(d / limits.TRACKING_STEP - 1e-9)) for d in durations], dtype=np.intp)
     first = np.concatenate([[0], np.cumsum(parts)]).astype(np.intp)
@@ -72,9 +76,12 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
     control = np.zeros((total, 2 * nv + model.na, model.nu))
     for frame in steps("linearisation", setup.solution.n):
         count = parts[frame]
-        shares = (np.arange(count) + 0.5) / count
-        motion = setup.reference.in_step(frame, shares)
+        # Where each part begins, its middle, and where the last one ends.
+        every = np.arange(2 * count + 1) / (2 * count)
+        shares = every[1::2]
+        motion, poses = setup.reference.in_step(frame, shares), setup.reference.in_step(frame, every)[0]
         controls, outer = setup.controls.in_step(frame, shares), forces.in_step(frame, shares)
+        pressing = setup.contact.in_step(frame, shares)
         model.opt.timestep = durations[frame] / count
         rests = [] if untied is None else untied.in_step(frame, shares)
         for k in range(count):
@@ -88,6 +95,18 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
                 mujoco.mjd_transitionFD(model, data, 1e-6, True, state[at], control[at], None, None)
             except mujoco.FatalError as error:
                 raise ModelError(f"the motion is not linearised: {error}") from None
+            positions = [data.qpos.copy() for _ in range(3)]
+            for position, pose in zip(positions, poses[2 * k : 2 * k + 3]):
+                position[setup.reference.positions] = pose
+            holding.add(
+                frame,
+                (state[at], control[at]),
+                positions,
+                data.qvel,
+                model.opt.timestep,
+                outer[k],
+                pressing[k],
+            )
     # The tied joints may come in another order than the model's: deviations follow the model's.
     step = np.repeat(durations / parts, parts)
     return Linearisation(
@@ -95,7 +114,7 @@ def linearise(setup: Setup, external: bool = False) -> Linearisation:
     )
 
 
-def linearised(setup: Setup, external: bool = False) -> Linearisation | None:
+def linearised(setup: Setup, held: bool = True) -> Linearisation | None:
     """As :func:`linearise`; None where that is refused, or where an actuator has a state of its own.
 
     MuJoCo does not differentiate models with bodies that sleep or actuators with a delay.
@@ -103,17 +122,20 @@ def linearised(setup: Setup, external: bool = False) -> Linearisation | None:
     if setup.compiled.na:
         return None
     try:
-        return linearise(setup, external)
+        return linearise(setup, held)
     except ModelError:
         return None
 
 
-def growth(maps: Linearisation, joints: np.ndarray | None = None) -> float:
+def growth(
+    maps: Linearisation, joints: np.ndarray | None = None, restarts: Sequence[int] | np.ndarray = ()
+) -> float:
     """The largest factor by which a small deviation of some positions grows over any stretch of the motion.
 
     Args:
         maps: of the motion.
         joints: (k,) indices of the positions, all unless given; what others do is of account only through these.
+        restarts: frames where deviations begin anew.
 
     It is the largest spectral norm of the positions' part of the transition matrices between two instants,
     of which at most :data:`stc.validate.limits.GROWTH_INSTANTS` are looked at.  Near one means that errors stay
@@ -123,7 +145,8 @@ def growth(maps: Linearisation, joints: np.ndarray | None = None) -> float:
     if not total or not np.all(np.isfinite(maps.state)):
         return math.inf if total else 1.0
     joints = np.arange(size // 2) if joints is None else joints
-    cuts = np.unique(np.linspace(0, total, min(total, limits.GROWTH_INSTANTS) + 1).astype(int))
+    ends = maps.first[np.asarray(restarts, dtype=np.intp)]
+    cuts = np.unique([*np.linspace(0, total, min(total, limits.GROWTH_INSTANTS) + 1).astype(int), *ends])
     pieces = []
     for a, b in pairwise(cuts):
         product = np.eye(size)
@@ -132,7 +155,9 @@ def growth(maps: Linearisation, joints: np.ndarray | None = None) -> float:
         pieces.append(product)
     worst = 1.0
     running = np.zeros((0, size, size))
-    for piece in pieces:
+    for begin, piece in zip(cuts, pieces):
+        if begin in ends:
+            running = running[:0]
         # Row r of `running` is the map from the r-th cut to here.
         running = np.concatenate([running, np.eye(size)[None]])
         with np.errstate(over="ignore", invalid="ignore"):

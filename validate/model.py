@@ -16,6 +16,7 @@ import numpy as np
 from stc import models
 from stc.errors import StcError
 from stc.solution import ReplayChannel, Solution
+from stc.validate.switches import take_out
 
 if TYPE_CHECKING:
     import mujoco
@@ -95,10 +96,12 @@ def load_model(path: Path) -> mujoco.MjModel:
     if why := refusal(path):
         raise ModelError(f"MuJoCo does not accept {path}: {why}")
     try:
-        return mujoco.MjModel.from_xml_path(as_bytes(path))
+        model = mujoco.MjModel.from_xml_path(as_bytes(path))
     except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
         text = " ".join(str(error).split())
         raise ModelError(f"MuJoCo does not accept {path}: {text}") from None
+    take_out(model)
+    return model
 
 
 def as_bytes(path: str | os.PathLike[str]) -> str:
@@ -157,14 +160,14 @@ def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
     return [name for name in found if name]
 
 
+def body_names(model: mujoco.MjModel) -> list[str]:
+    """What each body is called, in the model's order: its name, or its number."""
+    return _called(model, "body", [f"body{body}" for body in range(model.nbody)])
+
+
 def joint_names(model: mujoco.MjModel) -> list[str]:
     """What each joint is called, in the model's order: its name, or that of the body that it moves."""
-    import mujoco
-
-    bodies = [
-        mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or f"body{body}"
-        for body in range(model.nbody)
-    ]
+    bodies = body_names(model)
     return _called(model, "joint", [bodies[body] for body in model.jnt_bodyid])
 
 
@@ -223,7 +226,7 @@ def find_object(model: mujoco.MjModel, kind: str, name: str, line: str) -> int:
     """
     import mujoco
 
-    titles = {"joint": joint_names, "actuator": actuator_names}.get(kind)
+    titles = {"body": body_names, "joint": joint_names, "actuator": actuator_names}.get(kind)
     if titles is not None:
         known = titles(model)
         index = known.index(name) if name in known else -1
@@ -259,16 +262,48 @@ def _require_finite(line: ReplayChannel) -> None:
                 raise ModelError(f"{line.kind} {line.name}: not a finite number at frame {frame}")
 
 
-def find_actuator(model: mujoco.MjModel, name: str) -> int:
-    """The index of an actuator that takes one control.
+def find_control(model: mujoco.MjModel, name: str) -> tuple[int, int]:
+    """The index of an actuator, and of its control in ``ctrl``.
+
+    Args:
+        name: of the actuator; of one that takes several controls, with what the control is: ``servo.pos``.
 
     Raises:
-        ModelError: there is none of this name, or it takes several.
+        ModelError: there is none of this name, or it does not say which of several controls.
     """
-    index = find_object(model, "actuator", name, f"actuator {name}")
-    if model.actuator_ctrlnum[index] != 1:
-        raise ModelError(f"actuator {name} takes {model.actuator_ctrlnum[index]} controls, not one")
-    return index
+    owner, _, part = name.rpartition(".")
+    several = name not in actuator_names(model) and owner in actuator_names(model)
+    index = find_object(model, "actuator", owner if several else name, f"actuator {name}")
+    parts = inputs_of(model, index)
+    if part in parts and several:
+        return index, int(model.actuator_ctrladr[index]) + parts.index(part)
+    if several or len(parts) != 1:
+        takes = f": write its .{', .'.join(parts)}" if len(parts) > 1 else ""
+        count = len(parts) or "no"
+        raise ModelError(f"actuator {name}: it takes {count} control{'s' * (len(parts) != 1)}{takes}")
+    return index, int(model.actuator_ctrladr[index])
+
+
+def find_activation(model: mujoco.MjModel, name: str) -> int | None:
+    """The index in ``act`` of a state of an actuator, ``servo.activation``; None of what is no such name."""
+    owner, _, part = name.rpartition(".")
+    known = actuator_names(model)
+    if name in known or owner not in known:
+        return None
+    index = known.index(owner)
+    count = int(model.actuator_actnum[index])
+    parts = ["activation"] if count == 1 else [f"activation{k + 1}" for k in range(count)]
+    return int(model.actuator_actadr[index]) + parts.index(part) if part in parts else None
+
+
+def inputs_of(model: mujoco.MjModel, actuator: int) -> list[str]:
+    """What the controls of an actuator are, in the order of ``ctrl``: ``pos``, ``vel``, ``ff``, ``voltage``."""
+    import mujoco
+
+    count, given = int(model.actuator_ctrlnum[actuator]), int(model.actuator_ctrlspec[actuator])
+    members = {int(bit): name for name, bit in mujoco.mjtCtrlInput.__members__.items() if given & int(bit)}
+    named = [members[bit].removeprefix("mjINPUT_").lower() for bit in sorted(members)]
+    return named if len(named) == count else [f"control{k + 1}" for k in range(count)]
 
 
 def single_number(line: ReplayChannel) -> float:

@@ -23,7 +23,7 @@ from stc.validate.equalities import Equalities
 from stc.validate.fields import set_fields
 from stc.validate.forces import Attachments
 from stc.validate.metrics import FloatArray
-from stc.validate.model import ModelError, find_actuator, load_model, names_of
+from stc.validate.model import ModelError, find_control, load_model, names_of
 from stc.validate.ties import find_joint
 
 if TYPE_CHECKING:
@@ -73,8 +73,7 @@ class ModelEquations:
             raise ModelError(f"{path.name} has actuators with a state of their own: they answer with delay")
         self._position = np.array([p for p, _, _ in found], dtype=np.intp)
         self._velocity = np.array([v for _, v, _ in found], dtype=np.intp)
-        driven = [find_actuator(model, name) for name in self.actuators]
-        self._address = np.array([model.actuator_ctrladr[index] for index in driven], dtype=np.intp)
+        self._address = np.array([find_control(model, name)[1] for name in self.actuators], dtype=np.intp)
         self._places = Attachments(model, outer)
         self.outer = self._places.names
         self.has_springs = bool(np.any(model.jnt_stiffness != 0.0))

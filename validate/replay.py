@@ -20,6 +20,7 @@ from stc.errors import UsageError
 from stc.records import dataclass, field
 from stc.validate import limits
 from stc.validate.dynamics import mass_matrices
+from stc.validate.grips import grips
 from stc.validate.metrics import FloatArray
 from stc.validate.progress import steps
 from stc.validate.rotations import rate_of_way, turning_dofs
@@ -81,13 +82,13 @@ class Replay:
         return len(self.time) - 1
 
 
-def time_step_for(setup: Setup, longest: float) -> float:
-    """The time step of a replay, no longer than ``longest``.
+def time_step_for(setup: Setup, longest: float, contacts: bool = True) -> float:
+    """The time step of a replay, with or without the model's contacts, no longer than ``longest``.
 
     Contacts are as stiff as the step is short, so a model's own is not exceeded.  Nor is the time in which dampers slow
     a joint: Runge and Kutta's method is stable up to 2.8 times that.
     """
-    if len(setup.contact):
+    if contacts and len(setup.contact):
         longest = min(longest, float(setup.compiled.opt.timestep))
     rate = _fastest_decay(setup)
     return longest if rate * longest <= 1.0 else max(1.0 / rate, longest / _FINEST)
@@ -161,12 +162,14 @@ class _Simulation:
     ) -> None:
         import mujoco
 
-        self.setup, self.model, self.feedback, self.meter = setup, model, feedback, meter
+        self.setup, self.model, self.feedback = setup, model, feedback
+        self.meter = meter if meter is not None and meter.columns else None
         self.frame = 0
         self.what = "replay with feedback" if feedback else "replay, contact forces" if external else "replay"
         self.restarts = set(setup.solution.frames_that_jump()) if external else set()
         self.forces: OuterForces = setup.all_forces if external else setup.applied
         self.data = mujoco.MjData(model)
+        self.grips = [] if external else grips(setup)
         self.turning = turning_dofs(model)
         self.advance = self._runge_kutta if integrator == "rk4" else self._mujoco_step
         n, outputs = setup.solution.n, len(setup.outputs)
@@ -186,8 +189,7 @@ class _Simulation:
     def run(self, time_step: float, watcher: Watcher | None) -> Replay:
         setup, model, data, result = self.setup, self.model, self.data, self.result
         solution = setup.solution
-        start = setup.reference.at("after", 0)[:2]
-        setup.reference.put(data, start)
+        setup.put(data, "after", 0)
         self._record(0)
         times, path = [float(solution.time[0])], [data.qpos.copy()]
         data.time = times[0]
@@ -198,8 +200,10 @@ class _Simulation:
             if stopped:
                 break
             self.frame = frame
+            for grip in self.grips:
+                data.eq_active[grip.equality] = grip.on[frame]
             if frame in self.restarts:
-                setup.reference.put(data, setup.reference.at("after", frame)[:2])
+                setup.put(data, "after", frame)
             parts = max(limits.SUBSTEPS, math.ceil(duration / time_step - 1e-9))
             model.opt.timestep = duration / parts
             result.time_step = max(result.time_step, model.opt.timestep)
@@ -273,7 +277,8 @@ class _Simulation:
                 self.meter.add(self.frame, model, data, weight * h)
             if not stage:
                 data.qacc_warmstart[:] = data.qacc
-            rate = rate_of_way(way, data.qvel.copy(), self.turning)
+            if stage:
+                rate = rate_of_way(way, data.qvel.copy(), self.turning)
             velocity += weight * rate
             acceleration += weight * data.qacc
             activation += weight * data.act_dot

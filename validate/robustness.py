@@ -19,6 +19,7 @@ from stc.errors import UsageError
 from stc.records import dataclass, field
 from stc.validate import limits
 from stc.validate.contact import ground_distances, travelled
+from stc.validate.grips import grips
 from stc.validate.metrics import FloatArray
 from stc.validate.replay import time_step_for
 from stc.validate.tracking import Feedback, proportional
@@ -259,12 +260,16 @@ def _simulate(
         qpos[:, reference.positions] = reference.moved(start[0], way)
         qvel[:, reference.velocities] += change
     steps = sims.expand("opt.timestep")
+    held = grips(setup)
+    active = sims.bind("eq_active") if held else np.zeros((count, 0))
     found = np.full((count, solution.n + 1, model.nq), math.nan)
     found[:, 0] = qpos
     outer = _outer_forces(setup, model)
     for frame, duration in enumerate(np.diff(solution.time)):
         parts = max(limits.SUBSTEPS, math.ceil(duration / time_step - 1e-9))
         steps[:] = duration / parts
+        for grip in held:
+            active[:, grip.equality] = grip.on[frame]
         middles = (np.arange(parts) + 0.5) / parts
         controls = setup.controls.in_step(frame, middles)
         law = feedback.in_step(frame, np.arange(parts) / parts)

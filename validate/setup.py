@@ -13,11 +13,12 @@ from stc.recorded_files import changed, unpacked
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate.fields import apply_fields, set_fields
-from stc.validate.forces import Attachments, Controls, OuterForces
+from stc.validate.forces import Activations, Attachments, Controls, OuterForces
 from stc.validate.model import (
     ModelError,
     actuator_names,
-    find_actuator,
+    find_activation,
+    find_control,
     find_model,
     joint_names,
     load_model,
@@ -44,6 +45,7 @@ class Setup:
         ties: the joints that the spec speaks of, part by part.
         reference: their solved motion as a function of time.
         controls: of the actuators.
+        activations: states of actuators, as the solution has them.
         applied: forces that always act.
         contact: forces that the model's own contacts should supply.
         outputs: what else is compared.
@@ -61,6 +63,7 @@ class Setup:
     ties: list[Tie]
     reference: Reference
     controls: Controls
+    activations: Activations
     applied: OuterForces
     contact: OuterForces
     outputs: list[Output]
@@ -68,6 +71,11 @@ class Setup:
     unknown: str = ""
     faults: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+
+    def put(self, data: mujoco.MjData, part: str, frame: int) -> None:
+        """Set a simulation to the solved place, velocity and activations at a node."""
+        self.reference.put(data, self.reference.at(part, frame)[:2])
+        data.act[self.activations.addresses] = self.activations.at(part, frame)
 
     def model(self, contacts: bool = True) -> mujoco.MjModel:
         """A copy of the model, whose options may be changed.
@@ -103,7 +111,9 @@ class Setup:
             notes.append(
                 f"joints not tied to the spec start at rest where the model has them: {', '.join(loose)}"
             )
-        idle = [name for name in actuator_names(self.compiled) if name not in self.controls.names]
+        driven, takes = set(self.controls.actuators), self.compiled.actuator_ctrlnum
+        names = enumerate(actuator_names(self.compiled))
+        idle = [name for index, name in names if index not in driven and takes[index]]
         if idle:
             notes.append(f"actuators not driven by the spec get the control 0: {', '.join(idle)}")
         clamped = self.controls.beyond_range(self.compiled)
@@ -141,6 +151,7 @@ def prepare(
         ties,
         Reference(solution, ties),
         Controls(compiled, solution),
+        Activations(compiled, solution),
         OuterForces(compiled, solution, ("apply",)),
         OuterForces(compiled, solution, ("contact",)),
         compared_outputs(compiled, solution),
@@ -176,8 +187,8 @@ def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> Non
     """
     if kind == "joint":
         joint_part(model, path)
-    elif kind == "actuator":
-        find_actuator(model, ".".join(path))
+    elif kind == "actuator" and find_activation(model, ".".join(path)) is None:
+        find_control(model, ".".join(path))
     elif kind == "set":
         set_fields(model, {path: 1.0})
     elif kind in ("apply", "contact"):

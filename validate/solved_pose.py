@@ -88,7 +88,7 @@ def equality_metrics(setup: Setup) -> list[Metric]:
             setup.untied.put(data, setup.untied.at(part, frame))
         setup.reference.put(data, setup.reference.at(part, frame)[:2])
         mujoco.mj_fwdPosition(model, data)
-        for index, rows in _rows(data).items():
+        for index, rows in equality_rows(data).items():
             if len(unknown) and _moves(model, data, rows, unknown):
                 hidden.add(index)
             for unit, value in _broken(model, index, data.efc_pos[rows]):
@@ -101,13 +101,13 @@ def equality_metrics(setup: Setup) -> list[Metric]:
         limits.DRIFT_FLOOR[method],
     )
     return [
-        Metric("equality broken in the solved pose", _title(model, index), value, unit, limit)
+        Metric("equality broken in the solved pose", equality_title(model, index), value, unit, limit)
         for (index, unit), value in worst.items()
         if index not in hidden
     ]
 
 
-def _rows(data: mujoco.MjData) -> dict[int, np.ndarray]:
+def equality_rows(data: mujoco.MjData) -> dict[int, np.ndarray]:
     """The rows of each active equality among the constraints."""
     import mujoco
 
@@ -138,7 +138,7 @@ def _broken(model: mujoco.MjModel, index: int, gaps: FloatArray) -> list[tuple[s
     return [("m", float(np.linalg.norm(gaps)))]
 
 
-def _title(model: mujoco.MjModel, index: int) -> str:
+def equality_title(model: mujoco.MjModel, index: int) -> str:
     """What an equality is called: its name, or what it joins."""
     import mujoco
 

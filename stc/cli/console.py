@@ -18,8 +18,10 @@ if TYPE_CHECKING:
     from stc.errors import Diagnostic
     from stc.solution import Solution
     from stc.studies.compare import Run
+    from stc.studies.grid_error import GridError
     from stc.studies.profile import Part
     from stc.studies.uncertainty import Uncertainty
+    from stc.turns import Turn
     from stc.validate.certificate import Certificate
 
 #: Width of what goes into a file or a pipe, where nothing should be cut or wrapped.
@@ -43,6 +45,7 @@ def show_solution(
     file: Path | None,
     was_read: bool = False,
     uncertainty: Uncertainty | None = None,
+    grid: GridError | None = None,
 ) -> None:
     """The outcome of a solve; ``file`` is where it is saved, or was read from, None when it is nowhere."""
     good = solution.status == "optimal"
@@ -55,6 +58,8 @@ def show_solution(
         ("iterations", f"{solution.iterations} ({solution.factorizations} factorizations)"),
         ("size", f"{len(solution.x)} variables, {len(solution.row_multipliers)} rows"),
     ]
+    if grid is not None:
+        rows.append(("grid error", str(grid)))
     for name, value in list(solution.parameters.items())[:MOST_PARAMETERS]:
         error = "" if uncertainty is None else f", standard error {uncertainty.errors[name]:.5g}"
         rows.append((name, f"{value:.10g}{error}"))
@@ -68,12 +73,22 @@ def show_solution(
                 f"with {uncertainty.freedom} degrees of freedom",
             )
         )
+    rows += [("turns", f"{escape(turn.joint)} {turn}") for turn in _turns(solution)]
     rows.append(("time", times(solution)))
     if file is not None:
         rows.append(("read from" if was_read else "saved", escape(str(file))))
     print_table(f"{solution.name}, {solution.method}, n = {solution.n}", rows)
     if not good and solution.message:
         print(solution.message)
+
+
+def _turns(solution: Solution) -> Sequence[Turn]:
+    """How far bodies turn, where the motion has any that can."""
+    if not any(name.endswith(".qw") for name in solution.variables):
+        return []
+    from stc.turns import turns
+
+    return turns(solution)
 
 
 class Comparison:

@@ -363,7 +363,12 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
     with guard.on_end(ending):
         if solution.status != "optimal":
             return replace(outcome, blame=reasons.find_blame(model, solution, options.explain))
-        outcome = replace(outcome, uncertainty=reasons.find_uncertainty(model, solution))
+        outcome = ending.outcome = replace(
+            outcome,
+            uncertainty=reasons.find_uncertainty(model, solution),
+            grid=reasons.find_grid_error(solution),
+            ringing=reasons.find_ringing(solution),
+        )
         if options.explain:
             return replace(outcome, explanation=reasons.find_explanation(model, solution))
     return outcome

@@ -7,7 +7,7 @@ from typing import Any
 
 from stc import models
 from stc.errors import UsageError
-from stc.language.model.scope import coordinates_of, path_of, quoted
+from stc.language.model.scope import controls_of, coordinates_of, path_of, quoted
 from stc.mechanism.mechanism import Geom, Joint, Mechanism
 from stc.mechanism.read import read_model
 from stc.mechanism.refusals import refusals, without
@@ -48,9 +48,9 @@ def listing(name: str) -> str:
     rows: dict[str, list[str]] = {
         "joints": [f"{path_of('joint', joint.name)} ({_joint(joint)})" for joint in mechanism.joints],
         "actuators": [
-            path_of("actuator", one.name)
-            + (f" in {_range(one.control_range)}" if one.control_limited else "")
+            name + (f" in {_range(limits)}" if limits else "")
             for one in mechanism.actuators
+            for name, limits in zip(controls_of(one), one.control_ranges, strict=True)
         ],
         "bodies": [path_of("body", body.name) for body in mechanism.bodies[1:]],
         "sites": [path_of("site", site.name) for site in mechanism.sites if site.name],

@@ -17,15 +17,20 @@ if TYPE_CHECKING:
     from stc.solution import Solution
     from stc.studies.blame import Blame
     from stc.studies.explain import Explanation
+    from stc.studies.grid_error import GridError
     from stc.studies.profile import Part
+    from stc.studies.ringing import Ringing
     from stc.studies.uncertainty import Uncertainty
+
+#: So many controls that ring are told of.
+MOST_RINGING = 3
 
 __all__ = ["Ending", "Outcome", "keep_solution"]
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """A solution with where it is saved (None: nowhere), the warnings about its spec, and the reasons known.
+    """A solution with where it is saved (None: nowhere), the warnings about its spec, the reasons and the grid's error.
 
     ``unsaved`` tells why it is not, where it was to be; ``was_read`` that the file was there already.
     """
@@ -35,6 +40,8 @@ class Outcome:
     warnings: Sequence[Diagnostic] = ()
     blame: Blame | None = None
     explanation: Explanation | None = None
+    grid: GridError | None = None
+    ringing: Sequence[Ringing] = ()
     uncertainty: Uncertainty | None = None
     found: Found | None = None
     profile: Sequence[Part] = ()
@@ -57,6 +64,10 @@ class Outcome:
         known = record.of_solution(
             self.solution, None if self.file is None else str(self.file), self.warnings
         )
+        known["grid"] = None if self.grid is None else self.grid.to_dict()
+        known["ringing"] = (
+            [one.to_dict() for one in self.ringing] if self.solution.status == "optimal" else None
+        )
         known["blame"] = None if self.blame is None else self.blame.to_dict()
         known.update({} if self.explanation is None else self.explanation.to_dict())
         if self.uncertainty is not None:
@@ -69,11 +80,17 @@ class Outcome:
 
     def show(self) -> None:
         """What people see of it."""
-        console.show_solution(self.solution, self.file, self.was_read, self.uncertainty)
+        console.show_solution(self.solution, self.file, self.was_read, self.uncertainty, self.grid)
         if self.found is not None and (in_all := self.found.in_all()):
             print(in_all)
         if self.found is not None and self.found.message:
             console.note(self.found.message)
+        if self.found is not None and self.found.remark:
+            console.note(self.found.remark)
+        if self.grid is not None and self.grid.gross:
+            console.note(self.grid.warning)
+        for one in self.ringing[:MOST_RINGING]:
+            console.note(str(one))
         for told in self.solution.outside:
             console.note(told)
         if self.blame is not None:

@@ -1,4 +1,4 @@
-"""Why a solve ended as it did, for people: statements to blame, and what statements cost."""
+"""Why a solve ended as it did, for people: statements to blame, what statements cost, and the grid's error."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING
 
 from stc import deadline
 from stc.cli import console
+from stc.errors import UsageError
 
 if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.solution import Solution
     from stc.studies.blame import Blame
     from stc.studies.explain import Explanation, Sensitivity
+    from stc.studies.grid_error import GridError
+    from stc.studies.ringing import Ringing
     from stc.studies.uncertainty import Uncertainty
 
 #: Seconds for finding who is to blame: unasked, and when the user wants an explanation.
@@ -46,14 +49,36 @@ def find_explanation(model: Model, solution: Solution) -> Explanation | None:
     return explain(model, solution)
 
 
+def find_grid_error(solution: Solution) -> GridError | None:
+    """The estimated discretisation error; None where there is no time for it, or none to estimate."""
+    if deadline.left() < SHORTEST:
+        return None
+    from stc.studies.grid_error import grid_error
+
+    return grid_error(solution)
+
+
+def find_ringing(solution: Solution) -> list[Ringing]:
+    """The controls that alternate from node to node; none where there is no time to look."""
+    if deadline.left() < SHORTEST:
+        return []
+    from stc.studies.ringing import ringing
+
+    return ringing(solution)
+
+
 def find_uncertainty(model: Model, solution: Solution) -> Uncertainty | None:
-    """The standard errors of what an optimal solution estimates; None where it is no estimation."""
+    """The standard errors of what an optimal solution estimates; None where it is no estimation, or has none."""
     problem, _ = model.transcription(solution.method, **solution.overrides)
     if not problem.parameters or not any(term.rows for term in problem.objective):
         return None
     from stc.studies.uncertainty import uncertainty
 
-    return uncertainty(model, solution)
+    try:
+        return uncertainty(model, solution)
+    except UsageError as reason:
+        console.note(str(reason))
+        return None
 
 
 def show_blame(blame: Blame) -> None:

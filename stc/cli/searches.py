@@ -63,12 +63,14 @@ class Found:
         status: ``optimal`` only where the search, too, got where it was sent.
         message: why it didn't, else empty.
         record: what ``--json`` says besides.
+        remark: what else there is to say of the solution.
     """
 
     solution: Solution
     status: str
     message: str = ""
     record: dict[str, Any] = field(default_factory=dict)
+    remark: str = ""
 
     @property
     def good(self) -> bool:
@@ -271,9 +273,11 @@ def _refined(
     table.end()
     assert result.solution is not None
     record, totals = _added(before, result.effort)
-    last = result.levels[-1].status
+    last = result.best.status
     message = result.message and f"--refine {tolerance:g} was not reached: {result.message}"
-    return Found(result.solution, last, message, {**record, **totals, "refinement": result.to_dict()})
+    found = Found(result.solution, last, message, {**record, **totals, "refinement": result.to_dict()})
+    found.remark = result.remark
+    return found
 
 
 def _verified(

@@ -37,8 +37,17 @@ class Constants:
         self.n = self._last_frame()
 
     def _check_overrides(self, overrides: Mapping[str, float]) -> None:
+        origins = self.diagnostics.source.origins
+        counts = {} if origins is None else origins.counts
+        for name in counts:
+            self.table.entries[name].used = True
         # `n` and `h` mean something in every file, so they can be given even where the file is silent
         for name, value in overrides.items():
+            if name in counts and value != counts[name]:
+                raise UsageError(
+                    f"`{name}` counts what the spec repeats: it is {counts[name]} there and stays so",
+                    f"change `{name} = {counts[name]}` in the text of the spec",
+                )
             kind = self.table.kind(name)
             if kind is None and name not in ("n", "h") and name not in self.damaged:
                 known = self.table.of_kind("constant")

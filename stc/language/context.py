@@ -10,7 +10,7 @@ from stc.errors import Span
 from stc.language import syntax
 from stc.language.constants import Constants
 from stc.language.definitions import Definitions, collect_definitions, runs
-from stc.language.diagnostics import Diagnostics
+from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.expressions import ExpressionBuilder
 from stc.language.frames import Frames
 from stc.language.kinks import advice, kinks_in
@@ -18,6 +18,7 @@ from stc.language.model.scope import each_of
 from stc.language.names import DATA_SET, collect_names
 from stc.language.positions import Positions
 from stc.language.smoothing import smoothed
+from stc.language.words import FRAMES_MEANT, RESERVED
 from stc.problem import ConstantRef, DefinitionRef, FrameRange, IndexRef, Jump, TimeRef
 from stc.symbolic.expr import Expr, evaluate, substitute, symbols
 
@@ -90,6 +91,11 @@ class Context:
             return self.everywhere
         data = self.rows(block)
         if not data:
+            first = block.header.first
+            if rows and block.header.last is None and isinstance(first, syntax.Name):
+                if self._means_data(first.name):
+                    self._undeclared_data(first)
+                    return None
             return self.positions.frames(block.header)
         if not rows:
             hint = f"under `objective:` a term is summed over them, as in `[{data}]: (x - {data}.x)^2;`"
@@ -98,6 +104,19 @@ class Context:
             )
             return None
         return FrameRange(0, 0, self.span(block.header))
+
+    def _undeclared_data(self, node: syntax.Name) -> None:
+        name = node.name
+        hint = did_you_mean(name, [*self.table.of_kind(DATA_SET), *self.table.of_kind("constant")])
+        hint = hint or (
+            f'a data set is declared under `data:`, as in `{name} = "{name}.csv";`; a frame is a number'
+        )
+        self.error(node, f"`{name}` is not declared", hint)
+
+    def _means_data(self, name: str) -> bool:
+        """Whether a word that nothing declares can be that of a data set, and means no frame."""
+        known = (*RESERVED, "n", "h", "N", "?", *self.tree.damaged)
+        return self.table.kind(name) is None and name not in known and name.lower() not in FRAMES_MEANT
 
     def rows(self, block: syntax.Block) -> str:
         """The data set on whose rows the statements of a block stand; empty where they stand on frames."""

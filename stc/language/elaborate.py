@@ -8,6 +8,7 @@ mistake is noted and work goes on; at the end all mistakes are raised together.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -18,11 +19,13 @@ from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.expressions import TIME
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
+from stc.language.model.scope import is_starred
 from stc.language.names import DATA_SET
 from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
     ConstantRef,
+    DefinitionPiece,
     FrameRange,
     Guess,
     Jump,
@@ -33,7 +36,7 @@ from stc.problem import (
     ReplayChannel,
     VariableRef,
 )
-from stc.symbolic.expr import Expr, looked_up, symbols
+from stc.symbolic.expr import Expr, evaluate, looked_up, num, substitute, sym, symbols
 
 if TYPE_CHECKING:
     from stc.language.model.assembly import ModelStatements
@@ -123,6 +126,24 @@ class _Elaborator(Context):
         if self.diagnostics.error_count:
             return None
         corrections = [] if self.model_statements is None else self.model_statements.standing.corrections()
+        fixtures = [] if self.model_statements is None else self.model_statements.fixtures()
+        given = self._numbers_of_model(replay)
+        if given:
+            put = _Putting(given)
+            put.definitions(self.builder.pieces)
+            relations = put.relations(relations)
+            objective = [replace(term, body=put(term.body)) for term in objective]
+            replay = [replace(channel, body=put(channel.body)) for channel in replay]
+            corrections = [
+                replace(one, shares={key: put(e) for key, e in one.shares.items()}) for one in corrections
+            ]
+            fixtures = [
+                replace(one, places=[put(e) for e in one.places], rates=[put(e) for e in one.rates])
+                for one in fixtures
+            ]
+            guesses = [*self._guesses_of_numbers(), *guesses]
+        if self.diagnostics.error_count:
+            return None
         problem = Problem(
             name=PurePath(self.source.name).stem.strip("<>") or "spec",
             source=self.source,
@@ -155,7 +176,8 @@ class _Elaborator(Context):
             macros=self.builder.macros,
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
-            fixtures=[] if self.model_statements is None else self.model_statements.fixtures(),
+            at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
+            fixtures=fixtures,
             root=frozenset() if self.model_statements is None else self.model_statements.root(),
             corrections=corrections,
             data={} if self.data is None else self.data.sets,
@@ -164,6 +186,37 @@ class _Elaborator(Context):
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
         return problem
+
+    def _numbers_of_model(self, replay: Sequence[ReplayChannel]) -> dict[object, Expr]:
+        """What stands for numbers of the model in its equations: expressions of `set` lines, declared parameters."""
+        if self.model is None:
+            return {}
+        found: dict[object, Expr] = {
+            ConstantRef(name): sym(ParameterRef(name))
+            for name in self.model.constants
+            if self.table.kind(name) == "parameter"
+        }
+        for channel in replay:
+            name = self.model.number_named(channel.path) if channel.kind == "set" else None
+            if name is None or channel.body is sym(ConstantRef(name)):
+                continue
+            if name in self.model.constants:
+                found[ConstantRef(name)] = channel.body
+            else:
+                hint = f"it is no input of the equations: give it by `constants: {name} = 0.1;` or `--set {name}=0.1`"
+                message = f"`set {name}` would change the replay and not the equations"
+                self.diagnostics.error(message, channel.span.start, channel.span.end, hint)
+        return found
+
+    def _guesses_of_numbers(self) -> list[Guess]:
+        """Parameters that are numbers of the model start at what the model has."""
+        assert self.model is not None
+        span = self.span(self.model.statement)
+        return [
+            Guess(name, num(value), FrameRange(0, 0), span)
+            for name, value in self.model.constants.items()
+            if self.table.kind(name) == "parameter"
+        ]
 
     def _shaping(self) -> set[str]:
         """Numbers of the model that are no inputs of the compiled program."""
@@ -223,7 +276,13 @@ class _Elaborator(Context):
                     for frame in range(where.first, where.last + 1):
                         found.setdefault((frame, *named), Jump(frame, *named, self.span(quantity)))
         if self.model_statements is not None:
-            for jump in self.model_statements.jumps():
+            jumping = self.model_statements.jumps()
+            if jumping and self.method == "central" and not told:
+                span = jumping[0].span
+                hint = "choose `method: trapezoidal;` or leave the line out for hermite-simpson"
+                message = "contact begins or ends within the motion, and the method `central` knows no jumps"
+                self.diagnostics.error(message, span.start, span.end, hint)
+            for jump in jumping:
                 found.setdefault((jump.frame, jump.name, jump.order), jump)
         return sorted(found.values(), key=lambda jump: (jump.frame, jump.span.start))
 
@@ -251,6 +310,8 @@ class _Elaborator(Context):
 
     def _constraints(self) -> list[Relation]:
         found: list[Relation] = []
+        if self.model is not None:
+            self._warn_of_frames()
         for _, where, pose in self.statements("constraints", syntax.Pose):
             if self._has_model(pose) and where is not None:
                 assert self.model_statements is not None
@@ -266,13 +327,50 @@ class _Elaborator(Context):
                     self._reads_gaps(e, statement) for e in (body, part.lower, part.upper) if e is not None
                 ):
                     continue
-                found.append(Relation(body, part.lower, part.upper, where, self.span(statement), text))
+                one = Relation(body, part.lower, part.upper, where, self.span(statement), text)
+                found += (
+                    [one]
+                    if self.builder.paths is None
+                    else self.builder.paths.distances.exact(one, self._structural)
+                )
                 if self.is_fixed(body):
                     message = "this constraint holds no unknown"
                     self.diagnostics.warning(
                         message, statement.start, statement.end, "it is true or false as it is"
                     )
+        if self.builder.paths is not None:
+            self.builder.paths.distances.declare(self)
         return found
+
+    def _warn_of_frames(self) -> None:
+        """Tell of limits of each joint or actuator below a pose of a single frame, where all frames may be meant."""
+        for block in self.tree.blocks("constraints"):
+            where = None if block.header is None else self.range(block)
+            if block.header is None or where is None or where.first != where.last:
+                continue
+            if not any(isinstance(statement, syntax.Pose) for statement in block.statements):
+                continue
+            line = self.source.position(block.header.start)[0]
+            for statement in block.statements:
+                limits = isinstance(statement, syntax.Relation) and "<=" in {
+                    operator.replace(">", "<") for operator in statement.operators
+                }
+                if limits and is_starred(statement) and self.source.position(statement.start)[0] > line:
+                    message = f"this holds on frame {where.first} alone, with the pose of line {line}"
+                    hint = (
+                        "write `[0, n]:` before it if all frames are meant; `[k]: ...` on its own line if not"
+                    )
+                    self.diagnostics.warning(message, statement.start, statement.end, hint)
+
+    def _structural(self, e: Expr) -> float | None:
+        """The value of an expression of constants, which then shape the problem; None of others."""
+        values: dict[object, float] = {}
+        for key in symbols(e):
+            value = self.positions.structural_value(key.name) if isinstance(key, ConstantRef) else None
+            if value is None:
+                return None
+            values[key] = value
+        return float(evaluate(e, values))
 
     def _has_model(self, pose: syntax.Pose) -> bool:
         """Whether poses mean something; else that is noted."""
@@ -467,3 +565,33 @@ class _Elaborator(Context):
             return None
         body = self.settled(body, self.everywhere, statement)
         return ReplayChannel(statement.kind, statement.path, body, self.span(statement))
+
+
+class _Putting:
+    """Puts expressions in the place of numbers of the model."""
+
+    def __init__(self, given: Mapping[object, Expr]) -> None:
+        self._given = given
+        self._memo: dict[Expr, Expr] = {}
+
+    def __call__(self, e: Expr) -> Expr:
+        return substitute(e, self._given, self._memo)
+
+    def bound(self, e: Expr | None) -> Expr | None:
+        """The same of what may be missing."""
+        return None if e is None else self(e)
+
+    def definitions(self, pieces: dict[str, list[DefinitionPiece]]) -> None:
+        """Of definitions with ranges, where they are."""
+        for name, known in pieces.items():
+            pieces[name] = [replace(piece, body=self(piece.body)) for piece in known]
+
+    def relations(self, relations: Sequence[Relation]) -> list[Relation]:
+        """Of constraints; equalities keep one expression on both sides."""
+        rows = []
+        for one in relations:
+            lower = self.bound(one.lower)
+            upper = lower if one.is_equality else self.bound(one.upper)
+            between = self.bound(one.between)
+            rows.append(replace(one, body=self(one.body), lower=lower, upper=upper, between=between))
+        return rows

@@ -199,6 +199,9 @@ class ExpressionParser:
                 node = self.path(at)
             elif self.kind == "(":
                 node = self.call(at, self.token_text(at))
+                if self.kind == "." and isinstance(node, syntax.Call):
+                    fields = self.path_parts()
+                    node = syntax.Member(starts[at], ends[self.at - 1], node, fields)
             else:
                 node = syntax.Name(starts[at], ends[at], self.token_text(at))
         elif kind == "number":
@@ -255,7 +258,12 @@ class ExpressionParser:
 
     def path(self, at: int) -> syntax.Name:
         """The path of a thing of the model, of which the first word, at token ``at``, has been read."""
-        parts = [self.token_text(at)]
+        parts = [self.token_text(at), *self.path_parts()]
+        return syntax.Name(self.starts[at], self.ends[self.at - 1], ".".join(parts))
+
+    def path_parts(self) -> list[str]:
+        """The parts of a path that follow, each after a dot."""
+        parts: list[str] = []
         while self.kind == ".":
             self.advance()
             if self.kind not in ("name", "string", "*"):
@@ -265,7 +273,7 @@ class ExpressionParser:
             plain = self.kind != "string" or not text[1:-1].isidentifier()
             parts.append(text if plain else text[1:-1])
             self.advance()
-        return syntax.Name(self.starts[at], self.ends[self.at - 1], ".".join(parts))
+        return parts
 
     def vector(self, opening: int, first: syntax.Expression) -> syntax.Vector:
         """The rest of a vector, of which the first component has been read."""

@@ -59,6 +59,9 @@ if TYPE_CHECKING:
 #: Looks like a function, unless a spec declares something of that name.
 MOMENTUM = "momentum"
 
+#: Calls that name things of a model.
+WORDS_OF_MODELS = ("distance", "point")
+
 #: Time derivatives of a higher order are taken for a slip.
 MAX_ORDER = 20
 
@@ -116,6 +119,7 @@ class ExpressionBuilder:
             syntax.Prime: self._prime,
             syntax.Index: self._index,
             syntax.Vector: self._vector,
+            syntax.Member: self._member,
         }
 
     def build(self, node: syntax.Expression) -> Expr:
@@ -190,7 +194,8 @@ class ExpressionBuilder:
             return self.fail(node, "`inf` may only stand alone, as a bound", hint)
         if name in FUNCTIONS or name in OPERATORS:
             return self.fail(node, f"the function `{name}` has no arguments", f"write `{name}(...)`")
-        if "." in name or (self.paths is not None and self.paths.is_word(name)):
+        of_model = self.model_is_missing and name in ("effort", "power")
+        if "." in name or of_model or (self.paths is not None and self.paths.is_word(name)):
             self.poisoned = before
             return self._path(node)
         if name not in self.constants.reported and name not in self.constants.damaged and name != "n":
@@ -259,21 +264,42 @@ class ExpressionBuilder:
         """A thing of the model, or a column of data."""
         if self.table.kind(node.name.partition(".")[0]) == DATA_SET:
             return self._reference(node)
+        found = self._of_model(node, node.name, lambda paths: paths.resolve(node.name))
+        if not self.poisoned:
+            self._leaves[node.name] = found
+        return found
+
+    def _of_model(self, node: syntax.Expression, text: str, resolve: Callable[[Paths], Expr]) -> Expr:
+        """What the model makes of a path or a call; a mistake in it is noted."""
         if self.paths is None and self.model_is_missing:
             self.poisoned = True  # that the model cannot be read has been told
             return UNKNOWN
         if self.paths is None:
             hint = 'name the model under `model:`, as in `model: "robot.xml";`'
-            if node.name.startswith("model."):
+            if text.startswith("model."):
                 hint = self.model_hint
-            return self.fail(node, f"`{node.name}` is a path of a model, and the spec has none", hint)
+            return self.fail(node, f"`{text}` is a path of a model, and the spec has none", hint)
         from stc.language.model.paths import PathError
 
         try:
-            found = self._leaves[node.name] = self.paths.resolve(node.name)
+            return resolve(self.paths)
         except PathError as error:
             return self.fail(node, error.message, error.hint)
-        return found
+
+    def _member(self, node: syntax.Member) -> Expr:
+        """A field of `point(body.NAME, x, y, z)`."""
+        call = node.operand
+        if call.function != "point":
+            hint = "of a point in a body there are: `point(body.NAME, x, y, z).vx`"
+            return self.fail(node, f"`{call.function}(...)` has no fields", hint)
+        if self.paths is None:
+            return self._of_model(node, "point(...)", lambda _: UNKNOWN)
+        at = [self.build(part) for part in call.arguments[1:]]
+        return (
+            UNKNOWN
+            if self.poisoned
+            else self._of_model(node, "point(...)", lambda paths: paths.of_point(call, at, node.fields))
+        )
 
     def _vector(self, node: syntax.Vector) -> Expr:
         hint = "state each component by itself; a vector moves a pose, as in `keyframe.stand + (0.5, 0, 0)`"
@@ -335,6 +361,8 @@ class ExpressionBuilder:
             return self._momentum(node)
         if self.table.kind(function) == TABLE:
             return self._looked_up(node)
+        if function in WORDS_OF_MODELS and self.table.kind(function) is None:
+            return self._of_model(node, f"{function}(...)", lambda paths: paths.call(node))
         arguments = [self.build(argument) for argument in node.arguments]
         if function in KINKED and self.table.kind(function) is None:
             return kinked(self, node, arguments)
@@ -374,6 +402,9 @@ class ExpressionBuilder:
         if len(arguments) != 1 or not isinstance(arguments[0], syntax.Name):
             return self.fail(node, "`momentum` takes the name of one coordinate, as in `momentum(x)`")
         name = arguments[0].name
+        if self.paths is not None:
+            hint = "write `momentum.x` of the whole, `angular.x`, or `momentum.NAME.x` of a body and what hangs on it"
+            return self.fail(node, "a spec with a model has no Lagrangian, and so no `momentum(q)`", hint)
         if self.momenta is None:
             hint = "use it under `constraints:` or `objective:`, where the Lagrangian is known"
             return self.fail(node, "`momentum` is not known yet within a definition or Lagrangian", hint)

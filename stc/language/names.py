@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from stc.language import syntax
-from stc.language.diagnostics import Diagnostics
+from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.words import PATH_WORDS, RESERVED
 from stc.records import dataclass, field
 from stc.symbolic.expr import FUNCTIONS
@@ -80,10 +80,28 @@ def collect_names(
     if any(section.kind == "model" for section in spec.sections):
         from stc.language.model.scope import model_of
 
-        table.model = model_of(spec, overrides or {}, diagnostics)
+        written = {
+            name: e.value.value for name, e in table.entries.items() if isinstance(e.value, syntax.Number)
+        }
+        table.model = model_of(spec, {**written, **(overrides or {})}, diagnostics)
         if table.model is not None:
+            _check_paths(table, table.model.constants, diagnostics)
             table.model.declare(table)
+    elif any("." in name for name in table.entries):
+        _check_paths(table, {}, diagnostics)
     return table
+
+
+def _check_paths(table: NameTable, numbers: Mapping[str, float], diagnostics: Diagnostics) -> None:
+    """Note declared paths that are no numbers of the model: its constants may be given, or be parameters."""
+    for name, entry in table.entries.items():
+        if "." in name and (entry.kind not in ("constant", "parameter") or name not in numbers):
+            hint = (
+                did_you_mean(name, numbers)
+                or "numbers of the model can be given, or be parameters: `body.NAME.mass`"
+            )
+            message = f"`{name}` is no number of the model that can be a {entry.kind}"
+            diagnostics.error(message, entry.start, entry.end, hint)
 
 
 def _declare(
@@ -121,7 +139,11 @@ def _declare(
     elif not (kind == first.kind == "definition"):
         line = diagnostics.source.position(first.start)[0]
         message = f"`{word}` is declared already, as a {first.kind} on line {line}"
-        diagnostics.error(message, name.start, name.end, "every name stands for one thing")
+        hint = "every name stands for one thing"
+        place = diagnostics.source.place
+        if place(first.start, first.end) == place(name.start, name.end):  # the same word, repeated
+            hint = f"it stands within a repetition: end that with `;` before `{word}`, or number it in braces"
+        diagnostics.error(message, name.start, name.end, hint)
 
 
 def dependency_order(

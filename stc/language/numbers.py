@@ -91,6 +91,8 @@ def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
         raise NotANumber(node, "the value at a frame is not known before solving")
     if isinstance(node, syntax.Vector):
         raise NotANumber(node, "a vector is no number")
+    if isinstance(node, syntax.Member):
+        raise NotANumber(node, "where something is is not known before solving")
     raise NotANumber(node, f"`{node.function}` cannot stand here")
 
 

@@ -202,8 +202,9 @@ class _Parser(ExpressionParser):
         blocks = [syntax.Block(start, end, None, [])]
         while self.kind != "end":
             if self.kind == "name" and self.kinds[self.at + 1] == ":":
-                # lines of `forces:` look like section heads
-                if name != "forces" or self.token_text(self.at) in SECTIONS:
+                # lines of `forces:` look like section heads, and so does `free:` under `contact:`
+                free = name == "contact" and self.token_text(self.at) == "free"
+                if (name != "forces" and not free) or self.token_text(self.at) in SECTIONS:
                     break
             first = self.at
             try:
@@ -258,7 +259,7 @@ class _Parser(ExpressionParser):
         while True:
             if self.kind == "number" and (hint := self.decimal_hint(self.at - 1)):
                 raise self.fail(f"expected the name of a {what}, found {self.described()}", hint)
-            name = self.name(f"the name of a {what}")
+            name = self.name_or_path(f"the name of a {what}")
             value: syntax.Expression | None = None
             if self.kind in ("prime", "[", "(", ".."):
                 hint = vector_hint(self, name.name)
@@ -480,6 +481,9 @@ class _Parser(ExpressionParser):
         into.append(found)
 
     def contact_statement(self, into: list[syntax.Statement]) -> None:
+        if self.kind == "name" and self.token_text(self.at) == "free" and self.kinds[self.at + 1] == ":":
+            hint = f"write its frames, `[a, b]: FL;`, or rows of your own with `0 <= gap {COMPLEMENTS} force >= 0;`"
+            raise self.fail("when a contact stands cannot be left to the solver by a word", hint)
         name = self.name("the name of a contact, as in `sole = foot(x, z, th), half = 0.1, friction = 0.6;`")
         if self.kind != "=":
             into.append(self.contact_place(name))

@@ -45,7 +45,7 @@ def written_out(source: Source) -> Source:
         source, Diagnostics(source), repetitions=True
     )  # other mistakes are told when the whole is parsed
     reader = _Template(tokens, diagnostics)
-    writer = _Writer(source, diagnostics)
+    writer = _Writer(source, diagnostics, reader.counts)
     try:
         writer.write(reader.parts(), {})
     except Misread:
@@ -54,7 +54,9 @@ def written_out(source: Source) -> Source:
         raise SpecError(diagnostics.errors()) from None
     if not reader.repeats:
         return source
-    return Source(source.name, "".join(writer.texts), source.path, source.carried, writer.origins)
+    return Source(
+        source.name, "".join(writer.texts), source.path, source.model_file, source.carried, writer.origins
+    )
 
 
 @dataclass(slots=True)
@@ -106,6 +108,7 @@ class _Template(ExpressionParser):
         super().__init__(tokens, diagnostics)
         self.around: list[str] = []
         self.repeats = False
+        self.counts = self._whole_constants()
 
     def parts(self) -> list[_Part]:
         """The whole text."""
@@ -114,6 +117,19 @@ class _Template(ExpressionParser):
         while self.kind != "end":
             copied = self._part(found, copied)
         return [*found, _Copied(copied, len(self.text))]
+
+    def _whole_constants(self) -> dict[str, int]:
+        """The constants that are declared as a whole number, `N = 10`; but for `n`, which is not the text's alone."""
+        found: dict[str, int] = {}
+        within = False
+        for index, kind in enumerate(self.kinds[:-3]):
+            if self.section_head_at(index):
+                within = self.token_text(index) == "constants"
+            elif within and kind == "name" and self.kinds[index + 1 : index + 3] == ["=", "number"]:
+                ends = self.kinds[index - 1] in (",", ";", ":") and self.kinds[index + 3] in (",", ";")
+                if ends and self.token_text(index + 2).isdigit() and self.token_text(index) != "n":
+                    found.setdefault(self.token_text(index), int(self.token_text(index + 2)))
+        return found
 
     def _part(self, found: list[_Part], copied: int) -> int:
         """Read one token or what begins with it; returns up to where characters are accounted for."""
@@ -262,7 +278,7 @@ class _Template(ExpressionParser):
     # -------------------------------------------------------------------------- values
 
     def _value(self, start: int) -> _Value:
-        if not self.around:
+        if not self.around and self.token_text(self.at + 1) not in self.counts:
             hint = "group with parentheses; `{k}` stands within `for k in 1..10: ...`"
             raise self.fail("unexpected character `{`", hint)
         self.advance()
@@ -308,9 +324,10 @@ def _in_a_name(character: str, brace: str) -> bool:
 class _Writer:
     """Writes parts out and notes where every piece came from."""
 
-    def __init__(self, source: Source, diagnostics: Diagnostics) -> None:
+    def __init__(self, source: Source, diagnostics: Diagnostics, constants: Mapping[str, int]) -> None:
         self.source = source
         self.diagnostics = diagnostics
+        self.constants = constants
         self.texts: list[str] = []
         self.length = 0
         self.origins = Origins(source)
@@ -394,12 +411,13 @@ class _Writer:
         return self._whole(node, values)
 
     def _text(self, part: _Value, values: Values) -> str:
-        value = self._item(part.value, values)
-        if isinstance(part.value, syntax.Name) and part.value.name not in values:
+        node = part.value
+        if isinstance(node, syntax.Name) and node.name not in values and node.name not in self.constants:
             known = " or ".join(f"`{name}`" for name in values)
-            raise self.fail(
-                part.value, f"`{part.value.name}` is not repeated over here", f"braces may hold {known}"
-            )
+            raise self.fail(node, f"`{node.name}` is not repeated over here", f"braces may hold {known}")
+        value = values[node.name] if isinstance(node, syntax.Name) and node.name in values else None
+        if value is None:
+            value = self._whole(node, values)
         if isinstance(value, str) or value >= 0:
             return str(value)
         if part.glued:
@@ -434,8 +452,11 @@ class _Writer:
                 return Fraction(value_of)
             if value_of is not None:
                 raise self.fail(node, f"`{node.name}` is the word `{value_of}` here, no number")
+            if node.name in self.constants:
+                self.origins.counts[node.name] = self.constants[node.name]
+                return Fraction(self.constants[node.name])
         hint = (
-            "repetitions are written out before anything has a value: write the whole number, as in `1..10`"
+            "write a whole number, as in `1..10`, or a constant that is declared as one, `constants: N = 10;`"
         )
         what = f"`{node.name}`" if isinstance(node, syntax.Name) else "this number"
         raise self.fail(node, f"{what} is not known here", hint)

@@ -69,6 +69,9 @@ def _bare(node: syntax.Expression) -> tuple[str, int]:
         return f"{node.function}({', '.join(_text(a, _SUM) for a in node.arguments)})", _ATOM
     if isinstance(node, syntax.Prime):
         return _text(node.operand, _ATOM) + "'" * node.order, _ATOM
+    if isinstance(node, syntax.Member):
+        fields = "".join(f".{field}" for field in node.fields)
+        return f"{_text(node.operand, _ATOM)}{fields}", _ATOM
     if isinstance(node, syntax.Vector):
         return f"({', '.join(_text(item, _SUM) for item in node.items)})", _ATOM
     return f"{_text(node.operand, _ATOM)}[{_text(node.index, _SUM)}]", _ATOM

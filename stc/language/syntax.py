@@ -103,7 +103,17 @@ class Vector(Node):
     items: list[Expression]
 
 
-Expression: TypeAlias = Number | Name | Negate | Sum | Product | Power | Call | Prime | Index | Vector
+@dataclass(slots=True)
+class Member(Node):
+    """``point(body.hand, 0, 0, 0.1).vx``: a field of what a call names; ``fields`` holds the words after it."""
+
+    operand: Call
+    fields: list[str]
+
+
+Expression: TypeAlias = (
+    Number | Name | Negate | Sum | Product | Power | Call | Prime | Index | Vector | Member
+)
 
 
 def parts(node: Expression) -> list[Expression]:
@@ -112,7 +122,7 @@ def parts(node: Expression) -> list[Expression]:
         return [term for _, term in node.terms]
     if isinstance(node, Product):
         return [factor for _, factor in node.factors]
-    if isinstance(node, Negate | Prime):
+    if isinstance(node, Negate | Prime | Member):
         return [node.operand]
     if isinstance(node, Power):
         return [node.base, node.exponent]

@@ -15,7 +15,7 @@ from stc.mechanism.numbers import Numbers
 from stc.mechanism.transmissions import tendon_line, transmission
 from stc.mechanism.tree import Frame, Tree
 from stc.mechanism.vectors import ORIGIN, Vector, vector
-from stc.symbolic.expr import ZERO, Expr, add, num, sub
+from stc.symbolic.expr import ZERO, Expr, add, mul, num, sub, sum_of
 
 
 class Dynamics:
@@ -128,6 +128,18 @@ class Dynamics:
             actuator_force(actuator, line, self.controls, self.activations)
             for actuator, line in zip(self.mechanism.actuators, self.lines, strict=True)
         ]
+
+    def pull_on_tendon(self, index: int) -> Expr:
+        """The force of all actuators along a tendon, gear included: what ``actuatorfrcrange`` limits."""
+        return sum_of(
+            [
+                mul(gear[0], force)
+                for actuator, gear, force in zip(
+                    self.mechanism.actuators, self.gears, self.actuator_forces, strict=True
+                )
+                if (actuator.transmission, actuator.target) == ("tendon", index)
+            ]
+        )
 
     @cached_property
     def activation_rates(self) -> list[Expr]:

@@ -120,6 +120,15 @@ class Kinematics:
             segment = self.tree.segments[segment].parent
         return missing[::-1]
 
+    def common(self, first: int, second: int) -> int:
+        """The outermost segment that two hang on, or are; :data:`WORLD` where there is none."""
+        while first != second:
+            if first > second:
+                first = self.tree.segments[first].parent
+            else:
+                second = self.tree.segments[second].parent
+        return first
+
     # --- turning -------------------------------------------------------------------------------------------------
 
     def rate(self, segment: int) -> Vector:

@@ -1,7 +1,7 @@
 """A mechanism as plain data: what MuJoCo has compiled from a model file, in its order and its units (m, kg, s, rad).
 
 Indices refer to the tuples of :class:`Mechanism`.  Body 0 is the world.  Quaternions have the real part first.  What is
-a number here is exactly the number in the compiled model.
+a number here is exactly the number that MuJoCo computes with.
 """
 
 from __future__ import annotations
@@ -220,7 +220,8 @@ class Actuator:
         dynamics, dynamics_parameters: ``none``, or how its activation follows its control.
         controls, activations: addresses among all controls and all activations.
         inputs: what the controls of a controller or an electric motor are: ``pos``, ``vel``, ``ff``, ``voltage``.
-        control_limited, control_range: of its first control; force_limited, ...; activation_limited, ...
+        control_ranges: of each control, None for one that is not limited.
+        force_limited, force_range: of its force; activation_limited, activation_range: of its activations.
         early: whether MuJoCo steps the activation before it takes the force, which matters at finite time steps only.
         armature, damping, damping_poly: of the drive, before the gear.
         enabled: False where the model's options switch its group off.
@@ -241,8 +242,7 @@ class Actuator:
     controls: range
     activations: range
     inputs: tuple[str, ...]
-    control_limited: bool
-    control_range: Range
+    control_ranges: tuple[Range | None, ...]
     force_limited: bool
     force_range: Range
     activation_limited: bool
@@ -323,7 +323,7 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """A whole model.
+    """A whole model, but for what its options switch off: see :mod:`stc.mechanism.switches`.
 
     Attributes:
         source: the file, or ``<text>``.

@@ -29,6 +29,7 @@ from stc.mechanism.mechanism import (
     Tendon,
 )
 from stc.mechanism.places import Places
+from stc.mechanism.switches import in_effect
 
 if TYPE_CHECKING:
     import mujoco
@@ -59,7 +60,7 @@ def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mecha
         raise ModelFileError(f"MuJoCo does not accept {source}: {' '.join(str(error).split())}") from None
     name = os.fsdecode(source)
     content = text if text is not None else Path(name).read_text(encoding="utf-8", errors="replace")
-    return _Reader(model, spec, Places(name, content)).mechanism(name, told)
+    return in_effect(_Reader(model, spec, Places(name, content)).mechanism(name, told))
 
 
 def _compiled(
@@ -139,6 +140,19 @@ class _Reader:
             warnings=told,
         )
 
+    def _in_body(self, same: int, body: int, pos: Any, quat: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """A frame in a body as MuJoCo takes it: one that its compiler found to be the body's own, or that of the
+        body's inertia, to within rounding of the file's numbers, is that one.
+        """
+        frames = _same_frames()
+        if same in (frames["BODY"], frames["BODYROT"]):
+            return (0.0, 0.0, 0.0) if same == frames["BODY"] else _floats(pos), (1.0, 0.0, 0.0, 0.0)
+        if same in (frames["INERTIA"], frames["INERTIAROT"]):
+            m = self.m
+            own = self._in_body(m.body_sameframe[body], body, m.body_ipos[body], m.body_iquat[body])
+            return own[0] if same == frames["INERTIA"] else _floats(pos), own[1]
+        return _floats(pos), _floats(quat)
+
     def _name(self, kind: str, index: int) -> str:
         import mujoco
 
@@ -180,8 +194,8 @@ class _Reader:
                     pos=_floats(m.body_pos[i]),
                     quat=_floats(m.body_quat[i]),
                     mass=float(m.body_mass[i]),
-                    com=_floats(m.body_ipos[i]),
-                    inertia_quat=_floats(m.body_iquat[i]),
+                    com=self._in_body(m.body_sameframe[i], i, m.body_ipos[i], m.body_iquat[i])[0],
+                    inertia_quat=self._in_body(m.body_sameframe[i], i, m.body_ipos[i], m.body_iquat[i])[1],
                     inertia=_floats(m.body_inertia[i]),
                     gravcomp=float(m.body_gravcomp[i]),
                     mocap=int(m.body_mocapid[i]) >= 0,
@@ -241,8 +255,12 @@ class _Reader:
                     body=int(m.geom_bodyid[i]),
                     kind=_member("mjtGeom", "mjGEOM_", m.geom_type[i]),
                     size=_floats(m.geom_size[i]),
-                    pos=_floats(m.geom_pos[i]),
-                    quat=_floats(m.geom_quat[i]),
+                    pos=self._in_body(m.geom_sameframe[i], m.geom_bodyid[i], m.geom_pos[i], m.geom_quat[i])[
+                        0
+                    ],
+                    quat=self._in_body(m.geom_sameframe[i], m.geom_bodyid[i], m.geom_pos[i], m.geom_quat[i])[
+                        1
+                    ],
                     friction=_floats(m.geom_friction[i]),
                     contype=int(m.geom_contype[i]),
                     conaffinity=int(m.geom_conaffinity[i]),
@@ -270,8 +288,12 @@ class _Reader:
                     body=int(m.site_bodyid[i]),
                     kind=_member("mjtGeom", "mjGEOM_", m.site_type[i]),
                     size=_floats(m.site_size[i]),
-                    pos=_floats(m.site_pos[i]),
-                    quat=_floats(m.site_quat[i]),
+                    pos=self._in_body(m.site_sameframe[i], m.site_bodyid[i], m.site_pos[i], m.site_quat[i])[
+                        0
+                    ],
+                    quat=self._in_body(m.site_sameframe[i], m.site_bodyid[i], m.site_pos[i], m.site_quat[i])[
+                        1
+                    ],
                     place=places[i],
                 )
                 for i in range(m.nsite)
@@ -340,8 +362,12 @@ class _Reader:
                     controls=controls,
                     activations=range(act, act + int(m.actuator_actnum[i])) if act >= 0 else range(0),
                     inputs=self._inputs(i),
-                    control_limited=bool(m.actuator_ctrllimited[u]) if controls else False,
-                    control_range=_floats(m.actuator_ctrlrange[u]) if controls else (0.0, 0.0),
+                    control_ranges=tuple(
+                        [
+                            _floats(m.actuator_ctrlrange[k]) if m.actuator_ctrllimited[k] else None
+                            for k in controls
+                        ]
+                    ),
                     force_limited=bool(m.actuator_forcelimited[i]),
                     force_range=_floats(m.actuator_forcerange[i]),
                     activation_limited=bool(m.actuator_actlimited[i]),
@@ -456,6 +482,14 @@ class _Reader:
             elif instance not in harmless:
                 found.append(("plugin", self._name("PLUGIN", instance), self.places.first("instance")))
         return tuple(found)
+
+
+def _same_frames() -> dict[str, int]:
+    """MuJoCo's numbers for frames that are the same as others."""
+    import mujoco
+
+    members = mujoco.mjtSameFrame.__members__.items()
+    return {name.removeprefix("mjSAMEFRAME_"): int(member) for name, member in members}
 
 
 def _flags(enumeration: Any, prefix: str, bits: int) -> frozenset[str]:

@@ -57,7 +57,7 @@ def refusals(mechanism: Mechanism) -> list[Refusal]:
         *_of_tendons(mechanism),
         *_of_joints(mechanism),
         *_of_equalities(mechanism),
-        *_of_geoms(mechanism.geoms),
+        *(() if "contact" in mechanism.options.disabled else _of_geoms(mechanism.geoms)),
         *_others(mechanism),
     ]
     order = list(KINDS)
@@ -125,6 +125,8 @@ def _named(kind: str, name: str) -> str:
 
 def _medium(mechanism: Mechanism) -> Iterator[Refusal]:
     options = mechanism.options
+    if {"spring", "damper"} <= options.disabled:  # MuJoCo then has no passive forces at all
+        return
     for name, value in (("density", options.density), ("viscosity", options.viscosity)):
         if value:
             yield Refusal(
@@ -260,7 +262,7 @@ def _of_joints(mechanism: Mechanism) -> Iterator[Refusal]:
 def _of_equalities(mechanism: Mechanism) -> Iterator[Refusal]:
     for equality in mechanism.equalities:
         word = _word_of(equality)
-        if word == "equalities":
+        if word == "equalities" and equality.active:
             sentence = f"an equality of kind {equality.kind} cannot be stated"
             yield Refusal(word, _named("equality", equality.name), sentence, equality.place)
 

@@ -222,7 +222,7 @@ def _between(
         length = dot(times(transposed(axes), way), pull)
         force = times(axes, pull)
         pulls += [Wrench(site, force), Wrench(reference, negative(force))]
-        common = _common(kinematics, site.segment, reference.segment)
+        common = kinematics.common(site.segment, reference.segment)
         if common != WORLD:
             held = Frame(common, site.turn, ORIGIN)
             pulls.append(Wrench(held, ORIGIN, negative(cross(way, force))))
@@ -235,17 +235,6 @@ def _between(
     if pull == ORIGIN:
         period = 2.0 * 3.141592653589793 * sum(value * value for value in actuator.gear[3:]) ** 0.5
     return Transmission(length, _power(kinematics, pulls), {}, tuple(pulls), period)
-
-
-def _common(kinematics: Kinematics, first: int, second: int) -> int:
-    """The outermost segment that both hang on, or are."""
-    segments = kinematics.tree.segments
-    while first != second:
-        if first > second:
-            first = segments[first].parent
-        else:
-            second = segments[second].parent
-    return first
 
 
 def _slider_crank(kinematics: Kinematics, crank: Frame, slider: Frame, rod: float) -> Transmission:

@@ -32,11 +32,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.phases import phases, resolved, stretches
-from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef, VariableRef
+from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, Rotation, TimeRef, VariableRef
+from stc.rates import quaternion_product
 from stc.records import dataclass
 from stc.solution import Solution
-from stc.symbolic.differentiate import jacobian
-from stc.symbolic.expr import Expr, evaluate_all, symbols
+from stc.symbolic.expr import Expr, evaluate_all, neg, sym, symbols
 from stc.transcription.schemes import stencil_reach
 
 __all__ = ["Estimate", "estimate"]
@@ -46,13 +46,22 @@ FloatArray = NDArray[np.float64]
 POINTS = 6
 """Gauss quadrature in every step, exact to order 12; an even number of places, none of which is a node."""
 PICARD = 3
-"""Corrections by the equations; the second makes the local error of hermite-simpson exact to leading order."""
+"""Corrections by the equations; the second makes the local error of hermite-simpson exact to leading order, the third
+tells whether they converge."""
+STEP = 1e-5
+"""Of a derivative, for differences of the equations."""
+DIVERGES = 0.5
+"""A correction that changes the local error by more than this share of what the one before did: the step is long."""
 
 
 def _gauss(points: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Places and weights on 0..1, and the integrals of the interpolant from 0 to each place. (points, points)"""
-    at, weights = np.polynomial.legendre.leggauss(points)
-    at, weights = 0.5 + 0.5 * at, 0.5 * weights
+    # The roots of a Legendre polynomial are the eigenvalues of a tridiagonal matrix (Golub & Welsch 1969): NumPy's own
+    # function for them would take longer to import than all of this takes.
+    order = np.arange(1, points)
+    beside = order / np.sqrt(4.0 * order**2 - 1.0)
+    roots, vectors = np.linalg.eigh(np.diag(beside, 1) + np.diag(beside, -1))
+    at, weights = 0.5 + 0.5 * roots, vectors[0] ** 2
     powers = np.arange(points)
     integrals = at[:, None] ** (powers + 1) / (powers + 1)
     # Columns of the inverse transposed turn values at the places into the polynomial's coefficients.
@@ -130,30 +139,53 @@ def estimate(problem: Problem, solution: Solution) -> Estimate:
         SolutionError: the times do not increase.
     """
     solution.require_increasing_times()
-    states = (_difference_errors if problem.method == "central" else _local_errors)(problem, solution)
-    return Estimate(states, _quadrature_error(problem, solution) if solution.n else np.zeros(0))
+    if problem.method == "central":
+        states = _difference_errors(problem, solution)
+    else:
+        missed = local_errors(problem, solution)
+        states = {key: np.abs(error) / _size(solution, *key) for key, error in missed.items()}
+    quadrature = quadrature_errors(problem, solution) / (1.0 + abs(solution.objective))
+    return Estimate(states, quadrature)
 
 
 # ------------------------------------------------------------------ collocation
 
 
-def _local_errors(problem: Problem, solution: Solution) -> States:
+def local_errors(problem: Problem, solution: Solution) -> States:
+    """Where the equations lead from the left frame of each step, less where the motion is at its right frame.
+
+    Args:
+        problem: what was solved.
+        solution: of it, under one of the collocation methods.
+
+    Returns:
+        For every (variable, order of a derivative below its highest) a signed error of each step, (n,), in its units;
+        infinite where it cannot be told.
+    """
     found: States = {}
     tops = {
         name: order for name, order in solution.trajectories if order > 0
     }  # orders rise: the last one stays
+    turning = [body for rotation in problem.rotations for body in _turning(rotation)]
     for phase in phases(problem):
         bodies = [e.body for e in phase.equations if _readable(e.body, solution)]
-        here = {k.name for b in bodies for k in symbols(b) if isinstance(k, VariableRef)}
-        flow = _Flow(bodies, {name: order for name, order in tops.items() if name in here})
-        if not flow.entries:
-            continue
+        flow = _Flow([*bodies, *turning], tops)
         for begin in range(phase.first, phase.last, CHUNK):
             steps = np.arange(begin, min(begin + CHUNK, phase.last))
-            for (name, order), error in flow.errors(solution, steps).items():
-                sums = found.setdefault((name, order), np.zeros(solution.n))
-                sums[steps] = np.abs(error) / _size(solution, name, order)
+            for key, error in flow.errors(solution, steps).items():
+                found.setdefault(key, np.zeros(solution.n))[steps] = error
     return found
+
+
+def _turning(rotation: Rotation) -> list[Expr]:
+    """What is zero where a unit quaternion changes as its angular velocity says, along the unit sphere and off it."""
+    places = [sym(VariableRef(name)) for name in rotation.quaternion]
+    rates = [sym(VariableRef(name, 1)) for name in rotation.quaternion]
+    along = quaternion_product([places[0], *(neg(c) for c in places[1:])], rates)
+    turns = [
+        rate * 2.0 - sym(VariableRef(name)) for rate, name in zip(along[1:], rotation.velocity, strict=True)
+    ]
+    return [*turns, along[0]]
 
 
 def _size(solution: Solution, name: str, order: int) -> float:
@@ -166,47 +198,88 @@ class _Flow:
 
     Args:
         bodies: what must be zero.
-        tops: highest derivative of every variable in them.
+        tops: highest derivative of every variable of the motion.
     """
 
     def __init__(self, bodies: list[Expr], tops: dict[str, int]) -> None:
-        self.bodies, self.tops = bodies, tops
-        keys = [VariableRef(name, order) for name, order in tops.items()]
-        self.entries = jacobian(bodies, keys) if keys else {}
+        used = {key for body in bodies for key in symbols(body)}
+        every = [VariableRef(name, order) for name, order in tops.items()]
+        self.highest = [key for key in every if key in used]
+        self.bodies = [body for body in bodies if not set(symbols(body)).isdisjoint(self.highest)]
+        self.tops = tops
 
-    def errors(self, solution: Solution, steps: NDArray[np.int_]) -> dict[tuple[str, int], FloatArray]:
-        """Where each step ought to end less where it does, for every derivative below the highest. (steps,)"""
+    def errors(self, solution: Solution, steps: NDArray[np.int_]) -> States:
+        """Where each step ought to end less where it does, for every derivative below the highest. (steps,)
+
+        Corrections that diverge, as where a step is long for a stiff system, are summed as the alternating geometric
+        series that they begin.
+        """
         values, shape = _between(solution, steps)
+        inverse = self._inverse(values, shape) if self.bodies else np.zeros((shape[0], 0, 0))
         lengths = np.diff(solution.time)[steps][:, None]
-        starts = solution.at_frame(steps, "after")
-        ends = solution.at_frame(steps + 1, "before")
-        found: dict[tuple[str, int], FloatArray] = {}
+        found: States = {}
+        several: list[States] = []
         for _ in range(PICARD):
-            change = self._change(values, shape)
-            for column, (name, top) in enumerate(self.tops.items()):
-                rate = np.asarray(values[VariableRef(name, top)]) + change[..., column]
-                values[VariableRef(name, top)] = rate
+            found = {}
+            if self.bodies:
+                change = self._change(values, shape, inverse)
+                for column, key in enumerate(self.highest):
+                    values[key] = np.asarray(values[key]) + change[..., column]
+            for name, top in self.tops.items():
+                rate = np.asarray(values[VariableRef(name, top)])
                 for order in range(top - 1, -1, -1):
-                    left = np.asarray(starts[name + "'" * order])
-                    found[name, order] = left + lengths[:, 0] * (rate @ WEIGHTS) - ends[name + "'" * order]
+                    channel = solution.trajectories[name, order]
+                    left, right = channel.after[steps], channel.before[steps + 1]
+                    found[name, order] = left + lengths[:, 0] * (rate @ WEIGHTS) - right
                     rate = left[:, None] + lengths * (rate @ INTEGRALS)
                     values[VariableRef(name, order)] = rate
-        return found
+            several.append(found)
+        return {key: _summed([one[key] for one in several]) for key in found}
 
-    def _change(self, values: dict[object, Any], shape: tuple[int, int]) -> FloatArray:
-        """What the highest derivatives lack to solve the equations, one Newton step. (steps, places, variables)"""
-        places = sorted(self.entries)
-        numbers = evaluate_all([*self.bodies, *(self.entries[place] for place in places)], values)
-        numbers = [np.broadcast_to(np.asarray(v, float), shape).reshape(-1) for v in numbers]
-        residual = np.array(numbers[: len(self.bodies)])
-        matrix = np.zeros((residual.shape[1], len(self.bodies), len(self.tops)))
-        for (row, column), number in zip(places, numbers[len(self.bodies) :], strict=True):
-            matrix[:, row, column] = number
-        good = np.isfinite(residual).all(axis=0) & np.isfinite(matrix).all(axis=(1, 2))
-        change = np.full((residual.shape[1], len(self.tops)), np.inf)
-        inverse = np.linalg.pinv(matrix[good], rcond=1e-10)
-        change[good] = -np.einsum("pcr,rp->pc", inverse, residual[:, good])
-        return change.reshape(*shape, len(self.tops))
+    def _inverse(self, values: Mapping[object, Any], shape: tuple[int, int]) -> FloatArray:
+        """What turns residuals into changes of the highest derivatives, (steps, derivatives, bodies).
+
+        By differences of the equations, which are linear in them but for rare ones, and at one place in each step: the
+        corrections that follow on one another make up for what the others would tell.
+        """
+        place = POINTS // 2
+        here: dict[object, Any] = {
+            key: value[:, place] if np.shape(value) == shape else value for key, value in values.items()
+        }
+        base = [np.broadcast_to(np.asarray(here[key], float), shape[:1]) for key in self.highest]
+        steps = [STEP * (1.0 + np.abs(one).max(initial=0.0)) for one in base]
+        for row, (key, one, step) in enumerate(zip(self.highest, base, steps, strict=True)):
+            here[key] = np.repeat(one[None], len(steps) + 1, axis=0)
+            here[key][row + 1] += step
+        matrix = np.empty((shape[0], len(self.bodies), len(steps)))
+        for row, number in enumerate(evaluate_all(self.bodies, here)):
+            all_of_it = np.broadcast_to(np.asarray(number, float), (len(steps) + 1, shape[0]))
+            matrix[:, row] = ((all_of_it[1:] - all_of_it[0]) / np.array(steps)[:, None]).T
+        good = np.isfinite(matrix).all(axis=(1, 2))
+        inverse = np.full((shape[0], len(steps), len(self.bodies)), np.inf)
+        inverse[good] = np.linalg.pinv(matrix[good], rcond=1e-9)
+        return inverse
+
+    def _change(
+        self, values: Mapping[object, Any], shape: tuple[int, int], inverse: FloatArray
+    ) -> FloatArray:
+        """What the highest derivatives lack to solve the equations, one Newton step. (steps, places, derivatives)"""
+        numbers = evaluate_all(self.bodies, values)
+        residual = np.array([np.broadcast_to(np.asarray(v, float), shape) for v in numbers])
+        change = -np.einsum("scr,rsp->spc", inverse, residual)
+        return np.where(np.isfinite(change), change, np.inf)
+
+
+def _summed(errors: list[FloatArray]) -> FloatArray:
+    """What a sequence of estimates comes to: its last, or where changes do not fall their geometric series. (steps,)"""
+    if len(errors) < 3:
+        return errors[-1]
+    first, second, last = errors[0], errors[1], errors[-1]
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        diverges = ~(np.abs(errors[2] - second) <= DIVERGES * np.abs(second - first)) & (second != first)
+        ratio = np.abs(second - first) / np.abs(first)
+        series = np.where(np.isfinite(ratio), first / (1.0 + ratio), 0.0)
+    return np.where(diverges, series, last)
 
 
 def _readable(body: Expr, solution: Solution) -> bool:
@@ -223,7 +296,7 @@ def _readable(body: Expr, solution: Solution) -> bool:
     return True
 
 
-def _fixed(solution: Solution) -> dict[object, Any]:
+def fixed_values(solution: Solution) -> dict[object, Any]:
     values: dict[object, Any] = {ConstantRef(k): v for k, v in solution.constants.items()}
     values.update({ParameterRef(k): v for k, v in solution.parameters.items()})
     return values
@@ -233,7 +306,7 @@ def _between(solution: Solution, steps: NDArray[np.int_]) -> tuple[dict[object, 
     """What every symbol is worth at the quadrature's places in some steps, and the shape (steps, places)."""
     index = steps[:, None] + SHARES
     motion = solution.at_frame(index)
-    values = _fixed(solution)
+    values = fixed_values(solution)
     for name, order in solution.trajectories:
         values[VariableRef(name, order)] = motion[name + "'" * order]
     lengths = np.diff(solution.time)
@@ -256,8 +329,8 @@ def _difference_errors(problem: Problem, solution: Solution) -> States:
             found[name, order - 1] = np.full(n, np.inf)
             continue
         x = solution[name]
-        better = _derivative(time, x, order, width + 2)
-        gap = np.abs(_derivative(time, x, order, width) - better)
+        better = derivative_at_frames(time, x, order, width + 2)
+        gap = np.abs(derivative_at_frames(time, x, order, width) - better)
         # A condition at one frame is missed by the gap itself, by the step beside it.
         at = np.flatnonzero(single & ~wide)
         if len(at):
@@ -269,7 +342,9 @@ def _difference_errors(problem: Problem, solution: Solution) -> States:
             gap[:reach], gap[n + 1 - reach :] = gap[reach], gap[n - reach]
             wide[:reach], wide[n + 1 - reach :] = wide[reach], wide[n - reach]
         gap[~wide] = 0.0
-        below = x if order == 1 else _derivative(time, x, order - 1, 2 * stencil_reach(order - 1) + 1)
+        below = (
+            x if order == 1 else derivative_at_frames(time, x, order - 1, 2 * stencil_reach(order - 1) + 1)
+        )
         error = 0.5 * lengths * (gap[:-1] + gap[1:]) / (1.0 + float(np.abs(below).max()))
         found[name, order - 1] = found.get((name, order - 1), 0.0) + error
     return found
@@ -297,7 +372,7 @@ def _frames_of_use(
     return found
 
 
-def _derivative(time: FloatArray, x: FloatArray, order: int, width: int) -> FloatArray:
+def derivative_at_frames(time: FloatArray, x: FloatArray, order: int, width: int) -> FloatArray:
     """A derivative at every frame, of the polynomial through the ``width`` nearest frames. (n+1,)"""
     n = len(time) - 1
     first = np.clip(np.arange(n + 1) - width // 2, 0, n + 1 - width)
@@ -314,7 +389,8 @@ def _derivative(time: FloatArray, x: FloatArray, order: int, width: int) -> Floa
 # ------------------------------------------------------------------ objective
 
 
-def _quadrature_error(problem: Problem, solution: Solution) -> FloatArray:
+def quadrature_errors(problem: Problem, solution: Solution) -> FloatArray:
+    """What each step of the curves contributes to the objective's integrals, less the method's own sums. (n,)"""
     error = np.zeros(solution.n)
     terms = [t for t in problem.objective if t.integral and t.range.first < t.range.last]
     for first, last in stretches(problem, ()):
@@ -326,8 +402,7 @@ def _quadrature_error(problem: Problem, solution: Solution) -> FloatArray:
             for begin in range(a, b, CHUNK):
                 steps = np.arange(begin, min(begin + CHUNK, b))
                 error[steps] += _integral_gap(solution, body, steps)
-    scale = 1.0 + abs(solution.objective)
-    return np.where(np.isfinite(error), error, 0.0) / scale
+    return np.where(np.isfinite(error), error, 0.0)
 
 
 def _integral_gap(solution: Solution, body: Expr, steps: NDArray[np.int_]) -> FloatArray:
@@ -335,21 +410,24 @@ def _integral_gap(solution: Solution, body: Expr, steps: NDArray[np.int_]) -> Fl
     lengths = np.diff(solution.time)[steps]
     values, shape = _between(solution, steps)
     inside = np.broadcast_to(np.asarray(evaluate_all([body], values)[0], float), shape)
-    left = _at_nodes(solution, body, steps, "after")
-    right = _at_nodes(solution, body, steps + 1, "before")
+    channels = solution.trajectories.items()
+    left = _at_nodes(solution, body, steps, {key: c.after[steps] for key, c in channels})
+    right = _at_nodes(solution, body, steps + 1, {key: c.before[steps + 1] for key, c in channels})
     if solution.method == "hermite-simpson":
-        middle = _at_nodes(solution, body, steps + 0.5, "after")
+        at_mid = {key: c.mid[steps] for key, c in channels if c.mid is not None}
+        middle = _at_nodes(solution, body, steps + 0.5, at_mid)
         own = (left + 4.0 * middle + right) / 6.0
     else:
         own = 0.5 * (left + right)
     return lengths * (inside @ WEIGHTS - own)
 
 
-def _at_nodes(solution: Solution, body: Expr, index: NDArray[Any], side: Any) -> FloatArray:
-    motion = solution.at_frame(index, side)
-    values = _fixed(solution)
-    for name, order in solution.trajectories:
-        values[VariableRef(name, order)] = motion[name + "'" * order]
+def _at_nodes(
+    solution: Solution, body: Expr, index: NDArray[Any], motion: Mapping[tuple[str, int], FloatArray]
+) -> FloatArray:
+    """An expression at some nodes, given by their frame index and all that is known there. (k,)"""
+    values = fixed_values(solution)
+    values.update({VariableRef(name, order): numbers for (name, order), numbers in motion.items()})
     values[TimeRef()] = np.interp(index, np.arange(solution.n + 1), solution.time)
     values[IndexRef()] = np.asarray(index, float)
     return np.broadcast_to(np.asarray(evaluate_all([body], values)[0], float), np.shape(index))

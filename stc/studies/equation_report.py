@@ -25,6 +25,8 @@ class EquationReport:
         metrics: per phase and joint the largest difference; per kind of term the same.
         findings: where they differ, the most telling line first; empty if they agree.
         notes: what a reader should know besides.
+        steps: what to do about findings that are no plain difference of a term.
+        plain: whether there are findings besides those.
     """
 
     spec: str
@@ -33,6 +35,8 @@ class EquationReport:
     metrics: list[Metric] = field(default_factory=list)
     findings: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    steps: list[str] = field(default_factory=list)
+    plain: bool = False
 
     @property
     def passed(self) -> bool:

@@ -22,6 +22,7 @@ from stc.problem import ParameterRef, Problem, VariableRef
 from stc.solution import Solution
 from stc.studies.dry_friction import dry_friction_named, slid, way_in_words
 from stc.studies.equation_report import EquationReport
+from stc.studies.smoothed_friction import smoothed_friction
 from stc.studies.spec_equations import SpecEquations, State, constant_values
 from stc.studies.static_forces import static_forces_named
 from stc.studies.taking_apart import Sample, Tables, TakingApart
@@ -77,15 +78,10 @@ def check_equations(
         motion: a solution of the problem; positions and velocities are drawn from where it goes.
 
     Raises:
-        UsageError: the spec names no model or has its equations from it, its expressions have no value at random
-            states, or what it states cannot be compared: equations with values of neighbouring frames, for one.
+        UsageError: the spec names no model, its expressions have no value at random states, or what it states cannot
+            be compared: equations with values of neighbouring frames, for one.
         ModelError: the model does not fit the replay section.
     """
-    if problem.of_model:
-        hint = "`stc validate` judges them, and the numbers that they are made of, instant by instant"
-        raise UsageError(
-            f"the equations of {problem.name} are its model's own: there are none to compare", hint
-        )
     name = model or problem.model
     if name is None:
         raise UsageError(f"{problem.name} names no model", "a `replay:` section ties a spec to its model")
@@ -93,6 +89,13 @@ def check_equations(
     path = find_model(name, [Path()] if model else folder)
     rng = np.random.default_rng(seed)
     numbers = constant_values(problem, _parameters(problem, rng), float(rng.uniform(0.0, 1.0)))
+    if problem.of_model:
+        from stc.studies.model_rows import compare_rows
+
+        with caught_warnings() as warnings:
+            report = compare_rows(problem, _wide_phases(problem), path, numbers, states, seed)
+        report.notes += warnings
+        return report
     lines = {kind: [c for c in problem.replay if c.kind == kind] for kind in ("joint", "actuator", "set")}
     outer = [c for c in problem.replay if c.kind in ("apply", "contact")]
     with caught_warnings() as warnings:
@@ -312,7 +315,7 @@ class _Comparison:
         model = self.model
         model.sliding[:] = 0.0
         still = best = self._sample(_PROBES)
-        most, dry = -1, len(model.sliders)
+        most, dry = (-1, 0.0), len(model.sliders)
         known = [(one.way,) if one.way else (0.0, 1.0, -1.0) for one in self.slid] or [(0.0, 1.0, -1.0)] * dry
         tries = [*product(*(known if dry <= _DRY else (ways[:1] for ways in known)))]
         if any(len(ways) > 1 for ways in known):
@@ -321,8 +324,11 @@ class _Comparison:
             sliding = np.array(way)
             friction = np.array([model.friction(q, sliding, qd) for q, qd in zip(still.q, still.qd)])
             tried = replace(still, bias=still.bias + friction)
-            if len(self._rows_that_hold(tried)) > most:
-                most, best, chosen = len(self._rows_that_hold(tried)), tried, sliding
+            left = self._left(tried)
+            # Where something else is wrong as well no way may make an equation hold: then the one that leaves least.
+            score = len(self._rows_that_hold(tried)), -float(np.median(left, axis=0).sum())
+            if score > most:
+                most, best, chosen = score, tried, sliding
         model.sliding = chosen
         for slider, which in zip(model.sliders, model.sliding):
             note = f"dry friction of {slider}: {way_in_words(which)} ({self.spec.phase})"
@@ -341,13 +347,16 @@ class _Comparison:
 
     def _rows_that_hold(self, probe: Sample) -> list[int]:
         """The equations that MuJoCo's accelerations satisfy at every state."""
-        acceleration = np.linalg.solve(probe.mass, (probe.force - probe.bias)[..., None])[..., 0]
-        parts = probe.matrix * acceleration[:, None, :]
-        left = parts.sum(axis=2) + probe.offset
-        size = np.abs(parts).sum(axis=2) + np.abs(probe.offset)
-        holds = np.abs(left) <= _HOLDS * np.where(size > 0.0, size, 1.0)
+        holds = self._left(probe) <= _HOLDS
         involved = np.abs(probe.matrix).max(axis=(0, 2)) > 0.0
         return [int(row) for row in np.flatnonzero(holds.all(axis=0) & involved)]
+
+    def _left(self, probe: Sample) -> FloatArray:
+        """What MuJoCo's accelerations leave of the equations, (S, E), as a share of their terms."""
+        acceleration = np.linalg.solve(probe.mass, (probe.force - probe.bias)[..., None])[..., 0]
+        parts = probe.matrix * acceleration[:, None, :]
+        size = np.abs(parts).sum(axis=2) + np.abs(probe.offset)
+        return np.asarray(np.abs(parts.sum(axis=2) + probe.offset) / np.where(size > 0.0, size, 1.0))
 
     def _enough(self, probe: Sample, true: Sequence[int]) -> list[int]:
         """k equations that determine all accelerations, the true ones first; fewer if there are not so many."""
@@ -431,7 +440,14 @@ class _Comparison:
         found = static_forces_named(found, tables, table[..., self.k] - model[..., self.k], self.model)
         if agree and not found:
             return
-        self._report(found, places)
+        smooth, found = smoothed_friction(found, sample, rows, joint_maps, self._at, self.model, self.slid)
+        for one in smooth:
+            self.report.findings.append(f"{one} ({self.spec.phase})")
+            self.report.steps.append(one.step)
+            self.report.plain = self.report.plain or not one.explains_all
+        if found or not smooth:
+            self.report.plain = True
+            self._report(found, places)
 
     def _note_together(self, tables: Tables | None, places: Sequence[str]) -> None:
         """Says what was not taken apart, and why."""

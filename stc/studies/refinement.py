@@ -2,7 +2,7 @@
 
 How many frames the next solve gets follows from the error and the method's order.  Where phases have frame counts
 of their own, each gets what its own error asks for; elsewhere all steps are refined alike.  Every solve starts from
-the one before, so that the finer ones take few iterations.
+the one before, so that the finer ones take few iterations, unless that has so gross an error that it is no guess.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.discretisation import Estimate, estimate
 from stc.studies.effort import Clock, Effort
-from stc.studies.finer import solve_finer
+from stc.studies.finer import NO_GUESS, SAME, solve_finer
 from stc.studies.frames import ORDER, Spread, growth_for, observed_order
+from stc.studies.grid_error import GROSS
 
 __all__ = ["Level", "Refinement", "refine"]
 
@@ -30,6 +31,12 @@ SAFETY = 0.5
 """The next solve is to have this share of the tolerance."""
 MOST_LEVELS = 12
 MOST_FRAMES = 50_000
+MOST_FROM_GROSS = 2
+"""So many times as many frames at most, where the grid error is gross."""
+MOST_TRIES = 3
+"""So many solves may lead elsewhere, or nowhere, on the way to a level, each on fewer frames than the one before."""
+WITHIN = 3.0
+"""So many times their estimated errors two objectives of one optimum may lie apart."""
 NO_FALL = 0.95
 """An error that falls by less than this factor twice does not fall."""
 CONFIRM = 0.1
@@ -45,6 +52,7 @@ class Level:
         phases: number of steps in each phase with a frame count of its own.
         status, objective, iterations, factorizations: of the solve.
         error: the estimate that is compared with the tolerance: the largest one of the next three.
+        grid_error: as every solve tells it, the larger one of its figures (see :mod:`stc.studies.grid_error`).
         local_error: local errors of all steps together, relative.
         quadrature_error: relative error of the objective's integrals.
         objective_error: relative error of the objective, by how it changed from the level before; 0 for the first.
@@ -59,6 +67,7 @@ class Level:
     iterations: int
     factorizations: int
     error: float
+    grid_error: float
     local_error: float
     quadrature_error: float
     objective_error: float
@@ -73,7 +82,10 @@ class Refinement:
     Attributes:
         tolerance: for the estimate.
         levels: every solve, coarsest first.
-        solution: the last optimal one (the first one where that was not optimal).
+        solution: the best one: of those whose grid error is not gross the one on the most frames, unless one on fewer
+            is lower than the errors of both explain; where all are gross, the one with the smallest error.
+        kept: which level that is.
+        trail: the levels that each refined the one before, coarsest first: all but those that led elsewhere.
         effort: of all solves.
         message: why the tolerance was not reached (a spec whose frames cannot be refined is told with the place);
             empty where it was.
@@ -82,6 +94,8 @@ class Refinement:
     tolerance: float
     levels: list[Level] = field(default_factory=list)
     solution: Solution | None = None
+    kept: int = 0
+    trail: list[Level] = field(default_factory=list)
     effort: Effort = field(default_factory=Effort)
     message: str = ""
 
@@ -90,12 +104,35 @@ class Refinement:
         """Whether the estimate fell below the tolerance."""
         return not self.message
 
+    @property
+    def best(self) -> Level:
+        """The level whose solution is kept."""
+        return self.levels[self.kept]
+
+    @property
+    def remark(self) -> str:
+        """Which solution was kept, where that is not the last one, and which were none of a motion."""
+        told = []
+        best = self.best
+        if best is not self.levels[-1]:
+            told.append(
+                f"the solution kept is that with n = {best.n}: objective {best.objective:.10g}, error {best.error:.2g}"
+            )
+        if best.grid_error <= GROSS:
+            told += [
+                f"what was found with n = {one.n}, of objective {one.objective:.6g}, was that grid's and no motion"
+                for one in self.levels
+                if one.grid_error > NO_GUESS
+            ]
+        return "; ".join(told)
+
     def to_dict(self) -> dict[str, Any]:
         """The refinement as JSON takes it."""
         return {
             "tolerance": self.tolerance,
             "reached": self.reached,
-            "error": self.levels[-1].error if self.levels else None,
+            "error": self.best.error if self.levels else None,
+            "kept": self.best.n if self.levels else None,
             "solves": self.effort.solves,
             "levels": [asdict(level) for level in self.levels],
         }
@@ -136,12 +173,15 @@ def refine(
     spread = Spread.of(model, method, constants)
     factors = np.ones(len(spread.ends), int)
     found = Refinement(error)
+    reached = factors
+    last: Solution | None = None
     overrides: dict[str, float] = {}
-    idle = 0
+    idle = tries = 0
+    ways_left = True
     while True:
         given = {**options, "constants": {**constants, **overrides}}
-        if found.solution is not None:
-            solution = solve_finer(solve, found.solution, given, clock, found.effort)
+        if last is not None:
+            solution = solve_finer(solve, last, given, clock, found.effort, ways_left)
         elif start is not None:
             solution = start
         else:
@@ -150,44 +190,95 @@ def refine(
         good = solution.status == "optimal"
         phases = [int(k) for k in factors * spread.lengths]
         judged = estimate(model.problem(method, **{**constants, **overrides}), solution) if good else None
-        found.levels.append(_level(solution, phases, judged, found))
-        if good or found.solution is None:
-            found.solution = solution
+        level = _level(solution, phases, judged, found)
+        found.levels.append(level)
+        # From a gross error every other one is a step on, be it as gross.
+        better = found.solution is None or _is_better(level, found.best)
+        on = judged is not None and (better or found.best.grid_error > GROSS)
+        if better:
+            found.solution, found.kept = solution, len(found.levels) - 1
+        if on or last is None:
+            last = solution
+            found.trail += [level] if good else []
         if on_level is not None:
-            on_level(found.levels[-1])
-        if judged is None:
-            found.message = f"with n = {solution.n} the solve ended {solution.status}"
-            return found
-        level = found.levels[-1]
-        if level.error <= (error if len(found.levels) > 1 else CONFIRM * error):
-            return found
-        if len(found.levels) > 1:
-            idle = idle + 1 if level.error > NO_FALL * found.levels[-2].error else 0
-        wanted = _wanted(found, np.array(phases), factors, judged, solution.method)
-        if idle > 1 or len(found.levels) == MOST_LEVELS:
-            found.message = f"the error no longer falls: {level.error:.2g} with n = {solution.n}"
-            return found
-        if clock.is_over:
-            found.message = f"the time limit of {clock.limit:g} s came first; the error is {level.error:.2g}"
-            return found
-        if int(wanted @ spread.lengths) > most_frames:
-            found.message = f"an error of {error:g} would take more than {most_frames} frames"
-            found.message += f"; it is {level.error:.2g} with n = {solution.n}"
-            if _order(found, solution.method) < ORDER[solution.method] - 0.5:
-                found.message += " and falls slowly, as at kinks and at jumps that the spec does not declare"
-            return found
+            on_level(level)
+        if judged is None or not on:
+            tries += 1
+            between = np.cbrt(reached**2 * factors).round().astype(int)
+            if not found.trail or not ways_left or clock.is_over or solution.status == "interrupted":
+                found.message = _elsewhere(solution)
+                return found
+            ways_left = tries < MOST_TRIES and not ((between == reached).all() or (between == factors).all())
+            if not ways_left:
+                between = factors  # once more, from where the first solve began if need be
+            wanted = between
+        else:
+            reached, ways_left = factors, tries < MOST_TRIES
+            if level.error <= (error if len(found.trail) > 1 else CONFIRM * error):
+                return found
+            if len(found.trail) > 1:
+                idle = idle + 1 if level.error > NO_FALL * found.trail[-2].error else 0
+            wanted = _wanted(found, np.array(phases), factors, judged, solution.method)
+            found.message = _in_the_way(found, solution, clock, idle)
+            if not found.message and int(wanted @ spread.lengths) > most_frames:
+                found.message = _too_many(found, solution, most_frames)
+            if found.message:
+                return found
         try:
             overrides = spread.finer([int(k) for k in wanted])
         except UsageError as reason:
-            if level.error > error:
-                found.message = f"the error is {level.error:.2g} with n = {solution.n}, and {reason}"
+            if found.best.error > error:
+                found.message = f"the error is {found.best.error:.2g} with n = {found.best.n}, and {reason}"
             return found
         factors = np.array(spread.counts(overrides)) // np.array(spread.lengths)
 
 
+def _elsewhere(solution: Solution) -> str:
+    """Why a solve on more frames is none to go on from."""
+    if solution.status != "optimal":
+        return f"with n = {solution.n} the solve ended {solution.status}"
+    return (
+        f"with n = {solution.n} the solve led to another optimum than on fewer frames, with the objective "
+        f"{solution.objective:.6g}"
+    )
+
+
+def _in_the_way(found: Refinement, solution: Solution, clock: Clock, idle: int) -> str:
+    """What keeps a refinement from going on, in words; empty where nothing does."""
+    error = found.trail[-1].error
+    if idle > 1 or len(found.levels) == MOST_LEVELS:
+        return f"the error no longer falls: {error:.2g} with n = {solution.n}"
+    if clock.is_over:
+        return f"the time limit of {clock.limit:g} s came first; the error is {error:.2g}"
+    return ""
+
+
+def _too_many(found: Refinement, solution: Solution, most_frames: int) -> str:
+    told = f"an error of {found.tolerance:g} would take more than {most_frames} frames"
+    told += f"; it is {found.trail[-1].error:.2g} with n = {solution.n}"
+    if _order(found, solution.method) < ORDER[solution.method] - 0.5:
+        told += " and falls slowly, as at kinks and at jumps that the spec does not declare"
+    return told
+
+
+def _is_better(level: Level, best: Level) -> bool:
+    """Whether a level is to be kept instead of the best one before, which has fewer frames."""
+    if level.status != "optimal" or best.status != "optimal":
+        return level.status == "optimal"
+    if best.grid_error > GROSS:
+        return level.grid_error < best.grid_error
+    explained = WITHIN * (level.grid_error + best.grid_error) * (1.0 + abs(level.objective))
+    return level.grid_error <= GROSS and level.objective <= best.objective + explained + SAME * abs(
+        best.objective
+    )
+
+
 def _level(solution: Solution, phases: list[int], judged: Estimate | None, found: Refinement) -> Level:
     unknown = float("nan")
-    before = found.levels[-1] if found.levels else None
+    before = found.trail[-1] if found.trail else None
+    if before is not None and before.grid_error > NO_GUESS:
+        before = None  # another optimum, or none: nothing to extrapolate from
+    told = solution.grid_error()
     change = _objective_error(before, judged, solution) if before and judged else 0.0
     return Level(
         n=solution.n,
@@ -197,6 +288,7 @@ def _level(solution: Solution, phases: list[int], judged: Estimate | None, found
         iterations=solution.iterations,
         factorizations=solution.factorizations,
         error=max(judged.error, change) if judged else unknown,
+        grid_error=unknown if told is None else told.largest,
         local_error=judged.accumulated if judged else unknown,
         quadrature_error=judged.quadrature_error if judged else unknown,
         objective_error=change,
@@ -228,15 +320,17 @@ def _wanted(
     """
     ends = np.concatenate([[0], np.cumsum(counts)])
     errors = np.array([judged.within(int(a), int(b)) for a, b in pairwise(ends)])
-    share = SAFETY * found.tolerance / found.levels[-1].error
+    share = SAFETY * found.tolerance / found.trail[-1].error
     growth = growth_for(errors, counts, _order(found, method), min(share, 1.0))
+    if found.trail[-1].grid_error > GROSS:
+        growth = np.minimum(growth, MOST_FROM_GROSS)  # an error so large says little of how it falls
     wanted = np.ceil(growth * factors - 1e-9).astype(int)
     return np.asarray(wanted if (wanted > factors).any() else factors + 1)
 
 
 def _order(found: Refinement, method: str) -> float:
     """The order at which the error falls, as far as the levels tell."""
-    if len(found.levels) < 2:
+    if len(found.trail) < 2 or found.trail[-2].grid_error > NO_GUESS:
         return ORDER[method]
-    coarse, fine = found.levels[-2:]
+    coarse, fine = found.trail[-2:]
     return observed_order(method, (coarse.n, coarse.error), (fine.n, fine.error))

@@ -77,26 +77,29 @@ class Uncertainty:
         }
 
 
-def uncertainty(model: Model, solution: Solution) -> Uncertainty | None:
+def uncertainty(model: Model, solution: Solution) -> Uncertainty:
     """The standard errors of the parameters of an estimation problem.
 
     Args:
         model: the spec.
         solution: of it, optimal.
 
-    Returns:
-        None where the objective is no sum of squares over the rows of data sets, there are no parameters, or not more
-        residuals than degrees of freedom.
-
     Raises:
-        UsageError: the solution is not optimal, or of another problem.
+        UsageError: the solution is not optimal, or of another problem; there are no parameters, the objective is no
+            sum of squares over the rows of data sets, or has not more residuals than the fit has degrees of freedom.
     """
     if solution.status != "optimal":
         raise UsageError(f"only an optimal solution has standard errors, and this one is {solution.status}")
     problem, transcription = model.transcription(solution.method, **solution.overrides)
     terms = [(term, squares_in(term.body)) for term in problem.objective]
-    if not problem.parameters or not terms or any(not term.rows or not found for term, found in terms):
-        return None
+    if not problem.parameters or not terms:
+        raise UsageError("what has standard errors are parameters, and the spec estimates none")
+    other = next((term for term, found in terms if not term.rows or not found), None)
+    if other is not None:
+        raise UsageError(
+            f"no standard errors: `{other.text}` is no square on the rows of data",
+            "they follow from squares, as in `[walk]: (q - walk.q)^2;`, each perhaps with a known weight",
+        )
     bound = transcription.bind(problem.constants, start=solution.x, check=False)
     if len(solution.x) != bound.n or len(solution.row_multipliers) != bound.m:
         raise UsageError("this solution is of another problem: it has other unknowns and rows")
@@ -106,7 +109,10 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty | None:
     active = np.flatnonzero(_held(values, bound.row_lower, bound.row_upper, solution.row_multipliers))
     count, freedom = len(residuals), len(residuals) - (len(free) - len(active))
     if freedom <= 0:
-        return None
+        unknown = count - freedom
+        raise UsageError(
+            f"no standard errors: {count} residuals for {unknown} unknowns that nothing else determines"
+        )
     jacobian = bound.derivatives(solution.x, solution.row_multipliers, 1.0)[1]
     places = np.array([transcription.layout.parameters[name] for name in problem.parameters])
     sparse = _Sparse(bound.n, count, bound.m)
@@ -124,7 +130,7 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty | None:
     )
 
 
-def of_solution(solution: Solution) -> Uncertainty | None:
+def of_solution(solution: Solution) -> Uncertainty:
     """The same for any solution; the spec of one from a file is read anew from the text that it carries."""
     return uncertainty(model_of(solution), solution)
 

@@ -131,7 +131,33 @@ def starting_point(
         x[before], x[after] = frames[0], frames[1]
         if len(middle):
             x[middle] = mids
+    _follow(problem, layout, values, outside, x)
     return np.clip(x, lower, upper)
+
+
+def _follow(
+    problem: Problem,
+    layout: Layout,
+    values: Mapping[object, float],
+    outside: Mapping[str, NodeValues | None],
+    x: FloatArray,
+) -> None:
+    """Start variables that are guessed by the starting values of others, such as the directions of distances."""
+    following = [g for g in problem.guesses if _follows(g) and not _is_whole(outside[g.name])]
+    if not following:
+        return
+    places = {name: parts for name, order, *parts in layout.slots() if order == 0}
+    for guess in following:
+        for side, at in enumerate(places[guess.name]):
+            known: dict[object, float | FloatArray] = dict(values)
+            known.update({VariableRef(name): x[parts[side]] for name, parts in places.items()})
+            if len(at):
+                x[at] = evaluate(guess.body, known)
+
+
+def _follows(guess: Guess) -> bool:
+    """Whether a guess is made of the starting values of other variables, on all frames."""
+    return any(isinstance(key, VariableRef) for key in symbols(guess.body))
 
 
 def _settle(
@@ -222,7 +248,7 @@ def _written(
     result: dict[str, tuple[FloatArray, FloatArray]] = {}
     expand = Expander(problem, grid)
     for guess in problem.guesses:
-        if guess.name not in problem.variables or _is_whole(outside[guess.name]):
+        if guess.name not in problem.variables or _is_whole(outside[guess.name]) or _follows(guess):
             continue
         if guess.name not in result:
             result[guess.name] = np.full(grid.n + 1, np.nan), np.full(grid.n, np.nan)

@@ -119,6 +119,27 @@ def test_the_ending_of_a_spec_may_be_left_out(stc_: Stc) -> None:
     assert stc_("solve", "point")[0] == 0
 
 
+def test_a_coarse_grid_is_told_of_and_the_status_stays(stc_: Stc) -> None:
+    coarse = """
+    constants: n = 10, T = 4, h = T/n;
+    variables: a, u;
+    method: trapezoidal;
+    constraints: [0, n]: a'' = u - 9.81*sin(a); [0]: a; a'; [n]: a = 3.14159; a';
+    objective: [0, n]: integral(u^2);
+    guess: a = 3.14159*t/T;
+    """
+    Path("coarse.stc").write_text(coarse)
+    status, out, err = stc_("solve", "coarse")
+    assert status == 0 and "status       optimal" in out
+    assert "grid error   " in out
+    assert "note: the grid is coarse" in err and "--refine" in err
+    record = last_line(stc_("solve", "coarse", "--json")[1])
+    assert record["status"] == "optimal"
+    assert record["grid"]["gross"] is True and record["grid"]["motion"] > 0.01
+    status, out, err = stc_("solve", "cart_pole_swing_up")
+    assert (status, err) == (0, "") and "of the range of" in out
+
+
 def test_json_has_every_promised_key(stc_: Stc) -> None:
     status, out, _ = stc_("solve", "rest", "--json")
     assert status == 0
@@ -134,6 +155,8 @@ def test_json_has_every_promised_key(stc_: Stc) -> None:
         "iterations": "int",
         "factorizations": "int",
         "optimizer": "str",
+        "grid": "dict",
+        "ringing": "list",
         "blame": "NoneType",
         "active": "NoneType",
         "sensitivities": "NoneType",

@@ -1,6 +1,7 @@
 """Sums over the rows of a data set: what they are, whatever the method, and how parameters follow from them."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.optimize import least_squares
 
 import stc
 from stc.cli import run
-from stc.errors import Source, SpecError
+from stc.errors import Source, SpecError, UsageError
 from stc.judging import judge
 from stc.language import read_problem
 from stc.language.show import show_problem
@@ -143,7 +144,6 @@ def test_trials_of_one_body_share_its_parameters_and_have_the_errors_of_a_dense_
     model = stc.load(spec)
     solution = model.solve(tolerance=1e-10)
     found = uncertainty(model, solution)
-    assert found is not None
     dense = least_squares(
         lambda p: np.concatenate([motion(p[0], p[1], p[2 + k], times[k]) - measured[k] for k in range(3)]),
         [0.2, 8.0, 1, 2, 3],
@@ -190,7 +190,6 @@ def test_a_bound_that_holds_a_parameter_takes_its_error_away() -> None:
     model = Model(Source("line.stc", spec))
     solution = model.solve()
     found = uncertainty(model, solution)
-    assert found is not None
     assert found.errors["b"] == 0.0 and found.freedom == 3
     rest = np.array([1, 3, 4, 8]) - np.arange(4)
     assert solution.parameters["a"] == pytest.approx(rest.mean())
@@ -203,7 +202,7 @@ def test_what_the_data_do_not_determine_has_no_finite_error() -> None:
     objective: [d]: (a + b + c*d.x - d.y)^2;"""
     solution = Model(Source("line.stc", spec)).solve()
     found = solution.uncertainty()
-    assert found is not None and found.errors["a"] == np.inf
+    assert found.errors["a"] == np.inf
 
 
 @pytest.mark.parametrize(
@@ -215,6 +214,8 @@ def test_what_the_data_do_not_determine_has_no_finite_error() -> None:
         ("[d]: (x - d.y)^2;", ("`y`", "its columns are `time`, `x`")),
         ("[d]: (x' - d.x')^2;", ("no time derivative",)),
         ("[d]: e^2;", ("`d.x` as a function of time", "under `[d]:` itself")),
+        ("[walk]: (x - walk.x)^2;", ("`walk` is not declared", 'under `data:`, as in `walk = "walk.csv";`')),
+        ("[lat]: (x - late.x)^2;", ("`lat` is not declared", "did you mean `late`?")),
         ("[late]: (x - late.x)^2;", ("at t = 5 s", "from 0 to 1 s")),
         ("[untimed]: (x - untimed.x)^2;", ("no column `time`",)),
         ("[0, n]: x^2; constraints: [d]: x = d.x;", ("only the objective is a sum over its rows",)),
@@ -272,3 +273,20 @@ def test_standard_errors_are_printed_and_recorded(tmp_path: Path, capsys: pytest
     record = json.loads(capsys.readouterr().out.splitlines()[-1])["estimation"]
     assert record["degrees_of_freedom"] == 2
     assert record["standard_errors"]["b"] == pytest.approx(slope_error)
+
+
+@pytest.mark.parametrize(
+    ("objective", "reason"),
+    [
+        ("[d]: (a + b*d.x - d.y)^2; [0]: a^2;", "`a^2` is no square on the rows"),
+        ("[d]: exp(a + b*d.x - d.y) - a;", "is no square on the rows"),
+        ("[few]: (a + b*few.x - few.y)^2;", "2 residuals for 2 unknowns"),
+    ],
+)
+def test_where_there_are_no_standard_errors_the_reason_is_told(objective: str, reason: str) -> None:
+    spec = f"""parameters: a, b; data: d = (x, y): (0, 1), (1, 3), (2, 4), (3, 8); few = (x, y): (0, 1), (1, 3);
+    constraints: -9 <= b <= 9; -9 <= a <= 9; objective: {objective}"""
+    solution = Model(Source("line.stc", spec)).solve()
+    assert solution.status == "optimal"
+    with pytest.raises(UsageError, match=re.escape(reason)):
+        solution.uncertainty()

@@ -4,10 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from stc.errors import Source, SpecError
+from stc.errors import Source, SpecError, UsageError
 from stc.language import parse, read_problem
 from stc.language.show import show_syntax
 from stc.pipeline import Model
+from stc.validate.certificate.listing import listing
 
 
 def shown(text: str) -> str:
@@ -78,6 +79,19 @@ def test_statements_that_are_told_of_are_written_out_and_stand_where_they_were_w
     assert {relation.span.location for relation in ends} == {"rods.stc:5:66"}
 
 
+def test_a_constant_may_count_and_then_stays_what_the_text_says() -> None:
+    text = """constants: n = 2, N = 3, half = 1/2;
+    variables: for k in 1..N: q{k}; p;
+    constraints: for k in 1..N-1: q{k+1} = q{k} + half; q1 = 1; p = q{N};
+    objective: sum(k in 1..N: q{k}^2);"""
+    model = Model(Source("count.stc", text))
+    assert not model.problem().warnings
+    assert model.solve()["p"][0] == pytest.approx(2.0)
+    assert model.solve(half=1.0, N=3)["p"][0] == pytest.approx(3.0)
+    with pytest.raises(UsageError, match="`N` counts what the spec repeats"):
+        model.solve(N=4)
+
+
 def test_the_motion_is_that_of_the_text_written_out(tmp_path: Path) -> None:
     path = tmp_path / "rods.stc"
     path.write_text(RODS, encoding="utf-8")
@@ -94,7 +108,8 @@ def test_the_motion_is_that_of_the_text_written_out(tmp_path: Path) -> None:
         ("for k in 1..3: w{k} + q{k};", (4, 18), ("`w1` is not declared", "for k = 1", "did you mean `q1`")),
         ("for k in 1..3: q{k+1};", (4, 18), ("`q4` is not declared", "for k = 3")),
         ("for k in 1..2: k*q{k};", (4, 18), ("`k` is not declared", "write `{k}`")),
-        ("for k in 1..N: q{k};", (4, 15), ("`N`", "write the whole number")),
+        ("for k in 1..N: q{k};", (4, 15), ("`N`", "write a whole number", "`constants: N = 10;`")),
+        ("for k in 1..n: q{k};", (4, 15), ("`n`", "write a whole number")),
         ("for k = 1..3: q{k};", (4, 3), ("write `for k in 1..10",)),
         ("for (k in 1..3): q{k};", (4, 3), ("write `for k in 1..10",)),
         ("for k in 1..3 q{k};", (4, 17), ("expected `:`",)),
@@ -144,3 +159,20 @@ def test_carets_mark_the_braces_whole() -> None:
 
 def test_names_that_are_no_repetitions_stay_names() -> None:
     assert constraint("for = 1; in*sum = k;") == "constraints:\n  for = 1;\n  in*sum = k;"
+
+
+def test_multipliers_stand_on_the_line_that_the_statement_was_written_on() -> None:
+    text = RODS.replace("[n]: q{k} = {k};", "[n]:\n  2*q{k} + q{k}' = {k};")
+    solution = Model(Source("rods.stc", text)).solve()
+    marked = {
+        line.number: [mark.text for mark in line.marks]
+        for line in listing(solution, parse(Source("", text)).source)
+    }
+    assert [text for text in marked[5] if "u" in text] == [f"q{k}'' = u{k}" for k in (1, 2, 3)]
+    assert marked[6] == [f"2*q{k} + q{k}' = {k}" for k in (1, 2, 3)]
+
+
+def test_a_name_that_got_into_a_repetition_is_told_so() -> None:
+    source = Source("a.stc", "constants: n = 2;\nvariables: for k in 1..3: q{k}, x;")
+    with pytest.raises(SpecError, match="end that with `;` before `x`"):
+        read_problem(source)

@@ -78,8 +78,7 @@ def test_numbers(text: str) -> None:
     assert model.excluded == ((1, 2),)
     assert model.pairs[0].friction[:2] == (0.5, 0.5)
     motor, servo = model.actuators
-    assert motor.control_limited
-    assert motor.control_range == (-2.0, 2.0)
+    assert motor.control_ranges == ((-2.0, 2.0),)
     assert motor.gear[0] == 3.0
     assert (servo.gain, servo.bias, servo.bias_parameters[1]) == ("fixed", "affine", -5.0)
     options = model.options
@@ -172,3 +171,13 @@ def test_what_is_no_model(tmp_path: Path) -> None:
         read_model(tmp_path / "nowhere.xml")
     with pytest.raises(ModelFileError, match="joynt"):
         read_model("m.xml", text="<mujoco><worldbody><body><joynt/></body></worldbody></mujoco>")
+
+
+def test_what_is_centred_to_within_rounding_is_centred() -> None:
+    """As MuJoCo takes it: it computes with the own frame of a body where another is the same but for noise."""
+    text = """<mujoco><worldbody><body><freejoint/><inertial pos="3e-9 0 0" mass="2" diaginertia="1 2 3"/>
+      <geom size=".1" pos="0 -2e-9 0"/><site name="s" pos="0 .1 0"/></body></worldbody></mujoco>"""
+    found = read_model("noise.xml", text)
+    assert found.bodies[1].com == (0.0, 0.0, 0.0)
+    assert found.geoms[0].pos == (0.0, 0.0, 0.0)
+    assert found.sites[0].pos == (0.0, 0.1, 0.0)

@@ -100,6 +100,21 @@ def test_a_tendon_along_one_branch_may_have_armature() -> None:
     assert refusals(read_model("robot.xml", text=text)) == []
 
 
+@pytest.mark.parametrize(
+    ("flags", "rest"),
+    [
+        ('<option density="1"><flag spring="disable" damper="disable"/></option>', ""),
+        (
+            '<option><flag actuation="disable"/></option>',
+            '<actuator><muscle joint="j" lengthrange="0 1"/></actuator>',
+        ),
+    ],
+)
+def test_what_flags_switch_off_is_not_refused(flags: str, rest: str) -> None:
+    """Without springs and dampers MuJoCo has no passive forces at all, those of a medium among them."""
+    assert refusals(read_model("robot.xml", text=model(rest, options=flags))) == []
+
+
 def test_what_is_off_is_not_refused() -> None:
     """An actuator that the model's options switch off stands in nobody's way."""
     text = model(

@@ -153,7 +153,7 @@ WRONG_LINES = [
     (line("set body.particle.mass", 2), "set body.particle.mass stands in the replay section twice"),
     (line("compare site.trial.x"), r"no site trial; did you mean trail\?"),
     (line("compare site.trail.w"), r"end the path in one of \.x, \.y, \.z, \.vx"),
-    (line("compare com.particle.vx"), r"end the path in one of \.x, \.y, \.z$"),
+    (line("compare com.particle.wx"), r"end the path in one of \.x, \.y, \.z, \.vx, \.vy, \.vz$"),
     (line("compare light.sun"), "light is nothing to compare; known: joint"),
     (line("compare site"), "the name of the site is missing"),
     (line("compare joint.x.force"), r"a joint has its position and \.velocity, no \.force"),

@@ -62,6 +62,12 @@ FRICTION_STEP = (
     "stays or rolls where friction holds it"
 )
 
+#: What is said of equations of motion that differ from the model's.
+EQUATIONS_STEP = (
+    "make the spec's equations and the model the same, beginning with the term named first: mend one of them, or give "
+    "the model the spec's number with a `set` line under replay:"
+)
+
 #: What comes before more frames where the residual is not judged.
 _UNJUDGED = (
     "the inverse-dynamics residual is not judged here, so that wrong equations cannot be told from coarse frames: tie "
@@ -82,6 +88,7 @@ def next_steps(
     refused: bool = False,
     clamped: bool = False,
     unjudged: bool = False,
+    drift: str = "",
 ) -> list[str]:
     """What to do about the metrics that failed, the first thing first; nothing where none did.
 
@@ -97,6 +104,7 @@ def next_steps(
         refused: whether the equations cannot be compared, which a note tells the reason of.
         clamped: whether the model cuts solved controls off, which explains a residual.
         unjudged: whether the residual could not be judged, so that wrong equations look like coarse frames.
+        drift: the step for equalities that drift open; "" where those that are broken do not.
     """
     found: dict[str, None] = {}
     fine = _fine_enough(metrics)
@@ -107,6 +115,8 @@ def next_steps(
         if metric.name.startswith(explained):
             continue
         step = _cause(metric, compared, refused, differ=wrong)
+        if drift and metric.name.startswith("equality broken"):
+            step = drift
         wrong = wrong or bool(step)
         if step:
             found.update(dict.fromkeys([one for one in details if one.startswith(step)] or [step]))
@@ -183,10 +193,7 @@ def _cause(metric: Metric, compared: bool, refused: bool, differ: bool) -> str:
             "the model has its joints at zero"
         )
     if name.startswith(_EQUATIONS):
-        return (
-            "make the spec's equations and the model the same, beginning with the term named first: mend one of them, "
-            "or give the model the spec's number with a `set` line under replay:"
-        )
+        return EQUATIONS_STEP
     if name.startswith("unexplained impulse, pulls"):
         return (
             "state that an impulse presses and stays within the friction of the model: along the normal it is >= 0, "

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.validate import limits
+from stc.validate.drifting import drifting_equalities
 from stc.validate.metrics import FloatArray
 from stc.validate.solved_pose import beyond_range
 
@@ -36,7 +37,7 @@ def clamped_controls(setup: Setup) -> list[str]:
     """Which solved controls the model cuts off, in words."""
     model, found = setup.compiled, []
     clamped = setup.controls.beyond_range(model)
-    for name, index, channel in zip(setup.controls.names, setup.controls.actuators, setup.controls.channels):
+    for name, index, channel in zip(setup.controls.names, setup.controls.addresses, setup.controls.channels):
         if name in clamped:
             values = np.concatenate([channel.before, channel.after])
             lower, upper = model.actuator_ctrlrange[index]
@@ -45,6 +46,25 @@ def clamped_controls(setup: Setup) -> list[str]:
                 f"the control of {name} goes to {end:.4g}, the model clamps it to {lower:.4g} ... {upper:.4g}"
             )
     return found
+
+
+def drifts(setup: Setup) -> list[str]:
+    """Which equalities of the model drift open along the solved motion, in words."""
+    return [
+        f"{name} is closed at first and fits the rates of the joints at all frames: it is stated by these alone, and "
+        "drifts open between the frames"
+        for name in drifting_equalities(setup)
+    ]
+
+
+def drift_step(setup: Setup, more_frames: str) -> str:
+    """What to do about equalities that drift open."""
+    fast = float(f"{0.5 / np.diff(setup.solution.time).max():.1g}")
+    frames = f"take more frames: {more_frames}" if more_frames else "take more frames"
+    return (
+        f"{frames}; or hold the loop's position too: where g is what is to be zero, g'' + {2.0 * fast:g}*g' + "
+        f"{fast**2:g}*g = 0 in place of g'' = 0"
+    )
 
 
 def swinging_forces(setup: Setup) -> list[str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from stc.atomic import replacing
+from stc.errors import Source
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate import limits
@@ -28,6 +29,8 @@ class ComparedEquations(Protocol):
     metrics: list[Metric]
     findings: list[str]
     notes: list[str]
+    steps: list[str]
+    plain: bool
 
 
 @dataclass(slots=True)
@@ -39,6 +42,7 @@ class Certificate:
         report: the validation's measurements.
         replays: what was simulated.
         equations: the comparison of the equations of motion, where it was made.
+        source: the spec's text with its repetitions written out, from whoever can read it.
         refused: why it could not be made, where that was tried.
         further: measurements of others, such as the observed order of convergence.
         faults: what is wrong besides measurements, one line each: the spec has changed since, for one.
@@ -53,6 +57,7 @@ class Certificate:
     faults: list[str] = field(default_factory=list)
     more_frames: str = ""
     refused: str = ""
+    source: Source | None = None
 
     @property
     def metrics(self) -> list[Metric]:
@@ -95,9 +100,15 @@ class Certificate:
             setup = self.replays.setup
             touching = [touch.line for touch in self.replays.touching]
             why = [self.replays.explanation] if self.replays.explanation else []
-            limits = [*causes.beyond_limits(setup), *causes.clamped_controls(setup)]
+            limits = [*self._drifts, *causes.beyond_limits(setup), *causes.clamped_controls(setup)]
             text = "; ".join([text, *why, *limits, *touching])
         return text
+
+    @property
+    def _drifts(self) -> list[str]:
+        """Which equalities drift open, where one is broken."""
+        broken = any(m.name.startswith("equality broken") and m.verdict == "fail" for m in self.metrics)
+        return causes.drifts(self.replays.setup) if broken else []
 
     @property
     def next_steps(self) -> list[str]:
@@ -107,7 +118,7 @@ class Certificate:
         if self.passed or self.solution.status != "optimal" or self.faults or self.report.faults:
             return []
         setup = self.replays.setup
-        return advice.next_steps(
+        steps = advice.next_steps(
             self.metrics,
             self.equations is not None,
             self.more_frames,
@@ -118,7 +129,12 @@ class Certificate:
             refused=bool(self.refused),
             clamped=bool(causes.clamped_controls(setup)),
             unjudged="inverse-dynamics residual" in self.report.unjudged,
+            drift=causes.drift_step(setup, self.more_frames) if self._drifts else "",
         )
+        if self.equations is None or not self.equations.steps:
+            return steps
+        plain = [step for step in steps if self.equations.plain or step != advice.EQUATIONS_STEP]
+        return [*dict.fromkeys(self.equations.steps), *plain]
 
     @property
     def notes(self) -> list[str]:

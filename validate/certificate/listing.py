@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
+from stc.errors import Source
 from stc.records import dataclass, field
 from stc.solution import MultiplierBlock, Solution
 
@@ -62,10 +63,15 @@ class TextLine:
     marks: list[Mark] = field(default_factory=list)
 
 
-def listing(solution: Solution) -> list[TextLine]:
-    """The whole text with marks at the first lines of statements that have multipliers."""
+def listing(solution: Solution, source: Source | None = None) -> list[TextLine]:
+    """The whole text with marks at the first lines of statements that have multipliers.
+
+    Args:
+        source: the text with its repetitions written out, which knows the lines that they were written on; None for a
+            spec that has none.
+    """
     lines = [TextLine(k + 1, text) for k, text in enumerate(solution.source.splitlines())]
-    statements = list(_statements(solution))
+    statements = list(_statements(source or Source(solution.name, solution.source), solution.constants))
     # A barrier leaves every inequality a small multiplier, in inverse proportion to its room; that holds nothing back.
     sizes = [np.abs(block.values).max(initial=0.0) for block in solution.multipliers if block.kind != "link"]
     least = max(1e-9, 1e-7 * max(sizes, default=0.0))
@@ -79,20 +85,26 @@ def listing(solution: Solution) -> list[TextLine]:
     return lines
 
 
-def _statements(solution: Solution) -> Iterator[Statement]:
-    text = re.sub(r"#[^\n]*", lambda m: " " * len(m[0]), solution.source)
+def _statements(source: Source, constants: Mapping[str, float]) -> Iterator[Statement]:
+    text = re.sub(r"#[^\n]*", lambda m: " " * len(m[0]), source.text)
     heads = list(_SECTION.finditer(text))
     for head, following in zip(heads, [*heads[1:], None]):
         end = len(text) if following is None else following.start()
         if head[1] == "constraints":
-            yield from _constraints(text, head.end(), end, solution.constants)
+            for at, words, frames in _constraints(text, head.end(), end, constants):
+                equality = "<" not in words and ">" not in words
+                names = frozenset(name for name in _NAME.findall(words) if name not in constants)
+                yield Statement(source.position(at)[0], words, frames, names, equality)
         elif head[1] == "forces":
             for part in re.finditer(r"(\w+)\s*:[^;]*;", text[head.end() : end]):
-                line = text.count("\n", 0, head.end() + part.start()) + 1
+                line = source.position(head.end() + part.start())[0]
                 yield Statement(line, f"equation of motion of {part[1]}", None, frozenset(), True)
 
 
-def _constraints(text: str, start: int, end: int, constants: Mapping[str, float]) -> Iterator[Statement]:
+def _constraints(
+    text: str, start: int, end: int, constants: Mapping[str, float]
+) -> Iterator[tuple[int, str, tuple[float, float] | None]]:
+    """Where each statement begins, its text, and its frames."""
     frames: tuple[float, float] | None = None
     for part in re.finditer(r"[^;]+", text[start:end]):
         body, at = part[0], start + part.start()
@@ -101,9 +113,7 @@ def _constraints(text: str, start: int, end: int, constants: Mapping[str, float]
             body, at = part[0][head.end() :], start + part.start() + head.end()
         at += len(body) - len(body.lstrip())
         if body.strip():
-            equality = "<" not in body and ">" not in body
-            names = frozenset(name for name in _NAME.findall(body) if name not in constants)
-            yield Statement(text.count("\n", 0, at) + 1, " ".join(body.split()), frames, names, equality)
+            yield at, " ".join(body.split()), frames
 
 
 def _frames(written: str, constants: Mapping[str, float]) -> tuple[float, float] | None:

@@ -99,7 +99,7 @@ def _law(setup: Setup) -> Feedback | None:
     """The feedback that tracks the motion: the regulator where there can be one, else proportional-derivative."""
     if not setup.solution.n or not len(setup.controls):
         return None
-    maps = None if len(setup.contact) else linearised(setup)
+    maps = linearised(setup)
     law = None if maps is None else regulator(setup, maps)
     if law is not None:
         return law

@@ -102,7 +102,9 @@ def _keyframes(setup: Setup) -> ET.Element:
         ctrl = np.zeros(setup.compiled.nu)
         ctrl[setup.controls.addresses] = setup.controls.at(part, frame)
         key = ET.SubElement(made, "key", name=f"frame{frame}", time=repr(float(solution.time[frame])))
-        for name, values in (("qpos", qpos), ("qvel", qvel), ("ctrl", ctrl)):
+        act = np.zeros(setup.compiled.na)
+        act[setup.activations.addresses] = setup.activations.at(part, frame)
+        for name, values in (("qpos", qpos), ("qvel", qvel), ("act", act), ("ctrl", ctrl)):
             if len(values):
                 key.set(name, _text(values))
     return made

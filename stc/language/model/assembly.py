@@ -16,6 +16,7 @@ from stc.language.model.statements import (
     activations,
     bounds,
     equations_of_motion,
+    friction_of_tendons,
     own_forces,
     replay_lines,
 )
@@ -58,7 +59,7 @@ class ModelStatements:
         """The parameters that impacts bring."""
         return [
             *self.contacts.landings(),
-            *self.equalities.impulse_names(self.contacts.impact_frames()),
+            *self.equalities.impulse_names(len(self.contacts.impact_frames())),
         ]
 
     def jumps(self) -> list[Jump]:
@@ -94,9 +95,11 @@ class ModelStatements:
         forces.wrenches += contacts.wrenches()
         for dof, force in own_forces(self.scope, given):
             forces.push(dof, force)
+        forces.include(friction_of_tendons(self.scope))
         yield from equations_of_motion(context, self.scope, forces)
         yield from activations(context, self.scope)
         yield from bounds(context, self.scope)
+        yield from self.paths.distances.relations(context)
         yield from contacts.relations()
         yield from contacts.impacts(self.equalities)
         yield from self.standing.idle_forces()
@@ -134,6 +137,7 @@ class ModelStatements:
         flights = [] if self.equalities.to_world else self.contacts.flights()
         yield from way_between(self.context, self.scope, known, flights)
         yield from self.contacts.guesses()
+        yield from self.paths.distances.guesses(self.context)
 
     def fixtures(self) -> list[Fixture]:
         """What is held, to which the way between poses is brought."""

@@ -90,14 +90,8 @@ class Contacts(Schedule):
                     for name, order in jumping:
                         found.setdefault((first, name, order), Jump(first, name, order, span))
                 if last < self.context.n:
-                    # Pressure and friction fade until a foot lifts off; what holds a pin can let go at once.
-                    others = [
-                        f
-                        for c in self.contacts.values()
-                        if c.kind == "pin" or not _ends(c, last)
-                        for f in c.forces
-                    ]
-                    for name, order in [*names, *((force, 0) for force in others)]:
+                    # What presses or holds until the last moment can let go at once.
+                    for name, order in [*names, *((force, 0) for force in everything)]:
                         found.setdefault((last, name, order), Jump(last, name, order, span))
         return list(found.values())
 
@@ -144,15 +138,16 @@ class Contacts(Schedule):
             return
         for index, height in enumerate(self._heights(contact, phase.surface)):
             room = height
-            if before is not None and after is not None:
-                # From one surface to the other, in an arch between.
-                share = div(sub(sym(IndexRef()), num(float(first))), num(float(last - first)))
-                left = sub(ONE, share)
-                if before.surface != after.surface:
-                    start = list(self._heights(contact, before.surface))[index]
-                    room = mul(left, start) + mul(share, height)
-                arch = mul(mul(share, share), mul(left, left))
-                room = sub(room, mul(mul(num(16.0), contact.options["clearance"]), arch))
+            # From one surface to the other in an arch; where one of them is beyond the motion, half of it is within.
+            begin = first if before is not None else 2 * first - last
+            end = last if after is not None else 2 * last - first
+            share = div(sub(sym(IndexRef()), num(float(begin))), num(float(end - begin)))
+            left = sub(ONE, share)
+            if before is not None and after is not None and before.surface != after.surface:
+                start = list(self._heights(contact, before.surface))[index]
+                room = mul(left, start) + mul(share, height)
+            arch = mul(mul(share, share), mul(left, left))
+            room = sub(room, mul(mul(num(16.0), contact.options["clearance"]), arch))
             text = f"{contact.name} is clear of the {phase.surface.name} in flight"
             yield Relation(room, ZERO, None, FrameRange(low, high), span, text)
 
@@ -292,15 +287,16 @@ class Contacts(Schedule):
         """Where something lands: impulses of all that holds, contacts' within their cones, and the balance of every
         momentum.
         """
-        for frame in self.impact_frames():
+        for count, frame in enumerate(self.impact_frames(), 1):
             where = FrameRange(frame, frame)
-            forces = equalities.impulses(frame)
-            landing = [phase for _, phase, lands in self.struck(frame) if lands]
-            for contact, phase, _ in self.struck(frame):
-                parts: list[Expr] = [sym(ParameterRef(name)) for name in contact.impulses(phase, frame)]
+            forces = equalities.impulses(count)
+            struck = self.struck(frame)
+            for contact, phase, names in struck:
+                parts: list[Expr] = [sym(ParameterRef(name)) for name in names]
                 forces.wrenches += self._wrench(contact, parts, phase.surface)
                 yield from self._cone(contact, phase, parts, where, "impulse")
-            span = self.context.span(landing[0].statement)
+            landing = next(phase for _, phase, _ in struck if phase.frames.first == frame)
+            span = self.context.span(landing.statement)
             change: list[Expr] = []
             for name, order in self._speeds():
                 after, before = (sym(VariableRef(name, order, 1, 0, side)) for side in ("after", "before"))
@@ -368,11 +364,6 @@ class Contacts(Schedule):
             span = self.context.span(contact.statement)
             for part, name in zip(FORCES[contact.kind], contact.forces, strict=True):
                 yield ReplayChannel("contact", (*contact.path, part), sym(VariableRef(name)), span)
-
-
-def _ends(contact: Contact, frame: int) -> bool:
-    """Whether a phase of a contact ends at a frame."""
-    return any(phase.frames.last == frame for phase in contact.phases)
 
 
 def _place(at: Expr, rate: Expr, given: Sequence[Expr]) -> Place:

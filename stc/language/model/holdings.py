@@ -105,16 +105,21 @@ class Equalities:
             total.include(one.act([sym(VariableRef(path_of("equality", name, part))) for part in one.names]))
         return total
 
-    def impulses(self, frame: int) -> Forces:
-        """What they do on the model in the impact at a frame."""
+    def impulses(self, impact: int) -> Forces:
+        """What they do on the model in an impact; these are counted from 1."""
         total = Forces()
         for name, one in self.found:
-            total.include(one.act([sym(ParameterRef(part)) for part in _impulses(name, one, frame)]))
+            total.include(one.act([sym(ParameterRef(part)) for part in _impulses(name, one, impact)]))
         return total
 
-    def impulse_names(self, frames: Sequence[int]) -> list[str]:
-        """The parameters of the impulses at some frames."""
-        return [part for frame in frames for name, one in self.found for part in _impulses(name, one, frame)]
+    def impulse_names(self, impacts: int) -> list[str]:
+        """The parameters of the impulses in so many impacts."""
+        return [
+            part
+            for impact in range(1, impacts + 1)
+            for name, one in self.found
+            for part in _impulses(name, one, impact)
+        ]
 
     def holdings(self) -> Iterator[Holding]:
         """Each over the whole motion."""
@@ -132,5 +137,5 @@ class Equalities:
             )
 
 
-def _impulses(name: str, one: Held, frame: int) -> list[str]:
-    return [f"{path_of('equality', name, part)}_impulse_{frame}" for part in one.names]
+def _impulses(name: str, one: Held, impact: int) -> list[str]:
+    return [f"{path_of('equality', name, part)}_impact{impact}" for part in one.names]

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
+from stc.language import syntax
 from stc.language.diagnostics import did_you_mean
-from stc.language.model.scope import ModelScope, quoted
+from stc.language.model.distances import Distances
+from stc.language.model.scope import ModelScope, PathError, parts_of, quoted
 from stc.mechanism.mechanism import index_of
 from stc.mechanism.tree import Frame
 from stc.mechanism.vectors import Vector
-from stc.symbolic.expr import Expr, mul, sum_of
+from stc.problem import ConstantRef, ParameterRef
+from stc.symbolic.expr import Expr, mul, sum_of, symbols
 
-_PART = re.compile(r'"[^"]*"|[^."]+')
 _AXES = {"x": 0, "y": 1, "z": 2}
 
 #: What the paths of places end with, besides the axes.
@@ -21,19 +22,6 @@ PLACE_FIELDS = ("x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz", "xaxis", "yax
 WORDS = ("effort", "power")
 #: First words of paths that are no variables.
 KINDS = ("body", "site", "geom")
-
-
-def parts_of(path: str) -> list[str]:
-    """The parts of a path, without quotes."""
-    return [part.strip('"') for part in _PART.findall(path)]
-
-
-class PathError(Exception):
-    """A path names nothing that the model has; ``hint`` says what it does have."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message, self.hint = message, hint
 
 
 class Paths:
@@ -47,6 +35,7 @@ class Paths:
     def __init__(self, scope: ModelScope, derivatives: dict[Expr, Expr]) -> None:
         self.scope = scope
         self.derivatives = derivatives
+        self.distances = Distances(scope)
         self._known: dict[str, Expr] = {}
 
     def is_word(self, name: str) -> bool:
@@ -127,6 +116,50 @@ class Paths:
             raise PathError(f"the model has no {kind} `{name}`", hint)
         frames = {"body": dynamics.tree.frames, "site": dynamics.sites, "geom": dynamics.geoms}[kind]
         return frames[index]
+
+    def call(self, call: syntax.Call) -> Expr:
+        """The expression of ``distance(geom.A, geom.B)``.
+
+        Raises:
+            PathError: it is none.
+        """
+        if call.function == "distance":
+            return self.distances.of(call)
+        hint = f"write one of {', '.join(f'`.{one}`' for one in PLACE_FIELDS[:9])} after it"
+        raise PathError("a point is no number", hint)
+
+    def point(self, call: syntax.Call, at: Sequence[Expr]) -> tuple[Frame, str]:
+        """The frame of ``point(body.NAME, x, y, z)``, and the name of the body.
+
+        Args:
+            call: that.
+            at: x, y and z.
+
+        Raises:
+            PathError: that is not what is written, or x, y and z are not the same all along a motion.
+        """
+        hint = "a point in a body is `point(body.NAME, x, y, z)`"
+        body = call.arguments[0] if call.arguments else None
+        kind, *rest = parts_of(body.name) if isinstance(body, syntax.Name) else ("",)
+        if call.function != "point" or len(at) != 3:
+            raise PathError(hint, "x, y and z are constants or parameters")
+        if kind != "body" or len(rest) != 1:
+            raise PathError(f"`{body.name if isinstance(body, syntax.Name) else 'this'}` is no body", hint)
+        if not all(isinstance(key, ConstantRef | ParameterRef) for part in at for key in symbols(part)):
+            raise PathError("a point that is fixed in a body has places that do not change", hint)
+        self.frame(kind, rest[0])  # tells of a name that is not there
+        index = index_of(self.scope.mechanism.bodies, rest[0])
+        assert index is not None
+        x, y, z = at
+        return self.scope.dynamics.tree.frame(index, (x, y, z)), rest[0]
+
+    def of_point(self, call: syntax.Call, at: Sequence[Expr], fields: Sequence[str]) -> Expr:
+        """A field of ``point(body.NAME, x, y, z)``.
+
+        Raises:
+            PathError: there is no such point, or it has no such field.
+        """
+        return self._field("point(...)", self.point(call, at)[0], fields)
 
     def place(self, frame: Frame) -> tuple[Vector, Vector, Vector]:
         """Place, velocity and acceleration of a frame's origin in the world; each is the derivative of the one

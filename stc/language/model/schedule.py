@@ -67,9 +67,8 @@ class Contact:
         """The names of its force variables."""
         return [f"{self.name}_{part}" for part in FORCES[self.kind]]
 
-    def impulses(self, phase: Phase, frame: int) -> list[str]:
-        """The names of the parameters of an impact: its own landing, or that of another contact while it stands."""
-        which = str(phase.landing) if frame == phase.frames.first else f"_at_{frame}"
+    def impulses(self, which: str) -> list[str]:
+        """The names of the parameters of an impact, which is told by what they end with."""
         return [
             f"{self.name}_{part.replace('f', 'j').replace('m', 'i')}{which}" for part in FORCES[self.kind]
         ]
@@ -177,23 +176,14 @@ class Schedule:
         Raises:
             PathError: that is not what is written.
         """
-        body, *at = call.arguments
-        numbers = [self.context.constants.value_of(part) for part in at]
-        if (
-            call.function != "point"
-            or not isinstance(body, syntax.Name)
-            or len(numbers) != 3
-            or None in numbers
-        ):
-            raise PathError("a point in a body is `point(body.NAME, x, y, z)`", "x, y and z are constants")
-        of, *rest = parts_of(body.name)
-        if of != "body" or len(rest) != 1:
-            raise PathError(f"`{body.name}` is no body", "a point in a body is `point(body.NAME, x, y, z)`")
-        index = index_of(self.scope.mechanism.bodies, rest[0])
-        self.paths.frame(of, rest[0])  # tells of a name that is not there
-        assert index is not None
+        numbers = [self.context.constants.value_of(part) for part in call.arguments[1:]]
+        if None in numbers:
+            raise PathError(
+                "a contact is at a place that is known before solving", "x, y and z are constants"
+            )
         place = [float(x or 0.0) for x in numbers]
-        return self.scope.dynamics.point(index, place), ("body", rest[0], *(repr(x) for x in place))
+        frame, body = self.paths.point(call, [num(x) for x in place])
+        return frame, ("body", body, *(repr(x) for x in place))
 
     def _schedule(self, statement: syntax.ContactPlace, where: FrameRange, ranged: bool) -> None:
         contact = self.contacts.get(statement.name.name)
@@ -236,25 +226,24 @@ class Schedule:
     def landings(self) -> list[str]:
         """The names of all impulses, parameters of the problem."""
         return [
-            name
-            for frame in self.impact_frames()
-            for contact, phase, _ in self.struck(frame)
-            for name in contact.impulses(phase, frame)
+            name for frame in self.impact_frames() for _, _, names in self.struck(frame) for name in names
         ]
 
     def impact_frames(self) -> list[int]:
         """The frames at which something lands."""
         return sorted({p.frames.first for c in self.contacts.values() for p in c.phases if p.landing})
 
-    def struck(self, frame: int) -> list[tuple[Contact, Phase, bool]]:
-        """The contacts that give impulses in the impact at a frame, and whether each lands in it or stands already."""
-        return [
-            (contact, phase, phase.frames.first == frame)
-            for contact in self.contacts.values()
-            for phase in contact.phases
-            if phase.frames.first < frame < phase.frames.last
-            or (phase.landing and phase.frames.first == frame)
-        ]
+    def struck(self, frame: int) -> list[tuple[Contact, Phase, list[str]]]:
+        """What lands at a frame or stands there already, with the parameters of the impulses that it gives."""
+        impact = self.impact_frames().index(frame) + 1
+        found = []
+        for contact in self.contacts.values():
+            for phase in contact.phases:
+                if phase.landing and phase.frames.first == frame:
+                    found.append((contact, phase, contact.impulses(str(phase.landing))))
+                elif phase.frames.first < frame < phase.frames.last:
+                    found.append((contact, phase, contact.impulses(f"_impact{impact}")))
+        return found
 
     def complete(self) -> None:
         """Work out options and places, which definitions may be part of."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from stc.language.names import Entry, NameTable
 from stc.mechanism.dynamics import Dynamics
 from stc.mechanism.equalities import held
 from stc.mechanism.kinematics import Motion
-from stc.mechanism.mechanism import Joint, Mechanism
+from stc.mechanism.mechanism import Actuator, Joint, Mechanism
 from stc.mechanism.numbers import Numbers
 from stc.mechanism.numbers import Path as SettingPath
 from stc.mechanism.read import read_model
@@ -29,11 +30,25 @@ S = TypeVar("S", bound=syntax.Node)
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 VELOCITY = ("wx", "wy", "wz")
+_PART = re.compile(r'"[^"]*"|[^."]+')
 
 
 def quoted(part: str) -> str:
     """A part of a path, in quotes where it is no plain word."""
     return part if part.isidentifier() else f'"{part}"'
+
+
+def parts_of(path: str) -> list[str]:
+    """The parts of a path, without quotes."""
+    return [part.strip('"') for part in _PART.findall(path)]
+
+
+class PathError(Exception):
+    """A path names nothing that the model has; ``hint`` says what it does have."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message, self.hint = message, hint
 
 
 def path_of(kind: str, name: str, *more: str) -> str:
@@ -96,6 +111,21 @@ def coordinates_of(joint: Joint) -> Coordinates:
     return Coordinates(joint, positions, Rotation((w, x, y, z), (p, q, r)), friction)
 
 
+def controls_of(actuator: Actuator) -> list[str]:
+    """The variables of an actuator's controls: called by itself, several by what each one is."""
+    if len(actuator.controls) == 1:
+        return [path_of("actuator", actuator.name)]
+    inputs = actuator.inputs or [f"control{k + 1}" for k in range(len(actuator.controls))]
+    return [path_of("actuator", actuator.name, each) for each in inputs]
+
+
+def activations_of(actuator: Actuator) -> list[str]:
+    """The variables of an actuator's states."""
+    names = ["activation"] if len(actuator.activations) == 1 else []
+    names = names or [f"activation{k + 1}" for k in range(len(actuator.activations))]
+    return [path_of("actuator", actuator.name, each) for each in names]
+
+
 class _InPlace(Numbers):
     """Derived numbers stand in expressions as they are: the kernels evaluate what holds no unknown once."""
 
@@ -113,6 +143,7 @@ class ModelScope:
         mechanism: its numbers.
         coordinates: the variables of each joint, in the model's order.
         controls, activations: the variables of actuators, in the model's order.
+        tendon_friction: the variable of dry friction of each tendon that has any.
         dynamics: its mechanics as expressions of the spec's variables.
         constants: numbers that the spec can set from outside, by path: inputs of the compiled program, and those that
             have been changed in the model (``changes``).
@@ -131,12 +162,13 @@ class ModelScope:
         self.path = path
         self.mechanism = mechanism
         self.coordinates = [coordinates_of(joint) for joint in mechanism.joints]
-        self.controls = [path_of("actuator", actuator.name) for actuator in mechanism.actuators]
-        self.activations = [
-            path_of("actuator", actuator.name, "activation")
-            for actuator in mechanism.actuators
-            for _ in actuator.activations
-        ]
+        self.controls = [name for actuator in mechanism.actuators for name in controls_of(actuator)]
+        self.activations = [name for actuator in mechanism.actuators for name in activations_of(actuator)]
+        self.tendon_friction = {
+            index: path_of("tendon", tendon.name, "friction")
+            for index, tendon in enumerate(mechanism.tendons)
+            if tendon.frictionloss
+        }
         fixed = changes or {}
         inputs = {path: value for path, value in settable(mechanism).items() if value and _is_input(path)}
         numbers = _InPlace(inputs.__contains__, lambda path: sym(ConstantRef(_text(path))))
@@ -146,6 +178,14 @@ class ModelScope:
         self.constants = {_text(path): value for path, value in {**inputs, **fixed}.items()}
         #: Those that shape the equations: another value of one of these means deriving anew.
         self.structural = {_text(path) for path in fixed}
+
+    def number_named(self, path: Iterable[str]) -> str | None:
+        """What a number is called that shapes the equations; None of other fields of the model."""
+        text = _text(path)
+        shaping = {
+            _text(each) for each in settable(self.mechanism) if each[0] != "geom" or each[2] != "friction"
+        }
+        return text if text in self.constants or text in shaping else None
 
     @property
     def weight(self) -> float:
@@ -179,6 +219,7 @@ class ModelScope:
         named = [(name, "variable") for found in self.coordinates for name in found.names]
         named += [(name, "variable") for found in self.coordinates for name in found.friction]
         named += [(name, "variable") for name in (*self.controls, *self.activations)]
+        named += [(name, "variable") for name in self.tendon_friction.values()]
         for equality in self.mechanism.equalities:
             if equality.active:
                 parts = held(self.dynamics, equality).names
@@ -269,6 +310,11 @@ def each_of(statement: S, scope: ModelScope) -> Iterator[S]:
             yield _renamed(statement, star, name)
 
 
+def is_starred(statement: syntax.Node) -> bool:
+    """Whether a statement stands for several, by a path with a star in it."""
+    return any(name.endswith(".*") for name in _names_in(statement))
+
+
 def _names_in(node: object) -> Iterator[str]:
     if isinstance(node, syntax.Name):
         yield node.name
@@ -313,6 +359,8 @@ def declared_names(tree: syntax.SpecTree) -> Iterator[tuple[str, syntax.ContactD
 
 def _find(statement: syntax.ModelFile, tree: syntax.SpecTree, diagnostics: Diagnostics) -> Path | None:
     """The file of a model: an absolute path, one beside the spec, or a bundled model."""
+    if tree.source.model_file is not None:
+        return Path(tree.source.model_file)
     folder = Path(tree.source.path).parent if tree.source.path else Path()
     beside = folder / statement.path
     if beside.is_file():
@@ -345,4 +393,13 @@ def _text(path: Iterable[str]) -> str:
     return ".".join([kind, quoted(name), *more])
 
 
-__all__ = ["Coordinates", "ModelScope", "coordinates_of", "model_of", "path_of", "quoted"]
+__all__ = [
+    "Coordinates",
+    "ModelScope",
+    "PathError",
+    "coordinates_of",
+    "model_of",
+    "parts_of",
+    "path_of",
+    "quoted",
+]

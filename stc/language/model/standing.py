@@ -404,7 +404,7 @@ class Standing:
                 text = f"{name} does nothing"
                 yield Relation(sym(VariableRef(name)), ZERO, ZERO, self.context.everywhere, span, text)
                 for frame in contacts.impact_frames():
-                    for other, phase, _ in contacts.struck(frame):
+                    for other, _, names in contacts.struck(frame):
                         if other is contact:
-                            impulse = sym(ParameterRef(contact.impulses(phase, frame)[index]))
+                            impulse = sym(ParameterRef(names[index]))
                             yield Relation(impulse, ZERO, ZERO, FrameRange(0, 0), span, text)

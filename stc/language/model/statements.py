@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from stc.language.context import Context
 from stc.language.model.paths import parts_of
-from stc.language.model.scope import ModelScope
+from stc.language.model.scope import ModelScope, path_of
 from stc.mechanism.forces import Forces
 from stc.problem import ConstantRef, Relation, ReplayChannel, VariableRef
 from stc.symbolic.expr import ZERO, Expr, mul, num, sub, sum_of, sym
@@ -35,6 +35,14 @@ def own_forces(scope: ModelScope, given: Mapping[str, list[Expr]]) -> Iterator[t
                 yield dof, sum_of(given[name])
 
 
+def friction_of_tendons(scope: ModelScope) -> Forces:
+    """Dry friction along tendons."""
+    found = Forces()
+    for index, name in scope.tendon_friction.items():
+        found.along(scope.dynamics.tendons[index], sym(VariableRef(name)))
+    return found
+
+
 def activations(context: Context, scope: ModelScope) -> Iterator[Relation]:
     """How the states of actuators follow their controls."""
     span = context.span(scope.statement)
@@ -53,15 +61,16 @@ def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
         lower, upper = [num(end) if math.isfinite(end) else None for end in ends]
         return Relation(body, lower, upper, where, span, text)
 
+    def dry(name: str, rate: Expr, most: float) -> Iterator[Relation]:
+        # Dry friction takes energy and gives none.
+        yield between(sym(VariableRef(name)), (-most, most), f"bound of {name}")
+        body = mul(sym(VariableRef(name)), rate)
+        yield Relation(body, None, ZERO, where, span, f"{name} acts against the motion")
+
     for one in scope.coordinates:
         joint = one.joint
         for name, rate in zip(one.friction, one.rates, strict=False):
-            # Dry friction takes energy and gives none.
-            yield between(
-                sym(VariableRef(name)), (-joint.frictionloss, joint.frictionloss), f"bound of {name}"
-            )
-            body = mul(sym(VariableRef(name)), sym(rate))
-            yield Relation(body, None, ZERO, where, span, f"{name} acts against the motion")
+            yield from dry(name, sym(rate), joint.frictionloss)
         if joint.force_limited:
             for dof in joint.dofs:
                 yield between(
@@ -77,16 +86,31 @@ def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
             real = sym(VariableRef(one.rotation.quaternion[0]))
             least = math.cos(0.5 * min(joint.bounds[1], math.pi)) ** 2
             yield Relation(real * real, num(least), None, where, span, f"range of joint {joint.name}")
-    for actuator, name, force in zip(
-        scope.mechanism.actuators, scope.controls, scope.dynamics.actuator_forces, strict=True
-    ):
-        if actuator.control_limited:
-            yield between(sym(VariableRef(name)), actuator.control_range, f"range of {name}")
+    for actuator, force in zip(scope.mechanism.actuators, scope.dynamics.actuator_forces, strict=True):
+        if not actuator.enabled:
+            continue
+        for address, limits in zip(actuator.controls, actuator.control_ranges, strict=True):
+            if limits is not None:
+                name = scope.controls[address]
+                yield between(sym(VariableRef(name)), limits, f"range of {name}")
         for address in actuator.activations if actuator.activation_limited else ():
             state = scope.activations[address]
             yield between(sym(VariableRef(state)), actuator.activation_range, f"range of {state}")
         if actuator.force_limited:
-            yield between(force, actuator.force_range, f"range of the force of {name}")
+            text = f"range of the force of {path_of('actuator', actuator.name)}"
+            yield between(force, actuator.force_range, text)
+    for index, tendon in enumerate(scope.mechanism.tendons):
+        if tendon.limited:
+            length = scope.dynamics.tendons[index].length
+            yield between(length, tendon.bounds, f"range of tendon {tendon.name}")
+        if tendon.force_limited:
+            pulled = scope.dynamics.pull_on_tendon(index)
+            text = f"range of the actuators' force on tendon {tendon.name}"
+            yield between(pulled, tendon.force_range, text)
+        if index in scope.tendon_friction:
+            name = scope.tendon_friction[index]
+            slip = scope.dynamics.tendons[index].rate
+            yield from dry(name, slip, tendon.frictionloss)
 
 
 def replay_lines(context: Context, scope: ModelScope) -> Iterator[ReplayChannel]:
@@ -96,7 +120,7 @@ def replay_lines(context: Context, scope: ModelScope) -> Iterator[ReplayChannel]
         for name in one.names:
             _, *path = parts_of(name)
             yield ReplayChannel("joint", tuple(path), sym(VariableRef(name)), span)
-    for name in scope.controls:
+    for name in (*scope.controls, *scope.activations):
         _, *path = parts_of(name)
         yield ReplayChannel("actuator", tuple(path), sym(VariableRef(name)), span)
     for name in scope.constants:

@@ -75,7 +75,9 @@ def surface_of(scope: ModelScope, path: str) -> Surface:
         raise PathError(f"the model has no geom `{rest[0]}`", f"its geoms are {', '.join(names[:12])}")
     geom = scope.mechanism.geoms[index]
     if not _is_fixed(scope, geom):
-        raise PathError(f"the geom `{rest[0]}` moves", "contacts stand on what is fixed in the world")
+        where = f" ({geom.place})" if geom.place else ""
+        hint = "contacts stand on what nothing moves; hold on to a body that moves by an `<equality>` of the model"
+        raise PathError(f"the geom `{rest[0]}` moves{where}: standing on it cannot be stated", hint)
     if geom.kind not in ("plane", "box"):
         raise PathError(
             f"the geom `{rest[0]}` is a {geom.kind}", "contacts stand on planes and on faces of boxes"

@@ -143,4 +143,4 @@ def test_what_stands_bears_its_part_of_another_ones_impact(tmp_path: Path) -> No
     inertia = 3.0 / 12.0 * (1.0**2 + 0.1**2)
     landing = (inertia + 3.0 * 0.5**2) * spin.before[10]
     assert solution["right_jz1"] == pytest.approx(landing, rel=1e-4)
-    assert solution["left_jz_at_10"] == pytest.approx(3.0 * 0.5 * spin.before[10] - landing, rel=1e-4)
+    assert solution["left_jz_impact1"] == pytest.approx(3.0 * 0.5 * spin.before[10] - landing, rel=1e-4)

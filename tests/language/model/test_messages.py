@@ -77,3 +77,35 @@ def test_a_missing_model_is_told_once(tmp_path: Path) -> None:
         stc.load(spec).problem()
     assert str(told.value).count("error") == 1
     assert "did you mean `robot.xml`?" in str(told.value)
+
+
+POSES = "constraints: [0]: keyframe.stand; rest;\n  [n]: keyframe.stand; rest;"
+
+
+@pytest.mark.parametrize(
+    ("lines", "warned"),
+    [
+        (f"{POSES}\n  -20 <= joint.*' <= 20;", True),
+        (f"{POSES}\n  joint.*' >= -20;", True),
+        (f"{POSES} -20 <= joint.*' <= 20;", False),
+        (f"{POSES}\n  [n]: -20 <= joint.*' <= 20;", False),
+        (f"{POSES}\n  [0, n]: -20 <= joint.*' <= 20;", False),
+        (f"{POSES}\n  joint.FLh' <= 20;", False),
+        (f"{POSES}\n  joint.*'' = 0;", False),
+    ],
+)
+def test_limits_below_a_pose_are_told_of(tmp_path: Path, lines: str, warned: bool) -> None:
+    """People mean all frames; where a limit is written beside its frame it is meant."""
+    problem = load(tmp_path, quadruped(), START + lines).problem()
+    found = [w for w in problem.warnings if "alone, with the pose" in w.message]
+    assert bool(found) == warned
+
+
+def test_a_surface_that_moves_is_named_with_its_line(tmp_path: Path) -> None:
+    platform = '<body><joint name="lift" type="slide"/><geom name="platform" type="box" size="1 1 .1" mass="1"/></body>'
+    model = quadruped().replace('<geom name="floor"', f'{platform}\n<geom name="floor"')
+    text = f"{START}contact: FL = point(site.FL); [0, n]: FL on geom.platform;"
+    with pytest.raises(
+        SpecError, match=r"the geom `platform` moves \(.*robot.xml:3\): standing on it cannot be stated"
+    ):
+        load(tmp_path, model, text).problem()

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import mujoco
 import numpy as np
 import pytest
+from _pytest.mark import ParameterSet
 
 import stc
 from stc import models
 from stc.bundled import find_spec
 from stc.solution import Solution
+from stc.validate import validate
 
 from .bodies import put
 
@@ -26,6 +30,16 @@ MOTIONS = {
     "quadruped_hop": ("trunk", (0.5, 0.0, None)),
     "quadruped_trot": ("trunk", None),
 }
+
+#: Those that MuJoCo repeats with its own contacts within the limits of a verdict.
+REPEATED = (
+    "arm_swing",
+    "humanoid_jump",
+    "lamp_turn",
+    "quadruped_box_jump",
+    "quadruped_hop",
+    "quadruped_trot",
+)
 
 #: Those that are solved within seconds.
 QUICK = ("arm_swing", "lamp_turn")
@@ -50,9 +64,19 @@ def test_a_page_is_understood(name: str) -> None:
     assert problem.replay
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow if n in QUICK else pytest.mark.nightly) for n in MOTIONS]
-)
+def marked(names: Iterable[str]) -> list[ParameterSet]:
+    return [pytest.param(n, marks=pytest.mark.slow if n in QUICK else pytest.mark.nightly) for n in names]
+
+
+@pytest.mark.parametrize("name", marked(REPEATED))
+def test_a_motion_is_repeated_in_mujoco(name: str) -> None:
+    report = validate(stc.load(name).solve())
+    failed = [metric for metric in report.metrics if metric.verdict == "fail"]
+    assert report.passed, failed or report.findings
+    assert report.tracked_by == "LQR"
+
+
+@pytest.mark.parametrize("name", marked(MOTIONS))
 def test_a_motion_is_found_and_obeys_the_equations_of_mujoco(name: str) -> None:
     solution = stc.load(name).solve()
     assert solution.status == "optimal"
