@@ -25,7 +25,7 @@ from collections.abc import Iterable, Mapping
 from stc.errors import Source, SpecError
 from stc.language import syntax
 from stc.language.constants import Constants
-from stc.language.contact_statements import KINDS, NEEDED, Contact, Line, Mechanics, Phase, Writer
+from stc.language.contact_statements import ALONE, KINDS, NEEDED, Contact, Line, Mechanics, Phase, Writer
 from stc.language.context import Context
 from stc.language.definition_values import define
 from stc.language.diagnostics import Diagnostics, did_you_mean
@@ -246,8 +246,8 @@ def _declared(statement: syntax.ContactDeclaration, diagnostics: Diagnostics) ->
         if name.name not in known:
             hint = did_you_mean(name.name, known) or f"a {kind} knows {', '.join(known)}"
             _fail(diagnostics, name, f"a {kind} has no `{name.name}`", hint)
-        elif (value is None) != (name.name == "soft"):
-            how = "stands alone" if name.name == "soft" else f"needs a value, as in `{name.name} = 0.5`"
+        elif (value is None) != (name.name in ALONE):
+            how = "stands alone" if name.name in ALONE else f"needs a value, as in `{name.name} = 0.5`"
             _fail(diagnostics, name, f"`{name.name}` {how}")
         options[name.name] = "" if value is None else _atom(value)
     for needed in NEEDED[kind]:

@@ -17,11 +17,14 @@ KINDS: Mapping[str, tuple[int, tuple[str, ...], tuple[str, ...]]] = {
     "foot": (
         3,
         ("fx", "fz", "my"),
-        ("half", "reach", "friction", "clearance", "landing", "speed", "spin", "soft"),
+        ("half", "reach", "friction", "clearance", "landing", "speed", "spin", "soft", "sudden"),
     ),
-    "point": (2, ("fx", "fz"), ("friction", "clearance", "landing", "speed", "soft")),
+    "point": (2, ("fx", "fz"), ("friction", "clearance", "landing", "speed", "soft", "sudden")),
     "pin": (2, ("fx", "fz"), ("landing", "speed", "soft")),
 }
+
+#: Options that have no value.
+ALONE = ("soft", "sudden")
 
 #: What a kind cannot do without.
 NEEDED: Mapping[str, tuple[str, ...]] = {"foot": ("half", "friction"), "point": ("friction",), "pin": ()}
@@ -75,6 +78,11 @@ class Contact:
     def soft(self) -> bool:
         """Whether it lands without an impact."""
         return "soft" in self.options
+
+    @property
+    def sudden(self) -> bool:
+        """Whether its force may end at once: what holds a pin always can."""
+        return self.kind == "pin" or "sudden" in self.options
 
 
 # ---------------------------------------------------------------- what the mechanics say
@@ -193,8 +201,7 @@ class Writer:
                     all_forces = [force for c in self.contacts for force in c.forces]
                     yield phase, phase.frames.first, phase.first, [*speeds, *all_forces, *drives]
                 if phase.frames.last < self.n:
-                    # pressure and friction fade until a foot lifts off; what holds a pin can let go at once
-                    jumping = [c for c in self.contacts if c is not contact or c.kind == "pin"]
+                    jumping = [c for c in self.contacts if c is not contact or c.sudden]
                     forces = [force for c in jumping for force in c.forces]
                     yield phase, phase.frames.last, phase.last, [*forces, *drives]
 

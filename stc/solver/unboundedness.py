@@ -27,8 +27,8 @@ SMALL = 1e-4
 LONG, QUARTERS = 60, 5
 """Iterations of an attempt that is looked at, and at how many points of it."""
 FAR_DOWN, EVENLY = 10.0, 0.05
-"""How far an objective falls that nothing may bound, as a multiple of its size at first, and the share of that in each
-quarter."""
+"""How far an objective falls that nothing may bound, as a multiple of its size at first, and by which share of what it
+has fallen it goes on in each quarter."""
 
 
 def is_unbounded(form: Formulation, it: Iterate, farthest: float) -> bool:
@@ -91,7 +91,7 @@ def falling_to(history: Sequence[IterationRecord]) -> float | None:
             continue
         f = [history[k].objective for k in np.linspace(begin, end - 1, QUARTERS).astype(int)]
         fall = f[0] - f[-1]
-        steadily = all(later <= before - EVENLY * fall for before, later in itertools.pairwise(f))
+        steadily = all(f[0] - later >= (1.0 + EVENLY) * (f[0] - before) for before, later in itertools.pairwise(f))
         if fall > FAR_DOWN * max(1.0, abs(f[0])) and steadily:
             lowest = f[-1] if lowest is None else min(lowest, f[-1])
     return lowest

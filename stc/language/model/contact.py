@@ -90,8 +90,14 @@ class Contacts(Schedule):
                     for name, order in jumping:
                         found.setdefault((first, name, order), Jump(first, name, order, span))
                 if last < self.context.n:
-                    # What presses or holds until the last moment can let go at once.
-                    for name, order in [*names, *((force, 0) for force in everything)]:
+                    # Pressure and friction fade until a foot lifts off; what holds a pin can let go at once.
+                    others = [
+                        force
+                        for one in self.contacts.values()
+                        if one.kind == "pin" or one.says("sudden") or not one.ends(last)
+                        for force in one.forces
+                    ]
+                    for name, order in [*names, *((force, 0) for force in others)]:
                         found.setdefault((last, name, order), Jump(last, name, order, span))
         return list(found.values())
 

@@ -18,7 +18,7 @@ from stc.problem import FrameRange
 from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, num
 
-OPTIONS = ("friction", "reach", "clearance", "landing", "speed", "soft")
+OPTIONS = ("friction", "reach", "clearance", "landing", "speed", "soft", "sudden")
 #: How high above a straight way a contact is carried in the middle of its flight, in m, where nothing is said.
 CLEARANCE = 0.01
 
@@ -66,6 +66,14 @@ class Contact:
     def forces(self) -> list[str]:
         """The names of its force variables."""
         return [f"{self.name}_{part}" for part in FORCES[self.kind]]
+
+    def says(self, word: str) -> bool:
+        """Whether an option that has no value is written."""
+        return any(option.name == word for option, _ in self.statement.options)
+
+    def ends(self, frame: int) -> bool:
+        """Whether a phase ends at a frame."""
+        return any(phase.frames.last == frame for phase in self.phases)
 
     def impulses(self, which: str) -> list[str]:
         """The names of the parameters of an impact, which is told by what they end with."""
@@ -216,10 +224,9 @@ class Schedule:
             if after.frames.first <= before.frames.last:
                 message = f"`{contact.name}` stands already on {before.frames}"
                 self.context.error(after.statement, message, "its ranges may not overlap")
-        soft = any(option.name == "soft" for option, _ in contact.statement.options)
         landed = 0
         for phase in contact.phases:
-            if phase.frames.first > 0 and not soft:
+            if phase.frames.first > 0 and not contact.says("soft"):
                 landed += 1
                 phase.landing = landed
 
