@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import stc
+from stc.studies.doubled import range_of
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
-from stc.studies.grid_error import determined, range_of
+from stc.studies.grid_error import determined
 
 ACROBOT = """
 constants:
