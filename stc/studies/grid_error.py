@@ -134,17 +134,8 @@ def grid_error(solution: Solution) -> GridError | None:
         return local
     objective, moved = change
     variable = max(moved, key=lambda name: moved[name], default="")
-    found = GridError(
+    return GridError(
         min(objective, WHOLE) if problem.objective else 0.0, min(moved.get(variable, 0.0), WHOLE), variable
-    )
-    # Two coarse grids may agree on what is no motion.
-    return (
-        found
-        if local.largest <= NO_GUESS
-        else GridError(
-            max(local.objective, found.objective),
-            *max((local.motion, local.variable), (found.motion, found.variable)),
-        )
     )
 
 
