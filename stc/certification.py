@@ -124,7 +124,9 @@ def _equations(solution: Solution, model: Path) -> tuple[EquationReport | None, 
 def _more_frames(solution: Solution, metrics: Sequence[Metric]) -> str:
     """How to get more frames, in words: the options that give enough, and the search that takes what it needs.
 
-    Enough are as many times as many as bring what the grid leaves below its limits, by the method's order. Where n follows from other constants (``n = 60*k``) these are what is given. A spec that cannot be refined as it is
+    Enough are as many times as many as bring what the grid leaves below its limits, by the method's order.
+
+    Where n follows from other constants (``n = 60*k``) these are what is given. A spec that cannot be refined as it is
     written has the reason instead.
     """
     from stc.origin import model_of
