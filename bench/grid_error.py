@@ -23,10 +23,11 @@ import stc
 from stc.errors import StcError
 from stc.same_motion import check_same_motion
 from stc.solution import Solution, read
+from stc.studies.doubled import apart
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
 from stc.studies.frames import Spread
-from stc.studies.grid_error import GROSS, GridError, determined, grid_error, range_of
+from stc.studies.grid_error import GROSS, GridError, determined, grid_error
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("bench/classics", *(f"tests/problems/{name}" for name in ("traj", "literature", "luxo", "speed")))
@@ -95,7 +96,7 @@ def measured(path: Path, folder: Path | None) -> Row | str:
     if check_same_motion(problem, model.problem(None, **more), ends, TIMES * ends) != 1.0:
         return "a sum over all frames is another objective on other frames"
     objective = abs(coarse.objective - finer.objective) / max(abs(finer.objective), 1e-9)
-    motion = max((_apart(coarse, finer, name) for name in determined(problem, coarse)), default=0.0)
+    motion = max((apart(coarse, finer, name) for name in determined(problem, coarse)), default=0.0)
     return Row(path.stem, coarse.method, coarse.n, told, objective if problem.objective else 0.0, motion)
 
 
@@ -107,12 +108,6 @@ def _kept(folder: Path | None, name: str, solve) -> Solution:  # type: ignore[no
     if file is not None:
         solution.save(file)
     return solution
-
-
-def _apart(coarse: Solution, finer: Solution, name: str) -> float:
-    one, other = coarse.trajectories[name, 0], finer.trajectories[name, 0]
-    apart = [np.abs(one.before - other.before[::TIMES]), np.abs(one.after - other.after[::TIMES])]
-    return float(np.max(apart)) / max(range_of(other), 1e-9)
 
 
 def main() -> None:

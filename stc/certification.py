@@ -6,6 +6,7 @@ can be told apart: by the term of the equations of motion that differs from the 
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from stc.studies.equation_report import EquationReport
     from stc.validate.certificate import Certificate
     from stc.validate.metrics import Metric
+
+SAFETY = 0.5
+"""The frames that are advised are to bring an error to this share of its limit."""
 
 
 def certify(
@@ -62,7 +66,7 @@ def certify(
         certificate.refused = why
     certificate.source = _written_out(solution)
     if not certificate.passed:
-        certificate.more_frames = _more_frames(solution)
+        certificate.more_frames = _more_frames(solution, certificate.metrics)
     return certificate
 
 
@@ -117,8 +121,10 @@ def _equations(solution: Solution, model: Path) -> tuple[EquationReport | None, 
         )
 
 
-def _more_frames(solution: Solution) -> str:
-    """How to get more frames, in words: the options that give twice as many, and the search that takes what it needs.
+def _more_frames(solution: Solution, metrics: Sequence[Metric]) -> str:
+    """How to get more frames, in words: the options that give enough, and the search that takes what it needs.
+
+    Enough are as many times as many as bring what the grid leaves below its limits, by the method's order.
 
     Where n follows from other constants (``n = 60*k``) these are what is given. A spec that cannot be refined as it is
     written has the reason instead.
@@ -129,12 +135,29 @@ def _more_frames(solution: Solution) -> str:
     try:
         model = model_of(solution)
         spread = Spread.of(model, solution.method, solution.overrides)
-        twice = " ".join(f"--set {name}={value:.15g}" for name, value in spread.multiplied(2).items())
+        finer = spread.multiplied(_times(solution.method, metrics))
+        more = " ".join(f"--set {name}={value:.15g}" for name, value in finer.items())
     except UsageError as reason:
         return f"the spec has to be changed for that, since {reason.message}"
     except StcError:
         return ""
-    return f"{twice}, or {_until_verified(solution, model)}, which adds them until MuJoCo agrees"
+    return f"{more}, or {_until_verified(solution, model)}, which adds them until MuJoCo agrees"
+
+
+def _times(method: str, metrics: Sequence[Metric]) -> int:
+    """So many times as many frames are likely to bring below its limit whatever more frames cure: 2 at least.
+
+    What an equation of motion is missed by within a step falls as the acceleration does, by half the order.
+    """
+    from stc.studies.frames import MOST_AT_ONCE, ORDER
+    from stc.validate.certificate.advice import cured_by_frames
+
+    times = 2.0
+    for metric in metrics:
+        if metric.verdict == "fail" and metric.limit and cured_by_frames(metric):
+            order = ORDER[method] / (2 if metric.name.endswith("between frames") else 1)
+            times = max(times, (metric.value / (SAFETY * metric.limit)) ** (1.0 / order))
+    return math.ceil(min(times, MOST_AT_ONCE)) if math.isfinite(times) else MOST_AT_ONCE
 
 
 def _until_verified(solution: Solution, model: Model) -> str:

@@ -7,15 +7,12 @@ from typing import Any
 
 from stc.solution import Solution
 from stc.solver.options import Options
+from stc.studies.doubled import FROM_COARSER
 from stc.studies.effort import Clock, Effort
-from stc.studies.grid_error import GROSS
+from stc.studies.grid_error import GROSS, NO_GUESS, local_grid_error
 
-#: Iterations from the solution on fewer frames; it takes ten or so where that is near one on more frames.
-FROM_COARSER = 100
 #: Iterations from where the first solve began, where another way is left.
 FROM_GUESS = 500
-#: A grid error above this share of the objective, or of a range: what was found is no motion that could be a guess.
-NO_GUESS = 0.1
 #: Objectives that differ by less than this share are those of one optimum.
 SAME = 1e-6
 #: What a solve ends with that is not to be followed by another one.
@@ -47,7 +44,7 @@ def solve_finer(
     most = options.get("max_iterations") or Options().max_iterations
     few = {**options, "max_iterations": min(most, FROM_GUESS)}
     near = {**options, "max_iterations": min(most, FROM_COARSER), "warm_start": before, "guess": None}
-    coarse = before.grid_error()
+    coarse = local_grid_error(before)
     error = 0.0 if coarse is None else coarse.largest
     if error > NO_GUESS:
         ways = [few, near, dict(options)]

@@ -1,4 +1,7 @@
-"""What the grid of a solution leaves of its error: one figure for the objective, one for the motion, without a solve.
+"""What the grid of a solution leaves of its error: one figure for the objective, one for the motion.
+
+Where the solution has one close by on twice as many frames, their difference says it (:mod:`stc.studies.doubled`).
+Where not, and within searches, the steps themselves are asked, without a solve:
 
 A solution answers the nonlinear program of its grid.  How far that is from the motion between the frames is told by
 what :mod:`stc.studies.discretisation` finds in every step: where the equations lead, less where the motion is.
@@ -34,15 +37,26 @@ from stc.records import dataclass
 from stc.solution import MultiplierBlock, Solution
 from stc.studies.difference_gaps import ends_of_sums, gaps_of, moved_rows, moved_terms
 from stc.studies.discretisation import States, local_errors, quadrature_errors
+from stc.studies.doubled import change_when_doubled, range_of
 from stc.symbolic.expr import symbols
 from stc.trajectory import Channel
 
-__all__ = ["GROSS", "GridError", "determined", "grid_error", "problem_of_solution", "range_of"]
+__all__ = [
+    "GROSS",
+    "NO_GUESS",
+    "GridError",
+    "determined",
+    "grid_error",
+    "local_grid_error",
+    "problem_of_solution",
+]
 
 FloatArray = NDArray[np.float64]
 
 GROSS = 0.01
 """An error above this share of the objective, or of the range of a variable, is gross."""
+NO_GUESS = 0.1
+"""Above this share: what was found is no motion that could be a guess."""
 CORNER, WIGGLE = 1.0 / 12.0, 0.2
 """Of a step times what a rate changes by where it turns somewhere in it: what the states are off by, on average."""
 LEAST_RANGE = 1e-6
@@ -100,7 +114,33 @@ class GridError:
 
 
 def grid_error(solution: Solution) -> GridError | None:
-    """Estimate the discretisation error of a solution.
+    """Estimate the discretisation error of a solution, from its change to twice the frames where that is to be had.
+
+    Args:
+        solution: any optimal one.
+
+    Returns:
+        As :func:`local_grid_error`.
+
+    Raises:
+        SpecError: the text that the solution carries is no spec.
+    """
+    local = local_grid_error(solution)
+    if local is None:
+        return None
+    problem = problem_of_solution(solution)
+    change = change_when_doubled(solution, determined(problem, solution))
+    if change is None:
+        return local
+    objective, moved = change
+    variable = max(moved, key=lambda name: moved[name], default="")
+    return GridError(
+        min(objective, WHOLE) if problem.objective else 0.0, min(moved.get(variable, 0.0), WHOLE), variable
+    )
+
+
+def local_grid_error(solution: Solution) -> GridError | None:
+    """Estimate the discretisation error of a solution from what it leaves in its steps, without a solve.
 
     Args:
         solution: any optimal one.
@@ -233,12 +273,6 @@ def determined(problem: Problem, solution: Solution) -> Iterator[str]:
     for name in solution.variables:
         if name in found if found else (name, 1) in solution.trajectories:
             yield name
-
-
-def range_of(channel: Channel) -> float:
-    """What a quantity ranges over; of one that hardly moves a thousandth of its size."""
-    values = np.concatenate([channel.before, channel.after])
-    return max(float(np.ptp(values)), 1e-3 * float(np.abs(values).max()))
 
 
 def _accumulated(solution: Solution, missed: States, name: str) -> float:

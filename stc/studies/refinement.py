@@ -21,9 +21,9 @@ from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.discretisation import Estimate, estimate
 from stc.studies.effort import Clock, Effort
-from stc.studies.finer import NO_GUESS, SAME, solve_finer
+from stc.studies.finer import SAME, solve_finer
 from stc.studies.frames import ORDER, Spread, growth_for, observed_order
-from stc.studies.grid_error import GROSS
+from stc.studies.grid_error import GROSS, NO_GUESS, local_grid_error
 
 __all__ = ["Level", "Refinement", "refine"]
 
@@ -52,7 +52,7 @@ class Level:
         phases: number of steps in each phase with a frame count of its own.
         status, objective, iterations, factorizations: of the solve.
         error: the estimate that is compared with the tolerance: the largest one of the next three.
-        grid_error: as every solve tells it, the larger one of its figures (see :mod:`stc.studies.grid_error`).
+        grid_error: the larger figure of :func:`stc.studies.grid_error.local_grid_error`.
         local_error: local errors of all steps together, relative.
         quadrature_error: relative error of the objective's integrals.
         objective_error: relative error of the objective, by how it changed from the level before; 0 for the first.
@@ -278,7 +278,7 @@ def _level(solution: Solution, phases: list[int], judged: Estimate | None, found
     before = found.trail[-1] if found.trail else None
     if before is not None and before.grid_error > NO_GUESS:
         before = None  # another optimum, or none: nothing to extrapolate from
-    told = solution.grid_error()
+    told = local_grid_error(solution)
     change = _objective_error(before, judged, solution) if before and judged else 0.0
     return Level(
         n=solution.n,

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import stc
+from stc.studies.doubled import range_of
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
-from stc.studies.grid_error import determined, range_of
+from stc.studies.grid_error import GROSS, determined, local_grid_error
 
 ACROBOT = """
 constants:
@@ -78,6 +79,26 @@ constraints: [0, n]: x' = v; v' = u; -1 <= u <= 2; [0]: x; v; 0.1 <= T; [n]: x =
 objective: [0]: T;
 """
 
+SMALL_LOCAL_ERRORS = {
+    "multiplied by an unstable system": """
+constants: n = 20, T = 4, h = T/n; variables: x, u; method: trapezoidal;
+constraints: [0, n]: x'' = 4*sin(x) + u; [0]: x = 0; x' = 0; [n]: x = 1; x' = 0;
+objective: [0, n]: integral(u^2);""",
+    "in layers at both ends": """
+constants: n = 30, T = 12, h = T/n; variables: x, u; method: hermite-simpson;
+constraints: [0, n]: x' = -x^3 + u; [0]: x = 1; [n]: x = 1.5;
+objective: [0, n]: integral(x^2 + u^2);""",
+    "of a pendulum that waits": """
+constants: n = 60, T = 8, h = T/n; variables: a, u; method: trapezoidal; guess: a = pi*t/T;
+constraints: [0, n]: a'' = u - 9.81*sin(a); -4 <= u <= 4; [0]: a; a'; [n]: a = pi; a';
+objective: [0, n]: integral(u^2);""",
+    "of an orbit that is raised": """
+constants: n = 40, T = 10, h = T/n; variables: x, y, u, w; method: trapezoidal; guess: x = cos(t); y = sin(t);
+constraints: [0, n]: x'' = -x/(x^2 + y^2)^1.5 + u; y'' = -y/(x^2 + y^2)^1.5 + w;
+  [0]: x = 1; y = 0; x' = 0; y' = 1; [n]: x^2 + y^2 = 2.25; x*x' + y*y' = 0;
+objective: [0, n]: integral(u^2 + w^2);""",
+}
+
 
 def both(text, factor=8, **constants):
     """A solution, and the one next to it on so many times the frames."""
@@ -112,6 +133,26 @@ def test_the_estimate_is_near_the_change_to_a_finer_grid(text, method):
     found = coarse.grid_error()
     assert objective / 10 <= found.objective <= 10 * objective
     assert motion / 10 <= found.motion <= 10 * motion
+
+
+@pytest.mark.parametrize("text", SMALL_LOCAL_ERRORS.values(), ids=SMALL_LOCAL_ERRORS)
+def test_what_becomes_of_small_local_errors_is_told(text):
+    """The steps alone say too little of these; the next grid says what the optimum makes of it."""
+    coarse, finer = both(text)
+    objective, motion = true_error(coarse, finer)
+    found = coarse.grid_error()
+    assert found.gross and max(objective, motion) > GROSS
+    assert objective / 3 <= found.objective <= 3 * objective
+    assert motion / 3 <= found.motion <= 3 * motion
+
+
+def test_where_the_spec_cannot_take_twice_the_frames_the_steps_are_asked():
+    """A frame of its own number in a statement keeps a spec from taking more."""
+    text = SWING.format(method="trapezoidal").replace("[0]: a;", "[15]: a <= 3; [0]: a;")
+    solution = stc.load(text).solve()
+    assert solution.grid_error() == local_grid_error(solution)
+    objective, _ = true_error(*both(SWING.format(method="trapezoidal")))
+    assert objective / 10 <= solution.grid_error().objective <= 10 * objective
 
 
 @pytest.mark.parametrize("method", ["trapezoidal", "hermite-simpson"])

@@ -251,6 +251,15 @@ def _cause(metric: Metric, compared: bool, refused: bool, differ: bool) -> str:
     return ""
 
 
+def cured_by_frames(metric: Metric) -> bool:
+    """Whether a measurement has what the steps between frames leave, so that more frames may cure it."""
+    return _on_ground(metric) or metric.name.startswith((*_STEP, "equality broken"))
+
+
+def _on_ground(metric: Metric) -> bool:
+    return "on the ground" in metric.name or metric.name.startswith(_GROUND)
+
+
 def _effect(metric: Metric, more_frames: str) -> str:
     """A step for what finer frames may cure."""
     if metric.name.startswith("order of convergence"):
@@ -258,11 +267,10 @@ def _effect(metric: Metric, more_frames: str) -> str:
             "look for what is not smooth: limits that become active within a step, jumps, guesses that lead to another "
             "motion with more frames"
         )
-    on_ground = "on the ground" in metric.name or metric.name.startswith(_GROUND)
-    if not on_ground and not metric.name.startswith(_STEP):
+    if not cured_by_frames(metric):
         return ""
     step = f"take more frames: {more_frames}" if more_frames else "take more frames"
-    if on_ground:
+    if _on_ground(metric):
         step += (
             "; if that does not help, compare the solved contact forces with MuJoCo's in the page of --report"
         )

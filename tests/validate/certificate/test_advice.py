@@ -19,9 +19,12 @@ def failed(name: str) -> Metric:
     return Metric(name, "joint a", 2.0, "share", 1.0)
 
 
-def test_following_the_advice_makes_a_coarse_motion_pass() -> None:
-    model = stc.load("arm_reach")
-    coarse = certify(model.solve(n=16))
+@pytest.mark.parametrize(
+    ("name", "n"), [("arm_reach", 16), ("arm_reach", 8), ("cart_pole_swing_up", 20), ("segment_flip", 10)]
+)
+def test_following_the_advice_makes_a_coarse_motion_pass(name: str, n: int) -> None:
+    model = stc.load(name)
+    coarse = certify(model.solve(n=n))
     assert not coarse.passed
     (step,) = coarse.next_steps
     found = re.search(r"--set n=(\d+)", step)

@@ -1,0 +1,92 @@
+"""How far a solution moves on twice as many frames, by a short solve that starts from it.
+
+Local errors say what the grid leaves in every step, but not what becomes of the optimum: a system may multiply them,
+and a flat optimum moves far where its cost hardly changes.  The next finer grid says both.  From a solution that is
+sound its solve takes a few iterations; one that takes many is given up, and nothing is told.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+
+import numpy as np
+
+from stc import deadline
+from stc.errors import StcError
+from stc.origin import model_of
+from stc.same_motion import check_same_motion
+from stc.solution import Solution
+from stc.studies.frames import ORDER, Spread
+from stc.trajectory import Channel
+
+__all__ = ["FROM_COARSER", "apart", "change_when_doubled", "range_of"]
+
+FROM_COARSER = 100
+"""Iterations from the solution on fewer frames; where that is near one on more it takes two or three, or some tens."""
+SHARE_OF_TIME, LEAST_TIME = 0.25, 1.0
+"""The finer solve may take this share of the seconds that the solution took, or so many seconds."""
+
+
+def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float, dict[str, float]] | None:
+    """The errors that follow from the change to a grid with twice as many frames.
+
+    A method of order p leaves ``2^-p`` of an error on the finer grid; so the whole error is the change over
+    ``1 - 2^-p`` (L. F. Richardson's extrapolation).
+
+    Args:
+        solution: an optimal one.
+        names: of the variables to compare.
+
+    Returns:
+        The error of the objective, relative to it, and of each variable, relative to its range; None where the finer
+        grid has no solution close by, or where the spec does not say what the same motion on more frames is.
+
+    Raises:
+        SpecError: the text that the solution carries is no spec.
+    """
+    seconds = min(max(SHARE_OF_TIME * solution.seconds.get("total", 0.0), LEAST_TIME), deadline.left())
+    model = model_of(solution)
+    try:
+        spread = Spread.of(model, solution.method, solution.overrides)
+        constants = {**solution.overrides, **spread.multiplied(2)}
+        ends = np.array([0, solution.n])
+        if (
+            check_same_motion(spread.problem, model.problem(solution.method, **constants), ends, 2 * ends)
+            != 1.0
+        ):
+            return None  # a sum over all frames is another objective on other frames
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what there is to warn of was said of the solution itself
+            finer = model.solve(
+                method=solution.method,
+                constants=constants,
+                warm_start=solution,
+                max_iterations=FROM_COARSER,
+                time_limit=max(seconds, 1e-3),
+            )
+    except StcError:
+        return None
+    if finer.status != "optimal" or finer.n != 2 * solution.n:
+        return None
+    whole = 1.0 / (1.0 - 0.5 ** ORDER[solution.method])
+    objective = abs(solution.objective - finer.objective) / max(abs(finer.objective), 1e-9)
+    return whole * objective, {name: whole * apart(solution, finer, name) for name in names}
+
+
+def apart(coarse: Solution, finer: Solution, name: str) -> float:
+    """The largest difference of a variable between two grids, of which one has each frame of the other.
+
+    Returns:
+        Relative to the variable's range on the finer grid.
+    """
+    times = finer.n // coarse.n
+    one, other = coarse.trajectories[name, 0], finer.trajectories[name, 0]
+    gaps = [np.abs(one.before - other.before[::times]), np.abs(one.after - other.after[::times])]
+    return float(np.max(gaps)) / max(range_of(other), 1e-9)
+
+
+def range_of(channel: Channel) -> float:
+    """What a quantity ranges over; of one that hardly moves a thousandth of its size."""
+    values = np.concatenate([channel.before, channel.after])
+    return max(float(np.ptp(values)), 1e-3 * float(np.abs(values).max()))
