@@ -72,9 +72,9 @@ def independent(rows: Matrix, given: Matrix, seen: tuple[Matrix, Matrix] | None 
     rows, given
         Jacobians at a configuration where nothing is aligned by chance, (k, nv) and (m, nv).
     seen
-        The same two at a configuration that the motion goes through. Of rows that can stand for each other those are kept that
-        add most there: of two points of a sole that lies along x, the second one's x says nothing while the sole is level, though
-        it does where it is tilted. Where nothing is seen, the first rows are kept.
+        The same two at a configuration that the motion goes through. Of rows that can stand for each other those are
+        kept that add most there: of two points of a sole that lies along x, the second one's x says nothing while the
+        sole is level, though it does where it is tilted. Where nothing is seen, the first rows are kept.
 
     Returns
     -------
@@ -83,7 +83,8 @@ def independent(rows: Matrix, given: Matrix, seen: tuple[Matrix, Matrix] | None 
     """
     basis = _orthonormal(given)
     there = None if seen is None else _orthonormal(seen[1])
-    left, kept = list(range(len(rows))), []
+    kept: list[int] = []
+    left = list(range(len(rows)))
     while True:
         rests = {k: _rest(rows[k], basis) for k in left}
         left = [k for k in left if _says_something(rests[k], rows[k])]

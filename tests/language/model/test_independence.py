@@ -35,7 +35,8 @@ def test_a_plank_on_two_points_stands(tmp_path: Path) -> None:
     model = """<mujoco><worldbody><geom type="plane" size="2 2 .1"/>
     <body name="leg" pos="0 0 .5"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
       <joint name="pitch" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 .4" size=".05"/>
-      <body name="sole"><joint name="ankle" axis="0 1 0"/><geom type="box" size=".2 .05 .02" pos="0.05 0 -.05"/></body></body>
+      <body name="sole"><joint name="ankle" axis="0 1 0"/>
+        <geom type="box" size=".2 .05 .02" pos="0.05 0 -.05"/></body></body>
     </worldbody><actuator><motor name="ankle" joint="ankle"/></actuator></mujoco>"""
     spec = """constants: n = 10, T = 0.5, h = T/n;
 model: "plank.xml";
