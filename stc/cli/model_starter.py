@@ -169,6 +169,14 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequen
         values = "".join(f" {joint} = {value:.6g};" for joint, value in changed)
         lines += [f"  [0]: rest;{values}", f"  [n]: rest;{values}"]
         lines += ["", "guess:", "  [0]: begin;", "  [n]: begin;"]
+    if not mechanism.actuators:
+        joint = path_of("joint", mechanism.joints[0].name)
+        if mechanism.joints[0].kind in ("hinge", "slide"):
+            lines += [
+                "",
+                "# The model has no actuators. A force on a joint is stated, and handed to MuJoCo, by",
+            ]
+            lines += [f"# variables: u;   forces: {joint}: u;   replay: apply {joint} = u;"]
     lines += ["", "objective:"]
     lines += [f"  [0, n]: integral({'effort' if mechanism.actuators else '0'});"]
     return "\n".join(lines) + "\n"

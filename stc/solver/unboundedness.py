@@ -91,7 +91,9 @@ def falling_to(history: Sequence[IterationRecord]) -> float | None:
             continue
         f = [history[k].objective for k in np.linspace(begin, end - 1, QUARTERS).astype(int)]
         fall = f[0] - f[-1]
-        steadily = all(f[0] - later >= (1.0 + EVENLY) * (f[0] - before) for before, later in itertools.pairwise(f))
+        steadily = all(
+            f[0] - later >= (1.0 + EVENLY) * (f[0] - before) for before, later in itertools.pairwise(f)
+        )
         if fall > FAR_DOWN * max(1.0, abs(f[0])) and steadily:
             lowest = f[-1] if lowest is None else min(lowest, f[-1])
     return lowest

@@ -79,6 +79,26 @@ def test_a_model_without_joints_has_no_starter(
     assert not Path("mine.stc").exists()
 
 
+def test_a_starter_of_a_model_without_actuators_tells_how_to_drive_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("arm.xml").write_text(
+        """<mujoco><worldbody><body><joint name="left elbow" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -1"
+        size=".1"/></body></worldbody></mujoco>""",
+        encoding="utf-8",
+    )
+    assert run(["new", "mine", "--model", "arm.xml"]) == 0
+    text = Path("mine.stc").read_text(encoding="utf-8")
+    driven = text.replace("# variables: u;", "variables: u;").replace(
+        "  [n]: begin;", '  [n]: joint."left elbow" = 1;'
+    )
+    Path("mine.stc").write_text(driven, encoding="utf-8")
+    solution = stc.load("mine.stc").solve()
+    assert solution.status == "optimal"
+    assert np.abs(solution["u"]).max() > 1.0
+
+
 def test_a_missing_model_is_a_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["show", str(tmp_path / "none.xml")]) == 2
     assert "there is no model" in capsys.readouterr().err
