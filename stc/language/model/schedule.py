@@ -120,9 +120,9 @@ class Schedule:
             return
         options = self.scope.mechanism.options
         if kind != "pin" and "contact" in options.disabled:
-            where = f" ({options.place})" if options.place else ""
+            line = f" ({options.place})" if options.place else ""
             message = (
-                f"nothing gives the force of `{statement.name.name}`: a flag of the model's options{where} "
+                f"nothing gives the force of `{statement.name.name}`: a flag of the model's options{line} "
             )
             hint = (
                 'take `contact="disable"` or `constraint="disable"` out of the model, or hold on by a `pin`'
