@@ -80,9 +80,9 @@ def write(name: str, model: str | None = None) -> Path:
     word = shlex.quote(str(path))
     text = _TEXT.format(name=path.stem, word=word)
     if model is not None:
-        from stc.cli.model_files import starter
+        from stc.cli.model_starter import starter
 
-        text = starter(model, path.stem, word)
+        text = starter(model, path)
     ready_to_write(path, "stc new", tell=False)
     try:
         with path.open("x", encoding="utf-8") as file:

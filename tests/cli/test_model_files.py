@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import stc
@@ -41,6 +42,61 @@ def test_a_starter_spec_solves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.chdir(tmp_path)
     assert run(["new", "mine", "--model", "arm.xml"]) == 0
     assert stc.load("mine.stc").solve().status == "optimal"
+
+
+_LEG = """<mujoco><worldbody>{floor}<body name="hip" pos="0 0 1">
+  <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+  <joint name="pitch" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 .4" size=".05"/>
+  <body name="shin"><joint name="knee" axis="0 1 0" limited="true" range="20 120"/>
+    <geom type="capsule" fromto="0 0 0 0 0 -.4" size=".04"/>
+    <body name="foot" pos="0 0 -.4"><joint name="ankle" axis="0 1 0" range="-90 90"/>
+      <geom type="capsule" fromto="-.12 0 0 .15 0 0" size=".04"/></body></body></body></worldbody>
+  <actuator><motor joint="knee"/><motor joint="ankle"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("floor", ["", '<geom type="plane" size="2 2 .1"/>'])
+def test_a_starter_of_a_leg_whose_file_draws_it_beyond_a_stop_solves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, floor: str
+) -> None:
+    """Its foot is a capsule, it has the name of a bundled model, and its spec goes into another folder."""
+    monkeypatch.chdir(tmp_path)
+    Path("robots").mkdir()
+    Path("robots/humanoid.xml").write_text(_LEG.format(floor=floor), encoding="utf-8")
+    assert run(["new", "specs/mine", "--model", "robots/humanoid.xml"]) == 0
+    solution = stc.load("specs/mine.stc").solve(max_iterations=300)
+    assert solution.status == "optimal"
+    knee = solution["joint.knee"]
+    assert knee.min() > np.radians(20) - 1e-6
+
+
+def test_a_model_without_joints_has_no_starter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("stone.xml").write_text("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>", encoding="utf-8")
+    assert run(["new", "mine", "--model", "stone.xml"]) == 2
+    assert "no joints" in capsys.readouterr().err
+    assert not Path("mine.stc").exists()
+
+
+def test_a_starter_of_a_model_without_actuators_tells_how_to_drive_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("arm.xml").write_text(
+        """<mujoco><worldbody><body><joint name="left elbow" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -1"
+        size=".1"/></body></worldbody></mujoco>""",
+        encoding="utf-8",
+    )
+    assert run(["new", "mine", "--model", "arm.xml"]) == 0
+    text = Path("mine.stc").read_text(encoding="utf-8")
+    driven = text.replace("# variables: u;", "variables: u;").replace(
+        "  [n]: begin;", '  [n]: joint."left elbow" = 1;'
+    )
+    Path("mine.stc").write_text(driven, encoding="utf-8")
+    solution = stc.load("mine.stc").solve()
+    assert solution.status == "optimal"
+    assert np.abs(solution["u"]).max() > 1.0
 
 
 def test_a_missing_model_is_a_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -64,17 +64,42 @@ class Point:
         return list(evaluate_all(list(bodies), values))
 
 
-def independent(rows: Matrix, given: Matrix) -> list[int]:
-    """The rows, in their order, that are no combinations of given ones and of those before."""
+def independent(rows: Matrix, given: Matrix, seen: tuple[Matrix, Matrix] | None = None) -> list[int]:
+    """Find the rows that are no combinations of given ones and of one another.
+
+    Parameters
+    ----------
+    rows, given
+        Jacobians at a configuration where nothing is aligned by chance, (k, nv) and (m, nv).
+    seen
+        The same two at a configuration that the motion goes through. Of rows that can stand for each other those are
+        kept that add most there: of two points of a sole that lies along x, the second one's x says nothing while the
+        sole is level, though it does where it is tilted. Where nothing is seen, the first rows are kept.
+
+    Returns
+    -------
+    list of int
+        Numbers of rows, in their order.
+    """
     basis = _orthonormal(given)
-    kept = []
-    for index, row in enumerate(rows):
-        rest = _rest(row, basis)
-        size = float(np.linalg.norm(rest))
-        if size > DEPENDENT * max(1.0, float(np.linalg.norm(row))):
-            basis = np.vstack([basis, _rest(rest / size, basis)])
-            kept.append(index)
-    return kept
+    there = None if seen is None else _orthonormal(seen[1])
+    kept: list[int] = []
+    left = list(range(len(rows)))
+    while True:
+        rests = {k: _rest(rows[k], basis) for k in left}
+        left = [k for k in left if _says_something(rests[k], rows[k])]
+        if not left:
+            return sorted(kept)
+        best = left[0]
+        if seen is not None and there is not None:
+            sizes = [float(np.linalg.norm(_rest(seen[0][k], there))) for k in left]
+            # Rounding does not choose between rows that add as much as each other.
+            best = next(k for k, size in zip(left, sizes, strict=True) if size >= (1.0 - 1e-6) * max(sizes))
+            there = _orthonormal(np.vstack([there, seen[0][best]]))
+        kept.append(best)
+        left.remove(best)
+        rest = rests[best] / np.linalg.norm(rests[best])
+        basis = np.vstack([basis, _rest(rest, basis)])
 
 
 def pins_to_keep(given: Matrix, pinned: Sequence[int]) -> list[int]:
@@ -103,10 +128,14 @@ def _orthonormal(rows: Matrix) -> Matrix:
     basis = np.zeros((0, rows.shape[1]))
     for row in rows:
         rest = _rest(row, basis)
-        size = float(np.linalg.norm(rest))
-        if size > DEPENDENT * max(1.0, float(np.linalg.norm(row))):
-            basis = np.vstack([basis, rest / size])
+        if _says_something(rest, row):
+            basis = np.vstack([basis, rest / np.linalg.norm(rest)])
     return basis
+
+
+def _says_something(rest: Matrix, row: Matrix) -> bool:
+    """Whether what is left of a row beside others is more than rounding."""
+    return float(np.linalg.norm(rest)) > DEPENDENT * max(1.0, float(np.linalg.norm(row)))
 
 
 def _rest(row: Matrix, basis: Matrix) -> Matrix:

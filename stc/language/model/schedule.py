@@ -118,6 +118,17 @@ class Schedule:
             hint = did_you_mean(kind, FORCES) or "kinds of contact are `point`, `foot` and `pin`"
             self.context.error(statement.kind, f"there is no contact `{kind}`", hint)
             return
+        options = self.scope.mechanism.options
+        if kind != "pin" and "contact" in options.disabled:
+            line = f" ({options.place})" if options.place else ""
+            message = (
+                f"nothing gives the force of `{statement.name.name}`: a flag of the model's options{line} "
+            )
+            hint = (
+                'take `contact="disable"` or `constraint="disable"` out of the model, or hold on by a `pin`'
+            )
+            self.context.error(statement, message + "switches contacts off", hint)
+            return
         for option, _ in statement.options:
             if option.name not in OPTIONS:
                 hint = did_you_mean(option.name, OPTIONS) or f"options are {', '.join(OPTIONS)}"

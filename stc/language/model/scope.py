@@ -230,7 +230,9 @@ class ModelScope:
             table.entries.setdefault(name, Entry(name, "variable", node.start, node.end, None, True))
         for name, value in self.constants.items():
             literal = syntax.Number(start, end, value)
-            table.entries.setdefault(name, Entry(name, "constant", start, end, literal, True))
+            entry = table.entries.setdefault(name, Entry(name, "constant", start, end, literal, True))
+            # The equations use it, be it by a number that is derived from it.
+            entry.used = True
 
     def starred(self, star: str) -> list[str]:
         """What ``joint.*`` (hinges and slides) or ``actuator.*`` stands for."""

@@ -81,6 +81,7 @@ class Standing:
         self.numbers = {k: v for k, v in self.context.constants.values.items() if v is not None}
         self._points: dict[int, Point] = {}
         self.generic = self._generic()
+        self.drawn = self._drawn()
         self.stretches = list(self._stretches())
 
     def _generic(self) -> Point:
@@ -94,6 +95,14 @@ class Standing:
             if one.rotation is not None:
                 q = np.array(reference[len(one.positions) :]) + rng.normal(size=4, scale=0.1)
                 values.update(zip(one.rotation.quaternion, (q / np.linalg.norm(q)).tolist()))
+        return Point(self.scope, values, self.numbers)
+
+    def _drawn(self) -> Point:
+        """The model's first keyframe, or the pose that its file draws."""
+        q = next((k.qpos for k in self.scope.mechanism.keyframes if k.name), self.scope.mechanism.start)
+        values = {
+            name: q[one.joint.qpos + k] for one in self.scope.coordinates for k, name in enumerate(one.pose)
+        }
         return Point(self.scope, values, self.numbers)
 
     def _at(self, frame: int) -> Point:
@@ -133,18 +142,30 @@ class Standing:
                 yield Stretch(FrameRange(frame, frame), self._kept([*there, one])[-1:])
 
     def _kept(self, holding: Sequence[Holding]) -> list[tuple[Holding, list[int], list[int]]]:
-        placed, moving = stacked([], self.width), stacked([], self.width)
-        found = []
-        for one in holding:
-            lasting = [k for k, place in enumerate(one.places) if not place.start]
-            rows = self.generic.jacobian([one.places[k].rate for k in lasting])
-            places = independent(rows, placed)
-            placed = np.vstack([placed, rows[places]])
-            rows = self.generic.jacobian(one.velocities)
-            velocities = independent(rows, moving)
-            moving = np.vstack([moving, rows[velocities]])
-            found.append((one, [lasting[k] for k in places], velocities))
+        lasting = [[k for k, place in enumerate(one.places) if not place.start] for one in holding]
+        of_places = [[one.places[k].rate for k in some] for one, some in zip(holding, lasting, strict=True)]
+        places = self._independent(holding, of_places)
+        velocities = self._independent(holding, [one.velocities for one in holding])
+        return [
+            (one, [some[k] for k in placed], moving)
+            for one, some, placed, moving in zip(holding, lasting, places, velocities, strict=True)
+        ]
+
+    def _independent(self, holding: Sequence[Holding], rates: Sequence[Sequence[Expr]]) -> list[list[int]]:
+        """Of each one's rows those that no earlier one's imply."""
+        found: list[list[int]] = []
+        for count, one in enumerate(holding):
+            before = [rates[k][row] for k, rows in enumerate(found) for row in rows]
+            at, seen = self.generic, self._seen(one.frames)
+            rows, given = at.jacobian(rates[count]), at.jacobian(before)
+            found.append(independent(rows, given, (seen.jacobian(rates[count]), seen.jacobian(before))))
         return found
+
+    def _seen(self, frames: FrameRange) -> Point:
+        """The pose of some frames if one is pinned there, else another one that is pinned or that the model has."""
+        posed = [frame for frame, pinned in sorted(self.pinned.items()) if pinned.values is not None]
+        there = [frame for frame in posed if frames.first <= frame <= frames.last]
+        return self._at((there or posed)[0]) if posed else self.drawn
 
     # ------------------------------------------------------------------------- rows
 

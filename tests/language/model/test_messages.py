@@ -29,6 +29,16 @@ CASES = {
 }
 
 
+@pytest.mark.parametrize("flag", ["contact", "constraint"])
+def test_a_contact_that_the_model_switches_off_is_told_with_both_lines(tmp_path: Path, flag: str) -> None:
+    model = quadruped().replace("<worldbody>", f'<option><flag {flag}="disable"/></option><worldbody>', 1)
+    with pytest.raises(SpecError) as told:
+        load(tmp_path, model, START + "contact: FL = point(site.FL); [0, n]: FL;").problem()
+    assert "switches contacts off" in str(told.value)
+    assert "motion.stc:3:" in str(told.value)
+    assert "robot.xml:" in str(told.value)
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_a_mistake_is_told_with_its_place(tmp_path: Path, name: str) -> None:
     text, message = CASES[name]

@@ -31,6 +31,14 @@ WAYS = {
 }
 
 
+def test_a_mass_that_only_derived_numbers_hold_counts_as_used(tmp_path: Path) -> None:
+    model = load(tmp_path, ARM, SPEC + "constants: body.arm.mass = 2;")
+    wanted = load(tmp_path, ARM, SPEC + "replay: set body.arm.mass = 2;").solve().objective
+    assert model.solve().objective == pytest.approx(wanted, rel=1e-9)
+    assert wanted > 1.1 * load(tmp_path, ARM, SPEC).solve().objective
+    assert not model.warnings
+
+
 @pytest.mark.parametrize("way", WAYS)
 def test_equations_and_replay_have_the_same_number(tmp_path: Path, way: str) -> None:
     wanted = load(tmp_path, ARM.replace('armature=".01"', 'armature=".2"'), SPEC).solve().objective
