@@ -196,12 +196,40 @@ def test_a_recording_is_a_guess_by_one_word(tmp_path: Path) -> None:
 def test_statements_at_every_frame_want_numbers_there(tmp_path: Path) -> None:
     recorded(tmp_path)
     text = FOLLOWED.replace("y'' = v;", "y'' = v; x = walk.x; y <= walk.y + 1;")
-    with pytest.raises(SpecError, match=r"`walk.y` has gaps") as caught:
+    with pytest.raises(SpecError, match=r"`walk.y` has a gap at t = ") as caught:
         stc.load(saved_spec(tmp_path, text)).problem()
     assert len(caught.value.diagnostics) == 1
+    unknown = text.replace("T = 2, ", "").replace("variables:", "parameters: T;\nvariables:")
+    unknown = unknown.replace("h = T/n", "S = 1").replace("variables:", "definitions: h = T/n;\nvariables:", 1)
+    with pytest.raises(SpecError, match=r"`walk.y` has gaps, and this statement wants it at every frame"):
+        stc.load(saved_spec(tmp_path, unknown)).problem()
     fine = FOLLOWED.replace("y'' = v;", "y'' = v; x = walk.x;")
     solved = stc.load(saved_spec(tmp_path, fine)).solve()
     np.testing.assert_allclose(solved["x"], np.sin(2.0 * solved.time), atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("statement", "frame", "instant"),
+    [
+        ("[9]: y = walk.y", 9, 0.3),
+        ("[50]: y = walk.y[10]", 50, 1.0 / 3.0),
+        ("[40, 45]: walk.y - 1e-9 <= y <= walk.y + 1e-9", 45, 1.5),
+        ("[n]: y = walk.y[n - 20]", 60, 4.0 / 3.0),
+    ],
+)
+def test_statements_may_read_a_column_with_gaps_where_it_has_numbers(
+    statement: str, frame: int, instant: float, tmp_path: Path
+) -> None:
+    time, _, y = recorded(tmp_path)
+    text = FOLLOWED.replace("y'' = v;", f"y'' = v;\n  {statement};\n  [0]: x = 0;")
+    model = stc.load(saved_spec(tmp_path, text))
+    solved = model.solve()
+    assert solved.status == "optimal"
+    run = slice(4, 15) if instant < 0.9 else slice(22, 34)
+    assert solved["y"][frame] == pytest.approx(CubicSpline(time[run], y[run])(instant), abs=1e-7)
+    if statement.startswith("[9]"):  # another duration puts the frame into the gap
+        with pytest.raises(SpecError, match="`walk.y` has a gap at t = 1 s"):
+            model.solve(T=20.0 / 3.0)
 
 
 @pytest.mark.parametrize(

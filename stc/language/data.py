@@ -220,7 +220,8 @@ class Data:
                 message = f"`{at.name}` is no option of a table" if at is option else f"{what} no `{at.name}`"
                 if word in KINDS and value is None:
                     message = f"a table is either `{kind}` or `{word}`"
-                hint = did_you_mean(at.name, known) or (
+                hint = f"write `outside = {word}`" if word in OUTSIDE and value is None else ""
+                hint = hint or did_you_mean(at.name, known) or (
                     "options are `monotone`, `linear`, `outside = hold`, `outside = extend` and `outside = error`"
                 )
                 self.diagnostics.error(message, at.start, at.end, hint)

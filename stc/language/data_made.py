@@ -47,7 +47,8 @@ def found_beside(path: str, spec: str | None, carried: Mapping[str, bytes] | Non
         DataError: there is no such file, or it cannot be read.
     """
     if not path.lower().endswith(SUFFIXES):
-        raise DataError(f"data is read from a .csv or .npz file, not from `{path}`")
+        hint = "write its columns into a .csv file, with their names in the first line"
+        raise DataError(f"data is read from a .csv or .npz file, not from `{path}`", hint)
     if carried is not None:
         if path not in carried:
             raise DataError(f"the solution does not carry `{path}`")
