@@ -189,7 +189,9 @@ def _check_heading(path: str, names: Sequence[str], line: int, text: str) -> Non
     if all(not math.isnan(_number(name)) for name in names):
         hint = "write a first line such as `time,height`"
         if text.startswith("#"):
-            hint = "lines that begin with `#` say nothing: if the first one names the columns, take the `#` away"
+            hint = (
+                "lines that begin with `#` say nothing: if the first one names the columns, take the `#` away"
+            )
         raise DataError(f"line {line} of `{path}` holds numbers; it has to name the columns", hint)
     if not all(names):
         hint = "give it a name, or take the column away (tables of pandas: `to_csv(..., index=False)`)"

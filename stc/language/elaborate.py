@@ -381,12 +381,19 @@ class _Elaborator(Context):
             self.error(pose, f"`{pose.base.name}` is not declared", hint)
         return self.model_statements is not None
 
-    def _counted(self, integrand: Expr) -> Expr:
+    def _counted(self, integrand: Expr, node: syntax.Node) -> Expr:
         """An integrand that counts only where the recordings that it reads have numbers."""
         if self.data is None:
             return integrand
-        from stc.language.recorded import counted_where_known
+        from stc.language.recorded import counted_where_known, references
 
+        for ref in references(integrand, self.builder.pieces):
+            if not self.data.weight_of(ref)[0].table.coefficients.any():
+                name = ref.name.partition(".")[0]
+                hint = f"sum over its rows instead, as in `[{name}]: (x - {ref.name})^2;`, or give it a file of its own"
+                self.error(
+                    node, f"`{ref.name}` has nowhere two numbers in a row, and an integral wants them", hint
+                )
         return counted_where_known(integrand, self.data, self.builder.pieces)
 
     def _reads_gaps(self, body: Expr, where: FrameRange, node: syntax.Node) -> bool:
@@ -428,7 +435,7 @@ class _Elaborator(Context):
                 if rows and not self._stands_on_rows(body, part.integral, rows, statement):
                     continue
                 if part.integral:
-                    body = self._counted(body)
+                    body = self._counted(body, statement)
                 elif self._reads_gaps(body, where, statement):
                     continue
                 found.append(ObjectiveTerm(body, part.integral, where, self.span(statement), text, rows))

@@ -376,7 +376,9 @@ class ExpressionBuilder:
             return self._looked_up(node)
         if function.endswith("'"):
             hint = f"write `{function}*(...)` to multiply"
-            what = f"`{function}(...)` would be the slope of a table, and `{function.rstrip(chr(39))}` is none"
+            what = (
+                f"`{function}(...)` would be the slope of a table, and `{function.rstrip(chr(39))}` is none"
+            )
             return self.fail(node, what, hint)
         if function in TABLE_ADVICE and self.table.kind(function) is None:
             return self.fail(node, f"`{function}` cannot stand in an expression", TABLE_ADVICE[function])

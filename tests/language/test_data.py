@@ -120,7 +120,12 @@ def test_what_to_do_about_a_file(content: str, hint: str, tmp_path: Path) -> Non
         ("f = table(d.a, d.b), hold;", "f(x)", "`hold` is no option of a table", "write `outside = hold`"),
         ("f = table(7);", "f(x)", "expected a column, as in `polar.alpha`, found `7`", ""),
         ("e1 = (a, b): (0, 1) (1, 2);", "x", "expected `,` between two rows, found `(`", "rows are"),
-        ("", "table(d.a, d.b)", "`table` cannot stand in an expression", "`f = table(polar.alpha, polar.cl);`"),
+        (
+            "",
+            "table(d.a, d.b)",
+            "`table` cannot stand in an expression",
+            "`f = table(polar.alpha, polar.cl);`",
+        ),
         ("", "interp1d(x, d.a, d.b)", "`interp1d` cannot stand in an expression", "under `data:`"),
         ("", "d.b(x)", "expected an operator or `;`, found `(`", "is a table: `f = table(data.x, data.y);`"),
         ("", "D.b", "`D.b` is a path of a model", "did you mean `d`?"),
