@@ -253,7 +253,7 @@ def test_statements_may_read_a_column_with_gaps_where_it_has_numbers(
     run = slice(4, 15) if instant < 0.9 else slice(22, 34)
     assert solved["y"][frame] == pytest.approx(CubicSpline(time[run], y[run])(instant), abs=1e-7)
     if statement.startswith("[9]"):  # another duration puts the frame into the gap
-        with pytest.raises(SpecError, match="`walk.y` has a gap at t = 1 s"):
+        with pytest.raises(SpecError, match=r"`walk\.y` has a gap at t = 1 s"):
             model.solve(T=20.0 / 3.0)
 
 

@@ -9,6 +9,7 @@ has numbers and 0 elsewhere.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -94,8 +95,12 @@ def first_gap(
             return ref, None
         edges = weight.table.axes[0].x
         for time in times:
-            values = {key: at * step if isinstance(key, TimeRef) else at for key in symbols(time)}
-            values |= {key: data.constants.values[key.name] for key in values if isinstance(key, ConstantRef)}
+            values: dict[object, Any] = {
+                key: at * step if isinstance(key, TimeRef) else at for key in symbols(time)
+            }
+            for key in values:
+                if isinstance(key, ConstantRef):
+                    values[key] = data.constants.values[key.name]
             instants = np.atleast_1d(np.asarray(evaluate(time, values), np.float64))
             known = np.asarray(evaluate(looked_up(weight, time), values)) != 0.0
             lacking = instants[~known & (instants > edges[0]) & (instants < edges[-1])]
