@@ -122,23 +122,29 @@ def _of_csv(path: str, content: bytes) -> tuple[dict[str, FloatArray], list[int]
         if line.strip() and not line.startswith("#")
     ]
     if len(kept) < 2:
-        raise DataError(f"`{path}` holds no table: a line of names and lines of numbers are needed")
+        raise DataError(
+            f"`{path}` holds no table: a line of names and lines of numbers are needed",
+            "the first line names the columns, as in `time,height`, and each other one has a number for each",
+        )
     heading = kept[0][1]
     mark = next((mark for mark in (",", ";", "\t") if mark in heading), ",")
     numbers = [number for number, _ in kept]
     try:
         names, *rows = csv.reader((line for _, line in kept), delimiter=mark, strict=True)
     except csv.Error as error:
-        raise DataError(f"`{path}` is no table ({error})") from None
+        raise DataError(f"`{path}` is no table ({error})", _QUOTES) from None
     if len(rows) + 1 != len(kept):
-        raise DataError(f"`{path}` has quotes that do not close on their line")
+        raise DataError(f"`{path}` has quotes that do not close on their line", _QUOTES)
     names = [name.strip() for name in names]
-    _check_heading(path, names, numbers[0])
+    _check_heading(path, names, numbers[0], text)
     table = np.empty((len(rows), len(names)))
     for k, row in enumerate(rows):
         if len(row) != len(names):
             cells = f"{len(row)} cell{'s' if len(row) != 1 else ''}"
-            raise DataError(f"line {numbers[k + 1]} of `{path}` has {cells} for {len(names)} columns")
+            raise DataError(
+                f"line {numbers[k + 1]} of `{path}` has {cells} for {len(names)} columns",
+                _advice_on_cells(row, len(names), mark),
+            )
         try:
             table[k] = row
         except ValueError:  # an empty cell, or a mistake
@@ -147,18 +153,55 @@ def _of_csv(path: str, content: bytes) -> tuple[dict[str, FloatArray], list[int]
     for k, column in wrong:
         cell = rows[k][column].strip()
         if cell and cell.lower() != "nan":
-            raise DataError(f"line {numbers[k + 1]} of `{path}` has `{cell}` for {names[column]}: no number")
+            raise DataError(
+                f"line {numbers[k + 1]} of `{path}` has `{cell}` for {names[column]}: no number",
+                _advice_on_words(cell, [each.strip() for each in rows[k]], first=k == 0),
+            )
     return {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}, numbers[1:]
 
 
-def _check_heading(path: str, names: Sequence[str], line: int) -> None:
+_QUOTES = 'a cell may stand in quotes, `"angle, deg"`, which close on the same line'
+_MARKS = "cells are separated by commas, semicolons or tabulators, the same on all lines"
+
+
+def _advice_on_cells(row: Sequence[str], columns: int, mark: str) -> str:
+    """What to do about a line with another number of cells than the first one."""
+    if len(row) == columns + 1 and not row[-1].strip():
+        return f"take away the `{mark}` at the end of the line"
+    if mark == "," and len(row) == 2 * columns and all(cell.strip().isdigit() for cell in row[1::2]):
+        return "if these are decimal commas, write points, `0.5`"
+    return f"{_MARKS}; a cell without a number is left empty"
+
+
+def _advice_on_words(cell: str, row: Sequence[str], first: bool) -> str:
+    """What to do about a cell that is no number."""
+    if "," in cell and not math.isnan(_number(cell.replace(",", ".", 1).replace(",", ""))):
+        return "the decimal point is a `.`, and thousands are not separated"
+    parts = cell.replace("|", " ").split()
+    if len(parts) > 1 and not any(math.isnan(_number(part)) for part in parts):
+        return _MARKS
+    if first and all(math.isnan(_number(each)) for each in row):
+        return "if the line tells units, begin it with `#`: lines that do say nothing"
+    return "every cell is a number, in plain digits; where there is none, leave the cell empty"
+
+
+def _check_heading(path: str, names: Sequence[str], line: int, text: str) -> None:
     if all(not math.isnan(_number(name)) for name in names):
-        raise DataError(f"line {line} of `{path}` holds numbers; it has to name the columns")
+        hint = "write a first line such as `time,height`"
+        if text.startswith("#"):
+            hint = (
+                "lines that begin with `#` say nothing: if the first one names the columns, take the `#` away"
+            )
+        raise DataError(f"line {line} of `{path}` holds numbers; it has to name the columns", hint)
     if not all(names):
-        raise DataError(f"column {list(names).index('') + 1} of `{path}` has no name on line {line}")
+        hint = "give it a name, or take the column away (tables of pandas: `to_csv(..., index=False)`)"
+        if names[0].startswith("sep="):
+            hint = f"take the line `{names[0]}` away: separators are recognised"
+        raise DataError(f"column {list(names).index('') + 1} of `{path}` has no name on line {line}", hint)
     twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
     if twice is not None:
-        raise DataError(f"`{path}` has two columns `{twice}` on line {line}")
+        hint = "give each column a name of its own"
+        raise DataError(f"`{path}` has two columns `{twice}` on line {line}", hint)
 
 
 def _number(cell: str) -> float:

@@ -10,6 +10,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import stc
+from stc import specs
 from stc.errors import SpecError
 from stc.judging import judge
 from stc.solution import Solution, SolutionError
@@ -193,15 +194,67 @@ def test_a_recording_is_a_guess_by_one_word(tmp_path: Path) -> None:
     np.testing.assert_allclose(channels["y", 0].before[gap], bridged[gap], atol=1e-9)
 
 
+def test_a_column_with_every_other_number_is_a_guess_and_is_summed(tmp_path: Path) -> None:
+    """Two sensors in one file, each with a number on every other row, and one number alone between two gaps."""
+    lines = [f"{k / 20},{k**2},\n{k / 20 + 0.02},,{3 * k}" for k in range(40)]
+    (tmp_path / "walk.csv").write_text("time,x,y\n" + "\n".join(lines))
+    model = stc.load(
+        saved_spec(tmp_path, FOLLOWED.replace("[0, n]: integral(", "[walk]: ((y - walk.y)^2); #"))
+    )
+    problem, transcription = model.transcription()
+    channels = transcription.recovery(transcription.guess(problem.constants)).trajectories()
+    frames = np.linspace(0.0, 2.0, 61)
+    numbers = np.arange(40)
+    np.testing.assert_allclose(
+        channels["x", 0].before, np.interp(frames, numbers / 20, numbers**2), atol=1e-9
+    )
+    np.testing.assert_allclose(
+        channels["y", 0].before, np.interp(frames, numbers / 20 + 0.02, 3 * numbers), atol=1e-9
+    )
+    with pytest.raises(SpecError, match=r"`walk.x` has nowhere two numbers in a row") as caught:
+        stc.load(saved_spec(tmp_path, FOLLOWED)).problem()
+    assert "sum over its rows instead, as in `[walk]: (x - walk.x)^2;`" in str(caught.value)
+
+
 def test_statements_at_every_frame_want_numbers_there(tmp_path: Path) -> None:
     recorded(tmp_path)
     text = FOLLOWED.replace("y'' = v;", "y'' = v; x = walk.x; y <= walk.y + 1;")
-    with pytest.raises(SpecError, match=r"`walk.y` has gaps") as caught:
+    with pytest.raises(SpecError, match=r"`walk.y` has a gap at t = ") as caught:
         stc.load(saved_spec(tmp_path, text)).problem()
     assert len(caught.value.diagnostics) == 1
+    unknown = text.replace("T = 2, ", "").replace("variables:", "parameters: T;\nvariables:")
+    unknown = unknown.replace("h = T/n", "S = 1").replace(
+        "variables:", "definitions: h = T/n;\nvariables:", 1
+    )
+    with pytest.raises(SpecError, match=r"`walk.y` has gaps, and this statement wants it at every frame"):
+        stc.load(saved_spec(tmp_path, unknown)).problem()
     fine = FOLLOWED.replace("y'' = v;", "y'' = v; x = walk.x;")
     solved = stc.load(saved_spec(tmp_path, fine)).solve()
     np.testing.assert_allclose(solved["x"], np.sin(2.0 * solved.time), atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("statement", "frame", "instant"),
+    [
+        ("[9]: y = walk.y", 9, 0.3),
+        ("[50]: y = walk.y[10]", 50, 1.0 / 3.0),
+        ("[40, 45]: walk.y - 1e-9 <= y <= walk.y + 1e-9", 45, 1.5),
+        ("[n]: y = walk.y[n - 20]", 60, 4.0 / 3.0),
+    ],
+)
+def test_statements_may_read_a_column_with_gaps_where_it_has_numbers(
+    statement: str, frame: int, instant: float, tmp_path: Path
+) -> None:
+    time, _, y = recorded(tmp_path)
+    text = FOLLOWED.replace("y'' = v;", f"y'' = v;\n  {statement};\n  [0]: x = 0;")
+    model = stc.load(saved_spec(tmp_path, text))
+    solved = model.solve()
+    assert solved.status == "optimal"
+    run = slice(4, 15) if instant < 0.9 else slice(22, 34)
+    assert solved["y"][frame] == pytest.approx(CubicSpline(time[run], y[run])(instant), abs=1e-7)
+    if statement.startswith("[9]"):  # another duration puts the frame into the gap
+        with pytest.raises(SpecError, match=r"`walk\.y` has a gap at t = 1 s"):
+            model.solve(T=20.0 / 3.0)
 
 
 @pytest.mark.parametrize(
@@ -312,3 +365,15 @@ def test_mujoco_repeats_a_motion_with_a_table_in_it(tmp_path: Path) -> None:
     stc.load(saved_spec(tmp_path, DRAG)).solve().save(tmp_path / "drag.npz")
     report = validate(tmp_path / "drag.npz")
     assert report.passed, report.to_text()
+
+
+def test_the_bundled_flight_keeps_to_the_measured_ground() -> None:
+    folder = Path(specs.__file__).parent
+    x, height = np.loadtxt(folder / "particle_terrain.csv", delimiter=",", skiprows=2, unpack=True)
+    solved = stc.load("particle_terrain").solve()
+    assert solved.status == "optimal"
+    above = solved["y"] - CubicSpline(x, height)(solved["x"])
+    assert above.min() == pytest.approx(0.1, abs=1e-7)
+    assert above.max() == pytest.approx(0.25, abs=1e-7)
+    # Less room costs more, and without a limit above the ground is passed in a gentler arc.
+    assert solved.objective > stc.load("particle_terrain").solve(low=np.inf).objective + 1.0

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from stc.errors import UsageError
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, did_you_mean, shortened
-from stc.language.names import NameTable, dependency_order
+from stc.language.names import DATA_SET, NameTable, dependency_order
 from stc.language.numbers import NOISE, NotANumber, Unknown, affine
 from stc.language.words import FUNCTION_ADVICE, RESERVED
 
@@ -152,6 +152,9 @@ class Constants:
             return NotANumber(
                 node, message, "declare it under `constants:` or set it from outside with `--set n=value`"
             )
+        if "." in name and self.table.kind(name.partition(".")[0]) == DATA_SET:
+            message = f"`{name}` is a column of data, and only numbers and constants can stand here"
+            return NotANumber(node, message, "use it in a statement, or in a definition of `definitions:`")
         hint = (
             meant
             or did_you_mean(name, self.table.of_kind("constant"))

@@ -220,8 +220,13 @@ class Data:
                 message = f"`{at.name}` is no option of a table" if at is option else f"{what} no `{at.name}`"
                 if word in KINDS and value is None:
                     message = f"a table is either `{kind}` or `{word}`"
-                hint = did_you_mean(at.name, known) or (
-                    "options are `monotone`, `linear`, `outside = hold`, `outside = extend` and `outside = error`"
+                hint = f"write `outside = {word}`" if word in OUTSIDE and value is None else ""
+                hint = (
+                    hint
+                    or did_you_mean(at.name, known)
+                    or (
+                        "options are `monotone`, `linear`, `outside = hold`, `outside = extend` and `outside = error`"
+                    )
                 )
                 self.diagnostics.error(message, at.start, at.end, hint)
         return (kind or "cubic", outside or "extend") if sound else None
@@ -363,9 +368,9 @@ class Data:
             return None
         if not self._complete(*of_time) or not self._rising(*of_time):
             return None
-        runs = stretches(np.isfinite(values))
-        if not runs:
-            message = f"`{path.name}` has nowhere two numbers in a row"
+        runs = stretches(np.isfinite(values), 1)
+        if np.isfinite(values).sum() < 2:
+            message = f"`{path.name}` has fewer than two numbers, and a motion needs two"
             self.diagnostics.error(message, path.start, path.end)
             return None
         whole = f"{data.name}.{name}"

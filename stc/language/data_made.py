@@ -47,7 +47,8 @@ def found_beside(path: str, spec: str | None, carried: Mapping[str, bytes] | Non
         DataError: there is no such file, or it cannot be read.
     """
     if not path.lower().endswith(SUFFIXES):
-        raise DataError(f"data is read from a .csv or .npz file, not from `{path}`")
+        hint = "write its columns into a .csv file, with their names in the first line"
+        raise DataError(f"data is read from a .csv or .npz file, not from `{path}`", hint)
     if carried is not None:
         if path not in carried:
             raise DataError(f"the solution does not carry `{path}`")
@@ -149,30 +150,32 @@ def checked(table: Table) -> Table:
     return table
 
 
-def stretches(there: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """The first and the last place of every stretch of two or more."""
+def stretches(there: NDArray[np.bool_], least: int = 2) -> list[tuple[int, int]]:
+    """The first and the last place of every stretch of ``least`` or more."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(np.int8)))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least]
 
 
 def bridged(time: FloatArray, values: FloatArray, runs: Sequence[tuple[int, int]]) -> Table:
-    """A spline on each stretch, straight lines between, and the last value outside."""
-    parts = [interpolated([time[a : b + 1]], values[a : b + 1], "cubic", "hold") for a, b in runs]
-    places = np.concatenate([part.axes[0].x for part in parts])
-    rows: list[FloatArray] = [parts[0].coefficients[:1]]
-    for k, part in enumerate(parts):
-        rows.append(part.coefficients[1:-1])
-        if k + 1 < len(parts):
-            a, b = runs[k][1], runs[k + 1][0]
-            slope = (values[b] - values[a]) / (time[b] - time[a])
-            rows.append(np.array([[values[a], slope, 0.0, 0.0]]))
-    rows.append(parts[-1].coefficients[-1:])
+    """A spline on each stretch, which may be a single number, straight lines between, and the last value outside."""
+    places = np.concatenate([time[a : b + 1] for a, b in runs])
+    rows: list[FloatArray] = [np.array([[values[runs[0][0]], 0.0, 0.0, 0.0]])]
+    for k, (a, b) in enumerate(runs):
+        if a < b:
+            spline = interpolated([time[a : b + 1]], values[a : b + 1], "cubic", "hold")
+            rows.append(spline.coefficients[1:-1])
+        if k + 1 < len(runs):
+            after = runs[k + 1][0]
+            slope = (values[after] - values[b]) / (time[after] - time[b])
+            rows.append(np.array([[values[b], slope, 0.0, 0.0]]))
+    rows.append(np.array([[values[runs[-1][1]], 0.0, 0.0, 0.0]]))
     return Table([Axis(places)], np.concatenate(rows), 3, "cubic", "hold")
 
 
 def presence(time: FloatArray, runs: Sequence[tuple[int, int]], slack: float) -> Table:
-    """1 on every stretch, its ends included, and 0 elsewhere."""
-    edges = [edge for a, b in runs for edge in (time[a] - slack, np.nextafter(time[b] + slack, np.inf))]
+    """1 on every stretch of two numbers or more, its ends included, and 0 elsewhere."""
+    found = [(time[a] - slack, np.nextafter(time[b] + slack, np.inf)) for a, b in runs if a < b]
+    edges = [edge for ends in found for edge in ends] or [time[runs[0][0]], time[runs[-1][1]]]
     coefficients = np.zeros((len(edges) + 1, 4))
-    coefficients[1::2, 0] = 1.0
+    coefficients[1::2, 0] = float(bool(found))
     return Table([Axis(np.array(edges))], coefficients, 0, "steps", "hold")

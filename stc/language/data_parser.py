@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING
 
 from stc.language import syntax
 from stc.language.expression_parser import Misread
+from stc.symbolic.tables import KINDS
 
 if TYPE_CHECKING:
     from stc.language.parser import _Parser
 
 #: What a table is made by.
 TABLE_WORD = "table"
+#: The option that says what a table is outside of its numbers.
+OUTSIDE_WORD = "outside"
 #: What a motion is called that the model's file has.
 KEYFRAMES = "keyframes"
 _FORMS = '`name = "file.csv";`, `name = (x, y): (0, 1), (2, 3);` or `name = table(data.x, data.y);`'
@@ -57,6 +60,8 @@ def _rows(parser: _Parser, name: syntax.Name) -> syntax.DataRows:
     while parser.kind == ",":
         parser.advance()
         rows.append(_row(parser, columns))
+    if parser.kind == "(":
+        raise parser.fail("expected `,` between two rows, found `(`", "rows are `(0, 10), (2, 9.1)`")
     return syntax.DataRows(name.start, parser.ends[parser.at - 1], name, columns, rows)
 
 
@@ -98,4 +103,7 @@ def _table(parser: _Parser, name: syntax.Name) -> syntax.TableDefinition:
             parser.advance()
             value = parser.name("`hold`, `extend` or `error`")
         options.append((option, value))
+    if parser.kind == "name" and parser.token_text(parser.at) in (*KINDS, OUTSIDE_WORD):
+        word = parser.token_text(parser.at)
+        raise parser.fail(f"expected `,` before `{word}`", "as in `table(polar.alpha, polar.cd), monotone`")
     return syntax.TableDefinition(name.start, parser.ends[parser.at - 1], name, columns, options)

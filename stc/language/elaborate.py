@@ -324,7 +324,9 @@ class _Elaborator(Context):
             for part in bounded:
                 body = self.settled(part.body, where, statement)
                 if any(
-                    self._reads_gaps(e, statement) for e in (body, part.lower, part.upper) if e is not None
+                    self._reads_gaps(e, where, statement)
+                    for e in (body, part.lower, part.upper)
+                    if e is not None
                 ):
                     continue
                 one = Relation(body, part.lower, part.upper, where, self.span(statement), text)
@@ -379,26 +381,40 @@ class _Elaborator(Context):
             self.error(pose, f"`{pose.base.name}` is not declared", hint)
         return self.model_statements is not None
 
-    def _counted(self, integrand: Expr) -> Expr:
+    def _counted(self, integrand: Expr, node: syntax.Node) -> Expr:
         """An integrand that counts only where the recordings that it reads have numbers."""
         if self.data is None:
             return integrand
-        from stc.language.recorded import counted_where_known
+        from stc.language.recorded import counted_where_known, references
 
+        for ref in references(integrand, self.builder.pieces):
+            if not self.data.weight_of(ref)[0].table.coefficients.any():
+                name = ref.name.partition(".")[0]
+                hint = f"sum over its rows instead, as in `[{name}]: (x - {ref.name})^2;`, or give it a file of its own"
+                self.error(
+                    node, f"`{ref.name}` has nowhere two numbers in a row, and an integral wants them", hint
+                )
         return counted_where_known(integrand, self.data, self.builder.pieces)
 
-    def _reads_gaps(self, body: Expr, node: syntax.Node) -> bool:
-        """Whether a statement that holds at every frame reads a recording with gaps, which is noted."""
+    def _reads_gaps(self, body: Expr, where: FrameRange, node: syntax.Node) -> bool:
+        """Whether a statement reads a recording at a time where it has a gap, which is noted."""
         if self.data is None:
             return False
-        from stc.language.recorded import references
+        from stc.language.recorded import first_gap, references
 
-        for ref in references(body, self.builder.pieces):
-            if self.data.weight_of(ref)[1]:
-                hint = "a term of an `integral` in the objective counts only where there are numbers"
-                self.error(node, f"`{ref.name}` has gaps, and this statement wants it at every frame", hint)
-                return True
-        return False
+        if not any(self.data.weight_of(ref)[1] for ref in references(body, self.builder.pieces)):
+            return False
+        step, midpoints = self._structural(self.builder.step), self.method == "hermite-simpson"
+        found = first_gap(body, self.data, self.builder.pieces, where, step, midpoints)
+        if found is None:
+            return False
+        ref, time = found
+        hint = "a term of an `integral` in the objective counts only where there are numbers"
+        message = f"`{ref.name}` has gaps, and this statement wants it at every frame"
+        if time is not None:
+            message = f"`{ref.name}` has a gap at t = {time:.6g} s, where this statement wants a number"
+        self.error(node, message, hint)
+        return True
 
     def _objective(self) -> list[ObjectiveTerm]:
         found: list[ObjectiveTerm] = []
@@ -419,8 +435,8 @@ class _Elaborator(Context):
                 if rows and not self._stands_on_rows(body, part.integral, rows, statement):
                     continue
                 if part.integral:
-                    body = self._counted(body)
-                elif self._reads_gaps(body, statement):
+                    body = self._counted(body, statement)
+                elif self._reads_gaps(body, where, statement):
                     continue
                 found.append(ObjectiveTerm(body, part.integral, where, self.span(statement), text, rows))
         return found

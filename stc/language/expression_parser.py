@@ -114,6 +114,11 @@ class ExpressionParser:
             hint = f"angles are in radians: `{self.token_text(self.at - 1)}*pi/180`"
         elif self.kind == "name" and previous == "number" and self.token_text(self.at) in UNITS:
             hint = "units are not written; write `*` to multiply"
+        elif self.kind == "(" and self.at > 2 and self.kinds[self.at - 2] == ".":
+            hint = (
+                "a column of a motion is a number at the time of its statement: leave the `(...)` out; "
+                "a function of something else is a table: `f = table(data.x, data.y);` under `data:`"
+            )
         elif self.kind in ("name", "(") and previous in ("number", ")", "]", "prime"):
             hint = "write `*` to multiply"
         elif self.kind == "name" and self.token_text(self.at - 1) in MAXIMISING:
@@ -233,6 +238,8 @@ class ExpressionParser:
                 else:
                     node = syntax.Prime(starts[at], ends[self.at], node, count)
                 self.advance()
+                if self.kind == "(" and isinstance(node.operand, syntax.Name):  # the slope of a table
+                    node = self.call(at, node.operand.name + "'" * node.order)
             elif self.range_header_end(self.at) >= 0:
                 break
             else:

@@ -17,7 +17,7 @@ from stc.language.kinks import KINKED, kinked
 from stc.language.names import DATA_SET, TABLE, NameTable
 from stc.language.numbers import arity_message
 from stc.language.positions import Positions
-from stc.language.words import FUNCTION_ADVICE, OPERATORS, RESERVED
+from stc.language.words import FUNCTION_ADVICE, OPERATORS, RESERVED, TABLE_ADVICE
 from stc.problem import (
     CellRef,
     ConstantRef,
@@ -246,18 +246,28 @@ class ExpressionBuilder:
         return sym(CellRef(data.name, name))
 
     def _looked_up(self, node: syntax.Call) -> Expr:
-        """A table with its arguments."""
-        self.table.entries[node.function].used = True
+        """A table with its arguments, or with a prime for each derivative by its only one."""
+        name = node.function.rstrip("'")
+        order = len(node.function) - len(name)
+        self.table.entries[name].used = True
         arguments = [self.build(argument) for argument in node.arguments]
-        ref = None if self.data is None else self.data.tables.get(node.function)
+        ref = None if self.data is None else self.data.tables.get(name)
         if ref is None:  # it could not be read, which has been noted
             self.poisoned = True
             return UNKNOWN
         wanted = len(ref.orders)
         if len(arguments) != wanted:
             plural = "s" if wanted > 1 else ""
-            message = f"the table `{node.function}` takes {wanted} argument{plural}, not {len(arguments)}"
+            message = f"the table `{name}` takes {wanted} argument{plural}, not {len(arguments)}"
             return self.fail(node, message)
+        if order and wanted > 1:
+            hint = f"the derivative by time is written `{name}(...)'`"
+            return self.fail(node, f"the table `{name}` has a slope for each of its arguments", hint)
+        for _ in range(order):
+            slope = ref.derivative(0)
+            if slope is None:  # of a straight line
+                return num(0.0)
+            ref = slope
         return looked_up(ref, *arguments)
 
     def _path(self, node: syntax.Name) -> Expr:
@@ -275,7 +285,10 @@ class ExpressionBuilder:
             self.poisoned = True  # that the model cannot be read has been told
             return UNKNOWN
         if self.paths is None:
-            hint = 'name the model under `model:`, as in `model: "robot.xml";`'
+            sets = () if self.data is None else self.data.sets
+            hint = did_you_mean(text.partition(".")[0], sets) or (
+                'name the model under `model:`, as in `model: "robot.xml";`'
+            )
             if text.startswith("model."):
                 hint = self.model_hint
             return self.fail(node, f"`{text}` is a path of a model, and the spec has none", hint)
@@ -359,8 +372,16 @@ class ExpressionBuilder:
             return self._one_sided(node)
         if function == MOMENTUM and self.table.kind(MOMENTUM) is None:
             return self._momentum(node)
-        if self.table.kind(function) == TABLE:
+        if self.table.kind(function.rstrip("'")) == TABLE:
             return self._looked_up(node)
+        if function.endswith("'"):
+            hint = f"write `{function}*(...)` to multiply"
+            what = (
+                f"`{function}(...)` would be the slope of a table, and `{function.rstrip(chr(39))}` is none"
+            )
+            return self.fail(node, what, hint)
+        if function in TABLE_ADVICE and self.table.kind(function) is None:
+            return self.fail(node, f"`{function}` cannot stand in an expression", TABLE_ADVICE[function])
         if function in WORDS_OF_MODELS and self.table.kind(function) is None:
             return self._of_model(node, f"{function}(...)", lambda paths: paths.call(node))
         arguments = [self.build(argument) for argument in node.arguments]
@@ -383,6 +404,9 @@ class ExpressionBuilder:
                 hint += f", `{function}[k]` for the value at frame k"
             what = f"`{function}` is a {kind}, not a function" if kind else f"`{function}` is not a function"
             return self.fail(node, what, hint)
+        if function in self.constants.damaged:  # what is wrong with it has been told
+            self.poisoned = True
+            return UNKNOWN
         source = self.diagnostics.source
         texts = [source.text[argument.start : argument.end] for argument in node.arguments]
         hint = (

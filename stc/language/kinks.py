@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from stc.language import syntax
+from stc.language.names import DATA_SET
 from stc.problem import CellRef, ConstantRef, IndexRef, TimeRef
 from stc.symbolic.expr import Expr, add, call, evaluate, mul, num, pow_, reachable, sub, symbols
 
@@ -172,6 +173,8 @@ def advice(
         lines = _relation_lines(builder, node, *sides)
         if lines:
             return message, lines
+    if builder.table.kind(header.strip("[]: ")) == DATA_SET:
+        return message, _rounded(builder, node)
     new = _free_name(builder, node)
     parts = [_text(builder, argument) for argument in node.arguments]
     negated = _negative(builder, node.arguments[0])
@@ -189,6 +192,18 @@ def advice(
         message,
         f"write\nvariables: {new};\nconstraints: {header} {rows}\nand `{new}` in place of `{text}`",
     )
+
+
+def _rounded(builder: ExpressionBuilder, node: syntax.Call) -> str:
+    """What to write on the rows of a data set, which have no unknowns of their own."""
+    parts = [_text(builder, argument) for argument in node.arguments]
+    tight = [_tight(builder, argument) for argument in node.arguments]
+    shown = f"`sqrt({tight[0]}^2 + e^2)`"
+    if node.function != "abs":
+        sign = "+" if node.function == "max" else "-"
+        shown = f"`({parts[0]} + {tight[1]} {sign} sqrt(({parts[0]} - {tight[1]})^2 + e^2))/2`"
+        shown += ", and the same again with each further one" if len(parts) > 2 else ""
+    return f"rows have no unknowns of their own: round the kink off, {shown} with a constant `e` as small as matters"
 
 
 def _exactly(builder: ExpressionBuilder, node: syntax.Call, new: str) -> str:

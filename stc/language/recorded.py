@@ -9,13 +9,16 @@ has numbers and 0 elsewhere.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
 
 from stc.language.data import Data
-from stc.problem import DefinitionPiece, DefinitionRef
-from stc.symbolic.expr import Expr, add, looked_up, mul, neg, reachable, sub
+from stc.problem import ConstantRef, DefinitionPiece, DefinitionRef, FrameRange, TimeRef
+from stc.symbolic.expr import Expr, add, evaluate, looked_up, mul, neg, reachable, sub, symbols
 from stc.symbolic.tables import TableRef
 
-__all__ = ["counted_where_known", "references"]
+__all__ = ["counted_where_known", "first_gap", "references"]
 
 
 def references(e: Expr, pieces: Mapping[str, Sequence[DefinitionPiece]]) -> list[TableRef]:
@@ -57,6 +60,53 @@ def counted_where_known(e: Expr, data: Data, pieces: Mapping[str, Sequence[Defin
         for time in sorted(times, key=lambda each: each.order):
             e = mul(looked_up(weight, time), e)
     return e
+
+
+def first_gap(
+    e: Expr,
+    data: Data,
+    pieces: Mapping[str, Sequence[DefinitionPiece]],
+    where: FrameRange,
+    step: float | None,
+    midpoints: bool,
+) -> tuple[TableRef, float | None] | None:
+    """Where a statement first reads a recording in one of its gaps; None where it reads none.
+
+    Args:
+        e: what the statement holds, or one of its bounds.
+        data: the recordings.
+        pieces: the definitions that stand under range headers.
+        where: the frames of the statement.
+        step: the time from each frame to the next, in seconds; None where it is not one number that is known.
+        midpoints: whether the statement holds between its frames as well.
+
+    Returns:
+        the recording, and the time in seconds: None where the time of a frame is not known, so that a recording with
+        gaps cannot be read at all.
+    """
+    at = np.arange(2 * where.first, 2 * where.last + 1, 1 if midpoints else 2) / 2.0
+    for ref in references(e, pieces):
+        weight, has_gaps = data.weight_of(ref)
+        if not has_gaps:
+            continue
+        looks = [node for node in reachable([e]) if node.op == "look" and _of_time(node)]
+        times = [node.args[0] for node in looks if node.args[1].payload.base == ref]
+        if step is None or not times:
+            return ref, None
+        edges = weight.table.axes[0].x
+        for time in times:
+            values: dict[object, Any] = {
+                key: at * step if isinstance(key, TimeRef) else at for key in symbols(time)
+            }
+            for key in values:
+                if isinstance(key, ConstantRef):
+                    values[key] = data.constants.values[key.name]
+            instants = np.atleast_1d(np.asarray(evaluate(time, values), np.float64))
+            known = np.asarray(evaluate(looked_up(weight, time), values)) != 0.0
+            lacking = instants[~known & (instants > edges[0]) & (instants < edges[-1])]
+            if lacking.size:
+                return ref, float(lacking[0])
+    return None
 
 
 def _of_time(node: Expr) -> bool:

@@ -126,6 +126,15 @@ MINIMISING = frozenset(("min", "minimize", "minimise", "minimum"))
 #: What people write to choose one of two values.
 CONDITIONALS = frozenset(("if", "ifelse", "if_else", "iif", "where", "cond", "piecewise"))
 
+_TABLES = (
+    "make a function of columns under `data:`, as in `f = table(polar.alpha, polar.cl);`, "
+    "and write `f(alpha)` here"
+)
+#: What people write in expressions for a table.
+TABLE_ADVICE = dict.fromkeys(
+    ("table", "interp", "interp1", "interp1d", "interp2", "interpolate", "lookup", "spline", "pchip"), _TABLES
+)
+
 #: What people write for functions that the language calls otherwise or does not have.
 FUNCTION_ADVICE = {
     "ln": "the natural logarithm is `log`",

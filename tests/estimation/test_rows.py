@@ -290,3 +290,25 @@ def test_where_there_are_no_standard_errors_the_reason_is_told(objective: str, r
     assert solution.status == "optimal"
     with pytest.raises(UsageError, match=re.escape(reason)):
         solution.uncertainty()
+
+
+@pytest.mark.parametrize(
+    ("kinked", "expected"),
+    [
+        ("abs(a - d.y)", 2.0),  # the median
+        ("max(a - d.y, 3*(d.y - a))", 10.0),  # the third quartile, of few numbers the largest
+        ("-min(a - d.y, d.y - a)", 2.0),
+    ],
+)
+def test_a_kink_on_rows_is_rounded_as_the_message_says(kinked: str, expected: float) -> None:
+    text = (
+        "parameters: a; data: d = (y): (1), (2), (10); constants: e = 1e-4; guess: a = 1; objective: [d]: {};"
+    )
+    with pytest.raises(SpecError) as caught:
+        stc.load(text.format(kinked)).problem()
+    (diagnostic,) = caught.value.diagnostics
+    rounded = diagnostic.hint.split("`")[1]
+    start, end = kinked.index("m") if "m" in kinked else 0, kinked.rindex(")") + 1
+    solved = stc.load(text.format(kinked[:start] + rounded + kinked[end:])).solve()
+    assert solved.status == "optimal"
+    assert solved["a"] == pytest.approx(expected, abs=1e-2)

@@ -82,9 +82,10 @@ def case(seed: int, number: int, given: Corpus) -> Case:
         _solution,
         _model,
         _table,
+        _data,
         _options,
     ]
-    return random_.choices(kinds, [35, 10, 20, 12, 12, 11])[0](random_, given)
+    return random_.choices(kinds, [33, 9, 19, 11, 11, 7, 10])[0](random_, given)
 
 
 def _plain_solve(random_: random.Random) -> list[str]:
@@ -178,6 +179,40 @@ def _table(random_: random.Random, given: Corpus) -> Case:
     }
     words = ["solve", "spec.stc", "--guess-from", "guess.csv", "-o", "out.npz"]
     return Case("table", files, [*words, *_plain_solve(random_), *_json(random_)])
+
+
+#: A page that reads a file in each way that there is: as functions, as a motion, row by row, and as a guess.
+DATA = """constants: n = 8, h = 0.1; variables: x, y; parameters: a;
+data: d = "d.csv"; f = table(d.time, d.x){}; g = table(d.x, d.time, d.y);
+  e = (p, q): (0, 1), (1, 2*h), (3, 0); k = table(e.p, e.q);
+constraints: [0, n]: x' = a*k(f(t)) + k'(x); [2]: y = d.y;
+objective: [d]: (x - d.x)^2; [0, n]: integral((y - d.y)^2 + y''^2 + x^2*{});
+guess: d; method: {};"""
+
+
+def _data(random_: random.Random, given: Corpus) -> Case:
+    """A page of data, with a spoilt file or spoilt itself."""
+    options = ["", ", monotone", ", linear", ", outside = hold", ", outside = error", ", monotone linear"]
+    weights = ["0", "1", "f'(x)", "g(x, y)", "d.x'", "d.zz", "f", "d.x[n]", "sum(k in 1..3: d.x*{k})"]
+    methods = ["central", "trapezoidal", "hermite-simpson"]
+    text = DATA.format(*(random_.choice(words) for words in (options, weights, methods)))
+    if random_.random() < 0.5:  # without the table of two arguments, which wants a grid
+        text = text.replace(" g = table(d.x, d.time, d.y);", "")
+    whole = "time,x,y\n" + "\n".join(f"{k / 10},{k * k},{k % 3 or ''}" for k in range(9))
+    content = random_.choice([whole.encode(), mutations.table(random_, ["time", "x", "y"])])
+    if random_.random() < 0.2:
+        content = mutations.data(random_, content)
+    files = {"d.csv": content, "spec.stc": text.encode()}
+    if random_.random() < 0.3:
+        files["spec.stc"] = mutations.text(random_, text)
+    words = random_.choice(
+        [
+            ["check", "spec.stc", *_json(random_)],
+            ["show", "spec.stc", "--stage", random_.choice(STAGES)],
+            ["solve", "spec.stc", "-o", "out.npz", *_plain_solve(random_), *_json(random_)],
+        ]
+    )
+    return Case("data", files, words)
 
 
 def _options(random_: random.Random, given: Corpus) -> Case:

@@ -74,7 +74,7 @@ def test_a_seed_makes_the_same_cases_again(tmp_path: Path) -> None:
     cases = [case(5, number, given) for number in range(100)]
     assert cases == [case(5, number, given) for number in range(100)]
     assert cases != [case(6, number, given) for number in range(100)]
-    assert {one.kind for one in cases} == {"spec", "solve", "solution", "model", "table", "options"}
+    assert {one.kind for one in cases} == {"spec", "solve", "solution", "model", "table", "data", "options"}
 
 
 @pytest.mark.slow

@@ -66,6 +66,82 @@ def test_what_files_may_have_besides_numbers(tmp_path: Path) -> None:
     assert "c" in problem.structural
 
 
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_primes_before_the_arguments_are_slopes(order: int, tmp_path: Path) -> None:
+    polar(tmp_path)
+    data = 'data: polar = "polar.csv"; CL = table(polar.alpha, polar.cl);'
+    at, primes = np.linspace(-0.19, 0.49, 50), "'" * order
+    spline = CubicSpline(ANGLES, LIFTS)
+    slope = value(stated(tmp_path, data, f"CL{primes}(x)^2"), at)
+    np.testing.assert_allclose(slope, spline(at, order) ** 2, rtol=1e-9, atol=1e-12)
+    if order < 3:
+        rate = value(stated(tmp_path, data, f"CL{primes}(2*x)'"), at / 2)
+        np.testing.assert_allclose(rate, 2.0 * spline(at, order + 1), rtol=1e-9, atol=1e-9)
+
+
+def test_a_slope_is_solved_for(tmp_path: Path) -> None:
+    """The lowest place of measured ground, where its slope is none."""
+    polar(tmp_path)
+    text = 'data: polar = "polar.csv"; H = table(polar.alpha, polar.cl); parameters: a; guess: a = 0.4;'
+    (tmp_path / "top.stc").write_text(text + "constraints: H'(a) = 0;")
+    solved = stc.load(tmp_path / "top.stc").solve()
+    roots = CubicSpline(ANGLES, LIFTS).derivative().roots(extrapolate=False)
+    assert np.abs(roots - solved["a"]).min() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("content", "hint"),
+    [
+        ("x;y\n0,5;1", "the decimal point is a `.`"),
+        ("x,y\n0,5,1,5", "if these are decimal commas, write points"),
+        ("x,y\nm,N\n0,1", "if the line tells units, begin it with `#`"),
+        ("x,y\n0,1\n1,NA", "where there is none, leave the cell empty"),
+        ("x,y\n0,1,\n", "take away the `,` at the end of the line"),
+        (",x,y\n0,0,1", "`to_csv(..., index=False)`"),
+        ("sep=;\nx;y\n0;1", "take the line `sep=` away"),
+        ("# x,y\n0,1\n1,2", "if the first one names the columns, take the `#` away"),
+        ("0,1\n1,2", "write a first line such as `time,height`"),
+        ("x y\n0 1", "cells are separated by commas, semicolons or tabulators"),
+        ("", "the first line names the columns"),
+    ],
+)
+def test_what_to_do_about_a_file(content: str, hint: str, tmp_path: Path) -> None:
+    written(tmp_path, "d.csv", content)
+    with pytest.raises(SpecError) as caught:
+        stated(tmp_path, 'data: d = "d.csv";')
+    (diagnostic,) = caught.value.diagnostics
+    assert hint in diagnostic.hint
+
+
+@pytest.mark.parametrize(
+    ("data", "e", "message", "hint"),
+    [
+        ("f = table(d.a, d.b) monotone;", "f(x)", "expected `,` before `monotone`", ""),
+        ("f = table(d.a, d.b), hold;", "f(x)", "`hold` is no option of a table", "write `outside = hold`"),
+        ("f = table(7);", "f(x)", "expected a column, as in `polar.alpha`, found `7`", ""),
+        ("e1 = (a, b): (0, 1) (1, 2);", "x", "expected `,` between two rows, found `(`", "rows are"),
+        (
+            "",
+            "table(d.a, d.b)",
+            "`table` cannot stand in an expression",
+            "`f = table(polar.alpha, polar.cl);`",
+        ),
+        ("", "interp1d(x, d.a, d.b)", "`interp1d` cannot stand in an expression", "under `data:`"),
+        ("", "d.b(x)", "expected an operator or `;`, found `(`", "is a table: `f = table(data.x, data.y);`"),
+        ("", "D.b", "`D.b` is a path of a model", "did you mean `d`?"),
+        ("", "x'(y)", "`x'(...)` would be the slope of a table, and `x` is none", "write `x'*(...)`"),
+        ("constants: a = d.b;", "x", "`d.b` is a column of data", "use it in a statement"),
+    ],
+)
+def test_each_mistake_has_one_message(data: str, e: str, message: str, hint: str, tmp_path: Path) -> None:
+    rows = "data: d = (a, b): (0, 1), (1, 3); "
+    with pytest.raises(SpecError) as caught:
+        stated(tmp_path, rows + data, e)
+    (diagnostic,) = caught.value.diagnostics
+    assert message in diagnostic.message
+    assert hint in diagnostic.hint
+
+
 def test_constants_in_rows_can_be_set(tmp_path: Path) -> None:
     data = "data: b = (x, y): (0, 1), (c, 3); f = table(b.x, b.y);"
     assert value(stated(tmp_path, data, "f(1)", c=1.0), 0.0) == pytest.approx(3.0)
