@@ -31,17 +31,6 @@ MOTIONS = {
     "quadruped_trot": ("trunk", None),
 }
 
-#: Those that MuJoCo repeats with its own contacts within the limits of a verdict.
-REPEATED = (
-    "arm_swing",
-    "humanoid_jump",
-    "lamp_turn",
-    "quadruped_backflip",
-    "quadruped_box_jump",
-    "quadruped_hop",
-    "quadruped_trot",
-)
-
 #: Those that are solved within seconds.
 QUICK = ("arm_swing", "lamp_turn")
 
@@ -69,7 +58,7 @@ def marked(names: Iterable[str]) -> list[ParameterSet]:
     return [pytest.param(n, marks=pytest.mark.slow if n in QUICK else pytest.mark.nightly) for n in names]
 
 
-@pytest.mark.parametrize("name", marked(REPEATED))
+@pytest.mark.parametrize("name", marked(MOTIONS))
 def test_a_motion_is_repeated_in_mujoco(name: str) -> None:
     report = validate(stc.load(name).solve())
     failed = [metric for metric in report.metrics if metric.verdict == "fail"]
