@@ -23,11 +23,13 @@ FOUR_BAR = """<mujoco><worldbody>
   </worldbody><equality><connect name="pin" body1="b" body2="c" anchor=".4 0 .1"/></equality>
   <actuator><motor name="a" joint="a"/></actuator></mujoco>"""
 
-#: A turn of the crank; the guess turns the crank alone and leaves the loop open.
-TURN = """constants: n = 30, T = 0.8, h = T/n;
-constraints: [0]: keyframe.reference; rest;  [n]: joint.a = 2*pi; joint.a';
+#: The crank turns.
+TURN = """constants: n = 60, T = 0.8, h = T/n, turn = 2*pi;
+constraints: [0]: keyframe.reference; rest;  [n]: joint.a = turn; joint.a';
 objective: [0, n]: integral(effort);
 """
+#: The coupler keeps its direction; the rocker stands still and leaves the loop open.
+COUPLER = "guess: [0, n]: joint.a = turn*i/n; joint.b = -turn*i/n;"
 
 #: A swing that nothing is left to choose in.
 SWING = """constants: n = 20, T = 0.3, h = T/n;
@@ -62,8 +64,9 @@ def sites(solution: Solution, model: str, name: str, side: str = "before") -> np
     return np.array(found)
 
 
-def test_a_four_bar_stays_closed_whatever_its_guess(tmp_path: Path) -> None:
-    solution = load(tmp_path, FOUR_BAR, TURN).solve(n=60)
+@pytest.mark.parametrize(("guess", "turn"), [(COUPLER, 2 * np.pi), ("", 0.5 * np.pi)])
+def test_a_four_bar_stays_closed_whatever_its_guess(tmp_path: Path, guess: str, turn: float) -> None:
+    solution = load(tmp_path, FOUR_BAR, TURN + guess).solve(turn=turn)
     assert solution.status == "optimal"
     assert gaps(solution, FOUR_BAR).max() < 1e-9
     assert gaps(solution, FOUR_BAR, "mid").max() < 1e-3
