@@ -112,7 +112,7 @@ def backward_error(system: dict[str, Any]) -> float:
 
 
 def solved(system: dict[str, Any], refinements: int = 5) -> Floats:
-    """The solution that goes into the file."""
+    """Solve a recorded KKT system by SuperLU, refined with residuals in extended precision. (n + m,)"""
     n, m = system["n"], system["m"]
     rows, cols, hess = system["hess_rows"], system["hess_cols"], system["hess"]
     off, diagonal = rows != cols, np.arange(n + m)

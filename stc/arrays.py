@@ -33,6 +33,12 @@ def ranks(values: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
     return rank[offset], int(rank[-1]) + 1
 
 
+def stretches_of(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """The stretches of a mask (n,) on which it is True, in order: the first place of each and one past its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
 def scattered(count: int) -> NDArray[np.float64]:
     """Numbers (count,) between -1 and 1 that have nothing to do with each other, nor have their differences.
 

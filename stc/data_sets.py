@@ -174,7 +174,7 @@ def _advice_on_cells(row: Sequence[str], columns: int, mark: str) -> str:
 
 
 def _advice_on_words(cell: str, row: Sequence[str], first: bool) -> str:
-    """What to do about a cell that is no number."""
+    """Advice for the message about a CSV cell that is no number, by what the cell looks like."""
     if "," in cell and not math.isnan(_number(cell.replace(",", ".", 1).replace(",", ""))):
         return "the decimal point is a `.`, and thousands are not separated"
     parts = cell.replace("|", " ").split()

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from stc.records import dataclass
 from stc.solution import Solution
+from stc.transcription.turns import CONJUGATE, turns_between
 
 FloatArray = NDArray[np.float64]
 
@@ -74,16 +75,10 @@ def _quaternions(solution: Solution, joint: str) -> FloatArray:
 
 def _sum(q: FloatArray) -> FloatArray:
     """The sum of the rotation vectors from each orientation to the next one, along the axes that q turns in. (3,)"""
-    before, after = q[:-1], q[1:]
-    # after times the conjugate of before
-    w = np.sum(before * after, axis=1)
-    v = before[:, :1] * after[:, 1:] - after[:, :1] * before[:, 1:] - np.cross(after[:, 1:], before[:, 1:])
-    v, w = np.where(w < 0.0, -1.0, 1.0)[:, None] * v, np.abs(w)
-    sine = np.linalg.norm(v, axis=1)
-    angle = 2.0 * np.arctan2(sine, w)
-    return np.asarray(
-        (v * np.divide(angle, sine, out=np.full_like(angle, 2.0), where=sine > 0.0)[:, None]).sum(axis=0)
-    )
+    back = (
+        q.T * CONJUGATE
+    )  # seen from there, the turn has the components that it has in the axes that q turns in
+    return np.asarray(turns_between(back[:, 1:], back[:, :-1]).sum(axis=1))
 
 
 __all__ = ["Turn", "turns"]

@@ -33,7 +33,7 @@ def build(case: Case, variant: str) -> Task:
 
 
 class _Hop:
-    """What all of its actions share."""
+    """The robot, its feet and its poses, from which the actions of the hop are made."""
 
     def __init__(self, case: Case) -> None:
         self.case = case

@@ -48,7 +48,7 @@ End = Callable[[str], int]
 
 
 class _State:
-    """What both threads share."""
+    """How and when the command ends, known to the main thread and to the one that guards its limits."""
 
     end = math.inf  # when this thread begins to end the command, on the clock of `time.perf_counter`
     latest = math.inf  # when it has to have begun to write what there is
@@ -126,7 +126,7 @@ def _wake() -> None:
 
 
 def _watch(read: int) -> None:
-    """The guarding thread."""
+    """End the command when its time is over or a second signal comes: the body of the guarding thread."""
     import select
 
     signals = 0

@@ -79,7 +79,7 @@ class Outcome:
         return known if self.found is None else self.found.added_to(known)
 
     def show(self) -> None:
-        """What people see of it."""
+        """Print the solution with its file, standard errors and grid error, for people."""
         console.show_solution(self.solution, self.file, self.was_read, self.uncertainty, self.grid)
         if self.found is not None and (in_all := self.found.in_all()):
             print(in_all)

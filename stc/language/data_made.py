@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import stretches_of
 from stc.data_sets import MOST_BYTES, SUFFIXES, TIME, DataError, DataSet
 from stc.language.diagnostics import did_you_mean
 from stc.symbolic.tables import Axis, Table, interpolated
@@ -152,8 +153,7 @@ def checked(table: Table) -> Table:
 
 def stretches(there: NDArray[np.bool_], least: int = 2) -> list[tuple[int, int]]:
     """The first and the last place of every stretch of ``least`` or more."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(np.int8)))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least]
+    return [(first, past - 1) for first, past in stretches_of(there) if past - first >= least]
 
 
 def bridged(time: FloatArray, values: FloatArray, runs: Sequence[tuple[int, int]]) -> Table:

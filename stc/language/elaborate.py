@@ -25,7 +25,6 @@ from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
     ConstantRef,
-    DefinitionPiece,
     FrameRange,
     Guess,
     Jump,
@@ -36,7 +35,7 @@ from stc.problem import (
     ReplayChannel,
     VariableRef,
 )
-from stc.symbolic.expr import Expr, evaluate, looked_up, num, substitute, sym, symbols
+from stc.symbolic.expr import Expr, evaluate, looked_up, symbols
 
 if TYPE_CHECKING:
     from stc.language.model.assembly import ModelStatements
@@ -127,21 +126,17 @@ class _Elaborator(Context):
             return None
         corrections = [] if self.model_statements is None else self.model_statements.standing.corrections()
         fixtures = [] if self.model_statements is None else self.model_statements.fixtures()
-        given = self._numbers_of_model(replay)
-        if given:
-            put = _Putting(given)
-            put.definitions(self.builder.pieces)
-            relations = put.relations(relations)
-            objective = [replace(term, body=put(term.body)) for term in objective]
-            replay = [replace(channel, body=put(channel.body)) for channel in replay]
-            corrections = [
-                replace(one, shares={key: put(e) for key, e in one.shares.items()}) for one in corrections
-            ]
-            fixtures = [
-                replace(one, places=[put(e) for e in one.places], rates=[put(e) for e in one.rates])
-                for one in fixtures
-            ]
-            guesses = [*self._guesses_of_numbers(), *guesses]
+        if self.model is not None:
+            from stc.language.model.numbers import Putting, given_numbers, guesses_of_numbers
+
+            if given := given_numbers(self, self.model, replay):
+                put = Putting(given)
+                put.definitions(self.builder.pieces)
+                relations, corrections = put.relations(relations), put.corrections(corrections)
+                fixtures = put.fixtures(fixtures)
+                objective = [replace(term, body=put(term.body)) for term in objective]
+                replay = [replace(channel, body=put(channel.body)) for channel in replay]
+                guesses = [*guesses_of_numbers(self, self.model), *guesses]
         if self.diagnostics.error_count:
             return None
         problem = Problem(
@@ -186,37 +181,6 @@ class _Elaborator(Context):
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
         return problem
-
-    def _numbers_of_model(self, replay: Sequence[ReplayChannel]) -> dict[object, Expr]:
-        """What stands for numbers of the model in its equations: expressions of `set` lines, declared parameters."""
-        if self.model is None:
-            return {}
-        found: dict[object, Expr] = {
-            ConstantRef(name): sym(ParameterRef(name))
-            for name in self.model.constants
-            if self.table.kind(name) == "parameter"
-        }
-        for channel in replay:
-            name = self.model.number_named(channel.path) if channel.kind == "set" else None
-            if name is None or channel.body is sym(ConstantRef(name)):
-                continue
-            if name in self.model.constants:
-                found[ConstantRef(name)] = channel.body
-            else:
-                hint = f"it is no input of the equations: give it by `constants: {name} = 0.1;` or `--set {name}=0.1`"
-                message = f"`set {name}` would change the replay and not the equations"
-                self.diagnostics.error(message, channel.span.start, channel.span.end, hint)
-        return found
-
-    def _guesses_of_numbers(self) -> list[Guess]:
-        """Parameters that are numbers of the model start at what the model has."""
-        assert self.model is not None
-        span = self.span(self.model.statement)
-        return [
-            Guess(name, num(value), FrameRange(0, 0), span)
-            for name, value in self.model.constants.items()
-            if self.table.kind(name) == "parameter"
-        ]
 
     def _shaping(self) -> set[str]:
         """Numbers of the model that are no inputs of the compiled program."""
@@ -581,33 +545,3 @@ class _Elaborator(Context):
             return None
         body = self.settled(body, self.everywhere, statement)
         return ReplayChannel(statement.kind, statement.path, body, self.span(statement))
-
-
-class _Putting:
-    """Puts expressions in the place of numbers of the model."""
-
-    def __init__(self, given: Mapping[object, Expr]) -> None:
-        self._given = given
-        self._memo: dict[Expr, Expr] = {}
-
-    def __call__(self, e: Expr) -> Expr:
-        return substitute(e, self._given, self._memo)
-
-    def bound(self, e: Expr | None) -> Expr | None:
-        """The same of what may be missing."""
-        return None if e is None else self(e)
-
-    def definitions(self, pieces: dict[str, list[DefinitionPiece]]) -> None:
-        """Of definitions with ranges, where they are."""
-        for name, known in pieces.items():
-            pieces[name] = [replace(piece, body=self(piece.body)) for piece in known]
-
-    def relations(self, relations: Sequence[Relation]) -> list[Relation]:
-        """Of constraints; equalities keep one expression on both sides."""
-        rows = []
-        for one in relations:
-            lower = self.bound(one.lower)
-            upper = lower if one.is_equality else self.bound(one.upper)
-            between = self.bound(one.between)
-            rows.append(replace(one, body=self(one.body), lower=lower, upper=upper, between=between))
-        return rows

@@ -10,13 +10,13 @@ however often, nor one that oscillates, each of which keeps its value or its dir
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import stretches_of
 from stc.phases import resolved
 from stc.problem import Problem, Relation, VariableRef
 from stc.records import dataclass
@@ -135,13 +135,9 @@ def _alternating(change: FloatArray, size: float, jumps: list[int]) -> list[tupl
     alternates &= smaller > LEAST * size
     for node in jumps:
         alternates[max(node - 2, 0) : node + 1] = False
-    return [(first + 1, last + 2) for first, last in _runs(alternates) if last - first >= LEAST_NODES - 2]
-
-
-def _runs(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """First of each run of what is True, and one past its last."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    return [
+        (first + 1, last + 2) for first, last in stretches_of(alternates) if last - first >= LEAST_NODES - 2
+    ]
 
 
 def _held(problem: Problem) -> set[str]:

@@ -12,7 +12,8 @@ FloatArray = NDArray[np.float64]
 
 #: The product of two quaternions, whose components are symbols with the keys 0 to 7.
 _PRODUCT = quaternion_product([sym(k) for k in range(4)], [sym(k) for k in range(4, 8)])
-_CONJUGATE = np.array([[1.0], [-1.0], [-1.0], [-1.0]])
+#: Times a quaternion, the opposite turn.
+CONJUGATE = np.array([[1.0], [-1.0], [-1.0], [-1.0]])
 
 
 def turns_between(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -24,7 +25,7 @@ def turns_between(a: FloatArray, b: FloatArray) -> FloatArray:
     Returns:
         Angles times axes. (3, k)
     """
-    real, *vector = _product(a * _CONJUGATE, b)
+    real, *vector = _product(a * CONJUGATE, b)
     sine = np.linalg.norm(vector, axis=0)
     angle = 2.0 * np.arctan2(sine, np.abs(real))
     scale = np.divide(angle, sine, out=np.full(len(sine), 2.0), where=sine > 0.0)
