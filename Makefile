@@ -17,7 +17,7 @@ PYTEST := $(BIN)/python -m pytest -q -n auto --dist loadfile --max-worker-restar
 .PHONY: run test check nightly format bench tree clean
 
 run: $(VENV)/.ready
-	$(BIN)/stc run $(SPEC) -o out/$(SPEC).npz
+	$(BIN)/stc run $(SPEC) -o out/$(SPEC).npz --report out/$(SPEC).html
 
 test: $(VENV)/.ready-dev
 	$(PYTEST)

@@ -35,6 +35,7 @@ from stc.cli.parameters import (
     Spec,
     SpecOrSolution,
     Starts,
+    Table,
     Threads,
     TimeLimit,
     Tolerance,
@@ -147,6 +148,7 @@ def run(
     output: Output = None,
     force: Force = False,
     report: Report = None,
+    table: Table = False,
     json: Json = False,
 ) -> int:
     """Solve a spec, save the motion and validate it in MuJoCo."""
@@ -169,7 +171,7 @@ def run(
         threads=threads,
     )
     page = None if report is None else writable_page(report)
-    return jobs.run(spec, options, force=force, page=page, as_json=json)
+    return jobs.run(spec, options, force=force, page=page, table=table, as_json=json)
 
 
 @app.command()
@@ -201,6 +203,7 @@ def validate(
     output: Output = None,
     force: Force = False,
     report: Report = None,
+    table: Table = False,
     equations: Annotated[
         bool,
         typer.Option(
@@ -243,7 +246,7 @@ def validate(
             raise UsageError(f"{option} is for --robustness")
     if page is None and (equations or order):
         return studies.run(target, options, equations=equations, order=order, as_json=json)
-    return jobs.validate(target, options, force=force, page=page, order=order, as_json=json)
+    return jobs.validate(target, options, force=force, page=page, order=order, table=table, as_json=json)
 
 
 @app.command()

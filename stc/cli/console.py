@@ -156,10 +156,13 @@ def show_profile(parts: Sequence[Part]) -> None:
     print_table("where the time went", rows, ("part", "ms", "%", "calls", "floor, ms", "times floor"))
 
 
-def show_certificate(certificate: Certificate) -> None:
-    """What the validation found, below the solution."""
+def show_certificate(certificate: Certificate, table: bool) -> None:
+    """What the validation found, below the solution: its summary, or the ``table`` of every measurement."""
+    from rich.console import Group
+
     print()
-    rich_console(width=None if sys.stdout.isatty() else WIDE).print(certificate)
+    shown = certificate if table else Group(*certificate.summary())
+    rich_console(width=None if sys.stdout.isatty() else WIDE).print(shown)
 
 
 def print_table(title: str, rows: Sequence[Sequence[str]], header: Sequence[str] = ()) -> None:

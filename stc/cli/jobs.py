@@ -46,8 +46,10 @@ def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     return GOOD if outcome.good else BAD
 
 
-def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_json: bool) -> int:
-    """Solve, save, validate; ``page`` is where the certificate goes."""
+def run(
+    spec: str, options: SolveOptions, *, force: bool, page: Path | None, table: bool, as_json: bool
+) -> int:
+    """Solve, save, validate; ``page`` is where the certificate goes, and ``table`` asks for every measurement."""
     from stc.studies.replay_lines import check_replay_lines
 
     model = load(spec, options.constants)
@@ -59,7 +61,7 @@ def run(spec: str, options: SolveOptions, *, force: bool, page: Path | None, as_
     outcome = _solved(model, options, as_json, save=True)
     if outcome.solution.model is None:
         return _not_validated(outcome, _no_replay(outcome.solution.name), page, as_json)
-    return _judged(outcome, outcome.solution, force, page, as_json)
+    return _judged(outcome, outcome.solution, force=force, page=page, table=table, as_json=as_json)
 
 
 def compare(spec: str, optimizers: str | None, options: SolveOptions, *, as_json: bool) -> int:
@@ -122,11 +124,18 @@ def compare(spec: str, optimizers: str | None, options: SolveOptions, *, as_json
 
 
 def validate(
-    target: str, options: SolveOptions, *, force: bool, page: Path | None, order: bool, as_json: bool
+    target: str,
+    options: SolveOptions,
+    *,
+    force: bool,
+    page: Path | None,
+    order: bool,
+    table: bool,
+    as_json: bool,
 ) -> int:
     """Validate a saved solution, or what solving a spec gives; that is saved only if a file is named.
 
-    With ``order`` the observed order of convergence is one of the measurements.
+    With ``order`` the observed order of convergence is one of the measurements; ``table`` asks to print every one.
     """
     if page is not None:
         spare(page, [(target, "what is to be validated")], "--report")
@@ -137,7 +146,7 @@ def validate(
 
         model, method = studies.subject(target, options)
         further = studies.observe_order(model, method, options).metrics
-    return _judged(outcome, motion, force, page, as_json, further)
+    return _judged(outcome, motion, force=force, page=page, table=table, as_json=as_json, further=further)
 
 
 def solved(
@@ -386,12 +395,14 @@ def _stated_warnings(model: Model, options: SolveOptions) -> Sequence[Diagnostic
 def _judged(
     outcome: Outcome,
     motion: Solution | Path,
+    *,
     force: bool,
     page: Path | None,
+    table: bool,
     as_json: bool,
     further: Sequence[Metric] = (),
 ) -> int:
-    """Replay a motion and show its certificate."""
+    """Replay a motion and show its certificate: the verdict in a few lines, or the whole ``table``."""
     status = outcome.solution.status  # what a search found before it was stopped is judged as well
     if status != "optimal" and not force:
         reason = f"the solve ended {status}, not optimal; --force replays it all the same"
@@ -415,7 +426,7 @@ def _judged(
         return ended(error.status)
     if not as_json:
         # What was found is shown before anything else can go wrong.
-        console.show_certificate(certificate)
+        console.show_certificate(certificate, table)
         if certificate.passed and not outcome.good:
             console.note("the motion passed, but the search did not get as far as it was asked to")
     unwritten = "" if page is None else _written(certificate, page)

@@ -121,3 +121,6 @@ Report = Annotated[
     str | None,
     typer.Option("--report", metavar="FILE.html", help="Write the certificate as one self-contained page."),
 ]
+Table = Annotated[
+    bool, typer.Option("--table", help="Print every measurement of the validation, not its summary alone.")
+]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -202,6 +202,12 @@ class Certificate:
         with replacing(target) as temporary:
             temporary.write_text(text, encoding="utf-8")
         return target
+
+    def summary(self) -> Iterator[Any]:
+        """The verdict in about a dozen lines, for rich to print."""
+        from stc.validate.certificate.terminal import summary
+
+        return summary(self)
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Rich shows the table that the page shows, with the verdict below it."""

@@ -1,8 +1,8 @@
-"""The certificate in a terminal: the page's table, notes, and the verdict in lines that point at the cause."""
+"""The certificate in a terminal: the verdict with a line for each kind of check, or the page's whole table."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from stc.validate.certificate import blame, table
@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
 
     from stc.validate.certificate.certificate import Certificate
+    from stc.validate.metrics import Metric
 
 _COLOURS = {"pass": "green", "fail": "bold red", "info": "dim"}
 
@@ -18,8 +19,55 @@ _COLOURS = {"pass": "green", "fail": "bold red", "info": "dim"}
 _HEADER, _GAP, _LEAST = ("metric", "of", "value", "limit", "verdict"), 3, 24
 
 
+#: So many notes and further failures the summary shows; the table has all.
+_MOST = 3
+
+
+def summary(certificate: Certificate) -> Iterator[Any]:
+    """The verdict in about a dozen lines: one for each kind of check, with the measurement nearest to its limit.
+
+    Yields:
+        What rich is to print, line by line; the verdict and what to do about it come last.
+    """
+    from rich.text import Text
+
+    report = certificate.report
+    yield Text(
+        f"{report.spec} ({report.method}, n = {report.n}, {report.duration:.4g} s) replayed in {report.simulator}",
+        style="bold",
+    )
+    for section in table.sections(certificate.metrics):
+        judged = [metric for metric in section.metrics if metric.limit is not None]
+        if judged:
+            verdict = "fail" if any(metric.verdict == "fail" for metric in judged) else "pass"
+            yield Text.assemble((f"  {verdict}  ", _COLOURS[verdict]), _nearest(section.title, judged))
+    for note in certificate.notes[:_MOST]:
+        yield Text(f"note: {note}", style="yellow")
+    count, left = len(certificate.metrics), len(certificate.notes) - _MOST
+    notes = f" and {left} more note{'s' if left > 1 else ''}" if left > 0 else ""
+    yield Text(
+        f"--table shows all {count} measurements{notes}; --report FILE.html writes them to a page with the film",
+        style="dim",
+    )
+    yield from _verdict(certificate, _MOST)
+
+
+def _nearest(title: str, judged: Sequence[Metric]) -> str:
+    """How many checks a section has, and the one that is nearest to its limit or farthest beyond it."""
+    failed = sum(metric.verdict == "fail" for metric in judged)
+    # A measurement past its limit comes before all others, though its limit be zero.
+    worst = max(judged, key=lambda metric: (metric.verdict == "fail", table.margin(metric) or 0.0))
+    count = (
+        f"{failed} of {len(judged)} beyond their limits" if failed else f"{len(judged)} within their limits"
+    )
+    if len(judged) == 1:
+        count = "beyond its limit" if failed else "within its limit"
+    figures = f"{table.quantity(worst, worst.value)}, limit {table.bound(worst)}"
+    return f"{title}: {count}; {'worst' if failed else 'nearest'} is {worst.name}, {worst.subject}: {figures}"
+
+
 def show(certificate: Certificate) -> Iterator[Any]:
-    """What rich is to print, piece by piece."""
+    """The table with every measurement, all notes, and the verdict; what rich is to print, piece by piece."""
     from rich.text import Text
 
     report = certificate.report
@@ -32,11 +80,18 @@ def show(certificate: Certificate) -> Iterator[Any]:
             yield Text(f"{label}: {facts[label]}", style="dim")
     for note in certificate.notes:
         yield Text(f"note: {note}", style="yellow")
+    yield from _verdict(certificate, 8)
+
+
+def _verdict(certificate: Certificate, most: int) -> Iterator[Any]:
+    """Passed or failed and by what; where it failed, at most so many further failures and what to do."""
+    from rich.text import Text
+
     if certificate.passed:
         yield Text(f"passed: {certificate.headline}", style="bold green")
         return
     yield Text(f"failed: {certificate.headline}", style="bold red")
-    for line in blame.others(certificate.metrics, certificate.findings):
+    for line in blame.others(certificate.metrics, certificate.findings, most):
         yield Text(f"  {line}", style="red")
     for step in certificate.next_steps:
         yield Text(f"next: {step}", style="bold")

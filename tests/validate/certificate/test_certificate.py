@@ -62,6 +62,34 @@ def test_the_terminal_shows_every_row_and_ends_in_the_verdict(reach: Certificate
     assert re.search(r"^passed: \d+ measurements within their limits", text, re.MULTILINE)
 
 
+def test_the_summary_has_a_line_for_each_kind_of_check_with_the_measurement_nearest_to_its_limit(
+    reach: Certificate,
+) -> None:
+    lines = [str(line) for line in reach.summary()]
+    assert len(lines) <= 12
+    assert lines[-1] == f"passed: {reach.headline}"
+    for section in table.sections(reach.metrics):
+        (line,) = [line for line in lines if f"  pass  {section.title}: " in line]
+        worst = max(section.metrics, key=lambda metric: table.margin(metric) or 0.0)
+        assert f"nearest is {worst.name}, {worst.subject}: " in line
+
+
+def test_the_summary_of_a_motion_that_failed_tells_what_failed_most_and_what_to_do() -> None:
+    wrong = spec("arm_reach").replace("- m2*g*z2;", "- 1.1*m2*g*z2;")
+    certificate = certify(stc.load(wrong).solve(), equations=True)
+    lines = [str(line) for line in certificate.summary()]
+    failed = [line for line in lines if line.startswith("  fail  ")]
+    assert any(
+        "Physics, instant by instant: " in line and "inverse-dynamics residual" in line for line in failed
+    )
+    assert all(
+        re.search(r"\d+ of \d+ beyond their limits; worst is |beyond its limit; worst is ", line)
+        for line in failed
+    )
+    assert f"failed: {certificate.headline}" in lines
+    assert lines[-1].startswith("next: ")
+
+
 FAULTS = {
     "mass in the potential": ("arm_reach", "- m2*g*z2;", "- 1.1*m2*g*z2;", "shoulder|elbow", "gravity"),
     "mass in the kinetic energy": (
