@@ -293,7 +293,15 @@ class _Elaborator(Context):
                     if e is not None
                 ):
                     continue
-                one = Relation(body, part.lower, part.upper, where, self.span(statement), text)
+                one = Relation(
+                    body,
+                    part.lower,
+                    part.upper,
+                    where,
+                    self.span(statement),
+                    text,
+                    complementary=statement.complementary,
+                )
                 found += (
                     [one]
                     if self.builder.paths is None
