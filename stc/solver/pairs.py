@@ -46,6 +46,11 @@ class Pairs:
         value = np.concatenate([x, rows])[self.side]
         return np.where(self.lower, 1.0, -1.0) * (value - self.limits(nlp))
 
+    def residual(self, nlp: NLP, x: Floats) -> float:
+        """The largest of the smaller sides at ``x`` (n,), relative to ``max(1, larger side)``."""
+        spare = self.spare(nlp, x, nlp.values(x)[1])
+        return float((spare.min(axis=1) / np.maximum(1.0, spare.max(axis=1))).max(initial=0.0))
+
     def among(self, x_places: NDArray[np.int64], row_places: NDArray[np.int64]) -> Pairs:
         """The pairs of a program that some variables and rows make: those of which product and sides are there.
 

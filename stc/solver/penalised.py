@@ -11,12 +11,14 @@ gradients depend on those of the sides wherever they hold, the penalty takes no 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stc.codegen.calls import chain
 from stc.codegen.native import f64s, i64, i64s, native
+from stc.solver.convexity import Bending
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.keeping import Keeper
-from stc.solver.nlp import NLP, Floats
+from stc.solver.nlp import NLP, Floats, Ints
 from stc.solver.pairs import Pairs
 
 __all__ = ["Penalised"]
@@ -55,9 +57,19 @@ class Penalised:
         self.fixed_curvature[self._product_cols] = False
         self._stated: Evaluator | None = None
 
-    def penalty(self, rows: Floats) -> float:
-        """What the objective has more than that of the whole program, whose rows are ``rows`` (m,)."""
-        return self.weight * float(rows[self._product].sum())
+    def hold(self, places: Ints, limits: Floats) -> None:
+        """Make equations of bounds: ``limits`` (k,) at ``places`` (k,) of the whole program's variables and rows."""
+        of_rows = places >= self.n
+        rows = np.searchsorted(self.kept, places[of_rows] - self.n)
+        self.row_lower[rows] = self.row_upper[rows] = limits[of_rows]
+        self.x_lower, self.x_upper = self.x_lower.copy(), self.x_upper.copy()
+        at = places[~of_rows]
+        self.x_lower[at] = self.x_upper[at] = limits[~of_rows]
+
+    def row_bends(self) -> NDArray[np.int8]:
+        """See :class:`stc.solver.convexity.Bending`."""
+        whole = self.whole
+        return (whole.row_bends() if isinstance(whole, Bending) else np.zeros(whole.m, np.int8))[self.kept]
 
     def all_multipliers(self, y: Floats) -> Floats:
         """Those of the whole program's rows, (m,), for ``y`` of the rows that are left."""
