@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from stc.problem import Relation
 from stc.solver.pairs import Pairs
 from stc.symbolic.expr import Expr
-from stc.transcription.assemble import Program
+from stc.transcription.derive import Group
 from stc.transcription.grid import IntArray, Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.statements import Bound, Statements, node_codes
@@ -36,7 +36,7 @@ class _Places:
 def find_pairs(
     relations: Sequence[Relation],
     statements: Statements,
-    program: Program,
+    groups: Sequence[Group],
     layout: Layout,
     at: At,
     bounds: Limits,
@@ -48,13 +48,14 @@ def find_pairs(
 
     Args:
         relations: of the problem.
+        groups: with their rows numbered.
         at: the value of an expression of constants and node data at nodes, (k,).
         bounds: lower and upper ones of the variables, (n,) each.
     """
     products = [k for k, relation in enumerate(relations) if relation.complementary]
     if not products:
         return Pairs.none()
-    rows = _rows_of({number for k in products for number in (k - 2, k - 1, k)}, program, relations)
+    rows = _rows_of({number for k in products for number in (k - 2, k - 1, k)}, groups)
     sides = {k - past: _Places() for k in products for past in (1, 2)}
     n = layout.size
     for number, found in sides.items():
@@ -84,12 +85,10 @@ def find_pairs(
     )
 
 
-def _rows_of(
-    wanted: set[int], program: Program, relations: Sequence[Relation]
-) -> dict[int, tuple[IntArray, IntArray]]:
+def _rows_of(wanted: set[int], groups: Sequence[Group]) -> dict[int, tuple[IntArray, IntArray]]:
     """The nodes' codes and the rows of each relation that has rows, (k,) each."""
     found: dict[int, tuple[list[IntArray], list[IntArray]]] = {}
-    for group in program.groups:
+    for group in groups:
         for r, row in enumerate(group.rows):
             codes, ids = node_codes(row.nodes), group.row_ids[r]
             owners = [(int(number), row.relation == number) for number in np.unique(row.relation)]

@@ -161,7 +161,7 @@ class Transcription(Stated):
     def _pairs(self, numbers: Numbers, bounds: Bounds) -> Pairs:
         limits = bounds.lower, bounds.upper
         return find_pairs(
-            self.problem.relations, self.statements, self.program, self.layout, numbers.at, limits
+            self.problem.relations, self.statements, self.program.groups, self.layout, numbers.at, limits
         )
 
     def _guessed(
