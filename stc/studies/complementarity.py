@@ -1,7 +1,7 @@
 """Which kind of stationary point a solution with complementary pairs is, and where both sides of a pair are nothing.
 
 With multipliers ``u`` and ``v`` of ``a = 0`` and ``b = 0`` in the program where each is an equation, a point is
-strongly stationary if both are at least 0 wherever both sides are nothing, M-stationary if both are or one of them is 0,
+strongly stationary if both are at least 0 wherever both sides are nothing, M-stationary if both are or one is 0,
 and C-stationary if their product is at least 0 (H. Scheel and S. Scholtes, Mathematical programs with complementarity
 constraints: stationarity, optimality, and sensitivity, Math. Oper. Res. 25, 2000).  Strongly stationary points are
 B-stationary: no direction in which the statements hold, linearised, lowers the objective.  For others that is asked of
