@@ -90,7 +90,9 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="MOTION", help="all by default")
     parser.add_argument("--each", type=int, default=20, help="perturbed ones of each motion")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--time-limit", type=float, default=60.0, help="seconds of processor time, for each solve")
+    parser.add_argument(
+        "--time-limit", type=float, default=60.0, help="seconds of processor time, for each solve"
+    )
     parser.add_argument("--list", action="store_true", help="also a line for every solve")
     options = parser.parse_args()
     if unknown := set(options.names) - set(ROBOTS):
