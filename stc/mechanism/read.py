@@ -272,6 +272,7 @@ class _Reader:
                     fluid=bool(m.geom_fluid[i][0] > 0),
                     adhesion=float(m.geom_adhesion[i]),
                     surface_velocity=_floats(m.geom_surfacevel[i]),
+                    solref=_floats(m.geom_solref[i]),
                     place=places[i],
                 )
                 for i in range(m.ngeom)
