@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -32,8 +33,10 @@ _SOLE = 5e-3
 _INSIDE = 0.1
 #: A joint within this share of its range from its end is at it.
 _AT_END = 1e-3
-#: Places that stand are level, and a centre of mass is above them, to this, in m; joints that differ do by more, in rad.
+#: Places that stand are level, and a centre of mass is above them, to this, in m.
 _LEVEL = 1e-9
+#: Joints of two poses that differ by less, in m or rad, are the same.
+_SAME = 1e-6
 #: The centre of mass of a pose that balances is inside of what stands by this share of its size.
 _MARGIN = 0.1
 _ROUNDS = 50
@@ -146,7 +149,23 @@ class Stance:
             if height < min(least[spot.body] + _SOLE, bottom + near)
         }
         carry = {above for spot in found.values() for above in self._above(spot.body)}
-        return [spot for spot in found.values() if spot.body not in carry]
+        by_body: dict[int, list[Spot]] = {}
+        for spot in found.values():
+            if spot.body not in carry:
+                by_body.setdefault(spot.body, []).append(spot)
+        return [spot for spots in by_body.values() for spot in self._three(spots)]
+
+    def _three(self, spots: Sequence[Spot]) -> Sequence[Spot]:
+        """Of the places of one body the three that span most: what a fourth one bears nothing determines."""
+        if len(spots) < 4:
+            return spots
+        places, _ = self._seen(self.start[:, None], spots)
+
+        def spanned(three: tuple[int, ...]) -> float:
+            a, b, c = places[:, three, 0].T
+            return float(np.linalg.norm(np.cross(b - a, c - a)))
+
+        return [spots[k] for k in max(combinations(range(len(spots)), 3), key=spanned)]
 
     def _above(self, body: int) -> Iterator[int]:
         """The bodies that a body hangs on."""
@@ -180,7 +199,7 @@ class Stance:
         return [
             (path_of("joint", joint.name), float(q[joint.qpos]))
             for joint in self.mechanism.joints
-            if joint.kind in ("hinge", "slide") and abs(q[joint.qpos] - self.drawn[joint.qpos]) > _LEVEL
+            if joint.kind in ("hinge", "slide") and abs(q[joint.qpos] - self.drawn[joint.qpos]) > _SAME
         ]
 
     def bent(self) -> Matrix:
