@@ -113,9 +113,7 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     scale, momentum, mass = 0.0, np.zeros(model.nv), np.zeros((model.nv, model.nv))
     moved = np.zeros(model.nv)
 
-    def forces_at(
-        state: list[FloatArray], drive: Drive, force: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def forces_at(state: list[FloatArray], drive: Drive, force: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(nv,) generalised force that the motion needs, the free joints without acceleration, and what it gets."""
         setup.reference.put(data, state)
         data.ctrl[setup.controls.addresses], data.act[setup.activations.addresses] = drive
@@ -125,9 +123,7 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
         mujoco.mj_fwdActuation(model, data)
         return needed, data.qfrc_actuator + data.qfrc_applied
 
-    def residual(
-        state: list[FloatArray], drive: Drive, force: FloatArray, rest: State | None
-    ) -> FloatArray:
+    def residual(state: list[FloatArray], drive: Drive, force: FloatArray, rest: State | None) -> FloatArray:
         nonlocal scale, moved
         if untied is not None and rest is not None:
             held = np.subtract(*_held(model, data, lambda: forces_at(state, drive, force)))

@@ -158,9 +158,7 @@ def _grounds(model: mujoco.MjModel, geoms: Sequence[int]) -> tuple[int, ...]:
     return () if all(_is_level(model, ground) for ground in fixed) else tuple(fixed)
 
 
-def _nearest_point(
-    model: mujoco.MjModel, data: mujoco.MjData, ground: int, centre: FloatArray
-) -> FloatArray:
+def _nearest_point(model: mujoco.MjModel, data: mujoco.MjData, ground: int, centre: FloatArray) -> FloatArray:
     """(3,) the point of a plane or a box that is nearest to a point outside of it."""
     import mujoco
 

@@ -84,8 +84,8 @@ def limit_notes(setup: Setup) -> list[str]:
     if not resting:
         return []
     return [
-        f"at an end of their range for a step or more: {', '.join(resting)}. A range is a bound of the motion and gives "
-        "no force; what a stop gives is stated with a `contact` line on the joint"
+        f"at an end of their range for a step or more: {', '.join(resting)}. A range is a bound of the motion and "
+        "gives no force; what a stop gives is stated with a `contact` line on the joint"
     ]
 
 

@@ -197,7 +197,10 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequen
             ]
             lines += [f"# variables: u;   forces: {joint}: u;   replay: apply {joint} = u;"]
     if page.feet and _gives_way(mechanism):
-        lines += ["", "replay:                   # the model's contacts give way; those of this page are rigid"]
+        lines += [
+            "",
+            "replay:                   # the model's contacts give way; those of this page are rigid",
+        ]
         lines += [f"  set option.solref.time = {_STIFF:g};"]
     lines += ["", "objective:"]
     lines += [f"  [0, n]: integral({'effort' if mechanism.actuators else '0'});"]

@@ -88,7 +88,9 @@ class Stance:
 
     def _numbers(self, bodies: Sequence[Expr], q: Matrix) -> Matrix:
         """(len(bodies), k) the values of functions of the configuration in k poses, (nq, k)."""
-        known: dict[object, object] = {ConstantRef(name): value for name, value in self.scope.constants.items()}
+        known: dict[object, object] = {
+            ConstantRef(name): value for name, value in self.scope.constants.items()
+        }
         known.update(zip(self._keys, q, strict=True))
         values = evaluate_all(list(bodies), known)
         return np.array([np.broadcast_to(np.asarray(value, float), q.shape[1:]) for value in values])
@@ -122,7 +124,9 @@ class Stance:
             turn = rotation(geom.quat)
             for at, rounded, written in _lowest(geom, axes, self.up):
                 radius = rounded + geom.margin
-                x, y, z = [0.0 if abs(v) < 1e-9 else float(f"{v:.6g}") for v in np.array(geom.pos) + turn @ at]
+                x, y, z = [
+                    0.0 if abs(v) < 1e-9 else float(f"{v:.6g}") for v in np.array(geom.pos) + turn @ at
+                ]
                 place = f"point({path_of('body', name)}, {x:.6g}, {y:.6g}, {z:.6g})"
                 ball = f", radius = {radius:.6g}" if radius else ""
                 yield Spot(geom.body, (x, y, z), radius, written or place + ball)
@@ -250,7 +254,9 @@ class Stance:
         """(spots + 2, k) by how much places are not level and the centre of mass is not above their middle, in m."""
         places, centre = self._seen(q, spots)
         heights = np.einsum("i,isk->sk", self.up, places)
-        beside = self._flat(centre) - np.array([self._flat(p) for p in np.moveaxis(places, 1, 0)]).mean(axis=0)
+        beside = self._flat(centre) - np.array([self._flat(p) for p in np.moveaxis(places, 1, 0)]).mean(
+            axis=0
+        )
         return np.vstack([heights - heights.mean(axis=0), beside])
 
     def _ranges(self, joints: Sequence[int]) -> tuple[Matrix, Matrix]:

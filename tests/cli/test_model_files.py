@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stc
+from stc.certification import certify
 from stc.cli import run
 
 
@@ -67,6 +68,21 @@ def test_a_starter_of_a_leg_whose_file_draws_it_beyond_a_stop_solves(
     assert solution.status == "optimal"
     knee = solution["joint.knee"]
     assert knee.min() > np.radians(20) - 1e-6
+
+
+@pytest.mark.parametrize("name", ["hopper", "ant"])
+def test_a_starter_of_a_robot_of_others_stands_and_passes_validation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Its legs are drawn straight or out of range, its feet are capsules with a margin, and its contacts are soft."""
+    gymnasium = pytest.importorskip("gymnasium")
+    path = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / f"{name}.xml"
+    monkeypatch.chdir(tmp_path)
+    assert run(["new", "mine", "--model", str(path)]) == 0
+    text = Path("mine.stc").read_text(encoding="utf-8")
+    assert "contact:" in text
+    certificate = certify(stc.load("mine.stc").solve(), equations=False)
+    assert certificate.passed, certificate.headline
 
 
 def test_a_model_without_joints_has_no_starter(

@@ -74,6 +74,8 @@ def test_forces_of_actuators_whose_states_are_told_are_judged(
     control = "u + 0.05*u'; actuator t.activation = u"
     report = report_of(tmp_path, more, T=2, friction=0, rate=0, more="[0]: u = 0;", control=control)
     assert report.unjudged == []
-    verdicts = {m.verdict for m in report.metrics if m.name in ("inverse-dynamics residual", "energy balance")}
+    verdicts = {
+        m.verdict for m in report.metrics if m.name in ("inverse-dynamics residual", "energy balance")
+    }
     assert verdicts == ({"pass"} if right else {"fail"})
     assert report.passed == right

@@ -166,7 +166,9 @@ class Schedule:
             return Contact(name, kind, statement, path, frame, radius=radius)
         assert isinstance(where, syntax.Name)
         if rolls is not None:
-            raise PathError("`radius` is of a ball about a point of a body", "write `point(body.NAME, x, y, z)`")
+            raise PathError(
+                "`radius` is of a ball about a point of a body", "write `point(body.NAME, x, y, z)`"
+            )
         of, *rest = parts_of(where.name)
         if of not in ("site", "geom", "body") or len(rest) != 1:
             raise PathError(f"`{where.name}` is no place of the model", "write `site.NAME` or `geom.NAME`")
@@ -218,7 +220,9 @@ class Schedule:
         """
         number = None if value is None else self.context.constants.value_of(value)
         if number is None or number < 0.0:
-            raise PathError("the radius of a ball is a constant, 0 or more", f"write `{option.name} = 0.02`, in m")
+            raise PathError(
+                "the radius of a ball is a constant, 0 or more", f"write `{option.name} = 0.02`, in m"
+            )
         return float(number)
 
     def _schedule(self, statement: syntax.ContactPlace, where: FrameRange, ranged: bool) -> None:
