@@ -118,3 +118,19 @@ def test_a_starter_of_a_model_without_actuators_tells_how_to_drive_it(
 def test_a_missing_model_is_a_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["show", str(tmp_path / "none.xml")]) == 2
     assert "there is no model" in capsys.readouterr().err
+
+
+_ARM = """<robot name="arm"><link name="base"/><joint name="elbow" type="continuous"><parent link="base"/>
+  <child link="arm"/><axis xyz="0 1 0"/></joint><link name="arm"><inertial><origin xyz="0 0 -.5"/><mass value="1"/>
+  <inertia ixx=".1" iyy=".1" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial>{more}</link></robot>"""
+
+
+def test_what_a_urdf_does_not_state_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its base and motors in the listing; of meshes in packages, which MuJoCo does not find, the line to write."""
+    (tmp_path / "arm.urdf").write_text(_ARM.format(more=""), encoding="utf-8")
+    assert run(["show", str(tmp_path / "arm.urdf")]) == 0
+    assert "fixed to the world" in capsys.readouterr().out
+    mesh = '<collision><geometry><mesh filename="package://arm/meshes/arm.stl"/></geometry></collision>'
+    (tmp_path / "arm.urdf").write_text(_ARM.format(more=mesh), encoding="utf-8")
+    assert run(["show", str(tmp_path / "arm.urdf")]) == 2
+    assert 'strippath="true"' in capsys.readouterr().err
