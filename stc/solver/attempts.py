@@ -50,8 +50,8 @@ class Attempts:
     ) -> Outcome:
         """Steps from a neighbour's solution; where they do not converge, a short barrier path to it.
 
-        Along a flat valley of the objective that path is a long one. There a parameter that is chosen freely grows again,
-        and leads away from where the rows are nearly met: after some steps it is held from the first.
+        Along a flat valley of the objective that path is a long one. There a parameter that is chosen freely grows
+        again, and leads away from where the rows are nearly met: after some steps it is held from the first.
         """
         assert start.row_multipliers is not None
         x, y, z = x0 / form.x_scale, form.scaled_multipliers(start.row_multipliers), np.zeros(form.n)
