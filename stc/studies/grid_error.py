@@ -37,7 +37,7 @@ from stc.records import dataclass
 from stc.solution import MultiplierBlock, Solution
 from stc.studies.difference_gaps import ends_of_sums, gaps_of, moved_rows, moved_terms
 from stc.studies.discretisation import States, local_errors, quadrature_errors
-from stc.studies.doubled import change_when_doubled, range_of
+from stc.studies.doubled import LEAST_RANGE, change_when_doubled, range_of
 from stc.symbolic.expr import symbols
 from stc.trajectory import Channel
 
@@ -59,8 +59,6 @@ NO_GUESS = 0.1
 """Above this share: what was found is no motion that could be a guess."""
 CORNER, WIGGLE = 1.0 / 12.0, 0.2
 """Of a step times what a rate changes by where it turns somewhere in it: what the states are off by, on average."""
-LEAST_RANGE = 1e-6
-"""Of the largest range of all: what varies by less counts as still."""
 WHOLE = 1.0
 """An error of the whole range, or objective, says all that there is to say."""
 
