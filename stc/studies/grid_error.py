@@ -103,7 +103,7 @@ class GridError:
         if not self.objective <= GROSS:
             what.append(f"the objective by about {_share(self.objective)}")
         if not self.motion <= GROSS:
-            what.append(f"{self.variable} by about {_share(self.motion)} of its range")
+            what.append(f"{self.variable} by {_of_range(self.motion)}")
         return (
             f"the grid is coarse for this motion: more frames are likely to change {' and '.join(what)}. The status "
             "tells of the program on this grid alone; `--refine 1e-3` adds frames until they change little, or give n "
@@ -186,6 +186,10 @@ def _told(errors: FloatArray) -> FloatArray:
 def _known(error: float) -> float:
     """An error that cannot be told is as large as any."""
     return error if np.isfinite(error) else np.inf
+
+
+def _of_range(error: float) -> str:
+    return f"about {_share(error)} of its range" if error < WHOLE else "about all of its range"
 
 
 def _share(error: float) -> str:
