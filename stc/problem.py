@@ -281,6 +281,8 @@ class Problem:
     ``rotations`` are the orientations among the variables, and ``of_model`` tells whether a model has brought the
     equations of motion; for the guess, ``fixtures`` are what it holds, and ``root`` the variables by which it moves as
     a whole.
+    ``relaxation`` is the constant by which products may differ from the zero that they are meant to be, of gaps and the
+    forces that close them; empty where there are none.  It is brought down to its value in several solves.
     ``at_nodes`` are variables that are chosen node by node, without a course in time: the directions of distances.
     ``data`` holds the columns of numbers that the spec reads, ``tables`` the functions that it makes of them.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
@@ -309,6 +311,7 @@ class Problem:
     model_span: Span | None = None
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
+    relaxation: str = ""
     at_nodes: Sequence[str] = ()
     fixtures: Sequence[Fixture] = ()
     root: frozenset[str] = frozenset()

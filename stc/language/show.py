@@ -138,6 +138,8 @@ def show_syntax(tree: syntax.SpecTree) -> str:
             indent = _INDENT
             if block.header is not None:
                 lines.append(f"{indent}{show_header(block.header)}")
+            elif block.free:
+                lines.append(f"{indent}free:")
                 indent += _INDENT
             texts = [show_statement(statement) for statement in block.statements]
             if section.kind == "forces":
