@@ -269,6 +269,26 @@ class ReplayChannel:
     span: Span
 
 
+@dataclass(frozen=True, slots=True)
+class FreeContact:
+    """A contact whose frames are left to the solver.
+
+    Attributes:
+        gap: the distance of what touches from the surface.
+        pressure: the force of the surface along its normal.
+        slip: the velocities of what touches along the surface.
+        weight: of the whole model, in N: what forces are large beside.
+        span: where the spec leaves it to the solver.
+    """
+
+    name: str
+    gap: Expr
+    pressure: Expr
+    slip: Sequence[Expr]
+    weight: float
+    span: Span
+
+
 @dataclass(slots=True)
 class Problem:
     """A spec with its numbers: everything that transcription needs.
@@ -283,6 +303,7 @@ class Problem:
     a whole.
     ``relaxation`` is the constant by which products may differ from the zero that they are meant to be, of gaps and the
     forces that close them; empty where there are none.  It is brought down to its value in several solves.
+    ``free_contacts`` are those that have such products.
     ``at_nodes`` are variables that are chosen node by node, without a course in time: the directions of distances.
     ``data`` holds the columns of numbers that the spec reads, ``tables`` the functions that it makes of them.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
@@ -312,6 +333,7 @@ class Problem:
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
     relaxation: str = ""
+    free_contacts: Sequence[FreeContact] = ()
     at_nodes: Sequence[str] = ()
     fixtures: Sequence[Fixture] = ()
     root: frozenset[str] = frozenset()

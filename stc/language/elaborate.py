@@ -172,6 +172,7 @@ class _Elaborator(Context):
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
             relaxation=RELAXATION if self.table.kind(RELAXATION) else "",
+            free_contacts=[] if self.model_statements is None else self.model_statements.free_contacts(),
             at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
             fixtures=fixtures,
             root=frozenset() if self.model_statements is None else self.model_statements.root(),
