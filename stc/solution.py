@@ -178,6 +178,11 @@ class Solution:
     origin: Any = None
 
     @property
+    def is_sketch(self) -> bool:
+        """Whether it is one in time steps, of first order, which tell in what order contacts come and go."""
+        return self.method == "stepping"
+
+    @property
     def unknowns(self) -> list[tuple[str, int]]:
         """The keys of the trajectories that were unknown."""
         central = self.method == "central"
