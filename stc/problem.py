@@ -274,15 +274,15 @@ class FreeContact:
     """A contact whose frames are left to the solver.
 
     Attributes:
-        gap: the distance of what touches from the surface.
+        gaps: the distance of what touches from the surface, of a sole those of its corners.
         pressure: the force of the surface along its normal.
-        slip: the velocities of what touches along the surface.
+        slip: the velocities of what touches along the surface, and of a sole its turning there.
         weight: of the whole model, in N: what forces are large beside.
         span: where the spec leaves it to the solver.
     """
 
     name: str
-    gap: Expr
+    gaps: Sequence[Expr]
     pressure: Expr
     slip: Sequence[Expr]
     weight: float

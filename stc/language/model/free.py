@@ -3,7 +3,8 @@
 At the end of every step pairs decide of which each is a force and what it works against.  A point pushes only where it
 touches: its gap g and its pressure p are not negative, and g p = 0.  Friction f is within Coulomb's cone, |f| <= mu p.
 
-As under a schedule a point stands still where it touches: p v = 0, with the velocity v along the surface.  One that
+As under a schedule it stands still where it touches: p v = 0, with the velocity v along the surface.  A sole stands flat:
+its gap is that of all corners, and its wrench in the cone of a rectangle.  A point that
 ``slides`` may move, and then friction dissipates the most it can: with the speed s,
 
     s^2 = v.v,    f.v + mu p s = 0
@@ -52,11 +53,15 @@ def free_contacts(contacts: Contacts) -> list[FreeContact]:
     for contact in contacts.free():
         phase = contact.free
         assert phase is not None
-        (gap,) = contacts.heights_above(contact, phase.surface)
+        # Corners of a sole that are one in the plane of a planar model count once.
+        gaps = list(dict.fromkeys(contacts.heights_above(contact, phase.surface)))
         pressure = dot(vector(phase.surface.normal), _force(contact))
-        *along, _ = contacts.velocities(contact, phase)
+        x, y, _, *turning = contacts.velocities(contact, phase)
+        along = [x, y]
+        if turning:
+            along.append(dot(vector(phase.surface.normal), (turning[0], turning[1], turning[2])))
         span = contacts.context.span(phase.statement)
-        found.append(FreeContact(contact.name, gap, pressure, along, contacts.scope.weight, span))
+        found.append(FreeContact(contact.name, gaps, pressure, along, contacts.scope.weight, span))
     return found
 
 
@@ -68,24 +73,27 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
         return Relation(body, lower, upper, where, found.span, f"{contact.name} {text}")
 
     allowed = mul(sym(ConstantRef(RELAXATION)), num(found.weight))
-    yield row(found.gap, ZERO, None, f"is not below the {surface.name}")
+    for gap in found.gaps:
+        yield row(gap, ZERO, None, f"is not below the {surface.name}")
     yield row(pressure, ZERO, None, "pushes")
-    yield row(mul(pressure, found.gap), None, allowed, "pushes where it touches")
+    yield row(mul(pressure, sum_of(found.gaps)), None, allowed, "pushes where it touches")
+    moving = [rate for rate in found.slip if rate is not ZERO]
     force = _force(contact)
     along = [
         (dot(vector(tangent), force), rate)
-        for tangent, rate in zip(surface.tangents, found.slip, strict=True)
+        for tangent, rate in zip(surface.tangents, found.slip, strict=False)
         if rate is not ZERO
     ]
     friction = mul(contact.options["friction"], pressure)
-    if len(along) == 1:
+    if len(along) == 1 and contact.kind == "point":
         for sign in (1.0, -1.0):
             yield row(sub(friction, mul(num(sign), along[0][0])), ZERO, None, "has friction within its cone")
     else:
-        yield from contacts.cone(contact, phase, force, where)
+        parts = [sym(VariableRef(name)) for name in contact.forces]
+        yield from contacts.cone(contact, phase, parts, where)
     allowed = mul(num(RATE), allowed)
     if not contact.says("slides"):
-        for _, rate in along:
+        for rate in moving:
             yield row(mul(pressure, rate), neg(allowed), allowed, "stands still where it touches")
         return
     slip, still = sym(VariableRef(contact.slip)), num(STILL)
@@ -105,5 +113,5 @@ def _first_frame(contact: Contact, found: FreeContact) -> Iterator[Relation]:
 
 
 def _force(contact: Contact) -> Vector:
-    x, y, z = [sym(VariableRef(name)) for name in contact.forces]
+    x, y, z = [sym(VariableRef(name)) for name in contact.forces[:3]]
     return x, y, z

@@ -248,11 +248,11 @@ class Schedule:
         statement, name = phase.statement, contact.name
         if contact.free is not None:
             self.context.error(statement, f"`{name}` is free already", "one line is enough")
-        elif contact.kind != "point":
-            hint = "a pin is held over a range of frames"
-            if contact.kind == "foot":
-                hint = "let the corners of its sole be free, each as a `point(body.NAME, x, y, z)`"
-            self.context.error(statement, f"a {contact.kind} cannot be free", hint)
+        elif contact.kind == "pin":
+            self.context.error(statement, "a pin cannot be free", "it is held over a range of frames")
+        elif contact.kind == "foot" and contact.says("slides"):
+            hint = "let the corners of its sole slide, each as a `point(body.NAME, x, y, z)`"
+            self.context.error(contact.statement, "a foot stands, and cannot slide", hint)
         elif statement.at:
             hint = "where it comes down is the solver's choice too; a range of frames can have a place"
             self.context.error(statement, f"`{name}` is free, and has no place", hint)
