@@ -9,7 +9,7 @@ What the early ones find is a start and no result: they get few iterations.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from stc.solver import Options, Result, Start, Status
@@ -21,8 +21,8 @@ __all__ = ["brought_down"]
 FIRST = 0.03
 #: What it is multiplied by from one solve to the next.
 FACTOR = 0.1
-#: Iterations of each solve but the last.
-ITERATIONS = 50
+#: Iterations of each solve but the last; the larger number where the smaller one has led to no solution.
+ITERATIONS = 50, 500
 
 Solve = Callable[[float, Options, Start | None], Result]
 
@@ -57,10 +57,34 @@ def brought_down(solve: Solve, last: float, options: Options, start: Start | Non
         the point so far with what it violates.
     """
     known = start is not None and start.row_multipliers is not None
+    found: Result | None = None
     iterations = factorizations = 0
-    for value in [last] if known else values(last):
+    for most in (options.max_iterations,) if known else ITERATIONS:
+        left = replace(options, max_iterations=options.max_iterations - iterations)
+        found, ended = _walked(solve, [last] if known else [*values(last)], left, most, start)
+        iterations += found.iterations
+        factorizations += found.factorizations
+        if found.status is Status.OPTIMAL or ended or iterations >= options.max_iterations:
+            break
+    assert found is not None
+    return replace(found, iterations=iterations, factorizations=factorizations)
+
+
+def _walked(
+    solve: Solve, by: Sequence[float], options: Options, most: int, start: Start | None
+) -> tuple[Result, bool]:
+    """The result of the last of some values, each solved from the one before, and whether a limit ended it.
+
+    Parameters
+    ----------
+    most
+        Iterations of each but the last.
+    """
+    iterations = factorizations = 0
+    last = by[-1]
+    for value in by:
         left = options.max_iterations - iterations
-        few = replace(options, max_iterations=min(ITERATIONS, left), retries=0)
+        few = replace(options, max_iterations=min(most, left), retries=0)
         chosen = replace(options, max_iterations=left) if value == last else few
         warm = start is not None and start.row_multipliers is not None
         found = solve(value, replace(chosen, warm_start=warm), start)
@@ -73,4 +97,4 @@ def brought_down(solve: Solve, last: float, options: Options, start: Start | Non
             there = solve(last, replace(options, max_iterations=0), Start(found.x))
             found = replace(there, status=status, message=f"{sentence(status)} {advice(status)}")
             break
-    return replace(found, iterations=iterations, factorizations=factorizations)
+    return replace(found, iterations=iterations, factorizations=factorizations), ended

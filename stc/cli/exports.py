@@ -61,7 +61,13 @@ def schedule(target: str, output: str | None, options: SolveOptions, *, force: b
     path = ready_to_write(Path(output or f"{solution.name}_scheduled.stc"))
     ranges, table = found_ranges(solution), write_schedule(solution, path)
     if as_json:
-        facts = {"status": "ok", "name": solution.name, "file": str(path), "guess": str(table), "ranges": ranges}
+        facts = {
+            "status": "ok",
+            "name": solution.name,
+            "file": str(path),
+            "guess": str(table),
+            "ranges": ranges,
+        }
         record.write(facts)
         return GOOD
     for name, frames in ranges.items():

@@ -7,13 +7,14 @@ As under a schedule it stands still where it touches: p v = 0, with the velocity
 its gap is that of all corners, and its wrench in the cone of a rectangle.  A point that
 ``slides`` may move, and then friction dissipates the most it can: with the speed s,
 
-    s^2 = v.v,    f.v + mu p s = 0
+    |v| <= s,    f.v + mu p s = 0
 
 The cones |f| <= mu p and |v| <= s are each other's dual, so that the sum is never negative; it is zero where v = 0 (the
 point sticks, with any friction in the cone) or f = -mu p v/|v| (it slides), and nothing else.  So friction is one
 product of cones, in the plane and in space, and needs no pyramid's directions (second-order cone complementarity; the
 law of maximal dissipation: Stewart and Trinkle 1996, Anitescu and Potra 1997; as constraints of an optimisation Posa,
-Cantu and Tedrake 2014).  A tiny speed is added to s: its root has a slope everywhere.
+Cantu and Tedrake 2014).  A speed r that goes to zero with the relaxation rounds the tip of the cone of velocities, and
+a wide limit keeps s from drifting off where no force asks for it: r^2 <= s^2 - v.v <= r^2 + 1, in m^2/s^2.
 
 The products may be as large as a constant, which the solve brings down (Scholtes 2001, :mod:`stc.relaxing`): at zero there
 is no point with room on all sides.
@@ -22,21 +23,20 @@ is no point with room on all sides.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from stc.language.model.scope import RELAXATION
 from stc.mechanism.vectors import Vector, dot, vector
 from stc.problem import ConstantRef, FrameRange, FreeContact, Relation, VariableRef
-from stc.symbolic.expr import ZERO, Expr, mul, neg, num, sub, sum_of, sym
+from stc.symbolic.expr import ONE, ZERO, Expr, mul, neg, num, sub, substitute, sum_of, sym, symbols
 
 if TYPE_CHECKING:
     from stc.language.model.contact import Contacts
     from stc.language.model.schedule import Contact, Phase
 
-#: In m/s for each m: how far friction may be from its law, where a force may act at a distance.
+#: By how many m/s friction may be off its law where a force may act at a distance of 1 m.
 RATE = 10.0
-#: The speed, in m/s, below which what sticks and what slides are told apart no more.
-STILL = 1e-3
 
 
 def laws(contacts: Contacts) -> Iterator[Relation]:
@@ -95,11 +95,15 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
     if not contact.says("slides"):
         for rate in moving:
             yield row(mul(pressure, rate), neg(allowed), allowed, "stands still where it touches")
+            later, text = _in_the_next_step(rate), "stands still until it has left"
+            before = FrameRange(1, phase.frames.last - 1)
+            body = mul(pressure, later)
+            yield Relation(body, neg(allowed), allowed, before, found.span, f"{contact.name} {text}")
         return
-    slip, still = sym(VariableRef(contact.slip)), num(STILL)
-    squares = sum_of([mul(still, still), *(mul(rate, rate) for _, rate in along)])
+    slip, still = sym(VariableRef(contact.slip)), mul(num(RATE), sym(ConstantRef(RELAXATION)))
+    squares = sum_of([mul(still, still), *(mul(rate, rate) for rate in moving)])
     yield row(slip, ZERO, None, "slides at no negative speed")
-    yield row(sub(mul(slip, slip), squares), ZERO, ZERO, "slides as fast as it moves")
+    yield row(sub(mul(slip, slip), squares), ZERO, ONE, "slides as fast as it moves")
     power = sum_of([*(mul(part, rate) for part, rate in along), mul(friction, sub(slip, still))])
     yield row(power, None, allowed, "rubs against its sliding, as much as it can")
 
@@ -115,3 +119,9 @@ def _first_frame(contact: Contact, found: FreeContact) -> Iterator[Relation]:
 def _force(contact: Contact) -> Vector:
     x, y, z = [sym(VariableRef(name)) for name in contact.forces[:3]]
     return x, y, z
+
+
+def _in_the_next_step(e: Expr) -> Expr:
+    """What an expression is at the end of the step after."""
+    keys = [key for key in symbols(e) if isinstance(key, VariableRef)]
+    return substitute(e, {key: sym(replace(key, shift=key.shift + 1)) for key in keys})

@@ -303,9 +303,7 @@ def _read(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | None:
     for refusal in stated:
         hint = f'leave it out knowingly with `model: "{first.path}" without {refusal.kind};`; the verdict will say so'
         diagnostics.error(f"this model cannot be stated exactly: {refusal}", first.start, first.end, hint)
-    return None if stated else ModelScope(
-        first, path, mechanism, list(declared_names(tree)), _relaxed(tree)
-    )
+    return None if stated else ModelScope(first, path, mechanism, list(declared_names(tree)), _relaxed(tree))
 
 
 def each_of(statement: S, scope: ModelScope) -> Iterator[S]:
