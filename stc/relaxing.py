@@ -1,10 +1,10 @@
 """Products that are meant to be zero, brought down to it in several solves.
 
-Of a gap and the force that closes it one is zero.  Where their product is a row there is no point with room on all sides,
-and Newton's method has nothing to hold on to: the motion stays in the order of contacts that it was guessed in.  So the
+Of a gap and the force that closes it one is zero.  Where their product is a row no point has room on all sides, and
+Newton's method has nothing to hold on to: the motion stays in the order of contacts that it was guessed in.  So the
 product may be as large as a constant, large enough at first for forces to act at a distance, and is solved for smaller
-and smaller values, each from the one before (Scholtes 2001, with the continuation of Hoheisel, Kanzow and Schwartz 2013).
-What the early ones find is a start and no result: they get few iterations.
+and smaller values, each from the one before (Scholtes 2001).  What the early ones find is a start and no result: they
+get few iterations.
 """
 
 from __future__ import annotations

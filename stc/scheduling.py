@@ -1,8 +1,8 @@
 """From contacts that the solver has found to a schedule: the same spec with ranges of frames in place of ``free:``.
 
-Time steps find in which order contacts come and go, roughly; a schedule states it, and is solved to the full order of its
-method and judged by MuJoCo as any other.  The motion that was found goes along as a table of poses, from which the new
-spec starts.
+Time steps find in which order contacts come and go, roughly.  A schedule states it, is solved to the full order of its
+method, and is judged by MuJoCo as any other.  The motion that was found goes along as a table of poses, from which the
+new spec starts.
 """
 
 from __future__ import annotations

@@ -16,8 +16,8 @@ from stc.collecting import collect
 from stc.deadline import left
 from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way, only_once
 from stc.problem import Problem
-from stc.relaxing import brought_down
 from stc.records import dataclass, field
+from stc.relaxing import brought_down
 from stc.solution import Solution
 from stc.solver import Options, Result, Start, Status
 from stc.solver.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of

@@ -138,6 +138,7 @@ def show_syntax(tree: syntax.SpecTree) -> str:
             indent = _INDENT
             if block.header is not None:
                 lines.append(f"{indent}{show_header(block.header)}")
+                indent += _INDENT
             elif block.free:
                 lines.append(f"{indent}free:")
                 indent += _INDENT

@@ -1,11 +1,12 @@
-"""Contact that nobody schedules: when a point touches is left to the solver.
+"""Contact that nobody schedules: when a point or a sole touches is left to the solver.
 
 At the end of every step pairs decide of which each is a force and what it works against.  A point pushes only where it
 touches: its gap g and its pressure p are not negative, and g p = 0.  Friction f is within Coulomb's cone, |f| <= mu p.
 
-As under a schedule it stands still where it touches: p v = 0, with the velocity v along the surface.  A sole stands flat:
-its gap is that of all corners, and its wrench in the cone of a rectangle.  A point that
-``slides`` may move, and then friction dissipates the most it can: with the speed s,
+As under a schedule a point stands still where it touches: p v = 0, with the velocity v along the surface, in that step
+and in the next one, lest it comes down on every other frame and slips in between.  A sole stands flat: its gap is that
+of all corners, and its wrench in the cone of a rectangle.  A point that ``slides`` may move, and then friction
+dissipates the most it can: with the speed s,
 
     |v| <= s,    f.v + mu p s = 0
 
@@ -16,8 +17,8 @@ law of maximal dissipation: Stewart and Trinkle 1996, Anitescu and Potra 1997; a
 Cantu and Tedrake 2014).  A speed r that goes to zero with the relaxation rounds the tip of the cone of velocities, and
 a wide limit keeps s from drifting off where no force asks for it: r^2 <= s^2 - v.v <= r^2 + 1, in m^2/s^2.
 
-The products may be as large as a constant, which the solve brings down (Scholtes 2001, :mod:`stc.relaxing`): at zero there
-is no point with room on all sides.
+The products may be as large as a constant, which the solve brings down (Scholtes 2001, :mod:`stc.relaxing`): at zero no
+point has room on all sides.
 """
 
 from __future__ import annotations
@@ -95,10 +96,10 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
     if not contact.says("slides"):
         for rate in moving:
             yield row(mul(pressure, rate), neg(allowed), allowed, "stands still where it touches")
-            later, text = _in_the_next_step(rate), "stands still until it has left"
-            before = FrameRange(1, phase.frames.last - 1)
-            body = mul(pressure, later)
-            yield Relation(body, neg(allowed), allowed, before, found.span, f"{contact.name} {text}")
+            if contact.kind == "point":
+                body, before = mul(pressure, _in_the_next_step(rate)), FrameRange(1, phase.frames.last - 1)
+                text = f"{contact.name} stands still until it has left"
+                yield Relation(body, neg(allowed), allowed, before, found.span, text)
         return
     slip, still = sym(VariableRef(contact.slip)), mul(num(RATE), sym(ConstantRef(RELAXATION)))
     squares = sum_of([mul(still, still), *(mul(rate, rate) for rate in moving)])

@@ -1,4 +1,4 @@
-"""Contact that is left to the solver: what falls lands, what slides is slowed, and what is written wrongly is told of."""
+"""Contact that is left to the solver: what falls lands, what slides is slowed, what is written wrongly is told of."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import stc
 from stc.errors import SpecError, UsageError
 from stc.scheduling import found_ranges, write_schedule
 from stc.solution import Solution
-from stc.trajectory import interpolant, Channel
+from stc.trajectory import Channel, interpolant
 from stc.validate import validate
 
 from .bodies import load
@@ -32,7 +32,8 @@ contact: foot = point(site.bottom), friction = mu, slides;
   free: foot;
 constraints: [0]: joint.x; joint.y; joint.z = z0; joint.x' = v; joint.y'; joint.z';
 """
-HOPPER = """<mujoco><compiler angle="radian" autolimits="true"/><option timestep=".0001" integrator="RK4" impratio="10"/>
+HOPPER = """<mujoco><compiler angle="radian" autolimits="true"/>
+  <option timestep=".0001" integrator="RK4" impratio="10"/>
   <default><geom contype="0" conaffinity="0"/><default class="touching">
     <geom contype="1" conaffinity="1" friction=".88 .005 .0001" solref=".0004 1"/></default></default>
   <worldbody><geom class="touching" name="floor" type="plane" size="5 5 .1"/>
