@@ -57,7 +57,7 @@ def elaborate(
     Args:
         tree: what :func:`stc.language.parser.parse` gave.
         overrides: values of constants by name; they win over the file's.
-        method: ``central``, ``trapezoidal`` or ``hermite-simpson``; wins over the file's.
+        method: ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping``; wins over the file's.
 
     Raises:
         SpecError: with every mistake in what the text means.

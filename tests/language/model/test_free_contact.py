@@ -194,3 +194,13 @@ def test_what_slides_has_no_schedule(tmp_path: Path) -> None:
     solution = load(tmp_path, BLOCK, FALL).solve(z0=0, v=1, mu=0.3)
     with pytest.raises(UsageError, match="`foot` slides on frames"):
         found_ranges(solution)
+
+
+@pytest.mark.slow
+def test_the_lamp_jumps_without_a_schedule(tmp_path: Path) -> None:
+    rough = stc.load(Path(__file__).parents[3] / "docs" / "lamp_free.stc").solve()
+    assert rough.status == "optimal"
+    write_schedule(rough, tmp_path / "scheduled.stc")
+    solution = stc.load(tmp_path / "scheduled.stc").solve(n=180)
+    assert solution.status == "optimal"
+    assert validate(solution).passed
