@@ -34,8 +34,8 @@ Range = tuple[int, int]
 BEARS = 1e-2
 #: A flight of fewer frames than this between two stances is none: steps are not that fine.
 SHORTEST_FLIGHT = 2
-#: Faster than this, in m/s, a contact slides that bears something.
-SLIDES = 0.05
+#: Farther than this, in m, a contact slides that moves while it stands.
+SLIDES = 0.01
 #: What the new spec calls the motion that it starts from.
 STEPS = "steps"
 
@@ -59,6 +59,7 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
         hint = "write `free: NAME;` under `contact:` in place of its ranges, and solve that"
         raise UsageError(f"no contact of {solution.name} is left to the solver", hint)
     recovery = stated.recovery(solution.x, solution.constants)
+    steps = np.append(0.0, np.diff(solution.time))
 
     def values(contact: FreeContact) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         speeds = [recovery.channel(rate).before for rate in contact.slip]
@@ -70,12 +71,13 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
         bears = pressure > BEARS * contact.weight
         found[contact.name] = _ranges(bears)
         for first, last in found[contact.name]:
-            inside = speed[first + 2 : last]  # an impact takes two steps
-            if inside.size and inside.max() > SLIDES:
+            way = float((speed * steps)[first + 2 : last].sum())  # an impact takes two steps
+            if way > SLIDES:
                 raise UsageError(
-                    f"`{contact.name}` slides on frames {first} to {last}, at up to {inside.max():.3g} m/s, and what "
-                    f"a schedule says of a contact is that it stands",
-                    "leave out `slides`, so that the solver looks for a motion in which it stands",
+                    f"`{contact.name}` slides by {way:.3g} m on frames {first} to {last}, and what a schedule says of "
+                    "a contact is that it stands",
+                    "let the solver look for a motion in which it stands: leave out `slides`, or ask more for the "
+                    "accelerations of what makes many small steps",
                 )
     return found
 

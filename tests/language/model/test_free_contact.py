@@ -192,7 +192,7 @@ def test_contacts_of_a_lagrangian_cannot_be_free() -> None:
 
 def test_what_slides_has_no_schedule(tmp_path: Path) -> None:
     solution = load(tmp_path, BLOCK, FALL).solve(z0=0, v=1, mu=0.3)
-    with pytest.raises(UsageError, match="`foot` slides on frames"):
+    with pytest.raises(UsageError, match="`foot` slides by"):
         found_ranges(solution)
 
 
