@@ -204,3 +204,22 @@ def test_the_lamp_jumps_without_a_schedule(tmp_path: Path) -> None:
     solution = stc.load(tmp_path / "scheduled.stc").solve(n=180)
     assert solution.status == "optimal"
     assert validate(solution).passed
+
+
+def test_the_command_tells_the_ranges_and_writes_the_spec(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from stc.cli import run
+
+    rough = load(tmp_path, HOPPER, HOP).solve()
+    monkeypatch.chdir(tmp_path)
+    rough.save("hop.npz")
+    assert run(["schedule", "hop.npz", "-o", "found.stc"]) == 0
+    first, last = found_ranges(rough)["foot"][0]
+    assert f"[{first}, {last}]" in capsys.readouterr().out
+    assert run(["check", "found.stc"]) == 0
+    assert run(["validate", "hop.npz"]) == 1
+    assert "stc schedule" in capsys.readouterr().err
+    assert run(["schedule", "hop.npz", "-o", "found.npz"]) == 2
+    assert run(["schedule", "hop.npz", "-o", "elsewhere/found.stc"]) == 2  # its model is not there
+    assert not (tmp_path / "elsewhere" / "found.stc").exists()
