@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc import npz
-from stc.digests import sha256
 from stc.errors import StcError
 from stc.recorded_files import DATA_ROLE, RecordedFile
 from stc.records import dataclass, field

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
-from stc.digests import sha256
 from stc.records import dataclass
 
 #: The text of a model and of what it includes is carried whole up to so many bytes, other files up to the second

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,6 @@ import numpy as np
 
 from stc import models
 from stc.collecting import motion_at
-from stc.digests import sha256
 from stc.errors import Source, StcError, UsageError
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from hashlib import sha256
 from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from stc.digests import sha256
 from stc.errors import StcError, UsageError
 from stc.recorded_files import RecordedFile
 from stc.records import dataclass, field

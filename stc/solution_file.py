@@ -276,7 +276,7 @@ def files_of(stored: Stored) -> list[RecordedFile]:
     Raises:
         SolutionError: what is carried is not what its hash says.
     """
-    from stc.digests import sha256
+    from hashlib import sha256
 
     found: list[RecordedFile] = []
     for k, known in enumerate(stored.facts["files"]):

@@ -55,15 +55,6 @@ def test_objects_are_refused() -> None:
         npz.save(io.BytesIO(), {"x": np.array([None])})
 
 
-def test_what_is_too_large_is_left_to_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(npz, "_MOST_BYTES", 3000)
-    stream = io.BytesIO()
-    npz.save(stream, {"a": np.arange(500.0), "é": np.arange(3)})
-    with np.load(io.BytesIO(stream.getvalue())) as found:
-        assert found["a"].sum() == 499 * 250
-        assert found.files == ["a", "é"]
-
-
 @given(arrays=st.dictionaries(NAMES, ARRAYS, max_size=5))
 def test_what_was_written_is_read(tmp_path_factory: pytest.TempPathFactory, arrays: dict[str, Any]) -> None:
     path = tmp_path_factory.mktemp("npz") / "a.npz"

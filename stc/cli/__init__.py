@@ -23,7 +23,7 @@ from typing import NoReturn, TextIO, cast
 from stc import deadline
 from stc.cli import guard
 from stc.errors import EndedError, EvaluationError, SpecError, StcError, UnsolvedError
-from stc.memory import keep_freed_memory, stay_within_memory
+from stc.memory import stay_within_memory
 from stc.visible import VisibleStream
 
 __all__ = ["main", "run"]
@@ -58,7 +58,6 @@ def main() -> NoReturn:
     global owns_process
     owns_process = True
     gc.set_threshold(_COLLECT_EVERY, 20, 20)
-    keep_freed_memory()
     stay_within_memory()
     _stand_in_for_closed_streams()
     if not any(name in os.environ for name in _MATRIX_THREADS):  # NumPy is not imported yet

@@ -11,9 +11,8 @@ import contextlib
 import os
 import sys
 import time
+from hashlib import blake2b
 from pathlib import Path
-
-from stc.digests import blake2b
 
 _MAGIC = b"stc-object-2\n"
 SUFFIX = ".stco"

@@ -13,10 +13,10 @@ import contextlib
 import marshal
 import os
 import time
+from hashlib import blake2b
 from pathlib import Path
 
 from stc.codegen import cache
-from stc.digests import blake2b
 
 __all__ = ["digest_of"]
 

@@ -31,9 +31,9 @@ import struct
 from collections import Counter
 from collections.abc import Hashable, Sequence
 from functools import cached_property
+from hashlib import sha256
 from typing import TYPE_CHECKING, Final
 
-from stc.digests import sha256
 from stc.records import dataclass
 from stc.symbolic.expr import FUNCTIONS, Expr, reachable
 

@@ -23,10 +23,10 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Callable, Hashable, Iterable
+from hashlib import blake2b
 from struct import pack
 from typing import TYPE_CHECKING, Any, Final
 
-from stc.digests import blake2b
 from stc.symbolic.fingerprint import (
     OF_FUNCTION,
     OF_PAIR,

@@ -14,13 +14,13 @@ derivative is the same with another leaf, a :class:`TableRef` of a higher order.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from hashlib import sha256
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.digests import sha256
 from stc.records import dataclass
 
 __all__ = ["KINDS", "OUTSIDE", "At", "Table", "TableRef", "interpolated", "look"]

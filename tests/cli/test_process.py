@@ -54,9 +54,7 @@ HEAVY = [
     "rich",
     "typer",
     "llvmlite",
-    "zipfile",
     "tempfile",
-    "_hashlib",
     "csv",
 ]
 

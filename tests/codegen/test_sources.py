@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import time
+from hashlib import blake2b
 from pathlib import Path
 
 import pytest
 
 from stc.codegen import cache, sources
-from stc.digests import blake2b
 
 
 @pytest.fixture(autouse=True)

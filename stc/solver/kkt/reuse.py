@@ -9,12 +9,12 @@ from __future__ import annotations
 import threading
 import weakref
 from collections import OrderedDict
+from hashlib import blake2b
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound
-from stc.digests import blake2b
 from stc.solver.kkt.choice import new_system
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import ByCopies

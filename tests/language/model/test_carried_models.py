@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import stc
-from stc.digests import sha256
 from stc.recorded_files import RecordedFile
 from stc.solution import Solution, SolutionError
 from stc.validate import validate
