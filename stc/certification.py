@@ -72,11 +72,10 @@ def certify(
 
 def _written_out(solution: Solution) -> Source | None:
     """A spec's text with its repetitions written out; None where it cannot be read any more."""
-    from stc.language.parser import parse
-    from stc.restated import source_of
+    from stc.restated import problem_of
 
     try:
-        return parse(source_of(solution)).source
+        return problem_of(solution).source
     except StcError:
         return None
 

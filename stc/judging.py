@@ -12,7 +12,7 @@ from pathlib import Path
 
 from stc.errors import Span, StcError
 from stc.language.parser import parse
-from stc.language.syntax import Declaration, ModelFile
+from stc.language.syntax import Declaration
 from stc.problem import Problem
 from stc.recorded_files import changed
 from stc.restated import stated_again
@@ -109,16 +109,9 @@ def _declared(problem: Problem, name: str) -> str:
 
 def _left_out(problem: Problem) -> list[str]:
     """A note of what the spec leaves out of its model, which MuJoCo does not."""
-    words = [
-        word.name
-        for section in parse(problem.source).sections
-        if section.kind == "model"
-        for block in section.blocks
-        for named in block.statements
-        if isinstance(named, ModelFile)
-        for word in named.without
-    ]
-    return [f"the spec leaves out of its model what MuJoCo simulates: {', '.join(words)}"] if words else []
+    if not problem.left_out:
+        return []
+    return [f"the spec leaves out of its model what MuJoCo simulates: {', '.join(problem.left_out)}"]
 
 
 def _faults(problem: Problem, solution: Solution, found: Found) -> list[str]:

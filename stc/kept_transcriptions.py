@@ -1,4 +1,4 @@
-"""The transcriptions of a spec, those asked for last kept.
+"""The problems and transcriptions of a spec, those asked for last kept.
 
 Most constants shape nothing: problems that differ in them alone share what was differentiated and compiled.
 """
@@ -31,9 +31,33 @@ class KeptTranscriptions:
         self._kept: dict[object, Transcription] = {}  # by method and structural constants
         self._own_method = ""  # the spec's, once it is known
         self._recent: dict[object, tuple[Problem, Transcription]] = {}  # by the constants given last
+        self._problems: dict[object, Problem] = {}  # elaborated last, by method and the constants given
 
     def __len__(self) -> int:
         return len(self._kept)
+
+    def problem(self, method: str | None, given: Mapping[str, float]) -> Problem:
+        """The problem with some constants, elaborated once for those who ask for it one after another.
+
+        Args:
+            method: that of transcription; the spec's own where it is None.
+            given: values of constants, in place of the spec's.
+
+        Raises:
+            SpecError: mistakes in the spec, all of them.
+            UsageError: an unknown constant.
+        """
+        numbers = tuple(sorted(given.items()))
+        known = self._problems.get((method or self._own_method, numbers))
+        if known is not None:
+            return known
+        problem = elaborate(self._tree, given, method)
+        if method is None:
+            self._own_method = problem.method
+        if len(self._problems) >= RECENT:
+            del self._problems[next(iter(self._problems))]
+        self._problems[problem.method, numbers] = problem
+        return problem
 
     def of(self, method: str | None, given: Mapping[str, float]) -> tuple[Problem, Transcription]:
         """The problem with some constants and its transcription, an earlier one where only numbers have changed.
@@ -49,9 +73,7 @@ class KeptTranscriptions:
         known = self.known(method, given)
         if known is not None:
             return known
-        problem = elaborate(self._tree, given, method)
-        if method is None:
-            self._own_method = problem.method
+        problem = self.problem(method, given)
         key = (problem.method, tuple((name, problem.constants[name]) for name in sorted(problem.structural)))
         # What is asked for comes last, what has not been for long goes.
         known_before = key in self._kept

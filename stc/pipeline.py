@@ -141,7 +141,7 @@ class Model:
             UsageError: an unknown constant or method.
         """
         _check_method(method)
-        return elaborate(self.tree, {**self.overrides, **numbers(constants)}, method)
+        return self._transcriptions.problem(method, {**self.overrides, **numbers(constants)})
 
     def transcription(self, method: str | None = None, **constants: float) -> tuple[Problem, Transcription]:
         """The problem and its transcription, an earlier one where only numbers have changed."""
@@ -389,7 +389,7 @@ class Model:
                 return before
             known = self._transcriptions.known(earlier.method, earlier.overrides)
             # By its own numbers alone: this model may have been given others.
-            return known[0] if known else elaborate(self.tree, earlier.overrides, earlier.method)
+            return known[0] if known else self._transcriptions.problem(earlier.method, earlier.overrides)
 
         own = earlier.source == self.text
         alignment = aligned(earlier, problem, solved) if own else Alignment.even(earlier.n, problem.n)

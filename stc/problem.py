@@ -301,9 +301,9 @@ class Problem:
     again, changing any other does not.  ``step`` is the time from a frame to the next, in constants,
     parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared, and
     ``model_span`` where the model is named.
-    ``rotations`` are the orientations among the variables, and ``of_model`` tells whether a model has brought the
-    equations of motion; for the guess, ``fixtures`` are what it holds, and ``root`` the variables by which it moves as
-    a whole.
+    ``rotations`` are the orientations among the variables.  ``of_model`` tells whether a model has brought the
+    equations of motion, ``left_out`` which kinds of its forces the spec leaves out knowingly; for the guess,
+    ``fixtures`` are what it holds, and ``root`` the variables by which it moves as a whole.
     ``relaxation`` is the constant by which products may differ from the zero that they are meant to be, of gaps and the
     forces that close them; empty where there are none.  It is brought down to its value in several solves.
     ``free_contacts`` are those that have such products.
@@ -335,6 +335,7 @@ class Problem:
     model_span: Span | None = None
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
+    left_out: Sequence[str] = ()
     relaxation: str = ""
     free_contacts: Sequence[FreeContact] = ()
     at_nodes: Sequence[str] = ()

@@ -21,6 +21,7 @@ from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.problem import Problem
 from stc.recorded_files import DATA_ROLE, RecordedFile, present, unpacked
+from stc.records import dataclass
 from stc.solution import Solution, SolutionError
 from stc.solution_file import MISSHAPEN, PLAIN_FACTS, Stored, damaged, files_of, load
 from stc.trajectory import FloatArray
@@ -30,8 +31,19 @@ from stc.transcription.stated import Stated, state
 __all__ = ["problem_of", "read", "require_stated", "source_of", "stated_again"]
 
 _Key = tuple[str, tuple[tuple[str, float], ...], str, tuple[str, ...]]
-#: The last problem that was stated again, for whoever judges what was just read.
-_last: list[tuple[_Key, Stated]] = []
+
+
+@dataclass
+class _Restated:
+    """A problem that was read again from a text, and what it states, once somebody has asked for that."""
+
+    key: _Key
+    problem: Problem
+    stated: Stated | None = None
+
+
+#: The last problem that was read again, for whoever judges what was just read.
+_last: list[_Restated] = []
 
 
 def source_of(solution: Solution, beside: Path | None = None) -> Source:
@@ -89,7 +101,11 @@ def problem_of(solution: Solution) -> Problem:
         SpecError: the text is not a spec.
         UsageError: it has not the constants that were given.
     """
-    return elaborate(parse(source_of(solution)), solution.overrides, solution.method)
+    key = _key(solution.source, solution.overrides, solution.method, [*solution.files, *solution.data])
+    if not _last or _last[0].key != key:
+        problem = elaborate(parse(source_of(solution)), solution.overrides, solution.method)
+        _last[:] = [_Restated(key, problem)]
+    return _last[0].problem
 
 
 def stated_again(solution: Solution) -> Stated:
@@ -99,13 +115,13 @@ def stated_again(solution: Solution) -> Stated:
         SpecError, UsageError: as :func:`problem_of`.
         SolutionError: that problem has another number of frames.
     """
-    key = _key(solution.source, solution.overrides, solution.method, [*solution.files, *solution.data])
-    if _last and _last[0][0] == key:
-        return _last[0][1]
     problem = problem_of(solution)
     if problem.n != solution.n:
         raise SolutionError(f"its text states a motion of {problem.n} steps, and it has {solution.n}")
-    return _remember(key, state(problem))
+    restated = _last[0]
+    if restated.stated is None:
+        restated.stated = state(problem)
+    return restated.stated
 
 
 def require_stated(solution: Solution) -> None:
@@ -139,11 +155,6 @@ def _primed(name: str, order: int) -> str:
 
 def _key(source: str, overrides: Mapping[str, float], method: str, files: Sequence[RecordedFile]) -> _Key:
     return source, tuple(sorted(overrides.items())), method, tuple([file.sha256 for file in files])
-
-
-def _remember(key: _Key, stated: Stated) -> Stated:
-    _last[:] = [(key, stated)]
-    return stated
 
 
 def read(path: str | os.PathLike[str]) -> Solution:
@@ -231,7 +242,10 @@ def _stated(
             found = len(stored.vector(f"unknowns/{unknown['name']}")) - 1
             if found != n:
                 raise SolutionError(f"the file was altered: it tells of {n} steps and has {found}")
-        return _remember(_key(plain["source"], overrides, plain["method"], [*files, *data]), state(problem))
+        stated = state(problem)
+        key = _key(plain["source"], overrides, plain["method"], [*files, *data])
+        _last[:] = [_Restated(key, problem, stated)]
+        return stated
     except SolutionError:
         raise
     except StcError as error:

@@ -171,6 +171,7 @@ class _Elaborator(Context):
             macros=self.builder.macros,
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
+            left_out=[] if self.model is None else [word.name for word in self.model.statement.without],
             relaxation=RELAXATION if self.table.kind(RELAXATION) else "",
             free_contacts=[] if self.model_statements is None else self.model_statements.free_contacts(),
             at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
