@@ -35,7 +35,7 @@ REPLACEMENTS = {
 
 def seconds(first: str, spec: str, folder: Path) -> float:
     """Processor time of one ``stc solve`` that runs the statements ``first`` before it."""
-    program = f"import sys\n{first}\nfrom stc.cli import main\nmain()"
+    program = f"import sys\n{first}\nfrom stc.cli.main import main\nmain()"
     # Sources are compiled to bytecode once, as an installation does it.
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     with (folder / "output").open("wb") as output:

@@ -1,5 +1,5 @@
 """``python -m stc`` is the command ``stc``."""
 
-from stc.cli import main
+from stc.cli.main import main
 
 main()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import stc
-from stc.cli import run
+from stc.cli.main import run
 from stc.validate import validate
 from stc.validate.report import Report
 

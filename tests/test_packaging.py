@@ -64,7 +64,7 @@ def test_the_solvers_own_code_ships_compiled(wheel: zipfile.ZipFile, tmp_path: P
     wheel.extractall(tmp_path / "installed")
     code = """
 import sys
-from stc.cli import run
+from stc.cli.main import run
 status = run(["solve", "cart_pole_swing_up", "--set", "n=20"])
 assert not any(name.startswith("llvmlite") for name in sys.modules)
 sys.exit(status)

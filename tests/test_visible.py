@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from stc.cli import run
+from stc.cli.main import run
 from stc.errors import Source, Span
 from stc.visible import VisibleStream, visible
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from stc.cli import GOOD, jobs, record
+from stc.cli import jobs, record
 from stc.cli.options import SolveOptions, ready_to_write
+from stc.cli.statuses import GOOD
 from stc.errors import UsageError
 
 #: Help for the option that names the format.

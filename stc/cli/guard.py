@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from stc import atomic, deadline
+from stc.cli import statuses
 
 __all__ = ["claimed", "limit", "on_end", "settle", "start"]
 
@@ -54,6 +55,7 @@ class _State:
     latest = math.inf  # when it has to have begun to write what there is
     status = "time_limit"
     on_end: End | None = None
+    say_ended: Callable[[str], None] = staticmethod(lambda status: None)
     descriptor: int | None = None
 
 
@@ -63,15 +65,16 @@ _ending = threading.RLock()
 PERIOD = 0.1
 
 
-def start(on_end: End) -> None:
+def start(on_end: End, say_ended: Callable[[str], None]) -> None:
     """Guard this process from now on; to be called once, by the main thread.
 
     Args:
         on_end: what ends a command that says nothing else.
+        say_ended: says why a command ended that has nothing to hand over: ``time_limit`` or ``interrupted``.
     """
     if not hasattr(signal, "set_wakeup_fd") or os.name != "posix":
         return
-    _State.on_end = on_end
+    _State.on_end, _State.say_ended = on_end, staticmethod(say_ended)
     read, _State.descriptor = os.pipe()
     os.set_blocking(_State.descriptor, False)
     signal.set_wakeup_fd(_State.descriptor, warn_on_full_buffer=False)
@@ -151,8 +154,6 @@ def _watch(read: int) -> None:
 
 def _finish() -> None:
     """End the command with what there is."""
-    import stc.cli as cli
-
     codes: list[int] = []
     begun, done = threading.Event(), threading.Event()
 
@@ -177,26 +178,24 @@ def _finish() -> None:
             break
         done.wait(PERIOD)
     if not codes:
-        cli.say_ended(_State.status)
-    _leave(128 + cli.ended_by if cli.ended_by else codes[0] if codes else cli.BAD)
+        _State.say_ended(_State.status)
+    _leave(statuses.of_process(codes[0] if codes else statuses.BAD))
 
 
 def _leave_at_once(number: int) -> None:
     """End the process for a second signal; if there is time for it, say so."""
-    import stc.cli as cli
-
     said = _thread.allocate_lock()
     said.acquire()
 
     def say() -> None:
         with suppress(BaseException):
             if _State.on_end is not None and _ending.acquire(blocking=False):
-                cli.say_ended("interrupted")
+                _State.say_ended("interrupted")
         said.release()
 
     _thread.start_new_thread(say, ())
     said.acquire(timeout=WORDS)
-    _leave(cli.BAD if number == signal.SIGINT else 128 + number)
+    _leave(statuses.BAD if number == signal.SIGINT else 128 + number)
 
 
 def _leave(code: int) -> None:

@@ -14,15 +14,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import stc.cli as cli
 from stc import deadline
 from stc.arguments import spare
 from stc.bundled import is_solution
-from stc.cli import BAD, GOOD, console, guard, reasons, record, searches
+from stc.cli import console, guard, reasons, record, searches, statuses
 from stc.cli.inputs import load
 from stc.cli.live import Watch, validating
 from stc.cli.options import SolveOptions, existing_solution, writable_solution
 from stc.cli.outcome import Ending, Outcome, keep_solution
+from stc.cli.statuses import BAD, GOOD
 from stc.errors import Diagnostic, EndedError, UsageError
 
 if TYPE_CHECKING:
@@ -335,7 +335,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         from stc.studies.profile import Profile
 
         profile = Profile()
-        profile.begin(cli.owns_process)
+        profile.begin(statuses.owns_process)
     minimizer = None if profile is None else profile.minimize
     with Watch(model.name, saves=file is not None) as watch, console.warnings_as_notes():
         ending = Ending(watch, file, as_json)

@@ -16,8 +16,8 @@ from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
-import stc.cli as cli
 from stc import deadline
+from stc.cli import statuses
 from stc.visible import visible
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ class Watch:
         self.stopped = True
         deadline.asked_to_stop = True
         if number != signal.SIGINT:
-            cli.ended_by = number
+            statuses.ended_by = number
         for again in self._previous:
             signal.signal(again, signal.default_int_handler)
         if self._line.visible:

@@ -6,8 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stc.cli import BAD, console, guard, reasons, record
+from stc.cli import console, guard, reasons, record
+from stc.cli.messages import ended
 from stc.cli.searches import Found
+from stc.cli.statuses import BAD
 from stc.deadline import unlimited
 from stc.errors import Diagnostic
 from stc.records import dataclass
@@ -160,14 +162,12 @@ class Ending:
 
     def __call__(self, status: str) -> int:
         """End the command; returns its exit status."""
-        import stc.cli as cli
-
         self._watch.clear()
         outcome = self.outcome
         if outcome is None:
             found = self.found(status)
             if found is None:
-                return cli.ended(status)
+                return ended(status)
             unsaved = "" if self._file is None else keep_solution(found.solution, self._file)
             outcome = Outcome(found.solution, None if unsaved else self._file, found=found, unsaved=unsaved)
         guard.settle()

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 
-from stc.cli import BAD, GOOD, console, jobs, record
+from stc.cli import console, jobs, record
 from stc.cli.options import SolveOptions
+from stc.cli.statuses import BAD, GOOD
 from stc.errors import UsageError
 
 

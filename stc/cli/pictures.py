@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.arguments import spare
-from stc.cli import GOOD, jobs, record
+from stc.cli import jobs, record
 from stc.cli.live import validating
 from stc.cli.options import SolveOptions, ready_to_write
+from stc.cli.statuses import GOOD
 from stc.errors import UsageError
 from stc.visible import unfiltered
 

@@ -6,10 +6,11 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from stc.bundled import is_solution
-from stc.cli import BAD, GOOD, console, record
+from stc.cli import console, record
 from stc.cli.inputs import load
 from stc.cli.live import Watch
 from stc.cli.options import SolveOptions, existing_solution
+from stc.cli.statuses import BAD, GOOD
 
 if TYPE_CHECKING:
     from stc.pipeline import Model

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.bundled import is_solution
-from stc.cli import BAD, GOOD, console, jobs
+from stc.cli import console, jobs
 from stc.cli.inputs import load
 from stc.cli.options import SolveOptions, writable_solution
+from stc.cli.statuses import BAD, GOOD
 from stc.errors import StcError, UsageError
 from stc.records import dataclass
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import stc
-from stc.cli import run
+from stc.cli.main import run
 from stc.cli.record import STAGES
 
 # Minimise x^2 + y^2 on the line x + 2y = 5: the foot of the perpendicular from the origin is (1, 2).

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import stc
-from stc.cli import run
+from stc.cli.main import run
 from stc.studies.compare import compare
 
 SPEC = """constants: n = 0, c = 1;

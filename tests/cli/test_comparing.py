@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import stc
-from stc.cli import run
+from stc.cli.main import run
 from stc.studies.compare import Run, compare
 
 SPEC = """constants: n = 0;
@@ -27,7 +27,7 @@ LARGE = "constants: n = 600; variables: x; constraints: [1, n]: x - x[i-1] <= 5;
 SLOW = """
 import sys, time
 import stc.studies.compare as study
-from stc.cli import run
+from stc.cli.main import run
 
 solve = study.solve
 

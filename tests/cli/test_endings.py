@@ -29,7 +29,7 @@ def _hangups_end_programs() -> Iterator[None]:
 #: The command line with solves that take their time, and tell of each that has begun.
 SLOW = """
 import sys, time
-from stc.cli import run
+from stc.cli.main import run
 from stc.pipeline import Model
 
 solve = Model.solve

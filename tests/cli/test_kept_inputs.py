@@ -14,7 +14,7 @@ import pytest
 
 import stc
 from stc import models
-from stc.cli import run
+from stc.cli.main import run
 
 Stc = Callable[..., tuple[int, str, str]]
 

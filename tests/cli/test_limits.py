@@ -54,7 +54,7 @@ EQUATIONS = MOTION.replace(" fx^2 + fy^2 <= 900;", "").replace(
 #: limit, if one is given, counts from there, for a busy machine may take longer than any limit to get that far.
 STUCK = """
 import ctypes, importlib, sys, time
-import stc.cli
+import stc.cli.main
 module, owner, name, limit = sys.argv[1:5]
 place = importlib.import_module(module)
 place = getattr(place, owner) if owner else place
@@ -63,14 +63,14 @@ before = getattr(place, name)
 def stuck(*given, **more):
     print("begins", file=sys.stderr, flush=True)
     if limit:
-        stc.cli.guard.limit(float(limit), time.perf_counter())
+        stc.cli.main.guard.limit(float(limit), time.perf_counter())
     for _ in range(300):
         ctypes.CDLL(None).usleep(100_000)
     return before(*given, **more)
 
 setattr(place, name, stuck)
 sys.argv[1:] = sys.argv[5:]
-stc.cli.main()
+stc.cli.main.main()
 """
 
 #: Phases of a solve by a function that each goes through.

@@ -9,7 +9,7 @@ import pytest
 
 import stc
 from stc.certification import certify
-from stc.cli import run
+from stc.cli.main import run
 
 
 def test_a_model_is_listed_with_what_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

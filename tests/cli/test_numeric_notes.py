@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stc.cli import run
+from stc.cli.main import run
 
 
 @pytest.mark.parametrize(

@@ -15,13 +15,13 @@ from pathlib import Path
 import pytest
 
 import stc
-from stc.cli import run
+from stc.cli.main import run
 from stc.codegen.image import supported
 
 # A solve that never ends by itself, whatever the solver does with it: every iteration is slow on purpose.
 SLOW = """
 import sys, time
-from stc.cli import run
+from stc.cli.main import run
 from stc.pipeline import Model
 
 solve = Model.solve
@@ -82,9 +82,9 @@ def test_import_is_light() -> None:
 #: Prints how many threads there are when the command line of a process has ended, and how many were wanted.
 THREADS = """
 import atexit, os, sys
-import stc.cli
+import stc.cli.main
 atexit.register(lambda: print(len(os.listdir("/proc/self/task")), os.environ["OPENBLAS_NUM_THREADS"]))
-stc.cli.main()
+stc.cli.main.main()
 """
 
 
@@ -103,7 +103,7 @@ def test_a_command_starts_no_threads_for_products_of_matrices() -> None:
 def test_solving_imports_nothing_heavy(tmp_path: Path) -> None:
     (tmp_path / "point.stc").write_text("constants: n = 0; variables: x; objective: (x - 1)^2;")
     code = (
-        "import sys; from stc.cli import run; assert run(['solve', 'point.stc', '--json']) == 0;"
+        "import sys; from stc.cli.main import run; assert run(['solve', 'point.stc', '--json']) == 0;"
         f"print(*(m for m in {HEAVY} if m in sys.modules))"
     )
     environment = {**os.environ, "STC_CACHE_DIR": str(tmp_path / "cache")}

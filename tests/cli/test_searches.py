@@ -11,7 +11,7 @@ import pytest
 
 import stc
 from stc import specs
-from stc.cli import run
+from stc.cli.main import run
 
 Stc = Callable[..., tuple[int, str, str]]
 

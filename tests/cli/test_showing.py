@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import stc
-from stc.cli import run
+from stc.cli.main import run
 
 Stc = Callable[..., tuple[int, str, str]]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from stc import models, specs
-from stc.cli import run
+from stc.cli.main import run
 
 Stc = Callable[..., tuple[int, str, str]]
 

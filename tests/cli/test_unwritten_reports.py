@@ -20,7 +20,7 @@ SMALL_FILES = """
 import resource, sys
 most = int(sys.argv[1])
 resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
-from stc.cli import run
+from stc.cli.main import run
 sys.exit(run(sys.argv[2:]))
 """
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 import stc
-from stc.cli import run
+from stc.cli.main import run
 from stc.errors import Source, SpecError, UsageError
 from stc.judging import judge
 from stc.language import read_problem

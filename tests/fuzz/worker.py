@@ -18,7 +18,7 @@ import zipfile
 from pathlib import Path
 
 from fuzz.cases import CORPUS, Case, Corpus, case
-from stc.cli import run
+from stc.cli.main import run
 from stc.visible import visible
 
 #: Statuses that a command may end with.

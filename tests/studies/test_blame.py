@@ -230,7 +230,7 @@ def test_the_command_line_names_them(
 ) -> None:
     import json
 
-    from stc.cli import run
+    from stc.cli.main import run
 
     monkeypatch.chdir(tmp_path)
     Path("circles.stc").write_text(CIRCLES)

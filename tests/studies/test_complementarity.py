@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import stc
-from stc.cli import run
+from stc.cli.main import run
 from stc.judging import judge
 
 PROBLEMS = Path(__file__).parents[1] / "problems" / "complementarity"

@@ -131,7 +131,7 @@ def test_frames_in_words() -> None:
 def test_explain_on_the_command_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from stc.cli import run
+    from stc.cli.main import run
 
     monkeypatch.chdir(tmp_path)
     Path("point.stc").write_text(POINT)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import stc
-from stc.cli import run
+from stc.cli.main import run
 from stc.solver.kkt.reuse import forget
 from stc.studies.profile import Profile, Watch
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stc
-from stc.cli import run
+from stc.cli.main import run
 
 TURNPIKE = """
 constants: n = 100, T = 2, h = T/n;

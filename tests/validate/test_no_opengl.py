@@ -27,7 +27,7 @@ ctypes.CDLL.__init__ = lacking
 #: A notebook's day: pictures are asked for again and again in one process, at last where OpenGL can be loaded.
 COMMANDS = """
 import contextlib, ctypes, io, json, sys
-from stc.cli import run
+from stc.cli.main import run
 
 def call(*words):
     with contextlib.redirect_stderr(io.StringIO()) as told:

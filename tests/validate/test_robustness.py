@@ -10,7 +10,7 @@ import pytest
 
 import stc
 from stc import specs
-from stc.cli import run
+from stc.cli.main import run
 from stc.errors import UsageError
 from stc.validate import limits
 from stc.validate.replay import replay

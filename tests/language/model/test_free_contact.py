@@ -209,7 +209,7 @@ def test_the_lamp_jumps_without_a_schedule(tmp_path: Path) -> None:
 def test_the_command_tells_the_ranges_and_writes_the_spec(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from stc.cli import run
+    from stc.cli.main import run
 
     rough = load(tmp_path, HOPPER, HOP).solve()
     monkeypatch.chdir(tmp_path)

@@ -11,7 +11,7 @@ from planted_faults import text_of
 
 import stc
 from stc.certification import certify
-from stc.cli import run
+from stc.cli.main import run
 from stc.validate import limits
 
 

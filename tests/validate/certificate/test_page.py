@@ -17,7 +17,7 @@ from PIL import Image
 
 import stc
 from stc.certification import certify
-from stc.cli import run
+from stc.cli.main import run
 from stc.validate.certificate import Certificate
 from stc.validate.certificate.page import _row
 from stc.validate.certificate.pictures import render
