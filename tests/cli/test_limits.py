@@ -98,7 +98,8 @@ def stc_process(
     (folder / "motion.stc").write_text(MOTION)
     (folder / "equations.stc").write_text(EQUATIONS)
     program = ["-m", "stc"] if stuck is None else ["-c", STUCK, *stuck, limit]
-    environment = dict(os.environ)
+    # Looking for OpenGL, MuJoCo's import starts a process whose own words come late where this one ends meanwhile.
+    environment = {**os.environ, "MUJOCO_GL": "off"}
     if stuck is not None and stuck in (PHASES["deriving"], PHASES["compiling"]):  # which is done but once
         environment["STC_CACHE_DIR"] = str(folder / "cache")
     return subprocess.Popen(
