@@ -19,9 +19,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from stc.errors import Diagnostic, EndedError, EvaluationError, SpecError, StcError, UsageError
+    from stc.errors import (
+        Diagnostic,
+        EndedError,
+        EvaluationError,
+        SolutionError,
+        SpecError,
+        StcError,
+        UsageError,
+    )
     from stc.pipeline import Model, load
-    from stc.solution import Solution, SolutionError, read
+    from stc.solution import Solution, read
 
 __version__ = "0.1.0"
 
@@ -46,7 +54,7 @@ _HOME = {
     "EvaluationError": "stc.errors",
     "Model": "stc.pipeline",
     "Solution": "stc.solution",
-    "SolutionError": "stc.solution",
+    "SolutionError": "stc.errors",
     "SpecError": "stc.errors",
     "StcError": "stc.errors",
     "UsageError": "stc.errors",

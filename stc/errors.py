@@ -295,6 +295,10 @@ class UnsolvedError(UsageError):
         return UnsolvedError, (self.message, self.hint, self.status)
 
 
+class SolutionError(StcError):
+    """A solution that contradicts itself, or a file that does not hold a solution."""
+
+
 class EndedError(StcError):
     """Work was ended before it had come to anything; ``status`` is ``time_limit`` or ``interrupted``."""
 

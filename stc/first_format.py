@@ -8,13 +8,16 @@ file was altered.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stc.solution import Solution, SolutionError
-from stc.solution_file import Stored
+from stc.errors import SolutionError
+from stc.stored import Stored
 from stc.trajectory import FloatArray
+
+if TYPE_CHECKING:
+    from stc.solution import Solution
 
 #: How far apart two statements of one number may be, as a share of the largest one of its kind: they were evaluated by
 #: another version, perhaps on another machine.

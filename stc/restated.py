@@ -16,14 +16,15 @@ import numpy as np
 
 from stc import models
 from stc.collecting import motion_at
-from stc.errors import Source, StcError, UsageError
+from stc.errors import SolutionError, Source, StcError, UsageError
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.problem import Problem
 from stc.recorded_files import DATA_ROLE, RecordedFile, present, unpacked
 from stc.records import dataclass
-from stc.solution import Solution, SolutionError
-from stc.solution_file import MISSHAPEN, PLAIN_FACTS, Stored, damaged, files_of, load
+from stc.solution import Solution
+from stc.solution_file import MISSHAPEN, PLAIN_FACTS, damaged, files_of, load
+from stc.stored import Stored
 from stc.trajectory import FloatArray
 from stc.transcription.multipliers import bound_nodes, multiplier_blocks, rows_by_statement
 from stc.transcription.stated import Stated, state

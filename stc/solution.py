@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from stc.errors import StcError, UsageError
+from stc.errors import SolutionError, StcError, UsageError
 from stc.recorded_files import RecordedFile
 from stc.records import dataclass, field
 from stc.trajectory import METHODS, Channel, FloatArray, IntArray, Places, places, places_by_index, sample
@@ -34,10 +34,6 @@ STATUSES = (
     "interrupted",
     "failed",
 )
-
-
-class SolutionError(StcError):
-    """A solution that contradicts itself, or a file that does not hold a solution."""
 
 
 class UnknownNameError(StcError, KeyError):

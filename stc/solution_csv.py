@@ -9,8 +9,8 @@ from typing import IO, Any
 
 import numpy as np
 
-from stc.solution import SolutionError
-from stc.solution_file import Stored, check_facts
+from stc.errors import SolutionError
+from stc.stored import Stored, check_facts
 
 
 def write_csv(stored: Stored, stream: IO[bytes]) -> None:

@@ -31,21 +31,19 @@ import os
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import IO, Any, NoReturn
+from typing import IO, TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from stc import npz
 from stc.arguments import path as file_path
 from stc.atomic import replacing
-from stc.errors import UsageError
+from stc.errors import SolutionError, UsageError
 from stc.recorded_files import DATA_ROLE, RecordedFile, record
-from stc.records import dataclass, field
-from stc.solution import Solution, SolutionError
-from stc.trajectory import FloatArray
+from stc.stored import FORMAT, Stored, check_facts
 
-#: Version of the layout above.  A reader refuses files with a higher one.
-FORMAT = 2
+if TYPE_CHECKING:
+    from stc.solution import Solution
 
 #: What a file tells of a solution in so many words and numbers, under the names of the attributes.
 PLAIN_FACTS = (
@@ -67,35 +65,6 @@ PLAIN_FACTS = (
     "sha256",
     "stc_version",
 )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Stored:
-    """What a solution file holds, before the problem is stated again from its text.
-
-    Attributes:
-        facts: everything but arrays.
-        members: arrays by their names in the table above; for files of the first format by the names that it had.
-        used: the names of those that were asked for: there are no others in a file that nobody has altered.
-    """
-
-    facts: dict[str, Any]
-    members: dict[str, np.ndarray]
-    used: set[str] = field(default_factory=set)
-
-    def vector(self, name: str) -> FloatArray:
-        """A member as a list of numbers.
-
-        Raises:
-            SolutionError: it is not there, or no list.
-        """
-        if name not in self.members:
-            raise SolutionError(f"the file is damaged: {name} is missing")
-        self.used.add(name)
-        values = np.asarray(self.members[name], dtype=np.float64)
-        if values.ndim != 1:
-            raise SolutionError(f"the file was altered: {name} is no list of numbers")
-        return values
 
 
 def write(solution: Solution, path: str | os.PathLike[str]) -> None:
@@ -296,28 +265,6 @@ def files_of(stored: Stored) -> list[RecordedFile]:
             )
         found.append(file)
     return found
-
-
-def check_facts(facts: Any) -> dict[str, Any]:
-    """The facts of a file, if they are those of a solution that this version reads.
-
-    Raises:
-        SolutionError: they are not.
-    """
-    if not isinstance(facts, dict) or facts.get("kind") != "stc solution":
-        raise SolutionError("this is not a solution file")
-    if not isinstance(facts.get("format"), int):
-        raise SolutionError("the file does not tell its format version")
-    if facts["format"] > FORMAT:
-        raise SolutionError(
-            f"the file has format {facts['format']}, written by stc {facts.get('stc_version', '?')}; "
-            f"this version reads up to format {FORMAT}: install a newer stc"
-        )
-    if facts.get("trials", [""]) != [""]:
-        raise SolutionError(
-            "the file holds several motions, which this version does not read: install a newer stc"
-        )
-    return facts
 
 
 # --- npz -----------------------------------------------------------------------------------------------------

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import stc
-from stc.solution import Solution, SolutionError, read
+from stc.errors import SolutionError
+from stc.solution import Solution, read
 
 SPEC = """
 constants: n = 6; variables: x; jumps: [3]: x'';

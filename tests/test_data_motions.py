@@ -11,9 +11,9 @@ from scipy.interpolate import CubicSpline
 
 import stc
 from stc import specs
-from stc.errors import SpecError
+from stc.errors import SolutionError, SpecError
 from stc.judging import judge
-from stc.solution import Solution, SolutionError
+from stc.solution import Solution
 
 PENDULUM = """
 constants: n = 40, T = 1.5, h = T/n, k = 3;

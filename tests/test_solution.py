@@ -14,8 +14,8 @@ from numpy.polynomial import Polynomial
 
 import stc
 from stc.collecting import collect
-from stc.errors import UsageError
-from stc.solution import Solution, SolutionError, UnknownNameError, read
+from stc.errors import SolutionError, UsageError
+from stc.solution import Solution, UnknownNameError, read
 from stc.solver import Result, Status
 from stc.trajectory import Channel, FloatArray
 

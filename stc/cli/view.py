@@ -69,7 +69,8 @@ def view(target: str, options: SolveOptions, window: Window, *, live: bool) -> i
 
 def _check(target: str, window: Window, live: bool) -> None:
     """What can be told before anything is solved."""
-    from stc.viewer.windows import LOOPBACK, is_loopback, require_address, require_display, studio_is_there
+    from stc.viewer.addresses import LOOPBACK, is_loopback, require_address
+    from stc.viewer.windows import require_display, studio_is_there
 
     if live and is_solution(target):
         raise UsageError(f"--live shows a solve, and `{target}` is solved already")
@@ -148,7 +149,7 @@ def _player(solution: Solution, beside: list[Path], window: Window) -> Player:
 
 def _open(player: Player, window: Window, output: Path | None) -> None:
     """Open the window and stay until it is closed."""
-    from stc.viewer import windows
+    from stc.viewer import addresses, windows
     from stc.viewer.panel import Panel
 
     def save() -> str:
@@ -162,7 +163,7 @@ def _open(player: Player, window: Window, output: Path | None) -> None:
     panel, title = Panel(player, save), f"stc: {player.solution.name}"
     try:
         if window.web:
-            windows.open_web(player, panel, title, window.host or windows.LOOPBACK, window.port or 0, _tell)
+            windows.open_web(player, panel, title, window.host or addresses.LOOPBACK, window.port or 0, _tell)
         elif windows.desktop_is_there():
             windows.open_desktop(player, panel, title)
         else:

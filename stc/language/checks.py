@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stc.language.diagnostics import Diagnostics
-from stc.language.names import NameTable
+from stc.language.name_table import NameTable
 from stc.problem import ConstantRef, DefinitionRef, ParameterRef, Problem, VariableRef
 from stc.rates import time_derivative
 from stc.symbolic.expr import Expr, symbols

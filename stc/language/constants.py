@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from stc.errors import UsageError
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, did_you_mean, shortened
-from stc.language.names import DATA_SET, NameTable, dependency_order
+from stc.language.name_table import DATA_SET, NameTable
+from stc.language.names import dependency_order
 from stc.language.numbers import NOISE, NotANumber, Unknown, affine
 from stc.language.words import FUNCTION_ADVICE, RESERVED
 

@@ -15,7 +15,8 @@ from stc.language.expressions import ExpressionBuilder
 from stc.language.frames import Frames
 from stc.language.kinks import advice, kinks_in
 from stc.language.model.scope import each_of
-from stc.language.names import DATA_SET, collect_names
+from stc.language.name_table import DATA_SET
+from stc.language.names import collect_names
 from stc.language.positions import Positions
 from stc.language.smoothing import smoothed
 from stc.language.words import FRAMES_MEANT, RESERVED

@@ -25,7 +25,7 @@ from stc.language.data_made import (
     too_near,
 )
 from stc.language.diagnostics import Diagnostics, did_you_mean, shortened
-from stc.language.names import DATA_SET, NameTable
+from stc.language.name_table import DATA_SET, NameTable
 from stc.language.numbers import NotANumber, Unknown, affine
 from stc.symbolic.tables import KINDS, OUTSIDE, Table, TableRef, interpolated
 

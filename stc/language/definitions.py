@@ -12,7 +12,8 @@ from itertools import pairwise
 
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, shortened
-from stc.language.names import NameTable, dependency_order
+from stc.language.name_table import NameTable
+from stc.language.names import dependency_order
 from stc.problem import DefinitionPiece
 from stc.records import dataclass
 

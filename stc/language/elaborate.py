@@ -20,7 +20,7 @@ from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.expressions import TIME
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
 from stc.language.model.scope import RELAXATION, is_starred
-from stc.language.names import DATA_SET
+from stc.language.name_table import DATA_SET
 from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from stc.language import syntax
-from stc.language.names import DATA_SET
+from stc.language.name_table import DATA_SET
 from stc.problem import CellRef, ConstantRef, IndexRef, TimeRef
 from stc.symbolic.expr import Expr, add, call, evaluate, mul, num, pow_, reachable, sub, symbols
 

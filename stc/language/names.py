@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING
 
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, did_you_mean
+from stc.language.name_table import DATA_SET, TABLE, Entry, NameTable
 from stc.language.words import PATH_WORDS, RESERVED
-from stc.records import dataclass, field
 from stc.symbolic.expr import FUNCTIONS
-
-if TYPE_CHECKING:
-    from stc.language.model.scope import ModelScope
 
 KINDS = {
     "constants": "constant",
@@ -20,40 +16,6 @@ KINDS = {
     "parameters": "parameter",
     "definitions": "definition",
 }
-
-
-#: What `data:` declares.
-DATA_SET, TABLE = "data set", "table"
-
-
-@dataclass(slots=True)
-class Entry:
-    """A declared name: its kind, where it was declared first, and whether anything uses it."""
-
-    name: str
-    kind: str
-    start: int
-    end: int
-    value: syntax.Expression | None = None
-    used: bool = False
-
-
-@dataclass(slots=True)
-class NameTable:
-    """Every declared name, in the order of the text, and the model that has brought some of them."""
-
-    entries: dict[str, Entry] = field(default_factory=dict)
-    model: ModelScope | None = None
-
-    def kind(self, name: str) -> str | None:
-        """``constant``, ``variable``, ``parameter``, ``definition``, ``data set`` or ``table``; None when nothing
-        declares it."""
-        entry = self.entries.get(name)
-        return None if entry is None else entry.kind
-
-    def of_kind(self, kind: str) -> list[str]:
-        """All names of a kind, in the order of the text."""
-        return [name for name, entry in self.entries.items() if entry.kind == kind]
 
 
 def collect_names(
@@ -78,7 +40,7 @@ def collect_names(
                 elif kind and isinstance(statement, syntax.Assignment):
                     _declare(table, diagnostics, statement.name, kind, None)
     if any(section.kind == "model" for section in spec.sections):
-        from stc.language.model.scope import model_of
+        from stc.language.model.scope import model_of  # which most specs do without
 
         written = {
             name: e.value.value for name, e in table.entries.items() if isinstance(e.value, syntax.Number)

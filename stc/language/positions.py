@@ -10,7 +10,8 @@ from stc.errors import Span
 from stc.language import syntax
 from stc.language.constants import Constants
 from stc.language.diagnostics import Diagnostics
-from stc.language.names import NameTable, dependency_order
+from stc.language.name_table import NameTable
+from stc.language.names import dependency_order
 from stc.language.numbers import NOISE, NotANumber, Resolve, Unknown, affine, exact
 from stc.language.words import FRAMES_MEANT
 from stc.problem import FrameRange

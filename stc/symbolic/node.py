@@ -144,9 +144,15 @@ class Expr:
         return (_restore, (self.op, self.args, self.payload))
 
     def __repr__(self) -> str:
-        from stc.symbolic.render import render
+        return f"Expr({shown(self)})"
 
-        return f"Expr({render(self)})" if self.order >> _HASH_BITS <= 12 else f"Expr({self.op} ...)"
+
+def _operation(e: Expr) -> str:
+    return f"{e.op} ..."
+
+
+#: How an expression is written where it is looked at; :mod:`stc.symbolic.render` puts its own text here.
+shown: Callable[[Expr], str] = _operation
 
 
 class _Ref(weakref.ref[Expr]):

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from stc.records import dataclass
+from stc.symbolic import node as nodes
 from stc.symbolic.node import Expr
 from stc.symbolic.traverse import postorder
 
@@ -110,3 +111,14 @@ def render(e: Expr, name_of: Callable[[Any], str] = str, limit: int = 20_000) ->
             part = _compound(node.op, [done[arg] for arg in node.args])
             done[node] = part if len(part.text) <= limit else _Text("...", _ATOM)
     return done[e].text
+
+
+#: Levels of an expression whose text is short enough to look at.
+_SHALLOW = 12
+
+
+def _shown(e: Expr) -> str:
+    return render(e) if e.order >> nodes._HASH_BITS <= _SHALLOW else f"{e.op} ..."
+
+
+nodes.shown = _shown

@@ -25,7 +25,7 @@ from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from stc.viewer.windows import is_loopback
+from stc.viewer.addresses import is_loopback
 
 #: Connections at most: those that have not said what they want, those whose answer is on its way, open websockets.
 #: The oldest of the first two kinds gives way to a new one; a new websocket beyond the limit is turned away.

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from stc.solution import Solution, SolutionError
+from stc.errors import SolutionError
+from stc.solution import Solution
 
 if TYPE_CHECKING:
     from stc.pipeline import Model

@@ -11,8 +11,8 @@ from typing import Any
 from mujoco.studio import endpoints, launch_thread, plugin, viewer_handle, viewer_protocol, web_viewer
 from mujoco.studio.web import web_server
 
+from stc.viewer.addresses import DisplayError, is_loopback
 from stc.viewer.guard import Guard
-from stc.viewer.windows import DisplayError, is_loopback
 
 #: Seconds after which a page is announced although nothing listens yet.
 MOST_WAITED = 10.0

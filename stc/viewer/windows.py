@@ -13,23 +13,19 @@ import abc
 import collections.abc
 import contextlib
 import ctypes.util
-import ipaddress
 import os
-import socket
 import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.errors import StcError, UsageError
+from stc.viewer.addresses import LOOPBACK, DisplayError, require_address
 from stc.viewer.panel import Panel
 from stc.viewer.player import Player
 
 if TYPE_CHECKING:
     from mujoco.studio.viewer_handle import ViewerHandle
-
-LOOPBACK = "127.0.0.1"
 
 #: Draws off screen, then into the window; see above.
 _DESKTOP = "opengl_headless"
@@ -38,10 +34,6 @@ _SIZE = (1280, 860)
 
 #: Longest time, in seconds, for which one thread keeps the interpreter while another one waits for it.
 _SWITCH = 2e-4
-
-
-class DisplayError(StcError):
-    """There is nothing to open a window on, or nothing to open it with."""
 
 
 def studio_is_there() -> bool:
@@ -88,34 +80,6 @@ def require_display() -> None:
     if not display:
         raise DisplayError(f"the display {name} cannot be opened; {hint}")
     x11.XCloseDisplay(display)
-
-
-def is_loopback(host: str) -> bool:
-    """Whether an address is this machine's own, which no other reaches."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
-def require_address(host: str, port: int) -> None:
-    """Make sure that an address can be listened on.
-
-    Raises:
-        UsageError: it is none of this machine's, or the port is taken.
-    """
-    try:
-        family, kind, protocol, _, address = socket.getaddrinfo(
-            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-        )[0]
-        with socket.socket(family, kind, protocol) as trial:
-            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            trial.bind(address)
-    except (OSError, OverflowError) as error:
-        where = f"--host {host}" if port == 0 else f"--host {host} --port {port}"
-        raise UsageError(f"{where}: {getattr(error, 'strerror', None) or error}") from None
 
 
 def open_desktop(player: Player, panel: Panel, title: str) -> None:

@@ -16,7 +16,8 @@ from viewer.motions import push
 from viewer.visits import get
 
 from stc.errors import UsageError
-from stc.viewer.windows import DisplayError, is_loopback, require_address, require_display
+from stc.viewer.addresses import DisplayError, is_loopback, require_address
+from stc.viewer.windows import require_display
 
 XVFB = shutil.which("Xvfb") or ""
 

@@ -9,7 +9,8 @@ from stc.language.context import Context
 from stc.language.model.contact import Contacts
 from stc.language.model.free import free_contacts, laws
 from stc.language.model.holdings import Equalities
-from stc.language.model.poses import REFERENCE, Poses, Stated, Values
+from stc.language.model.pose_rows import Stated, Values
+from stc.language.model.poses import REFERENCE, Poses
 from stc.language.model.scope import ModelScope
 from stc.language.model.standing import Pinned, Standing
 from stc.language.model.start import fixed_coordinates, way_between

@@ -12,7 +12,7 @@ from dataclasses import replace
 from stc.language import syntax
 from stc.language.context import Context
 from stc.language.model.scope import ModelScope, PathError, parts_of, quoted
-from stc.language.names import Entry
+from stc.language.name_table import Entry
 from stc.mechanism.mechanism import index_of
 from stc.mechanism.separation import SHAPES, Separation, separation
 from stc.mechanism.vectors import dot

@@ -13,7 +13,7 @@ import numpy as np
 
 from stc.language import syntax
 from stc.language.context import Context
-from stc.language.model.poses import Stated, Values, turn_between
+from stc.language.model.pose_rows import Stated, Values, turn_between
 from stc.language.model.scope import Coordinates, ModelScope
 from stc.mechanism.tree import drawn_pose
 from stc.problem import VariableRef

@@ -14,35 +14,16 @@ from stc.language import syntax
 from stc.language.context import Context
 from stc.language.diagnostics import did_you_mean
 from stc.language.model.independence import Point
+from stc.language.model.mirror import mirror_image, mirrored_rows
+from stc.language.model.pose_rows import Stated, Values, turn_between
 from stc.language.model.scope import ModelScope, quoted
 from stc.language.words import KEYFRAME
 from stc.problem import FrameRange, Guess, Relation, VariableRef
 from stc.rates import quaternion_product
-from stc.records import dataclass
 from stc.symbolic.expr import ZERO, Expr, call, mul, neg, num, sub, sym
 
 #: The name of the pose that the model file draws.
 REFERENCE = f"{KEYFRAME}.reference"
-
-#: Values of coordinates by the names of their variables, angular velocities left out.
-Values = dict[str, Expr]
-
-
-@dataclass(frozen=True, slots=True)
-class Stated:
-    """One row that a pose stands for: of which degree of freedom, and what is 0.
-
-    Attributes:
-        dof: the degree of freedom that the row fixes, by its address.
-        velocity: whether it is one of velocities.
-        body: what is 0.
-        text: how it reads.
-    """
-
-    dof: int
-    velocity: bool
-    body: Expr
-    text: str
 
 
 class Poses:
@@ -243,8 +224,6 @@ class Poses:
     def repeated(self, values: Values, periodic: syntax.Pose) -> Values:
         """Values at the end of a period: moved by what the motion advances in it, mirrored where it is."""
         if periodic.mirrored:
-            from stc.language.model.mirror import mirror_image
-
             values = mirror_image(self.scope, values)
         moved = values if periodic.shift is None else self._moved(values, periodic.shift)
         return values if moved is None else moved
@@ -288,8 +267,6 @@ class Poses:
         if moves is None:
             return None
         if pose.mirrored:
-            from stc.language.model.mirror import mirrored_rows
-
             return mirrored_rows(self.context, self.scope, pose, moves)
         n = self.context.n
         found = []
@@ -327,9 +304,4 @@ class Poses:
         return [Relation(row.body, ZERO, ZERO, where, span, row.text) for row in rows or []]
 
 
-def turn_between(reference: Sequence[Expr], q: Sequence[Expr]) -> list[Expr]:
-    """The vector part of conj(reference) q: the sine of half the turn between them, along its axis. (3,)"""
-    return quaternion_product([reference[0], *(neg(part) for part in reference[1:])], q)[1:]
-
-
-__all__ = ["Poses", "Stated", "Values", "turn_between"]
+__all__ = ["REFERENCE", "Poses"]

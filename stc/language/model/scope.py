@@ -12,7 +12,7 @@ from stc import models
 from stc.errors import StcError
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, did_you_mean
-from stc.language.names import Entry, NameTable
+from stc.language.name_table import Entry, NameTable
 from stc.mechanism.dynamics import Dynamics
 from stc.mechanism.equalities import held
 from stc.mechanism.kinematics import Motion

@@ -14,7 +14,7 @@ from stc.language.model.contact import Contacts
 from stc.language.model.holdings import Equalities, Holding, Place
 from stc.language.model.independence import Matrix, Point, independent, pins_to_keep, stacked
 from stc.language.model.mirror import other_side
-from stc.language.model.poses import Stated, Values
+from stc.language.model.pose_rows import Stated, Values
 from stc.language.model.scope import ModelScope
 from stc.problem import Correction, Fixture, FrameRange, ParameterRef, Relation, VariableRef
 from stc.rates import one_sided

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from stc.language.context import Context
-from stc.language.model.poses import Values
+from stc.language.model.pose_rows import Values
 from stc.language.model.scope import Coordinates, ModelScope
 from stc.problem import FrameRange, Guess, IndexRef, Relation, VariableRef
 from stc.symbolic.expr import ONE, Expr, call, div, mul, neg, num, sub, sum_of, sym

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import stc
+from stc.errors import SolutionError
 from stc.recorded_files import RecordedFile
-from stc.solution import Solution, SolutionError
+from stc.solution import Solution
 from stc.validate import validate
 
 from .bodies import load

@@ -1,0 +1,44 @@
+"""The table of the names that a spec declares."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from stc.language import syntax
+from stc.records import dataclass, field
+
+if TYPE_CHECKING:
+    from stc.language.model.scope import ModelScope
+
+#: What `data:` declares.
+DATA_SET, TABLE = "data set", "table"
+
+
+@dataclass(slots=True)
+class Entry:
+    """A declared name: its kind, where it was declared first, and whether anything uses it."""
+
+    name: str
+    kind: str
+    start: int
+    end: int
+    value: syntax.Expression | None = None
+    used: bool = False
+
+
+@dataclass(slots=True)
+class NameTable:
+    """Every declared name, in the order of the text, and the model that has brought some of them."""
+
+    entries: dict[str, Entry] = field(default_factory=dict)
+    model: ModelScope | None = None
+
+    def kind(self, name: str) -> str | None:
+        """``constant``, ``variable``, ``parameter``, ``definition``, ``data set`` or ``table``; None when nothing
+        declares it."""
+        entry = self.entries.get(name)
+        return None if entry is None else entry.kind
+
+    def of_kind(self, kind: str) -> list[str]:
+        """All names of a kind, in the order of the text."""
+        return [name for name, entry in self.entries.items() if entry.kind == kind]
