@@ -130,6 +130,12 @@ def _faults(problem: Problem, solution: Solution, found: Found) -> list[str]:
                 faults.append(_told(problem, miss))
         if found.violation > limits.VIOLATION and not faults:
             faults.append(f"a bound is violated by {found.violation:.3g}, relative to max(1, the bound)")
+        if not found.unpaired <= limits.COMPLEMENTARITY:
+            name, frame = found.loosest_pair
+            faults.append(
+                f"{name} is not complementary at {_frame(frame)}: the smaller side is {found.unpaired:.3g}, "
+                f"relative to max(1, the larger one) (limit {limits.COMPLEMENTARITY:g})"
+            )
         if not found.optimality <= limits.KKT_RESIDUAL:
             faults.append(
                 f"the solution says that it is optimal, and the KKT residual of its numbers is {found.optimality:.3g} "

@@ -149,6 +149,8 @@ class Relation:
     ``coordinate`` is the variable whose equation of motion it is.  ``between`` is held against the bounds between the
     nodes where the body has unknowns that mean nothing there (``Problem.at_nodes``).
     ``on_frames`` leaves out the midpoints between the frames.
+    ``complementary`` marks the product of what the two relations just before it have to spare, as
+    ``0 <= a complements b >= 0`` states it: at most 0.
     """
 
     body: Expr
@@ -160,6 +162,7 @@ class Relation:
     coordinate: str = ""
     between: Expr | None = None
     on_frames: bool = False
+    complementary: bool = False
 
     @property
     def is_equality(self) -> bool:

@@ -413,6 +413,10 @@ class Solution:
         """The controls that alternate from node to node: see :func:`stc.studies.ringing.ringing`, which this calls."""
         return import_module("stc.studies.ringing").ringing(self)
 
+    def complementarity(self) -> Any:
+        """What its complementary pairs come to: see :func:`stc.studies.complementarity.complementarity`."""
+        return import_module("stc.studies.complementarity").complementarity(self)
+
     def uncertainty(self) -> Any:
         """How well data determine the parameters: a :class:`stc.studies.uncertainty.Uncertainty`.
 

@@ -39,6 +39,10 @@ KKT_RESIDUAL: Final = 1e-6
 #: Largest violation of a row or bound, divided by max(1, |bound|), that a solution may have.
 VIOLATION: Final = 1e-6
 
+#: Largest smaller side of a complementary pair, divided by max(1, larger side): twice what solves end with, since the
+#: unknowns are moved onto their bounds after that.
+COMPLEMENTARITY: Final = 2e-6
+
 # --- what a solution says of itself, against what its text and numbers give --------------------------------------
 
 #: How far apart a claimed and a recomputed objective may be, as a share of the sum of its terms' magnitudes, and by how

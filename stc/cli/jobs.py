@@ -377,6 +377,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
             uncertainty=reasons.find_uncertainty(model, solution),
             grid=reasons.find_grid_error(solution),
             ringing=reasons.find_ringing(solution),
+            complementarity=reasons.find_complementarity(solution),
         )
         if options.explain:
             return replace(outcome, explanation=reasons.find_explanation(model, solution))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from stc.cli.live import Watch
     from stc.solution import Solution
     from stc.studies.blame import Blame
+    from stc.studies.complementarity import Complementarity
     from stc.studies.explain import Explanation
     from stc.studies.grid_error import GridError
     from stc.studies.profile import Part
@@ -42,6 +43,7 @@ class Outcome:
     explanation: Explanation | None = None
     grid: GridError | None = None
     ringing: Sequence[Ringing] = ()
+    complementarity: Complementarity | None = None
     uncertainty: Uncertainty | None = None
     found: Found | None = None
     profile: Sequence[Part] = ()
@@ -68,6 +70,7 @@ class Outcome:
         known["ringing"] = (
             [one.to_dict() for one in self.ringing] if self.solution.status == "optimal" else None
         )
+        known["complementarity"] = None if self.complementarity is None else self.complementarity.to_dict()
         known["blame"] = None if self.blame is None else self.blame.to_dict()
         known.update({} if self.explanation is None else self.explanation.to_dict())
         if self.uncertainty is not None:
@@ -91,6 +94,8 @@ class Outcome:
             console.note(self.grid.warning)
         for one in self.ringing[:MOST_RINGING]:
             console.note(str(one))
+        if self.complementarity is not None:
+            print(self.complementarity)
         for told in self.solution.outside:
             console.note(told)
         if self.blame is not None:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.solution import Solution
     from stc.studies.blame import Blame
+    from stc.studies.complementarity import Complementarity
     from stc.studies.explain import Explanation, Sensitivity
     from stc.studies.grid_error import GridError
     from stc.studies.ringing import Ringing
@@ -65,6 +66,15 @@ def find_ringing(solution: Solution) -> list[Ringing]:
     from stc.studies.ringing import ringing
 
     return ringing(solution)
+
+
+def find_complementarity(solution: Solution) -> Complementarity | None:
+    """What the complementary pairs come to; None where there are none, or no time to look."""
+    if deadline.left() < SHORTEST:
+        return None
+    from stc.studies.complementarity import complementarity
+
+    return complementarity(solution)
 
 
 def find_uncertainty(model: Model, solution: Solution) -> Uncertainty | None:

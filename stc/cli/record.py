@@ -52,6 +52,7 @@ def of_solution(solution: Solution, file: str | None = None, warnings: Iterable[
         optimizer=solution.optimizer,
         grid=None,
         ringing=None,
+        complementarity=None,
         blame=None,
         active=None,
         sensitivities=None,

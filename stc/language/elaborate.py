@@ -280,10 +280,12 @@ class _Elaborator(Context):
             if self._has_model(pose) and where is not None:
                 assert self.model_statements is not None
                 found += self.model_statements.pose(pose, where)
+        came: list[int] = []  # how many relations each statement has come to
         for _, where, statement in self.statements("constraints", syntax.Relation):
             bounded = self.relations.split(statement)
             if self.builder.poisoned or where is None:
                 continue
+            before = len(found)
             text = statement.written or statement_text(self.source, statement)
             for part in bounded:
                 body = self.settled(part.body, where, statement)
@@ -293,7 +295,15 @@ class _Elaborator(Context):
                     if e is not None
                 ):
                     continue
-                one = Relation(body, part.lower, part.upper, where, self.span(statement), text)
+                one = Relation(
+                    body,
+                    part.lower,
+                    part.upper,
+                    where,
+                    self.span(statement),
+                    text,
+                    complementary=statement.complementary,
+                )
                 found += (
                     [one]
                     if self.builder.paths is None
@@ -304,6 +314,9 @@ class _Elaborator(Context):
                     self.diagnostics.warning(
                         message, statement.start, statement.end, "it is true or false as it is"
                     )
+            came.append(len(found) - before)
+            if statement.complementary and came[-3:] != [1, 1, 1]:  # as of distances, which take several rows
+                found[before:] = [replace(one, complementary=False) for one in found[before:]]
         if self.builder.paths is not None:
             self.builder.paths.distances.declare(self)
         return found

@@ -433,7 +433,8 @@ class _Parser(ExpressionParser):
             return []
         spared = syntax.Product(start, end, [("*", _spared(found)) for found in both])
         written = statement_text(self.diagnostics.source, syntax.Node(start, end))
-        return [*both, syntax.Relation(start, end, [spared, syntax.Number(start, end, 0.0)], ["<="], written)]
+        product = syntax.Relation(start, end, [spared, syntax.Number(start, end, 0.0)], ["<="], written, True)
+        return [*both, product]
 
     def objective_statement(self, into: list[syntax.Statement]) -> None:
         found = self.relation()

@@ -6,10 +6,10 @@ import math
 import re
 from collections.abc import Callable
 
-from stc.errors import Source
+from stc.errors import Source, Span
 from stc.language import syntax
 from stc.language.expressions import ExpressionBuilder
-from stc.problem import ConstantRef, ParameterRef
+from stc.problem import ConstantRef, FrameRange, ParameterRef, Relation
 from stc.records import dataclass
 from stc.symbolic.expr import ONE, ZERO, Expr, div, mul, neg, sub, sum_of, symbols
 
@@ -39,6 +39,18 @@ def infinite(node: syntax.Expression) -> float:
     if isinstance(node, syntax.Name) and node.name == "inf":
         return math.inf
     return -infinite(node.operand) if isinstance(node, syntax.Negate) else 0.0
+
+
+def complementary_relations(
+    one: Expr, other: Expr, where: FrameRange, span: Span, text: str
+) -> list[Relation]:
+    """``0 <= one complements other >= 0`` on a range: both inequalities, then their product.
+
+    They have to stay next to each other, in this order, in ``Problem.relations``: so the solver learns which sides a
+    product is of (:mod:`stc.transcription.pairs`).
+    """
+    sides = [Relation(side, ZERO, None, where, span, text) for side in (one, other)]
+    return [*sides, Relation(mul(one, other), None, ZERO, where, span, text, complementary=True)]
 
 
 class Relations:

@@ -171,11 +171,13 @@ class Relation(Node):
     """``e``, ``a = b``, ``a <= b``, ``lo <= e <= hi``, ...: operands with the operators between them.
 
     ``written`` is the text of a relation that stands for another statement; else it is at its place in the spec.
+    ``complementary`` marks the product of what the two statements before it have to spare.
     """
 
     operands: list[Expression]
     operators: list[str]
     written: str = field(default="", compare=False, repr=False)
+    complementary: bool = field(default=False, compare=False, repr=False)
 
 
 @dataclass(slots=True)

@@ -23,6 +23,7 @@ from stc.solver.keeping import Keeper, once
 from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
+from stc.solver.pairs import Complementary, Pairs
 from stc.solver.report import Callback, IterationRecord, Result, Start
 from stc.solver.residuals import assess, holds
 from stc.solver.scaled_problem import relative_violation
@@ -75,6 +76,7 @@ class Reduced:
         self.var_stage, self.row_stage = nlp.var_stage[cols], nlp.row_stage[rows]
         self.row_linear, self.objective_degree = nlp.row_linear[rows], nlp.objective_degree
         self.fixed_curvature = nlp.fixed_curvature[cols]
+        self.pairs = _pairs_left(nlp, part)
         self._x, self._y = part.x.copy(), np.zeros(nlp.m)
 
     def all_variables(self, x: Floats) -> Floats:
@@ -180,6 +182,15 @@ class Reduced:
             np.ascontiguousarray(gradient), y,
         )  # fmt: skip
         return x, y
+
+
+def _pairs_left(nlp: NLP, part: Part) -> Pairs:
+    """The complementary pairs of which nothing is determined; the product of another one is a row like others."""
+    if not isinstance(nlp, Complementary):
+        return Pairs.none()
+    x_places, row_places = np.full(nlp.n, -1), np.full(nlp.m, -1)
+    x_places[part.cols], row_places[part.rows] = np.arange(part.cols.size), np.arange(part.rows.size)
+    return nlp.pairs.among(x_places, row_places)
 
 
 def presolved(nlp: NLP) -> Reduced | None:

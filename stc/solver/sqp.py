@@ -19,6 +19,7 @@ from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
+from stc.solver.pairs import pairs_of
 from stc.solver.polish import MET, meet_equations
 from stc.solver.presolve import presolved
 from stc.solver.products import between, inner
@@ -86,12 +87,30 @@ def minimize(
         less = presolved(nlp) if options.presolve and options.max_iterations > 0 else None
         if less is not None:
             own = less.start(start or Start(np.asarray(nlp.x0, dtype=float)))
-            result = less.restored(
-                _Solve(less, options, less.callback(callback), own, new_kkt).run(), options
-            )
+            result = less.restored(_solved(less, options, less.callback(callback), own, new_kkt), options)
             if result is not None:
                 return result
+        return _solved(nlp, options, callback, start, new_kkt)
+
+
+def _solved(
+    nlp: NLP,
+    options: Options,
+    callback: Callback | None,
+    start: Start | None,
+    new_kkt: Callable[..., KKTSystem] | None,
+) -> Result:
+    """As :func:`minimize`, without presolve."""
+    pairs = pairs_of(nlp)
+    if pairs is None or options.max_iterations <= 0:
         return _Solve(nlp, options, callback, start, new_kkt).run()
+    from stc.solver.complementarity import by_penalty
+
+    def solve(program: NLP, settings: Options, told: Callback | None, begin: Start) -> Result:
+        return _Solve(program, settings, told, begin, new_kkt).run()
+
+    start = start or Start(np.asarray(nlp.x0, dtype=float))
+    return by_penalty(nlp, pairs, options, callback, start, solve)
 
 
 def _contradicts(nlp: NLP) -> bool:

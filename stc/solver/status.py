@@ -10,6 +10,7 @@ __all__ = [
     "MET_BUT_FOR_ROUNDING",
     "NO_MINIMUM",
     "STILL_FALLING",
+    "UNPAIRED",
     "Status",
     "advice",
     "sentence",
@@ -57,6 +58,11 @@ MET_BUT_FOR_ROUNDING = (
 NO_MINIMUM = (
     "The point satisfies the first-order conditions, but it is no minimum: the Lagrangian bends downwards along the "
     "constraints there. Start elsewhere."
+)
+#: What is said where all but complementarity holds; with the largest of the smaller sides.
+UNPAIRED = (
+    "All statements hold but `complements`: somewhere the smaller side is still {:.2g}, and nothing nearby makes it "
+    "smaller. Start elsewhere."
 )
 FIXED_ROWS_MISSED = "A row is violated that holds fixed variables alone."
 FLAT_BUT_FOR_ROUNDING = (

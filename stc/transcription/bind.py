@@ -20,6 +20,7 @@ from stc.problem import ConstantRef, ParameterRef, Problem, Relation, VariableRe
 from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Part, Scaling
 from stc.solver.keeping import Keeper
+from stc.solver.pairs import Pairs
 from stc.symbolic.expr import ZERO, Expr, evaluate, symbols
 from stc.symbolic.tables import TableRef
 from stc.transcription.assemble import Program, data_of
@@ -264,6 +265,7 @@ class BoundProgram:
         kernels: KernelSet,
         constants: Mapping[str, float],
         relations: Sequence[Relation],
+        pairs: Pairs,
     ) -> None:
         self.program = program
         self.keeper = Keeper()
@@ -284,6 +286,8 @@ class BoundProgram:
         self.row_linear = program.row_linear
         self.objective_degree = program.objective_degree
         self.fixed_curvature = program.fixed_curvature
+        #: Complementary rows, see :class:`stc.solver.pairs.Complementary`.
+        self.pairs = pairs
         self.contradictions = bounds.contradictions
         self.workspace = np.zeros(program.workspace_size)
         for group, start in zip(program.groups, program.data_start, strict=True):

@@ -20,6 +20,7 @@ from stc.symbolic.slopes import Sweep
 from stc.transcription.bind import Bounds, Numbers, evaluate_bounds
 from stc.transcription.grid import IntArray, Nodes
 from stc.transcription.lower import DataRef
+from stc.transcription.pairs import find_pairs
 from stc.transcription.stated import Stated
 from stc.transcription.statements import LINK, Row
 
@@ -71,6 +72,8 @@ class Found:
         size: what both are relative to: the largest term in the gradient, the mean multiplier over 100, and 1.
         steepest: the unknown by which the Lagrangian is not stationary most, with its frame (-1: of none).
         loosest: what has the multiplier that is least complementary: statement or name, and frame.
+        unpaired: the largest smaller side of a complementary pair, relative to max(1, larger side).
+        loosest_pair: the statement of that pair, and frame.
     """
 
     objective: float
@@ -82,6 +85,8 @@ class Found:
     size: float
     steepest: tuple[str, float]
     loosest: tuple[str, float]
+    unpaired: float
+    loosest_pair: tuple[str, float]
 
     @property
     def optimality(self) -> float:
@@ -114,6 +119,7 @@ class Point:
         gradient, lagrangian = np.zeros(len(self.x)), self.z.copy()
         objective, magnitude, largest_term = 0.0, 0.0, 0.0
         complementarity, violation, loosest = 0.0, 0.0, ("", -1.0)
+        rows = np.zeros(len(self.y))
         for summand in self.stated.statements.summands:
             for nodes, sweep, keys in self._sweeps([summand.body], summand.nodes):
                 values = np.broadcast_to(sweep.values[0], len(nodes))
@@ -124,7 +130,7 @@ class Point:
         lagrangian += gradient
         for row, ids in self._rows():
             for nodes, sweep, keys, at in self._row_sweeps(row, ids):
-                value = np.broadcast_to(sweep.values[0], len(nodes))
+                value = rows[at] = np.broadcast_to(sweep.values[0], len(nodes))
                 lower, upper = self._ends(row.lower, row.upper, nodes)
                 violation = max(violation, self._note(row, value, lower, upper, nodes))
                 y = self.y[at]
@@ -154,6 +160,7 @@ class Point:
         mean = min(total / max(1, len(self.y) + len(self.z)) / MEAN_MULTIPLIER, LARGEST_SCALE)
         size = max(1.0, _largest(np.abs(gradient)), largest_term, _largest(np.abs(self.z)), mean)
         slope = np.abs(lagrangian)
+        unpaired, loosest_pair = self._unpaired(rows)
         return Found(
             objective=objective,
             objective_size=magnitude,
@@ -164,7 +171,36 @@ class Point:
             size=size,
             steepest=self._unknown(int(np.argmax(slope))) if len(slope) else ("", -1.0),
             loosest=loosest,
+            unpaired=unpaired,
+            loosest_pair=loosest_pair,
         )
+
+    def _unpaired(self, rows: FloatArray) -> tuple[float, tuple[str, float]]:
+        """The least complementary pair, for values ``rows`` (M,): its smaller side, and where it is."""
+        stated, low, high = self.stated, self.bounds.lower, self.bounds.upper
+        relations = stated.problem.relations
+        pairs = find_pairs(
+            relations, stated.statements, stated.groups, stated.layout, self.numbers.at, (low, high)
+        )
+        if not len(pairs):
+            return 0.0, ("", -1.0)
+        limits: list[list[FloatArray]] = [[low], [high]]
+        for row, _ in self._rows():
+            for into, end in zip(limits, self._ends(row.lower, row.upper, row.nodes), strict=True):
+                into.append(end)
+        ids = np.concatenate([np.arange(len(low)), *(len(low) + at for _, at in self._rows())])
+        placed = np.empty((2, len(ids)))
+        placed[:, ids] = [np.concatenate(parts) for parts in limits]
+        value = np.concatenate([self.x, rows])[pairs.side]
+        limit = np.where(pairs.lower, placed[0][pairs.side], placed[1][pairs.side])
+        spare = np.where(pairs.lower, value - limit, limit - value)
+        share = spare.min(axis=1) / np.maximum(1.0, spare.max(axis=1))
+        worst = int(np.argmax(share))
+        for row, at in self._rows():
+            hit = np.flatnonzero(at == pairs.product[worst])
+            if hit.size:
+                return float(max(share[worst], 0.0)), self._place(row, row.nodes, int(hit[0]))
+        raise AssertionError("a product is a row")
 
     def _rows(self) -> Iterator[tuple[Row, IntArray]]:
         for group in self.stated.groups:

@@ -269,7 +269,7 @@ class Sorter:
         if not table:
             table = [np.zeros(len(nodes), np.int64)]
         _, first, same = np.unique(np.array(table), axis=1, return_index=True, return_inverse=True)
-        code = _codes(nodes)
+        code = node_codes(nodes)
         kept = code[first[same.reshape(-1)]]
         dropped = np.flatnonzero(kept != code)
         standing = dict(zip(code[dropped].tolist(), kept[dropped].tolist()))
@@ -305,9 +305,9 @@ class Sorter:
             return
         nodes = self._without_lost_midpoints(nodes, parts)
         weight = sum_weights(nodes, first, last)
-        code = _codes(nodes)
+        code = node_codes(nodes)
         for body, where in parts:
-            share = weight[np.searchsorted(code, _codes(where))]
+            share = weight[np.searchsorted(code, node_codes(where))]
             if (share != 1.0).any():
                 body = sym(self._table(WeightTable(len(where), fixed=share))) * body
             self.summands.append(Summand(body, where, number))
@@ -320,11 +320,11 @@ class Sorter:
             return
         nodes = self._without_lost_midpoints(nodes, parts)
         which, step, share = quadrature(nodes, term.range.first, term.range.last)
-        held = np.sort(np.concatenate([_codes(p) for _, p in parts]))
-        which = self._standing_in(_codes(nodes), held)[which]
+        held = np.sort(np.concatenate([node_codes(p) for _, p in parts]))
+        which = self._standing_in(node_codes(nodes), held)[which]
         for body, where in parts:
             at = np.full(len(held), -1)
-            at[np.searchsorted(held, _codes(where))] = np.arange(len(where))
+            at[np.searchsorted(held, node_codes(where))] = np.arange(len(where))
             mine = at[which] >= 0
             node, my_step, my_share = at[which[mine]], step[mine], share[mine]
             support = np.zeros((len(self.lowering.steps.basis), len(where)), np.int64)
@@ -362,8 +362,8 @@ class Sorter:
         """The nodes but for midpoints at which a term is not: its steps there count at their frames alone."""
         if not self.grid.has_midpoints:
             return nodes
-        held = np.concatenate([_codes(where) for _, where in parts])
-        return nodes[~nodes.is_midpoint | np.isin(_codes(nodes), held)]
+        held = np.concatenate([node_codes(where) for _, where in parts])
+        return nodes[~nodes.is_midpoint | np.isin(node_codes(nodes), held)]
 
     @staticmethod
     def _standing_in(code: IntArray, held: IntArray) -> IntArray:
@@ -391,7 +391,7 @@ class Sorter:
         )
 
 
-def _codes(nodes: Nodes) -> IntArray:
+def node_codes(nodes: Nodes) -> IntArray:
     """Numbers that order nodes as they follow each other, one for each. (k,)"""
     return 4 * nodes.position + nodes.side
 

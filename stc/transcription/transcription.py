@@ -17,11 +17,13 @@ from stc.errors import Diagnostic, EvaluationError, Span, SpecError
 from stc.memory import without_collection
 from stc.problem import ConstantRef, Problem, VariableRef
 from stc.records import dataclass, field
+from stc.solver.pairs import Pairs
 from stc.symbolic.expr import Expr, symbols
 from stc.transcription.assemble import Program, assemble
 from stc.transcription.bind import BoundProgram, Bounds, Numbers, evaluate_bounds
 from stc.transcription.derive import Group
 from stc.transcription.guess import starting_point
+from stc.transcription.pairs import find_pairs
 from stc.transcription.stated import Stated, state
 from stc.transcription.statements import LINK
 
@@ -142,6 +144,7 @@ class Transcription(Stated):
                 self.kernels,
                 constants,
                 self.problem.relations,
+                self._pairs(numbers, bounds),
             )
         else:
             bound = known.program.started(x0)
@@ -154,6 +157,12 @@ class Transcription(Stated):
     def _numbers(self, constants: Mapping[str, float]) -> tuple[Numbers, Bounds]:
         numbers = Numbers(self.statements, self.steps, self.steps.coefficients(constants), constants)
         return numbers, evaluate_bounds(self.problem, self.statements, self.layout, numbers)
+
+    def _pairs(self, numbers: Numbers, bounds: Bounds) -> Pairs:
+        limits = bounds.lower, bounds.upper
+        return find_pairs(
+            self.problem.relations, self.statements, self.program.groups, self.layout, numbers.at, limits
+        )
 
     def _guessed(
         self, numbers: Numbers, bounds: Bounds, constants: Mapping[str, float], guess: GivenValues | None

@@ -157,6 +157,7 @@ def test_json_has_every_promised_key(stc_: Stc) -> None:
         "optimizer": "str",
         "grid": "dict",
         "ringing": "list",
+        "complementarity": "NoneType",
         "blame": "NoneType",
         "active": "NoneType",
         "sensitivities": "NoneType",

@@ -1,0 +1,212 @@
+"""Programs with complementary pairs, solved by an exact penalty whose weight grows.
+
+Each pass solves the program with the products ``a*b`` in the objective (:mod:`stc.solver.penalised`).  Where they
+are not nothing at the solution, the weight was too small, and the next pass begins there with a larger one (S. Leyffer,
+G. Lopez-Calva and J. Nocedal, 2006, algorithm 1 with the subproblems solved).  A solution is one of the program as
+stated, with the weight as the products' multiplier: such points are strongly stationary (R. Fletcher and S. Leyffer,
+Solving mathematical programs with complementarity constraints as nonlinear programs, Optim. Methods Softw. 19, 2004).
+Where multipliers grow without limit, no weight is large enough; there the smaller side of each pair is held at nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from stc.arrays import scattered
+from stc.records import dataclass, field
+from stc.solver.convexity import is_convex
+from stc.solver.nlp import NLP, Floats
+from stc.solver.options import Options
+from stc.solver.pairs import Pairs
+from stc.solver.penalised import Penalised
+from stc.solver.products import between
+from stc.solver.report import Callback, IterationRecord, Result, Start
+from stc.solver.residuals import assess
+from stc.solver.status import UNPAIRED, Status
+
+__all__ = ["by_penalty"]
+
+FIRST_WEIGHT, GROWTH = 100.0, 10.0
+"""The penalty's gradient, as a multiple of the objective's near the start, and how the weight grows."""
+NEARBY = 0.1
+ROUNDS, LARGEST_GROWTH = (1.0, 100.0), 1e6
+"""First weights of the rounds from the start, and how much larger the last one of a round is, in multiples."""
+STEPS = 300
+"""Of a pass."""
+COMPLEMENTARY, NEARLY = 1e-6, 0.01
+"""Smaller sides of pairs, relative to ``max(1, larger side)``, that count as nothing, and that may be held there."""
+
+Solve = Callable[[NLP, Options, Callback | None, Start], Result]
+
+
+def by_penalty(
+    nlp: NLP, pairs: Pairs, options: Options, callback: Callback | None, start: Start, solve: Solve
+) -> Result:
+    """Solve a program with complementary pairs.
+
+    Args:
+        solve: solves a program without.
+    """
+    passes = _Passes(nlp, pairs, options, callback, solve)
+    weight = _first_weight(nlp, pairs, start)
+    convex = is_convex(Penalised(nlp, pairs, 1.0))
+    best: Result | None = None
+    for factor in ROUNDS:
+        for result in _round(passes, factor * weight, start):
+            best = result if best is None or passes.is_better(result, best) else best
+            if passes.ends(result) or (result.status is Status.INFEASIBLE and convex):
+                return passes.of_all(result)  # infeasible whatever the products
+        assert best is not None
+        if passes.missing(best) <= NEARLY:
+            held = passes.held(best)
+            if passes.ends(held):
+                return passes.of_all(held)
+    assert best is not None
+    if best.success:
+        message = UNPAIRED.format(passes.missing(best))
+        best = replace(best, status=Status.FAILED, message=message)
+    return passes.of_all(best)
+
+
+def _round(passes: _Passes, weight: float, start: Start) -> Iterator[Result]:
+    """The results of passes with growing weights, each from where the one before has led."""
+    last = LARGEST_GROWTH * weight
+    while weight <= last:
+        result = passes.penalised(weight, start)
+        yield result
+        if result.success or result.status is Status.ITERATION_LIMIT:
+            start = Start(result.x)
+        weight *= GROWTH
+
+
+@dataclass(slots=True)
+class _Passes:
+    """What passes have in common, and what they take together."""
+
+    nlp: NLP
+    pairs: Pairs
+    options: Options
+    callback: Callback | None
+    solve: Solve
+    iterations: int = 0
+    factorizations: int = 0
+    history: list[IterationRecord] = field(default_factory=list)
+
+    def penalised(self, weight: float, start: Start) -> Result:
+        """One pass."""
+        program = Penalised(self.nlp, self.pairs, weight)
+        passed = self._solved(program, _start_of(start, program))
+        return self._as_of(passed, program.all_multipliers(passed.row_multipliers))
+
+    def held(self, result: Result) -> Result:
+        """From a point where pairs are nearly complementary, with the smaller side of each held at nothing."""
+        nlp, pairs = self.nlp, self.pairs
+        spare = pairs.spare(nlp, result.x, nlp.values(result.x)[1])
+        which = spare.argmin(axis=1)
+        every = np.arange(len(pairs))
+        place, sign = pairs.side[every, which], np.where(pairs.lower[every, which], 1.0, -1.0)
+        program = Penalised(nlp, pairs, 0.0)
+        program.hold(place, pairs.limits(nlp)[every, which])
+        passed = self._solved(program, Start(result.x))
+        y = program.all_multipliers(passed.row_multipliers)
+        # What holds a side may push either way; where it pulls, the product's multiplier has to.
+        other = pairs.spare(nlp, passed.x, nlp.values(passed.x)[1])[every, 1 - which]
+        pull = sign * np.concatenate([passed.bound_multipliers, y])[place]
+        y[pairs.product] = np.maximum(0.0, pull) / np.maximum(other, COMPLEMENTARY)
+        of_rows = place >= nlp.n
+        rows = place[of_rows] - nlp.n
+        np.subtract.at(y, rows, (sign * y[pairs.product] * other)[of_rows])
+        return self._as_of(passed, y)
+
+    def ends(self, result: Result) -> bool:
+        """Whether a result says all there is to say, or nothing more may be tried."""
+        if result.status in (Status.TIME_LIMIT, Status.INTERRUPTED):
+            return True
+        if self.iterations >= self.options.max_iterations:
+            return True
+        return result.success and self.missing(result) <= COMPLEMENTARY
+
+    def is_better(self, one: Result, other: Result) -> bool:
+        """Whether a result is nearer to a solution."""
+        return (one.violation, self.missing(one)) < (other.violation, self.missing(other))
+
+    def missing(self, result: Result) -> float:
+        """The largest of the smaller sides, relative to ``max(1, larger side)``."""
+        return self.pairs.residual(self.nlp, result.x)
+
+    def of_all(self, result: Result) -> Result:
+        """A result with what all passes have taken."""
+        return replace(
+            result, iterations=self.iterations, factorizations=self.factorizations, history=self.history
+        )
+
+    def _solved(self, program: Penalised, start: Start) -> Result:
+        options, before = self.options, self.iterations
+        left = min(STEPS, options.max_iterations - before)
+        warm = options.warm_start and start.row_multipliers is not None
+        limits = replace(options, max_iterations=left, retries=0, warm_start=warm)
+        passed = self.solve(program, limits, _told(self.callback, before), start)
+        self.history += [replace(record, iteration=record.iteration + before) for record in passed.history]
+        self.iterations += passed.iterations
+        self.factorizations += passed.factorizations
+        return passed
+
+    def _as_of(self, passed: Result, y: Floats) -> Result:
+        """A result of a penalised program as one of the program itself, with multipliers ``y`` (m,) of its rows."""
+        judged = assess(self.nlp, passed.x, y)
+        return replace(
+            passed,
+            row_multipliers=y,
+            bound_multipliers=judged.bound_multipliers,
+            objective=judged.objective,
+            violation=judged.violation,
+            optimality=judged.optimality,
+        )
+
+
+def _first_weight(nlp: NLP, pairs: Pairs, start: Start) -> float:
+    """That of an earlier solution, which products have as their multiplier; else one that lets the penalty's gradient
+    matter as much as the objective's, a little way off the start, where neither is flat by chance."""
+    if start.row_multipliers is not None:
+        known = float(np.abs(start.row_multipliers[pairs.product]).max(initial=0.0))
+        if known > 0.0:
+            return known
+    size = np.maximum(1.0, np.abs(start.x))
+    x = between(start.x + NEARBY * size * scattered(nlp.n), nlp.x_lower, nlp.x_upper)
+    gradient, jac, _ = nlp.derivatives(x, np.zeros(nlp.m), 0.0)
+    free = nlp.x_lower < nlp.x_upper
+    of_product = np.zeros(nlp.m, bool)
+    of_product[pairs.product] = True
+    entries = of_product[nlp.jac_rows] & free[nlp.jac_cols]
+    slope = float(np.abs(gradient[free] * size[free]).max(initial=0.0))
+    products = float(np.abs(jac[entries] * size[nlp.jac_cols[entries]]).max(initial=0.0))
+    weight = FIRST_WEIGHT * slope / products if slope > 0.0 and products > 0.0 else 1.0
+    return weight if np.isfinite(weight) else 1.0
+
+
+def _start_of(start: Start, program: Penalised) -> Start:
+    """A start of the whole program, as it concerns the penalised one."""
+    y, another = start.row_multipliers, start.another
+
+    def other(left: int) -> tuple[Start | None, int]:
+        assert another is not None
+        found, spent = another(left)
+        return None if found is None else _start_of(found, program), spent
+
+    return Start(
+        start.x,
+        None if y is None else y[program.kept],
+        start.bound_multipliers,
+        None if another is None else other,
+    )
+
+
+def _told(callback: Callback | None, before: int) -> Callback | None:
+    """A callback that counts the iterations of earlier passes."""
+    if callback is None:
+        return None
+    its = callback
+    return lambda record: its(replace(record, iteration=record.iteration + before))
