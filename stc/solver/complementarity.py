@@ -77,6 +77,8 @@ def _round(passes: _Passes, weight: float, start: Start) -> Iterator[Result]:
     while weight <= last:
         result = passes.penalised(weight, start)
         yield result
+        if not result.success and passes.missing(result) <= COMPLEMENTARY:
+            return  # it is not for want of weight
         if result.success or result.status is Status.ITERATION_LIMIT:
             start = Start(result.x)
         weight *= GROWTH
