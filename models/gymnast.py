@@ -26,8 +26,8 @@ AHEAD = 0.04
 KNEE = 0.4
 """Of the slightly bent legs in the keyframe `stand`, rad; hip and ankle take half of it each."""
 
-TORQUES = {"shoulder": 220.0, "hip": 320.0, "knee": 360.0, "ankle": 240.0}
-"""What the motors of both sides can give together, N m."""
+TORQUES = {"shoulder": 220.0, "hip": 480.0, "knee": 540.0, "ankle": 320.0}
+"""What the motors of both sides can give together, N m; the legs catch a fall from a high bar."""
 
 _TOUCHING = {"friction": (0.9, 0.01, 0.0001), "solref": (0.0004, 1.0)}
 
