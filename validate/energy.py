@@ -55,17 +55,18 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
 
     Returns:
         None where it cannot be drawn up: of a joint that is not tied it is not known how it moves, an actuator has a
-        state of its own, or the motion has one frame only.
+        state that the solution does not tell, or the motion has one frame only.
     """
     import mujoco
 
     solution = setup.solution
     untied = setup.untied
-    if not (setup.all_tied or untied) or setup.compiled.na or solution.n == 0:
+    if not (setup.all_tied or untied) or not setup.knows_activations or solution.n == 0:
         return None
     model = setup.model(contacts=False)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    model.actuator_actearly[:] = 0  # states are those of the same instant
     data = mujoco.MjData(model)
     outer = setup.all_forces
     points, weights = np.polynomial.legendre.leggauss(_NODES)
@@ -88,12 +89,14 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
         duration = durations[step]
         states = setup.reference.in_step(step, shares)
         controls, forces = setup.controls.in_step(step, shares), outer.in_step(step, shares)
+        activations = setup.activations.in_step(step, shares)
         rests = [] if untied is None else untied.in_step(step, shares)
         for k, weight in enumerate(weights):
             if untied is not None:
                 untied.put(data, rests[k])
             setup.reference.put(data, [states[0][k], states[1][k]])
             data.ctrl[setup.controls.addresses] = controls[k]
+            data.act[setup.activations.addresses] = activations[k]
             outer.apply(model, data, forces[k])
             mujoco.mj_forward(model, data)
             power = _powers(model, data)

@@ -7,6 +7,8 @@ path                                           field, in MuJoCo's units
 ``option.wind.x`` (``.y``, ``.z``)             wind, m/s
 ``option.density``, ``option.viscosity``       of the surrounding medium
 ``option.impratio``                            friction against normal stiffness of contacts
+``option.solref.time``                         s in which every contact takes back what it has given way by,
+                                               critically damped; the time step is half of it at most
 ``body.NAME.mass``                             mass, kg
 ``body.NAME.inertia.x`` (``.y``, ``.z``)       principal moments of inertia, kg m^2
 ``body.NAME.com.x`` (``.y``, ``.z``)           centre of mass in the body's frame, m
@@ -132,15 +134,27 @@ def set_fields(model: mujoco.MjModel, values: Mapping[tuple[str, ...], float]) -
 
 def _set_option(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> None:
     written = "set " + ".".join(path)
+    if path[1:] == ("solref", "time"):
+        _set_stiffness(model, written, value)
+        return
     if len(path) < 2 or path[1] not in _OPTIONS:
-        raise ModelError(
-            f"{written}: no such option{nearest(path[1] if len(path) > 1 else '', list(_OPTIONS))}"
-        )
+        known = [*_OPTIONS, "solref.time"]
+        raise ModelError(f"{written}: no such option{nearest(path[1] if len(path) > 1 else '', known)}")
     component = _component(written, path[2:], _OPTIONS[path[1]])
     if component is None:
         setattr(model.opt, path[1], value)
     else:
         getattr(model.opt, path[1])[component] = value
+
+
+def _set_stiffness(model: mujoco.MjModel, written: str, time: float) -> None:
+    """Make all contacts as stiff as a time says in which they take back what they give way by."""
+    if not time > 0.0:
+        raise ModelError(f"{written}: a time is above 0, and {time:g} is not")
+    for solref in (model.geom_solref, model.pair_solref):
+        solref[:] = time, 1.0
+    # MuJoCo makes no contact stiffer than two of its time steps allow.
+    model.opt.timestep = min(model.opt.timestep, 0.5 * time)
 
 
 def _set_field(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> None:

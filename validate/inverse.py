@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from stc.validate.untied import State
 
 
+#: Controls, and states of actuators.
+Drive = tuple[FloatArray, FloatArray]
+
 #: What hangs on joints that the spec does not tie may be too light to be in its equations: up to this share of the
 #: largest force.
 _NEGLIGIBLE = 1e-6
@@ -86,12 +89,13 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
 
     Returns:
         None where it cannot be said: of a joint that is not tied it is not known how it moves, the solution lacks an
-        acceleration, or an actuator has a state of its own.
+        acceleration, or an actuator has a state that the solution does not tell.
     """
     solution, model = setup.solution, setup.model(contacts=False)
     duration = solution.duration
     untied = setup.untied
-    if not (setup.all_tied or untied) or model.na or not setup.reference.has_acceleration:
+    known = setup.all_tied or untied
+    if not known or not setup.knows_activations or not setup.reference.has_acceleration:
         return None
     import mujoco
 
@@ -101,6 +105,7 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     if not model.tendon_frictionloss.any():  # where it is, MuJoCo's own law has to do for all
         model.opt.disableflags |= int(flags.mjDSBL_FRICTIONLOSS)
         loss = model.dof_frictionloss
+    model.actuator_actearly[:] = 0  # states are those of the same instant
     data = mujoco.MjData(model)
     ties = Equalities(setup.model(contacts=False))
     outer = setup.all_forces
@@ -108,26 +113,22 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     scale, momentum, mass = 0.0, np.zeros(model.nv), np.zeros((model.nv, model.nv))
     moved = np.zeros(model.nv)
 
-    def forces_at(
-        state: list[FloatArray], control: FloatArray, force: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def forces_at(state: list[FloatArray], drive: Drive, force: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(nv,) generalised force that the motion needs, the free joints without acceleration, and what it gets."""
         setup.reference.put(data, state)
-        data.ctrl[setup.controls.addresses] = control
+        data.ctrl[setup.controls.addresses], data.act[setup.activations.addresses] = drive
         outer.apply(model, data, force)
         mujoco.mj_inverse(model, data)
         needed = data.qfrc_inverse.copy()
         mujoco.mj_fwdActuation(model, data)
         return needed, data.qfrc_actuator + data.qfrc_applied
 
-    def residual(
-        state: list[FloatArray], control: FloatArray, force: FloatArray, rest: State | None
-    ) -> FloatArray:
+    def residual(state: list[FloatArray], drive: Drive, force: FloatArray, rest: State | None) -> FloatArray:
         nonlocal scale, moved
         if untied is not None and rest is not None:
-            held = np.subtract(*_held(model, data, lambda: forces_at(state, control, force)))
+            held = np.subtract(*_held(model, data, lambda: forces_at(state, drive, force)))
             untied.put(data, rest)
-        needed, delivered = forces_at(state, control, force)
+        needed, delivered = forces_at(state, drive, force)
         if untied is not None and rest is not None:
             mujoco.mj_fullM(model, data, mass)
             needed = needed + mass @ untied.acceleration(mass, delivered - needed)
@@ -148,17 +149,20 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     first, last = solution.force_frames or (0, solution.n)
     at_nodes, between = np.zeros(model.nv), np.zeros(model.nv)
     for part, index in places_of(first, last, solution.method):
-        state, control = setup.reference.at(part, index), setup.controls.at(part, index)
+        state = setup.reference.at(part, index)
+        drive = setup.controls.at(part, index), setup.activations.at(part, index)
         rest = None if untied is None else untied.at(part, index)
-        at_nodes = np.maximum(at_nodes, residual(state, control, outer.at(part, index), rest))
+        at_nodes = np.maximum(at_nodes, residual(state, drive, outer.at(part, index), rest))
     shares = np.array(limits.BETWEEN_SHARES)
     for done in steps("inverse dynamics", last - first):
         step = first + done
         states, controls = setup.reference.in_step(step, shares), setup.controls.in_step(step, shares)
+        activations = setup.activations.in_step(step, shares)
         forces = outer.in_step(step, shares)
         rests = [None] * len(shares) if untied is None else untied.in_step(step, shares)
         for k in range(len(shares)):
-            found = residual([part[k] for part in states], controls[k], forces[k], rests[k])
+            drive = controls[k], activations[k]
+            found = residual([part[k] for part in states], drive, forces[k], rests[k])
             between = np.maximum(between, found)
     all_tied = InverseDynamics(at_nodes[order], between[order], scale, None)
     if untied is None:

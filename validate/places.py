@@ -3,9 +3,10 @@
 =============================  ==================================================================================
 ``body.NAME``                  the origin of the body's frame
 ``body.NAME.X.Y.Z``            the point at X, Y, Z (numbers, in m) of that frame
+``body.NAME.X.Y.Z.R``          where a ball of radius R about that point is nearest to the ground
 ``site.NAME``                  the site
 ``geom.NAME``                  of a sphere its point nearest to the ground, of a box the middle of its lower face
-                               (along its own z), of all others their middle
+                               (along its own z), both with the geom's margin; of all others their middle
 =============================  ==================================================================================
 """
 
@@ -43,7 +44,8 @@ class Place:
         body: the body that it moves with.
         offset: in the object's frame, in m.
         radius: of a sphere, whose touching point it is; 0 elsewhere.
-        grounds: fixed geoms that the sphere may touch, unless all are level.
+        grounds: fixed geoms that the sphere may touch, unless all are level; of a ball about a point of a body planes
+            and boxes alone.
     """
 
     kind: str
@@ -61,28 +63,30 @@ class Place:
     @property
     def at_origin(self) -> bool:
         """Whether it is the origin of its body's frame."""
-        return self.kind == "body" and not any(self.offset)
+        return self.kind == "body" and not any(self.offset) and not self.radius
 
     def point(self, model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
         """(3,) where it is in the world, in m, once the kinematics are up to date."""
         centre = np.array(getattr(data, self.array)[self.index])
-        if self.radius:
-            return self._touching(model, data, centre)
-        if not any(self.offset):
-            return centre
-        frames = {"body": data.xmat, "site": data.site_xmat, "geom": data.geom_xmat}[self.kind]
-        return np.asarray(centre + frames[self.index].reshape(3, 3) @ np.array(self.offset))
+        if any(self.offset):
+            frames = {"body": data.xmat, "site": data.site_xmat, "geom": data.geom_xmat}[self.kind]
+            centre = centre + frames[self.index].reshape(3, 3) @ np.array(self.offset)
+        return centre + self.radius * self._down(model, data, centre) if self.radius else centre
 
-    def _touching(self, model: mujoco.MjModel, data: mujoco.MjData, centre: FloatArray) -> FloatArray:
-        """(3,) the point of a sphere that is nearest to the ground."""
+    def _down(self, model: mujoco.MjModel, data: mujoco.MjData, centre: FloatArray) -> FloatArray:
+        """(3,) the direction from the centre of a sphere to the nearest ground."""
         import mujoco
 
-        best, found = _FAR, centre - np.array([0.0, 0.0, self.radius])
-        segment = np.zeros(6)
+        best, found, segment = _FAR, np.array([0.0, 0.0, -1.0]), np.zeros(6)
         for ground in self.grounds:
-            distance = mujoco.mj_geomDistance(model, data, self.index, ground, best, segment)
-            if distance < best:
-                best, found = distance, segment[:3].copy()
+            if self.kind == "geom":
+                distance = mujoco.mj_geomDistance(model, data, self.index, ground, best, segment)
+                way = segment[:3] - centre
+            else:
+                way = _nearest_point(model, data, ground, centre) - centre
+                distance = float(np.linalg.norm(way))
+            if distance < best and way.any():
+                best, found = distance, way / np.linalg.norm(way)
         return found
 
 
@@ -92,19 +96,26 @@ def find_place(model: mujoco.MjModel, path: Sequence[str], written: str) -> Plac
     Raises:
         ModelError: the model has no such place.
     """
+    import mujoco
+
     kind, *rest = path
     if not rest:
         raise ModelError(f"{written}: the name of the {kind} is missing")
     index = find_object(model, kind, rest[0], written)
     numbers = rest[1:]
-    if numbers and (kind != "body" or len(numbers) != 3):
+    if numbers and (kind != "body" or len(numbers) not in (3, 4)):
         raise ModelError(f"{written}: a point in a body is written body.{rest[0]}.X.Y.Z")
     if kind == "body":
         try:
             at = tuple(float(number) for number in numbers) or (0.0, 0.0, 0.0)
         except ValueError:
             raise ModelError(f"{written}: a point in a body is given by three numbers") from None
-        return Place("body", index, index, at)
+        if len(at) == 3:
+            return Place("body", index, index, at)
+        own = [geom for geom in range(model.ngeom) if model.geom_bodyid[geom] == index]
+        flat = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_BOX))
+        grounds = tuple([ground for ground in _grounds(model, own) if int(model.geom_type[ground]) in flat])
+        return Place("body", index, index, at[:3], radius=at[3], grounds=grounds)
     if kind == "site":
         return Place("site", index, int(model.site_bodyid[index]))
     return _geom(model, index)
@@ -128,17 +139,36 @@ def _geom(model: mujoco.MjModel, index: int) -> Place:
 
     kinds, body, kind = mujoco.mjtGeom, int(model.geom_bodyid[index]), int(model.geom_type[index])
     if kind == int(kinds.mjGEOM_BOX):
-        return Place("geom", index, body, (0.0, 0.0, -float(model.geom_size[index, 2])))
+        below = float(model.geom_size[index, 2] + model.geom_margin[index])
+        return Place("geom", index, body, (0.0, 0.0, -below))
     if kind != int(kinds.mjGEOM_SPHERE):
         return Place("geom", index, body)
+    radius = float(model.geom_size[index, 0] + model.geom_margin[index])
+    return Place("geom", index, body, radius=radius, grounds=_grounds(model, [index]))
+
+
+def _grounds(model: mujoco.MjModel, geoms: Sequence[int]) -> tuple[int, ...]:
+    """Fixed geoms that one of some geoms may touch; none where all of them are level planes."""
     fixed = [
         ground
         for ground in range(model.ngeom)
-        if model.body_weldid[model.geom_bodyid[ground]] == 0 and _meets(model, index, ground)
+        if model.body_weldid[model.geom_bodyid[ground]] == 0
+        and any(_meets(model, geom, ground) for geom in geoms)
     ]
-    if all(_is_level(model, ground) for ground in fixed):
-        fixed = []
-    return Place("geom", index, body, radius=float(model.geom_size[index, 0]), grounds=tuple(fixed))
+    return () if all(_is_level(model, ground) for ground in fixed) else tuple(fixed)
+
+
+def _nearest_point(model: mujoco.MjModel, data: mujoco.MjData, ground: int, centre: FloatArray) -> FloatArray:
+    """(3,) the point of a plane or a box that is nearest to a point outside of it."""
+    import mujoco
+
+    at, turn = data.geom_xpos[ground], data.geom_xmat[ground].reshape(3, 3)
+    local = turn.T @ (centre - at)
+    if int(model.geom_type[ground]) == int(mujoco.mjtGeom.mjGEOM_PLANE):
+        local[2] = 0.0
+    else:
+        local = np.clip(local, -model.geom_size[ground], model.geom_size[ground])
+    return np.asarray(at + turn @ local)
 
 
 def _meets(model: mujoco.MjModel, first: int, second: int) -> bool:

@@ -81,19 +81,25 @@ class Setup:
         """A copy of the model, whose options may be changed.
 
         Args:
-            contacts: False switches its contacts off.
+            contacts: False switches its contacts off, and the stops of joints on which a `contact` line states one.
         """
         import mujoco
 
         made = copy.copy(self.compiled)
         if not contacts:
             made.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+            made.jnt_limited[[made.dof_jntid[dof] for dof in self.contact.where.dofs if dof >= 0]] = 0
         return made
 
     @property
     def all_forces(self) -> OuterForces:
         """Applied and contact forces together: what acts where the model's contacts are switched off."""
         return OuterForces(self.compiled, self.solution, ("apply", "contact"))
+
+    @property
+    def knows_activations(self) -> bool:
+        """Whether the solution tells the states of all actuators that have one."""
+        return len(set(self.activations.addresses.tolist())) == self.compiled.na
 
     @property
     def all_tied(self) -> bool:

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 #: acceleration changes by in it.
 _TRUNCATION = 1.0 / 12.0
 
+#: A joint that is within this share of its range from an end is at it.
+_RESTS = 1e-6
+
 #: A row of an equality that moves an untied coordinate by less than this depends on the tied ones alone.
 _NOTHING = 1e-12
 
@@ -46,8 +49,7 @@ def beyond_range(setup: Setup, tie: Tie) -> tuple[float, float, float] | None:
 def limit_metrics(setup: Setup) -> list[Metric]:
     """How far each tied joint goes beyond its range at the nodes; for information where a line states its stop."""
     # A stop that yields lets the joint go as far as its force, which the spec states, takes.
-    dofs = [dof for dof in (*setup.applied.where.dofs, *setup.contact.where.dofs) if dof >= 0]
-    stated = {int(setup.compiled.dof_jntid[dof]) for dof in dofs}
+    stated = _stops_stated(setup)
     found = []
     for tie in setup.ties:
         beyond = beyond_range(setup, tie)
@@ -56,6 +58,35 @@ def limit_metrics(setup: Setup) -> list[Metric]:
             beyond_by = max(beyond[0], 0.0)
             found.append(Metric("joint beyond its range", f"joint {tie.name}", beyond_by, tie.unit, limit))
     return found
+
+
+def _stops_stated(setup: Setup) -> set[int]:
+    """The joints on which a line of the replay states a force."""
+    dofs = [dof for dof in (*setup.applied.where.dofs, *setup.contact.where.dofs) if dof >= 0]
+    return {int(setup.compiled.dof_jntid[dof]) for dof in dofs}
+
+
+def limit_notes(setup: Setup) -> list[str]:
+    """Which joints rest at an end of their range, where the motion has no force of their stop."""
+    stated, resting = _stops_stated(setup), []
+    for tie in setup.ties:
+        if tie.joint in stated or beyond_range(setup, tie) is None:
+            continue
+        lower, upper = (float(bound) for bound in setup.compiled.jnt_range[tie.joint])
+        channel = tie.channels(0)[0]
+        at_end = [
+            np.abs(values - end) <= _RESTS * (upper - lower)
+            for values in (channel.after[:-1], channel.before[1:])
+            for end in (lower, upper)
+        ]
+        if (at_end[0] & at_end[2]).any() or (at_end[1] & at_end[3]).any():
+            resting.append(tie.name)
+    if not resting:
+        return []
+    return [
+        f"at an end of their range for a step or more: {', '.join(resting)}. A range is a bound of the motion and "
+        "gives no force; what a stop gives is stated with a `contact` line on the joint"
+    ]
 
 
 def _allowed(setup: Setup, tie: Tie) -> float:

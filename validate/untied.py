@@ -219,8 +219,8 @@ def untied_motion(setup: Setup, path: FloatArray) -> tuple[UntiedMotion | None, 
 
 def unknown_forces(setup: Setup) -> str:
     """Why the generalised forces of a solved motion cannot be said, in words; "" where they can."""
-    if setup.compiled.na:
-        return "actuators of the model have a state of their own, which the spec does not tell"
+    if setup.compiled.na and not (setup.all_tied and setup.knows_activations):
+        return "actuators of the model have a state of their own, and the spec does not tell all states and joints"
     if not setup.reference.has_acceleration:
         return "the solution does not know the accelerations of all joints"
     return ""

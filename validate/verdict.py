@@ -33,7 +33,7 @@ from stc.validate.position_jumps import position_jumps
 from stc.validate.replay import Replay, replay, time_step_for
 from stc.validate.report import Report
 from stc.validate.setup import Setup, prepare
-from stc.validate.solved_pose import equality_metrics, limit_metrics
+from stc.validate.solved_pose import equality_metrics, limit_metrics, limit_notes
 from stc.validate.statements import StatementCheck, statement_metrics
 from stc.validate.tracking import Feedback, contact_effort, proportional, regulator, strengths
 from stc.validate.unmentioned_contacts import Touch, unmentioned_contacts
@@ -283,6 +283,7 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claim
         metrics += drifts
     metrics += position_jumps(setup)
     metrics += limit_metrics(setup)
+    replays.notes += limit_notes(setup)
     metrics += equality_metrics(setup)
     metrics += _physics_metrics(setup, inverse)
     metrics += statement_metrics(statements, solution.method)

@@ -60,6 +60,12 @@ def listing(name: str) -> str:
         if names:
             lines.append(f"{what}:")
             lines += [f"  {each}" for each in names]
+    if path.suffix.lower() == ".urdf" and not mechanism.actuators:
+        lines += [
+            "a URDF states neither motors nor whether its root is free: here it is fixed to the world. For one that",
+            "moves about save it as MJCF (MuJoCo's `mj_saveLastXML`) and add <freejoint/>, <motor>s and a floor there,",
+            "or add forces under `forces:` of the spec",
+        ]
     refused = refusals(mechanism)
     lines.append("cannot be stated:" if refused else "all of it can be stated")
     lines += [f"  {refusal} (or `without {refusal.kind}`)" for refusal in refused]

@@ -1,44 +1,42 @@
-"""The spec that `stc new --model robot.xml` writes: the first of a few plain ones that solves.
+"""The spec that `stc new --model robot.xml` writes: the first of a few plain ones that solves and passes validation.
 
 A robot that stands is asked to stand, one that is mounted to hold its pose, and what can do neither is let go.
-Which of these a model can do depends on its motors, ranges and shapes, so each page is solved before it is written.
+Which of these a model can do depends on its motors, ranges and shapes, so each page is tried before it is written.
 """
 
 from __future__ import annotations
 
-import math
 import os
 import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from stc import pipeline
 from stc.bundled import with_text
 from stc.cli.model_files import find
+from stc.cli.stance import Spot, Stance
 from stc.errors import Source, StcError, UsageError
-from stc.language import syntax
-from stc.language.model.scope import ModelScope, coordinates_of, path_of, quoted
-from stc.language.model.surfaces import floor
-from stc.mechanism.mechanism import Geom, Mechanism
+from stc.language.model.scope import path_of, quoted
+from stc.mechanism.mechanism import Mechanism
 from stc.mechanism.read import read_model
 from stc.mechanism.refusals import refusals, without
-from stc.mechanism.tree import Frame
-from stc.mechanism.vectors import Vector
-from stc.problem import ConstantRef, VariableRef
 from stc.records import dataclass
-from stc.symbolic.expr import evaluate_all
 
 #: Places of contact that are this much above the lowest one, in m, stand in the same pose; if legs may bend, these.
 _LEVEL, _NEAR = 1e-3, 0.1
-#: Places of one body that are this much above its lowest one, in m, belong to its sole.
-_SOLE = 5e-3
 #: Limits of a trial solve: a page to start from is an easy one.
-_ITERATIONS, _SECONDS = 300, 20.0
-#: The share of a joint's range that a pose which lies outside of it is moved inside.
-_INSIDE = 0.1
+_ITERATIONS, _SECONDS = 200, 20.0
+#: Contacts that take back slower than this what they give way by, in s, are made as stiff as this in the replay: the
+#: motion is that of rigid ones.
+_STIFF = 5e-4
+#: Lever, in m, at which the weight makes a torque: its square weighs movement (rad^2/s^2) against squared torques.
+_STILLNESS = 0.1
+#: The share of friction that the page uses: within MuJoCo's pyramid of forces, and with something to spare.
+_GRIP = 0.7
+
+
+#: Joints by their paths, and values.
+Changes = Sequence[tuple[str, float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,25 +51,25 @@ class _Page:
         How long.
     feet
         Contacts that stand, and their places.
+    changes
+        Joints that differ from the model's pose, and their values.
     pinned, ends
         Whether the first frame is the pose, and whether the last one is at rest, in the same pose if that is pinned.
-    bent
-        Whether joints at an end of their range are bent a little: straight legs that stand are singular.
     raised
         How far everything is above the pose, in m.
     """
 
     title: str
     seconds: float = 0.5
-    feet: tuple[str, ...] = ()
+    feet: Sequence[str] = ()
+    changes: Changes = ()
     pinned: bool = True
     ends: bool = True
-    bent: bool = False
     raised: float = 0.0
 
 
 def starter(name: str, path: Path) -> str:
-    """A commented spec that moves a model, and solves as it stands.
+    """A commented spec that moves a model, solves as it stands, and passes validation.
 
     Parameters
     ----------
@@ -90,39 +88,63 @@ def starter(name: str, path: Path) -> str:
     mechanism = without(mechanism, left)
     if not mechanism.joints:
         raise UsageError(f"the model `{name}` has no joints: there is nothing to move")
-    text = ""
+    solved = text = ""
     for page in _pages(mechanism):
         text = _text(page, mechanism, path, name, left)
-        if _solves(text, path):
+        fate = _tried(text, path)
+        if not fate:
             return text
-    return f"# Within {_SECONDS:g} s it was not solved.\n" + text
+        if fate != _UNSOLVED:
+            solved = solved or f"# It is solved, and fails in MuJoCo: {fate}.\n{text}"
+    return solved or f"# Within {_SECONDS:g} s it was not solved.\n{text}"
 
 
-def _solves(text: str, path: Path) -> bool:
+#: What becomes of a page that is not solved.
+_UNSOLVED = "not solved"
+
+
+def _tried(text: str, path: Path) -> str:
+    """What becomes of a page: nothing where it is solved and passes validation, else by what it fails."""
+    from stc.certification import certify
+
     try:
-        model = pipeline.Model(with_text(Source("starter", text, str(path))))
-        return bool(model.solve(max_iterations=_ITERATIONS, time_limit=_SECONDS).status == "optimal")
+        model = pipeline.Model(with_text(Source(path.stem, text, str(path))))
+        solution = model.solve(max_iterations=_ITERATIONS, time_limit=_SECONDS)
+        if solution.status != "optimal":
+            return _UNSOLVED
+        certificate = certify(solution, equations=False)
     except StcError:
-        return False
+        return _UNSOLVED
+    return "" if certificate.passed else certificate.headline
 
 
 def _pages(mechanism: Mechanism) -> Iterator[_Page]:
     """Pages from the most to the least that can be asked of a model."""
+    stance = Stance(mechanism, _pose(mechanism)[1])
+    inside = stance.changes()
     travels = _travels(mechanism)
+
+    def standing(title: str, spots: Sequence[Spot], changes: Changes, pinned: bool = True) -> _Page:
+        feet = [f"{spot.written}, friction = {_GRIP * stance.friction:.6g}" for spot in spots]
+        return _Page(title, feet=feet, changes=changes, pinned=pinned)
+
     if travels and mechanism.actuators and "contact" not in mechanism.options.disabled:
-        level = _feet(mechanism, _LEVEL)
-        if len(level) > 1:
-            yield _Page("stands with the least effort", feet=level)
-        near = _feet(mechanism, _NEAR)
+        level = stance.lowest(_LEVEL)
+        if len(level) > 1 and stance.balances(level):
+            yield standing("stands still", level, inside)
+        near = stance.lowest(_NEAR)
+        balanced = stance.balanced(near)
+        if balanced is not None:
+            yield standing("stands still", near, stance.changes(balanced))
         if near:
-            title = "stands in a pose that takes the least effort"
-            yield _Page(title, feet=near, pinned=False, bent=True)
-    if not any(joint.kind == "free" for joint in mechanism.joints):
-        yield _Page("holds a pose with the least effort")
+            begin = stance.changes(stance.bent() if balanced is None else balanced)
+            yield standing("stands in a pose that takes the least effort", near, begin, pinned=False)
+    if not travels:
+        yield _Page("holds a pose with the least effort", changes=inside)
     title = "is let go, and moves with the least effort"
     if travels:
-        yield _Page(title, 0.2, ends=False, raised=0.5)
-    yield _Page(title, 0.05, ends=False)
+        yield _Page(title, 0.2, ends=False, raised=0.5, changes=inside)
+    yield _Page(title, 0.05, ends=False, changes=inside)
 
 
 def _travels(mechanism: Mechanism) -> bool:
@@ -135,9 +157,8 @@ def _travels(mechanism: Mechanism) -> bool:
 
 
 def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequence[str]) -> str:
-    changed = _moved_inside(mechanism, page.bent)
     base = _pose(mechanism)[0] + (f" + (0, 0, {page.raised:g})" if page.raised else "")
-    changes = "".join(f", {joint} = {value:.6g}" for joint, value in changed)
+    changes = "".join(f", {joint} = {value:.9g}" for joint, value in page.changes)
     lines = [
         f"# {path.stem}: {Path(name).stem} {page.title}.  A page to start from.",
         "#",
@@ -166,9 +187,7 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequen
                 "  # [n]: ...;                # what the last frame is to be: a pose, or values of joints"
             ]
     else:
-        values = "".join(f" {joint} = {value:.6g};" for joint, value in changed)
-        lines += [f"  [0]: rest;{values}", f"  [n]: rest;{values}"]
-        lines += ["", "guess:", "  [0]: begin;", "  [n]: begin;"]
+        lines += ["  [0]: rest;", "  [n]: rest;", "", "guess:", "  [0]: begin;", "  [n]: begin;"]
     if not mechanism.actuators:
         joint = path_of("joint", mechanism.joints[0].name)
         if mechanism.joints[0].kind in ("hinge", "slide"):
@@ -177,9 +196,25 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequen
                 "# The model has no actuators. A force on a joint is stated, and handed to MuJoCo, by",
             ]
             lines += [f"# variables: u;   forces: {joint}: u;   replay: apply {joint} = u;"]
+    if page.feet and _gives_way(mechanism):
+        lines += [
+            "",
+            "replay:                   # the model's contacts give way; those of this page are rigid",
+        ]
+        lines += [f"  set option.solref.time = {_STIFF:g};"]
     lines += ["", "objective:"]
     lines += [f"  [0, n]: integral({'effort' if mechanism.actuators else '0'});"]
+    if page.feet and page.pinned:
+        weight = 9.81 * sum(body.mass for body in mechanism.bodies)
+        still = (_STILLNESS * weight) ** 2
+        lines += [f"  [0, n]: integral({still:.1g}*joint.*'^2);      # and with little movement"]
     return "\n".join(lines) + "\n"
+
+
+def _gives_way(mechanism: Mechanism) -> bool:
+    """Whether contacts of the model give way, as MuJoCo's usual ones do."""
+    touching = [geom for geom in mechanism.geoms if geom.contype or geom.conaffinity]
+    return any(geom.solref[0] > _STIFF for geom in touching)
 
 
 def _written(name: str, path: Path) -> str:
@@ -195,91 +230,3 @@ def _pose(mechanism: Mechanism) -> tuple[str, Sequence[float]]:
         if keyframe.name:
             return f"keyframe.{quoted(keyframe.name)}", keyframe.qpos
     return "keyframe.reference", mechanism.start
-
-
-def _moved_inside(mechanism: Mechanism, bent: bool) -> list[tuple[str, float]]:
-    """Joints that the first pose has outside of their range, or where ``bent`` at its end, and a value inside."""
-    q = _pose(mechanism)[1]
-    found = []
-    for joint in mechanism.joints:
-        if joint.limited and joint.kind in ("hinge", "slide"):
-            lower, upper = joint.bounds
-            room = 1e-3 * (upper - lower) if bent else 0.0
-            if not lower + room <= q[joint.qpos] <= upper - room:
-                margin = _INSIDE * (upper - lower)
-                value = float(np.clip(q[joint.qpos], lower + margin, upper - margin))
-                found.append((path_of("joint", joint.name), value))
-    return found
-
-
-def _feet(mechanism: Mechanism, near: float) -> tuple[str, ...]:
-    """Places that can stand on the floor in the first pose: the lowest ones of geoms that may touch something."""
-    scope = ModelScope(syntax.ModelFile(0, 0, ""), Path(), mechanism)
-    q = _pose(mechanism)[1]
-    known: dict[Any, float] = {ConstantRef(name): value for name, value in scope.constants.items()}
-    for joint in mechanism.joints:
-        one = coordinates_of(joint)
-        known.update({VariableRef(each): q[joint.qpos + k] for k, each in enumerate(one.pose)})
-    known.update({VariableRef(name): value for name, value in _moved_inside(mechanism, False)})
-    kinematics, up = scope.dynamics.kinematics, np.array(floor(scope).normal)
-
-    def numbers(vector: Vector) -> np.ndarray:
-        return np.array([float(each) for each in evaluate_all(list(vector), known)])
-
-    def seen(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-        return numbers(kinematics.place_of(frame)), np.array([numbers(r) for r in kinematics.axes_of(frame)])
-
-    candidates: dict[int, list[tuple[float, str]]] = {}
-    for index, geom in enumerate(mechanism.geoms):
-        frame, body = scope.dynamics.geoms[index], mechanism.bodies[geom.body].name
-        if frame.segment >= 0 and (geom.contype or geom.conaffinity) and body:
-            (place, axes), (origin, turn) = seen(frame), seen(scope.dynamics.body(geom.body))
-            for at, text in _lowest(geom, axes, up):
-                local = ", ".join(
-                    f"{0.0 if abs(v) < 1e-9 else v:.6g}" for v in turn.T @ (place + at - origin)
-                )
-                written = text or f"point({path_of('body', body)}, {local})"
-                candidates.setdefault(geom.body, []).append((float(up @ (place + at)), written))
-    least = {body: min(height for height, _ in found) for body, found in candidates.items()}
-    lowest = min(least.values(), default=0.0)
-    standing = [
-        text
-        for body, found in candidates.items()
-        for height, text in found
-        if height < min(least[body] + _SOLE, lowest + near)
-    ]
-    return tuple(dict.fromkeys(standing))
-
-
-def _lowest(geom: Geom, axes: np.ndarray, up: np.ndarray) -> list[tuple[np.ndarray, str]]:
-    """Places of a geom that may be its lowest, seen from its middle, and what the language calls them, if anything."""
-    size = np.array(geom.size)
-    down = -axes.T @ up
-    if geom.kind == "sphere":
-        return [(-size[0] * up, f"point({path_of('geom', geom.name)})" if geom.name else "")]
-    if geom.kind == "capsule":
-        ends = [sign * size[1] * axes[:, 2] - size[0] * up for sign in (1.0, -1.0)]
-        return [(end, "") for end in ends]
-    if geom.kind == "ellipsoid":
-        return [(axes @ (size**2 * down / math.sqrt(down @ (size**2 * down))), "")]
-    if geom.kind == "cylinder":
-        across = down * [1.0, 1.0, 0.0]
-        length = float(np.linalg.norm(across))
-        if length < 1e-3:  # it stands on an end
-            turns = [
-                np.array([math.cos(a), math.sin(a), 0.0])
-                for a in (0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0)
-            ]
-        else:
-            turns = [across / length]
-        return [
-            (axes @ (size[0] * side + np.array([0.0, 0.0, sign * size[1]])), "")
-            for side in turns
-            for sign in (1.0, -1.0)
-        ]
-    if geom.kind == "box":
-        if geom.name and down[2] < -1.0 + 1e-6:
-            return [(-size[2] * axes[:, 2], f"foot({path_of('geom', geom.name)})")]
-        corners = [np.array([x, y, z]) for x in (1, -1) for y in (1, -1) for z in (1, -1)]
-        return [(axes @ (size * corner), "") for corner in corners]
-    return []

@@ -127,6 +127,7 @@ class Geom:
         contype, conaffinity: two geoms may touch if a bit of one's type is in the other's affinity.
         fluid: whether the ellipsoid model of fluid forces is on.
         adhesion: N; surface_velocity: linear and angular, of a conveyor's surface.
+        solref: how stiff its contacts are: a time in s and a ratio of damping, or two negative numbers.
     """
 
     name: str
@@ -146,6 +147,7 @@ class Geom:
     fluid: bool
     adhesion: float
     surface_velocity: tuple[float, ...]
+    solref: tuple[float, float] = (0.02, 1.0)
     place: Place | None = None
 
 

@@ -57,10 +57,22 @@ def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mecha
     try:
         model, spec, told = _compiled(source, text)
     except (ValueError, OSError) as error:
-        raise ModelFileError(f"MuJoCo does not accept {source}: {' '.join(str(error).split())}") from None
+        why = f"MuJoCo does not accept {os.fsdecode(source)}: {' '.join(str(error).split())}"
+        raise ModelFileError(f"{why}. {_URDF}" if _is_urdf(source) else why) from None
     name = os.fsdecode(source)
     content = text if text is not None else Path(name).read_text(encoding="utf-8", errors="replace")
     return in_effect(_Reader(model, spec, Places(name, content)).mechanism(name, told))
+
+
+#: What a URDF lacks that is written for other programs.
+_URDF = (
+    "A URDF tells MuJoCo where its meshes lie, and what to do with inertias that cannot be, by a line within <robot>: "
+    '<mujoco><compiler meshdir="../meshes" strippath="true" discardvisual="true" balanceinertia="true"/></mujoco>'
+)
+
+
+def _is_urdf(source: str | os.PathLike[str]) -> bool:
+    return os.fsdecode(source).lower().endswith(".urdf")
 
 
 def _compiled(
@@ -272,6 +284,7 @@ class _Reader:
                     fluid=bool(m.geom_fluid[i][0] > 0),
                     adhesion=float(m.geom_adhesion[i]),
                     surface_velocity=_floats(m.geom_surfacevel[i]),
+                    solref=_floats(m.geom_solref[i]),
                     place=places[i],
                 )
                 for i in range(m.ngeom)

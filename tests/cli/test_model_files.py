@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stc
+from stc.certification import certify
 from stc.cli import run
 
 
@@ -69,6 +70,21 @@ def test_a_starter_of_a_leg_whose_file_draws_it_beyond_a_stop_solves(
     assert knee.min() > np.radians(20) - 1e-6
 
 
+@pytest.mark.parametrize("name", ["hopper", "ant"])
+def test_a_starter_of_a_robot_of_others_stands_and_passes_validation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Its legs are drawn straight or out of range, its feet are capsules with a margin, and its contacts are soft."""
+    gymnasium = pytest.importorskip("gymnasium")
+    path = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / f"{name}.xml"
+    monkeypatch.chdir(tmp_path)
+    assert run(["new", "mine", "--model", str(path)]) == 0
+    text = Path("mine.stc").read_text(encoding="utf-8")
+    assert "contact:" in text
+    certificate = certify(stc.load("mine.stc").solve(), equations=False)
+    assert certificate.passed, certificate.headline
+
+
 def test_a_model_without_joints_has_no_starter(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -102,3 +118,19 @@ def test_a_starter_of_a_model_without_actuators_tells_how_to_drive_it(
 def test_a_missing_model_is_a_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["show", str(tmp_path / "none.xml")]) == 2
     assert "there is no model" in capsys.readouterr().err
+
+
+_ARM = """<robot name="arm"><link name="base"/><joint name="elbow" type="continuous"><parent link="base"/>
+  <child link="arm"/><axis xyz="0 1 0"/></joint><link name="arm"><inertial><origin xyz="0 0 -.5"/><mass value="1"/>
+  <inertia ixx=".1" iyy=".1" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial>{more}</link></robot>"""
+
+
+def test_what_a_urdf_does_not_state_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its base and motors in the listing; of meshes in packages, which MuJoCo does not find, the line to write."""
+    (tmp_path / "arm.urdf").write_text(_ARM.format(more=""), encoding="utf-8")
+    assert run(["show", str(tmp_path / "arm.urdf")]) == 0
+    assert "fixed to the world" in capsys.readouterr().out
+    mesh = '<collision><geometry><mesh filename="package://arm/meshes/arm.stl"/></geometry></collision>'
+    (tmp_path / "arm.urdf").write_text(_ARM.format(more=mesh), encoding="utf-8")
+    assert run(["show", str(tmp_path / "arm.urdf")]) == 2
+    assert 'strippath="true"' in capsys.readouterr().err

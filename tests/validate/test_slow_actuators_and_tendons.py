@@ -63,3 +63,19 @@ def test_feedback_does_not_judge_where_actuators_lag(tmp_path: Path, lag: float,
     assert {m.verdict for m in steered} == {"info"}
     assert any("lag behind their controls" in note for note in report.notes)
     assert report.unjudged == ["inverse-dynamics residual", "energy balance"]
+
+
+@pytest.mark.parametrize(("gear", "right"), [(1.0, True), (1.01, False)])
+def test_forces_of_actuators_whose_states_are_told_are_judged(
+    tmp_path: Path, gear: float, right: bool
+) -> None:
+    """The state is the torque; an actuator with another gear gives another one at every instant."""
+    more = f"""<actuator><general name="t" joint="p" gear="{gear}" dyntype="filterexact" dynprm="0.05"/></actuator>"""
+    control = "u + 0.05*u'; actuator t.activation = u"
+    report = report_of(tmp_path, more, T=2, friction=0, rate=0, more="[0]: u = 0;", control=control)
+    assert report.unjudged == []
+    verdicts = {
+        m.verdict for m in report.metrics if m.name in ("inverse-dynamics residual", "energy balance")
+    }
+    assert verdicts == ({"pass"} if right else {"fail"})
+    assert report.passed == right

@@ -18,7 +18,7 @@ from stc.problem import FrameRange
 from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, num
 
-OPTIONS = ("friction", "reach", "clearance", "landing", "speed", "soft", "sudden")
+OPTIONS = ("friction", "reach", "clearance", "landing", "speed", "radius", "soft", "sudden")
 #: How high above a straight way a contact is carried in the middle of its flight, in m, where nothing is said.
 CLEARANCE = 0.01
 
@@ -48,7 +48,7 @@ class Contact:
 
     Attributes:
         frame: its place in the model: of a sphere the centre.
-        radius: of a sphere that rolls, else 0.
+        radius: of a sphere that rolls about the place, with its margin; else 0.
         half: half lengths of a sole along its own axes.
     """
 
@@ -158,10 +158,17 @@ class Schedule:
             PathError: the place cannot be that of a contact.
         """
         name = statement.name.name
+        rolls = next((option for option in statement.options if option[0].name == "radius"), None)
         if isinstance(where, syntax.Call):
             frame, path = self.point(where)
-            return Contact(name, kind, statement, path, frame)
+            radius = 0.0 if rolls is None or kind != "point" else self._radius(*rolls)
+            path = (*path, repr(radius)) if radius else path
+            return Contact(name, kind, statement, path, frame, radius=radius)
         assert isinstance(where, syntax.Name)
+        if rolls is not None:
+            raise PathError(
+                "`radius` is of a ball about a point of a body", "write `point(body.NAME, x, y, z)`"
+            )
         of, *rest = parts_of(where.name)
         if of not in ("site", "geom", "body") or len(rest) != 1:
             raise PathError(f"`{where.name}` is no place of the model", "write `site.NAME` or `geom.NAME`")
@@ -180,14 +187,15 @@ class Schedule:
                     "the sole of a foot is the lower face of a box",
                 )
             x, y, z = geom.size
-            sole = self.scope.dynamics.tree.frame(geom.body, _moved(geom.pos, geom.quat, -z), geom.quat)
+            below = _moved(geom.pos, geom.quat, -(z + geom.margin))
+            sole = self.scope.dynamics.tree.frame(geom.body, below, geom.quat)
             return Contact(name, kind, statement, (of, rest[0]), sole, half=(x, y))
         if geom.kind != "sphere":
             raise PathError(
                 f"the geom `{rest[0]}` is a {geom.kind}, which touches at no one point",
                 "put a site where it touches, or write `point(body.NAME, x, y, z)`",
             )
-        return Contact(name, kind, statement, (of, rest[0]), frame, radius=geom.size[0])
+        return Contact(name, kind, statement, (of, rest[0]), frame, radius=geom.size[0] + geom.margin)
 
     def point(self, call: syntax.Call) -> tuple[Frame, tuple[str, ...]]:
         """The frame of ``point(body.NAME, x, y, z)``, and the path of its body.
@@ -203,6 +211,19 @@ class Schedule:
         place = [float(x or 0.0) for x in numbers]
         frame, body = self.paths.point(call, [num(x) for x in place])
         return frame, ("body", body, *(repr(x) for x in place))
+
+    def _radius(self, option: syntax.Name, value: syntax.Expression | None) -> float:
+        """The radius of a ball about a point of a body.
+
+        Raises:
+            PathError: it is not known before solving, or negative.
+        """
+        number = None if value is None else self.context.constants.value_of(value)
+        if number is None or number < 0.0:
+            raise PathError(
+                "the radius of a ball is a constant, 0 or more", f"write `{option.name} = 0.02`, in m"
+            )
+        return float(number)
 
     def _schedule(self, statement: syntax.ContactPlace, where: FrameRange, ranged: bool) -> None:
         contact = self.contacts.get(statement.name.name)

@@ -1,4 +1,8 @@
-"""The surfaces that contacts stand on: planes of the model, and faces of boxes that nothing moves."""
+"""The surfaces that contacts stand on: planes of the model, and faces of boxes that nothing moves.
+
+A geom's margin is where its contacts begin to push, so that what touches comes to rest that far off it: its surface
+counts as that much farther out.
+"""
 
 from __future__ import annotations
 
@@ -53,6 +57,7 @@ def floor(scope: ModelScope) -> Surface:
             if turn[2, 2] > 0.5:
                 # Coordinates along the floor are those of the world where it is level.
                 level = abs(turn[2, 2] - 1.0) < 1e-12
+                at = at + geom.margin * turn[:, 2]
                 origin = np.array([0.0, 0.0, at[2]]) if level else at
                 return _surface(geom.name or "floor", np.eye(3) if level else turn, origin, geom.friction[0])
     return _surface("floor", np.eye(3), np.zeros(3), 1.0)
@@ -87,9 +92,11 @@ def surface_of(scope: ModelScope, path: str) -> Surface:
         upwards = int(np.argmax(np.abs(turn[2])))
         sign = 1.0 if turn[2, upwards] > 0 else -1.0
         normal = sign * turn[:, upwards]
-        at = at + geom.size[upwards] * normal
+        at = at + (geom.size[upwards] + geom.margin) * normal
         ahead = turn[:, (upwards + 1) % 3] if upwards != 2 else turn[:, 0]
         turn = np.array([ahead, np.cross(normal, ahead), normal]).T
+    else:
+        at = at + geom.margin * turn[:, 2]
     return _surface(rest[0], turn, at, geom.friction[0])
 
 

@@ -1,0 +1,331 @@
+"""How a model can stand: what of it is lowest, and a pose near a given one that balances on that.
+
+A pose that a file draws has straight legs as often as not, feet that are not level, and its centre of mass beside them.
+Such a pose cannot be held, or hardly: a straight leg takes no load off its knee.  Here the knees are bent, and the
+joints between the feet and the rest are moved as little as levels the feet under the centre of mass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.language import syntax
+from stc.language.model.scope import ModelScope, coordinates_of, path_of
+from stc.language.model.surfaces import floor
+from stc.mechanism.mechanism import Geom, Mechanism
+from stc.mechanism.tree import rotation
+from stc.mechanism.vectors import vector
+from stc.problem import ConstantRef, VariableRef
+from stc.records import dataclass
+from stc.symbolic.expr import Expr, evaluate_all
+
+Matrix = NDArray[np.float64]
+
+#: Places of one body that are this much above its lowest one, in m, belong to its sole.
+_SOLE = 5e-3
+#: The share of a joint's range that a joint at its end, or beyond, is moved inside.
+_INSIDE = 0.1
+#: A joint within this share of its range from its end is at it.
+_AT_END = 1e-3
+#: Places that stand are level, and a centre of mass is above them, to this, in m.
+_LEVEL = 1e-9
+#: Joints of two poses that differ by less, in m or rad, are the same.
+_SAME = 1e-6
+#: The centre of mass of a pose that balances is inside of what stands by this share of its size.
+_MARGIN = 0.1
+_ROUNDS = 50
+#: The step of differences by which the pose is found, and the largest one of a joint in a round, in m or rad.
+_STEP, _FAR = 1e-6, 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A place that may touch the floor: a point of a body, or a ball about one.
+
+    Attributes:
+        body: its number.
+        at: in the body's frame, in m.
+        radius: of the ball, in m.
+        written: how the language names it.
+    """
+
+    body: int
+    at: tuple[float, float, float]
+    radius: float
+    written: str
+
+
+class Stance:
+    """What of a model may stand on its floor, and how high that is in its poses.
+
+    Parameters
+    ----------
+    mechanism
+        The model.
+    start
+        The pose to look at, (nq,).
+    """
+
+    def __init__(self, mechanism: Mechanism, start: Sequence[float]) -> None:
+        self.mechanism = mechanism
+        self.start = np.array(start, float)
+        self.scope = ModelScope(syntax.ModelFile(0, 0, ""), Path(), mechanism)
+        surface = floor(self.scope)
+        self.up, self.friction = np.array(surface.normal), surface.friction
+        self.drawn = self.start.copy()
+        for index, value in self._inside(0.0).items():
+            self.start[mechanism.joints[index].qpos] = value
+        self._keys = [VariableRef(name) for one in map(coordinates_of, mechanism.joints) for name in one.pose]
+        self.spots = list(self._spots())
+
+    # ------------------------------------------------------------------- numbers
+
+    def _numbers(self, bodies: Sequence[Expr], q: Matrix) -> Matrix:
+        """(len(bodies), k) the values of functions of the configuration in k poses, (nq, k)."""
+        known: dict[object, object] = {
+            ConstantRef(name): value for name, value in self.scope.constants.items()
+        }
+        known.update(zip(self._keys, q, strict=True))
+        values = evaluate_all(list(bodies), known)
+        return np.array([np.broadcast_to(np.asarray(value, float), q.shape[1:]) for value in values])
+
+    def _seen(self, q: Matrix, spots: Sequence[Spot]) -> tuple[Matrix, Matrix]:
+        """(3, spots, k) the lowest places of spots in k poses, and (3, k) the centre of mass."""
+        dynamics = self.scope.dynamics
+        bodies = [
+            part
+            for spot in spots
+            for part in dynamics.kinematics.place_of(dynamics.tree.frame(spot.body, vector(spot.at)))
+        ]
+        values = self._numbers([*bodies, *dynamics.centre_of_mass(0)], q)
+        places = values[:-3].reshape(len(spots), 3, -1).transpose(1, 0, 2)
+        down = np.multiply.outer(self.up, [spot.radius for spot in spots])
+        return places - down[:, :, None], values[-3:]
+
+    # --------------------------------------------------------------------- spots
+
+    def _spots(self) -> Iterator[Spot]:
+        """Places of all geoms that move, may touch something and belong to a body with a name."""
+        mechanism, dynamics = self.mechanism, self.scope.dynamics
+        for index, geom in enumerate(mechanism.geoms):
+            name = mechanism.bodies[geom.body].name
+            if dynamics.geoms[index].segment < 0 or not (geom.contype or geom.conaffinity) or not name:
+                continue
+            axes = self._numbers(
+                [part for row in dynamics.kinematics.axes_of(dynamics.geoms[index]) for part in row],
+                self.start[:, None],
+            ).reshape(3, 3)
+            turn = rotation(geom.quat)
+            for at, rounded, written in _lowest(geom, axes, self.up):
+                radius = rounded + geom.margin
+                x, y, z = [
+                    0.0 if abs(v) < 1e-9 else float(f"{v:.6g}") for v in np.array(geom.pos) + turn @ at
+                ]
+                place = f"point({path_of('body', name)}, {x:.6g}, {y:.6g}, {z:.6g})"
+                ball = f", radius = {radius:.6g}" if radius else ""
+                yield Spot(geom.body, (x, y, z), radius, written or place + ball)
+
+    def lowest(self, near: float) -> list[Spot]:
+        """The places that are lowest in the pose to look at, of bodies that carry no others that are.
+
+        Parameters
+        ----------
+        near
+            How far above the lowest of all that of another body may be, in m.
+        """
+        if not self.spots:
+            return []
+        places, _ = self._seen(self.start[:, None], self.spots)
+        heights = (self.up @ places[:, :, 0]).tolist()
+        least: dict[int, float] = {}
+        for spot, height in zip(self.spots, heights, strict=True):
+            least[spot.body] = min(height, least.get(spot.body, math.inf))
+        bottom = min(heights)
+        found = {
+            spot.written: spot
+            for spot, height in zip(self.spots, heights, strict=True)
+            if height < min(least[spot.body] + _SOLE, bottom + near)
+        }
+        carry = {above for spot in found.values() for above in self._above(spot.body)}
+        by_body: dict[int, list[Spot]] = {}
+        for spot in found.values():
+            if spot.body not in carry:
+                by_body.setdefault(spot.body, []).append(spot)
+        return [spot for spots in by_body.values() for spot in self._three(spots)]
+
+    def _three(self, spots: Sequence[Spot]) -> Sequence[Spot]:
+        """Of the places of one body the three that span most: what a fourth one bears nothing determines."""
+        if len(spots) < 4:
+            return spots
+        places, _ = self._seen(self.start[:, None], spots)
+
+        def spanned(three: tuple[int, ...]) -> float:
+            a, b, c = places[:, three, 0].T
+            return float(np.linalg.norm(np.cross(b - a, c - a)))
+
+        return [spots[k] for k in max(combinations(range(len(spots)), 3), key=spanned)]
+
+    def _above(self, body: int) -> Iterator[int]:
+        """The bodies that a body hangs on."""
+        while body:
+            body = self.mechanism.bodies[body].parent
+            yield body
+
+    # --------------------------------------------------------------------- poses
+
+    def _inside(self, room: float) -> dict[int, float]:
+        """Joints that the pose has beyond the end of their range or within a share of it, and a value inside."""
+        found = {}
+        for index, joint in enumerate(self.mechanism.joints):
+            if joint.limited and joint.kind in ("hinge", "slide"):
+                lower, upper = joint.bounds
+                value, spare = self.start[joint.qpos], room * (upper - lower)
+                if not lower + spare <= value <= upper - spare:
+                    margin = _INSIDE * (upper - lower)
+                    found[index] = float(np.clip(value, lower + margin, upper - margin))
+        return found
+
+    def changes(self, q: Matrix | None = None) -> list[tuple[str, float]]:
+        """The paths of joints that a pose has elsewhere than the model's own, and their values.
+
+        Parameters
+        ----------
+        q
+            The pose; that with all joints inside of their ranges where none is given.
+        """
+        q = self.start if q is None else q
+        return [
+            (path_of("joint", joint.name), float(q[joint.qpos]))
+            for joint in self.mechanism.joints
+            if joint.kind in ("hinge", "slide") and abs(q[joint.qpos] - self.drawn[joint.qpos]) > _SAME
+        ]
+
+    def bent(self) -> Matrix:
+        """The pose with joints at an end of their range moved inside: straight legs that stand are singular."""
+        q = self.start.copy()
+        for index, value in self._inside(_AT_END).items():
+            q[self.mechanism.joints[index].qpos] = value
+        return q
+
+    def balances(self, spots: Sequence[Spot]) -> bool:
+        """Whether the pose to look at stands on some places as it is."""
+        places, centre = self._seen(self.start[:, None], spots)
+        heights = self.up @ places[:, :, 0]
+        flat = self._flat(places[:, :, 0])
+        return bool(np.ptp(heights) < 1e-3 and _encloses(flat, self._flat(centre)[:, 0]))
+
+    def _flat(self, places: Matrix) -> Matrix:
+        """(2, k) places seen from above."""
+        side = np.cross(self.up, [0.0, 1.0, 0.0] if abs(self.up[1]) < 0.9 else [1.0, 0.0, 0.0])
+        side = side / np.linalg.norm(side)
+        return np.array([side, np.cross(self.up, side)]) @ places
+
+    def balanced(self, spots: Sequence[Spot]) -> Matrix | None:
+        """A pose that balances on some places, (nq,); None where none is found.
+
+        The places are level and the centre of mass is above the middle of them.  Damped least squares, from the pose
+        with its joints bent.
+        """
+        joints, q = self._between(spots), self.bent()
+        moving = np.array([self.mechanism.joints[k].qpos for k in joints], int)
+        if not len(moving) or not spots:
+            return None
+        low, high = self._ranges(joints)
+        for _ in range(_ROUNDS):
+            columns = np.repeat(q[:, None], len(moving) + 1, axis=1)
+            columns[moving, np.arange(1, len(moving) + 1)] += _STEP
+            off = self._off(columns, spots)
+            if np.abs(off[:, 0]).max() < _LEVEL:
+                return q
+            slopes = (off[:, 1:] - off[:, :1]) / _STEP
+            square = slopes @ slopes.T + 1e-10 * np.eye(len(slopes))
+            step = -slopes.T @ np.linalg.solve(square, off[:, 0])
+            step *= min(1.0, _FAR / max(1e-300, np.abs(step).max()))
+            q[moving] = np.clip(q[moving] + step, low, high)
+        return None
+
+    def _off(self, q: Matrix, spots: Sequence[Spot]) -> Matrix:
+        """(spots + 2, k) by how much places are not level and the centre of mass is not above their middle, in m."""
+        places, centre = self._seen(q, spots)
+        heights = np.einsum("i,isk->sk", self.up, places)
+        beside = self._flat(centre) - np.array([self._flat(p) for p in np.moveaxis(places, 1, 0)]).mean(
+            axis=0
+        )
+        return np.vstack([heights - heights.mean(axis=0), beside])
+
+    def _ranges(self, joints: Sequence[int]) -> tuple[Matrix, Matrix]:
+        """The ends of joints' ranges, with a little room to move."""
+        ends = []
+        for k in joints:
+            joint = self.mechanism.joints[k]
+            lower, upper = joint.bounds if joint.limited else (-math.inf, math.inf)
+            room = _AT_END * (upper - lower) if joint.limited else 0.0
+            ends.append((lower + room, upper - room))
+        low, high = np.array(ends).T
+        return low, high
+
+    def _between(self, spots: Sequence[Spot]) -> list[int]:
+        """Hinges and slides above places, those that carry the whole model left out."""
+        bodies, found = self.mechanism.bodies, set()
+        for spot in spots:
+            body = spot.body
+            while body and bodies[body].parent:
+                found |= set(bodies[body].joints)
+                body = bodies[body].parent
+        return [k for k in sorted(found) if self.mechanism.joints[k].kind in ("hinge", "slide")]
+
+
+def _encloses(places: Matrix, point: Matrix) -> bool:
+    """Whether places in the plane, (2, k), have a point well inside of them."""
+    if places.shape[1] < 3:
+        return False
+    middle = places.mean(axis=1)
+    size = np.linalg.norm(places - middle[:, None], axis=0).max()
+    around = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
+    ways = np.array([np.cos(around), np.sin(around)])
+    # In every direction some place is farther than the point.
+    return bool(((ways.T @ places).max(axis=1) - ways.T @ point > _MARGIN * size).all())
+
+
+def _lowest(geom: Geom, axes: Matrix, up: Matrix) -> list[tuple[Matrix, float, str]]:
+    """Places of a geom that may be its lowest, in its frame; the radius of a ball about each; its name, if it has one.
+
+    Args:
+        axes: of the geom in the world, as columns.
+        up: the floor's normal.
+    """
+    size = np.array(geom.size)
+    down = -axes.T @ up
+    if geom.kind == "sphere":
+        return [(np.zeros(3), size[0], f"point({path_of('geom', geom.name)})" if geom.name else "")]
+    if geom.kind == "capsule":
+        return [(np.array([0.0, 0.0, sign * size[1]]), size[0], "") for sign in (1.0, -1.0)]
+    if geom.kind == "ellipsoid":
+        return [(size**2 * down / math.sqrt(down @ (size**2 * down)), 0.0, "")]
+    if geom.kind == "cylinder":
+        across = down * [1.0, 1.0, 0.0]
+        length = float(np.linalg.norm(across))
+        if length < 1e-3:  # it stands on an end
+            turns = [
+                np.array([math.cos(a), math.sin(a), 0.0])
+                for a in (0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0)
+            ]
+        else:
+            turns = [across / length]
+        return [
+            (size[0] * side + np.array([0.0, 0.0, sign * size[1]]), 0.0, "")
+            for side in turns
+            for sign in (1.0, -1.0)
+        ]
+    if geom.kind == "box":
+        if geom.name and down[2] < -1.0 + 1e-6:
+            return [(np.array([0.0, 0.0, -size[2]]), 0.0, f"foot({path_of('geom', geom.name)})")]
+        corners = [np.array([x, y, z]) for x in (1, -1) for y in (1, -1) for z in (1, -1)]
+        return [(size * corner, 0.0, "") for corner in corners]
+    return []

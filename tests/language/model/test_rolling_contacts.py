@@ -1,0 +1,65 @@
+"""Balls about points of bodies, margins of geoms, and contacts that are made stiffer for the replay."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from stc.errors import SpecError
+from stc.validate import ModelError, validate
+
+from .bodies import load
+
+#: A log that lies along y on a floor: it rolls along x.
+LOG = """<mujoco><option timestep=".0005"/><worldbody><geom name="floor" type="plane" size="5 5 1" {floor}/>
+  <body name="log" pos="0 0 {height}"><joint name="x" type="slide" axis="1 0 0"/>
+  <joint name="z" type="slide" axis="0 0 1"/><joint name="turn" axis="0 1 0"/>
+  <geom type="capsule" size=".1 .3" euler="90 0 0" mass="2" {log}/></body></worldbody>
+  <actuator><motor name="m" joint="turn"/></actuator></mujoco>"""
+
+ROLL = """constants: n = 20, T = 0.5, h = T/n;
+contact:
+  left = point(body.log, 0, 0.3, 0), radius = {radius};
+  right = point(body.log, 0, -0.3, 0), radius = {radius};
+  [0, n]: left; right;
+constraints:
+  [0]: keyframe.reference grounded; rest;
+  [n]: joint.turn = 1; rest;
+objective: [0, n]: integral(effort);
+replay: set option.solref.time = {stiff};
+"""
+
+
+@pytest.mark.parametrize("margins", [(0.0, 0.0), (0.002, 0.001)])
+def test_a_capsule_rolls_on_its_ends(tmp_path: Path, margins: tuple[float, float]) -> None:
+    """It goes as far as its radius says, and MuJoCo, where margins hold it off the floor, goes the same way."""
+    floor, log = [f'margin="{margin}"' for margin in margins]
+    model = load(
+        tmp_path,
+        LOG.format(height=0.1, floor=floor, log=log),
+        ROLL.format(radius=0.1 + margins[1], stiff=5e-4),
+    )
+    solution = model.solve()
+    assert solution.status == "optimal"
+    assert solution["joint.x"][-1] == pytest.approx(0.1 + margins[1], abs=1e-6)
+    assert solution["joint.z"][0] == pytest.approx(sum(margins), abs=1e-9)
+    report = validate(solution)
+    assert report.passed, [str(m) for m in report.metrics if m.verdict == "fail"]
+    assert report.fields["option.solref.time"] == 5e-4
+    assert math.isclose(report.time_step, 2.5e-4)
+
+
+def test_contacts_are_not_made_infinitely_stiff(tmp_path: Path) -> None:
+    model = load(tmp_path, LOG.format(height=0.1, floor="", log=""), ROLL.format(radius=0.1, stiff=0))
+    with pytest.raises(ModelError, match="a time is above 0"):
+        validate(model.solve())
+
+
+@pytest.mark.parametrize("place", ["point(geom.floor)", "point(body.log, 0, 0, 0)"])
+def test_a_radius_is_a_number_and_of_a_point_of_a_body(tmp_path: Path, place: str) -> None:
+    spec = ROLL.format(radius="joint.x" if "body" in place else 0.1, stiff=5e-4)
+    spec = spec.replace("point(body.log, 0, 0.3, 0)", place)
+    with pytest.raises(SpecError, match="radius"):
+        load(tmp_path, LOG.format(height=0.1, floor="", log=""), spec).problem()
