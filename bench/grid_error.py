@@ -96,7 +96,7 @@ def measured(path: Path, folder: Path | None) -> Row | str:
     if check_same_motion(problem, model.problem(None, **more), ends, TIMES * ends) != 1.0:
         return "a sum over all frames is another objective on other frames"
     objective = abs(coarse.objective - finer.objective) / max(abs(finer.objective), 1e-9)
-    motion = max((apart(coarse, finer, name) for name in determined(problem, coarse)), default=0.0)
+    motion = max(apart(coarse, finer, determined(problem, coarse)).values(), default=0.0)
     return Row(path.stem, coarse.method, coarse.n, told, objective if problem.objective else 0.0, motion)
 
 

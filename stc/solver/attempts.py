@@ -33,6 +33,8 @@ WIDEST, LESS_WIDE, NARROWED = 3.0, 1.0, 350
 GAINING, HELD = 120, 800
 """The steps in which the free choice is to make the error a tenth of what it was, and those that the other one is given
 where it does not."""
+SHORT_PATH = 100
+"""Iterations of the free choice from a neighbour's solution."""
 CLOSE = 0.1
 """The violation allowed on the way from a feasible point."""
 
@@ -46,7 +48,11 @@ class Attempts:
     def warm(
         self, form: ScaledProblem, x0: Floats, start: Start, trusting: bool, tactics: Tactics
     ) -> Outcome:
-        """Steps from a neighbour's solution; where they do not converge, a short barrier path to it."""
+        """Steps from a neighbour's solution; where they do not converge, a short barrier path to it.
+
+        Along a flat valley of the objective that path is a long one. There a parameter that is chosen freely grows
+        again, and leads away from where the rows are nearly met: after some steps it is held from the first.
+        """
         assert start.row_multipliers is not None
         x, y, z = x0 / form.x_scale, form.scaled_multipliers(start.row_multipliers), np.zeros(form.n)
         if start.bound_multipliers is not None:
@@ -65,7 +71,14 @@ class Attempts:
         it = warm_iterate(form, x, y)
         if point is not None:
             return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it, minimum=minimum)
-        return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=tactics)
+        free = replace(tactics, budget=min(tactics.budget, SHORT_PATH))
+        outcome = optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=free)
+        left = self.monitor.limit - self.monitor.iterations
+        if outcome.end is End.CONVERGED or not (outcome.early and form.gaps and tactics.patient and left > 0):
+            return outcome
+        held = replace(tactics, adaptive=False, budget=self.options.max_iterations)
+        it = warm_iterate(form, x, y)
+        return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=held)
 
     def cold(self, form: ScaledProblem, x0: Floats, options: Options) -> Outcome:
         """From ``x0`` (n,), with options for the barrier."""

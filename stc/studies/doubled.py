@@ -20,10 +20,12 @@ from stc.solution import Solution
 from stc.studies.frames import ORDER, Spread
 from stc.trajectory import Channel
 
-__all__ = ["FROM_COARSER", "apart", "change_when_doubled", "range_of"]
+__all__ = ["FROM_COARSER", "LEAST_RANGE", "apart", "change_when_doubled", "range_of"]
 
 FROM_COARSER = 100
 """Iterations from the solution on fewer frames; where that is near one on more it takes two or three, or some tens."""
+LEAST_RANGE = 1e-6
+"""Of the largest range of all: what varies by less counts as still."""
 SHARE_OF_TIME, LEAST_TIME = 0.25, 1.0
 """The finer solve may take this share of the seconds that the solution took, or so many seconds."""
 
@@ -71,19 +73,25 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
         return None
     whole = 1.0 / (1.0 - 0.5 ** ORDER[solution.method])
     objective = abs(solution.objective - finer.objective) / max(abs(finer.objective), 1e-9)
-    return whole * objective, {name: whole * apart(solution, finer, name) for name in names}
+    return whole * objective, {name: whole * error for name, error in apart(solution, finer, names).items()}
 
 
-def apart(coarse: Solution, finer: Solution, name: str) -> float:
-    """The largest difference of a variable between two grids, of which one has each frame of the other.
+def apart(coarse: Solution, finer: Solution, names: Iterable[str]) -> dict[str, float]:
+    """The largest difference of each variable between two grids, of which one has each frame of the other.
 
     Returns:
-        Relative to the variable's range on the finer grid.
+        Relative to the variable's range on the finer grid; where that is next to nothing beside the largest range of
+        all, as of what stands still but for rounding, to a millionth of that.
     """
     times = finer.n // coarse.n
-    one, other = coarse.trajectories[name, 0], finer.trajectories[name, 0]
-    gaps = [np.abs(one.before - other.before[::times]), np.abs(one.after - other.after[::times])]
-    return float(np.max(gaps)) / max(range_of(other), 1e-9)
+    ranges = {name: range_of(finer.trajectories[name, 0]) for name in names}
+    least = max(LEAST_RANGE * max(ranges.values(), default=0.0), 1e-9)
+    found = {}
+    for name, size in ranges.items():
+        one, other = coarse.trajectories[name, 0], finer.trajectories[name, 0]
+        gaps = [np.abs(one.before - other.before[::times]), np.abs(one.after - other.after[::times])]
+        found[name] = float(np.max(gaps)) / max(size, least)
+    return found
 
 
 def range_of(channel: Channel) -> float:

@@ -26,6 +26,7 @@ def solve_finer(
     clock: Clock,
     effort: Effort,
     ways_left: bool = False,
+    patience: int = FROM_COARSER,
 ) -> Solution:
     """The solution next to that on fewer frames, or, where that is no guess or leads nowhere, from where all began.
 
@@ -40,10 +41,11 @@ def solve_finer(
         clock: what time is left; effort: what solves are added to.
         ways_left: whether the caller has fewer frames to try where a sound solution leads nowhere: then nothing begins
             where the first solve did.
+        patience: iterations from the solution on fewer frames.
     """
     most = options.get("max_iterations") or Options().max_iterations
     few = {**options, "max_iterations": min(most, FROM_GUESS)}
-    near = {**options, "max_iterations": min(most, FROM_COARSER), "warm_start": before, "guess": None}
+    near = {**options, "max_iterations": min(most, patience), "warm_start": before, "guess": None}
     coarse = local_grid_error(before)
     error = 0.0 if coarse is None else coarse.largest
     if error > NO_GUESS:

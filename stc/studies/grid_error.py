@@ -37,7 +37,7 @@ from stc.records import dataclass
 from stc.solution import MultiplierBlock, Solution
 from stc.studies.difference_gaps import ends_of_sums, gaps_of, moved_rows, moved_terms
 from stc.studies.discretisation import States, local_errors, quadrature_errors
-from stc.studies.doubled import change_when_doubled, range_of
+from stc.studies.doubled import LEAST_RANGE, change_when_doubled, range_of
 from stc.symbolic.expr import symbols
 from stc.trajectory import Channel
 
@@ -59,8 +59,6 @@ NO_GUESS = 0.1
 """Above this share: what was found is no motion that could be a guess."""
 CORNER, WIGGLE = 1.0 / 12.0, 0.2
 """Of a step times what a rate changes by where it turns somewhere in it: what the states are off by, on average."""
-LEAST_RANGE = 1e-6
-"""Of the largest range of all: what varies by less counts as still."""
 WHOLE = 1.0
 """An error of the whole range, or objective, says all that there is to say."""
 
@@ -105,7 +103,7 @@ class GridError:
         if not self.objective <= GROSS:
             what.append(f"the objective by about {_share(self.objective)}")
         if not self.motion <= GROSS:
-            what.append(f"{self.variable} by about {_share(self.motion)} of its range")
+            what.append(f"{self.variable} by {_of_range(self.motion)}")
         return (
             f"the grid is coarse for this motion: more frames are likely to change {' and '.join(what)}. The status "
             "tells of the program on this grid alone; `--refine 1e-3` adds frames until they change little, or give n "
@@ -188,6 +186,10 @@ def _told(errors: FloatArray) -> FloatArray:
 def _known(error: float) -> float:
     """An error that cannot be told is as large as any."""
     return error if np.isfinite(error) else np.inf
+
+
+def _of_range(error: float) -> str:
+    return f"about {_share(error)} of its range" if error < WHOLE else "about all of its range"
 
 
 def _share(error: float) -> str:

@@ -20,6 +20,7 @@ from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.discretisation import Estimate, estimate
+from stc.studies.doubled import FROM_COARSER
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import SAME, solve_finer
 from stc.studies.frames import ORDER, Spread, growth_for, observed_order
@@ -29,12 +30,15 @@ __all__ = ["Level", "Refinement", "refine"]
 
 SAFETY = 0.5
 """The next solve is to have this share of the tolerance."""
-MOST_LEVELS = 12
+MOST_LEVELS = 20
 MOST_FRAMES = 50_000
 MOST_FROM_GROSS = 2
 """So many times as many frames at most, where the grid error is gross."""
 MOST_TRIES = 3
-"""So many solves may lead elsewhere, or nowhere, on the way to a level, each on fewer frames than the one before."""
+"""So many solves in a row may lead elsewhere, or nowhere, each on fewer frames than the one before; the last one is on
+hardly more frames than the solution that it starts from, and may take long."""
+AT_LAST = 1000
+"""Iterations of that one: along a flat valley of the objective its optimum may be far all the same."""
 WITHIN = 3.0
 """So many times their estimated errors two objectives of one optimum may lie apart."""
 NO_FALL = 0.95
@@ -177,11 +181,13 @@ def refine(
     last: Solution | None = None
     overrides: dict[str, float] = {}
     idle = tries = 0
-    ways_left = True
+    most_growth = np.inf
     while True:
         given = {**options, "constants": {**constants, **overrides}}
         if last is not None:
-            solution = solve_finer(solve, last, given, clock, found.effort, ways_left)
+            at_last = tries == MOST_TRIES
+            patience = AT_LAST if at_last else FROM_COARSER
+            solution = solve_finer(solve, last, given, clock, found.effort, not at_last, patience)
         elif start is not None:
             solution = start
         else:
@@ -203,22 +209,24 @@ def refine(
         if on_level is not None:
             on_level(level)
         if judged is None or not on:
-            tries += 1
-            between = np.cbrt(reached**2 * factors).round().astype(int)
-            if not found.trail or not ways_left or clock.is_over or solution.status == "interrupted":
+            if not found.trail or tries == MOST_TRIES or clock.is_over or solution.status == "interrupted":
                 found.message = _elsewhere(solution)
                 return found
-            ways_left = tries < MOST_TRIES and not ((between == reached).all() or (between == factors).all())
-            if not ways_left:
-                between = factors  # once more, from where the first solve began if need be
-            wanted = between
+            tries += 1
+            most_growth = float(np.cbrt((factors / reached).max())) if tries < MOST_TRIES else 1.0
+            wanted = _at_most(factors, reached, most_growth)
+            if (wanted == factors).all():
+                tries = MOST_TRIES  # there are no fewer
         else:
-            reached, ways_left = factors, tries < MOST_TRIES
+            # Where steps between grids had to be short, the next one is hardly longer.
+            most_growth = max(most_growth, float((factors / reached).max())) ** 2
+            reached, tries = factors, 0
             if level.error <= (error if len(found.trail) > 1 else CONFIRM * error):
                 return found
             if len(found.trail) > 1:
                 idle = idle + 1 if level.error > NO_FALL * found.trail[-2].error else 0
             wanted = _wanted(found, np.array(phases), factors, judged, solution.method)
+            wanted = _at_most(wanted, reached, most_growth)
             found.message = _in_the_way(found, solution, clock, idle)
             if not found.message and int(wanted @ spread.lengths) > most_frames:
                 found.message = _too_many(found, solution, most_frames)
@@ -231,6 +239,13 @@ def refine(
                 found.message = f"the error is {found.best.error:.2g} with n = {found.best.n}, and {reason}"
             return found
         factors = np.array(spread.counts(overrides)) // np.array(spread.lengths)
+
+
+def _at_most(wanted: np.ndarray, reached: np.ndarray, growth: float) -> np.ndarray:
+    """So many times as many frames as were reached, where more are wanted; more than reached all the same."""
+    if not np.isfinite(growth):
+        return wanted
+    return np.minimum(wanted, np.maximum((growth * reached).round(), reached + 1)).astype(int)
 
 
 def _elsewhere(solution: Solution) -> str:

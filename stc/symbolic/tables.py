@@ -60,6 +60,8 @@ COEFFICIENTS, ROW = 2 * AXIS, 2 * AXIS + 1
 
 MOST_BUCKETS: Final = 1 << 18
 """So many buckets a table has at most, or as many as it has places."""
+MOST_AT_HAND: Final = 1 << 12
+"""Buckets up to which the nearest caches hold them."""
 #: Places that are as even as rounding lets them be are taken to be so, in units of the last digit of the largest.
 _EVEN: Final = 4.0
 _SLACK: Final = 2.0**-46
@@ -94,15 +96,19 @@ class Axis:
         self.origins = np.concatenate([[low - self.step] if even else [low], self.x])
 
     def _fill_buckets(self) -> int:
-        """Choose so many buckets that hardly any has several places in it; how these are told apart."""
+        """Choose so many buckets that hardly any has several places in it; how these are told apart.
+
+        Comparing an argument with two or three places costs less than to wait for a bucket that is not in a cache.
+        """
         count, best = len(self.x), 0
         buckets = count - 1
-        while not best or (best > 1 and buckets <= max(min(16 * count + 4096, MOST_BUCKETS), count)):
+        most = max(min(16 * count + 4096, MOST_BUCKETS), count)
+        while not best or (buckets <= most and best > (1 if buckets <= MOST_AT_HAND else TOLD)):
             scale = float(buckets / (self.x[-1] - self.x[0]))
             of_knot = np.clip((self.begins - self.x[0]) * scale, 0.0, buckets - 1.0).astype(np.int64)
-            most = int(np.bincount(of_knot).max())
-            if not best or most < best:
-                best, self._buckets, self._scale, self._of_knot = most, buckets, scale, of_knot
+            fullest = int(np.bincount(of_knot).max())
+            if not best or fullest < best:
+                best, self._buckets, self._scale, self._of_knot = fullest, buckets, scale, of_knot
             buckets *= 2
         return best if best <= TOLD else TOLD + best.bit_length()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import stc
-from stc.studies.doubled import range_of
+from stc.studies.doubled import apart, range_of
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
 from stc.studies.grid_error import GROSS, determined, local_grid_error
@@ -113,11 +113,11 @@ def both(text, factor=8, **constants):
 def true_error(coarse, finer):
     """Relative errors of the objective and of the motion."""
     times = finer.n // coarse.n
-    apart = []
+    gaps = []
     for name in determined(coarse.origin.problem(coarse.method, **coarse.overrides), coarse):
         one, other = coarse.trajectories[name, 0], finer.trajectories[name, 0]
-        apart.append(np.abs(one.after - other.after[::times]).max() / range_of(other))
-    return abs(coarse.objective - finer.objective) / abs(finer.objective), max(apart)
+        gaps.append(np.abs(one.after - other.after[::times]).max() / range_of(other))
+    return abs(coarse.objective - finer.objective) / abs(finer.objective), max(gaps)
 
 
 @pytest.mark.parametrize(
@@ -246,3 +246,15 @@ def test_a_sum_that_leaves_out_its_ends_is_short_of_the_integral():
     """
     found = stc.load(text).solve()
     assert found.grid_error().objective == pytest.approx(0.05 / 0.95, rel=0.1)
+
+
+def test_what_stands_still_but_for_rounding_has_no_error() -> None:
+    text = """constants: n = 10, h = 1/n; variables: x, y, u; constraints: [0, n]: x'' = u; y'' = 0;
+        [0]: x; x'; y; y'; [n]: x = 1; x'; objective: [0, n]: integral(u^2);"""
+    coarse, finer = (stc.load(text).solve(n=n, method="trapezoidal") for n in (10, 40))
+    clean = apart(coarse, finer, ["x", "y"])
+    still = finer.trajectories["y", 0]
+    still.before[1:-1] += 2e-10
+    noisy = apart(coarse, finer, ["x", "y"])
+    assert noisy["x"] == clean["x"] > 1e-4
+    assert noisy["y"] < 1e-3
