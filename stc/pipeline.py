@@ -205,7 +205,7 @@ class Model:
         """Solves the spec.
 
         Args:
-            method: ``central``, ``trapezoidal`` or ``hermite-simpson`` instead of the spec's own.
+            method: ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping`` instead of the spec's own.
             tolerance: of the optimality conditions, between 1e-14 and 1.
             max_iterations: limit on iterations.
             time_limit: limit in seconds of wall time, deriving and compiling included.

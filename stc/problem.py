@@ -272,6 +272,26 @@ class ReplayChannel:
     span: Span
 
 
+@dataclass(frozen=True, slots=True)
+class FreeContact:
+    """A contact whose frames are left to the solver.
+
+    Attributes:
+        gaps: the distance of what touches from the surface, of a sole those of its corners.
+        pressure: the force of the surface along its normal.
+        slip: the velocities of what touches along the surface, and of a sole its turning there.
+        weight: of the whole model, in N: what forces are large beside.
+        span: where the spec leaves it to the solver.
+    """
+
+    name: str
+    gaps: Sequence[Expr]
+    pressure: Expr
+    slip: Sequence[Expr]
+    weight: float
+    span: Span
+
+
 @dataclass(slots=True)
 class Problem:
     """A spec with its numbers: everything that transcription needs.
@@ -284,6 +304,9 @@ class Problem:
     ``rotations`` are the orientations among the variables, and ``of_model`` tells whether a model has brought the
     equations of motion; for the guess, ``fixtures`` are what it holds, and ``root`` the variables by which it moves as
     a whole.
+    ``relaxation`` is the constant by which products may differ from the zero that they are meant to be, of gaps and the
+    forces that close them; empty where there are none.  It is brought down to its value in several solves.
+    ``free_contacts`` are those that have such products.
     ``at_nodes`` are variables that are chosen node by node, without a course in time: the directions of distances.
     ``data`` holds the columns of numbers that the spec reads, ``tables`` the functions that it makes of them.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
@@ -312,6 +335,8 @@ class Problem:
     model_span: Span | None = None
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
+    relaxation: str = ""
+    free_contacts: Sequence[FreeContact] = ()
     at_nodes: Sequence[str] = ()
     fixtures: Sequence[Fixture] = ()
     root: frozenset[str] = frozenset()

@@ -106,7 +106,7 @@ class Solution:
         directory: folder that the spec was read from (where its model is looked up), or "" if there is none.
         constants: value of every constant, overrides applied.
         overrides: the constants that were given from outside.
-        method: ``central``, ``trapezoidal`` or ``hermite-simpson``.
+        method: ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping``.
         time: (n+1,) time of each frame, in seconds.
         trajectories: node values per (variable, order of the derivative); orders of one variable start at 0
             and have no gap.  Under ``central`` a derivative whose stencil does not fit at a frame holds the
@@ -176,6 +176,11 @@ class Solution:
     sha256: str = ""
     stc_version: str = ""
     origin: Any = None
+
+    @property
+    def is_sketch(self) -> bool:
+        """Whether it is one in time steps, of first order, which tell in what order contacts come and go."""
+        return self.method == "stepping"
 
     @property
     def unknowns(self) -> list[tuple[str, int]]:

@@ -17,6 +17,7 @@ from stc.deadline import left
 from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way, only_once
 from stc.problem import Problem
 from stc.records import dataclass, field
+from stc.relaxing import brought_down
 from stc.solution import Solution
 from stc.solver import Options, Result, Start, Status
 from stc.solver.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
@@ -66,6 +67,8 @@ def solve(
 ) -> tuple[BoundProgram, Result]:
     """Binds constants, compiles what is not compiled, and minimises.
 
+    Products that are meant to be zero are brought down to it on the way (see :mod:`stc.relaxing`).
+
     Args:
         transcription: of the problem.
         constants: values of all constants, default those of the problem.
@@ -80,6 +83,33 @@ def solve(
         SpecError, EvaluationError: the starting point is no place to start from.
         UsageError: no such optimizer, or one that cannot do what the problem needs.
     """
+    options, name = options or Options(), transcription.problem.relaxation
+    if not name:
+        return _once(transcription, constants, options, start, callback, optimizer, minimizer, bound)
+    numbers = transcription.problem.constants if constants is None else constants
+
+    def relaxed(value: float, options: Options, start: Start | None) -> Result:
+        nonlocal bound
+        given = {**numbers, name: value}
+        bound, result = _once(transcription, given, options, start, callback, optimizer, minimizer, None)
+        return result
+
+    result = brought_down(relaxed, numbers[name], options, start)
+    assert bound is not None
+    return bound, result
+
+
+def _once(
+    transcription: Transcription,
+    constants: Mapping[str, float] | None,
+    options: Options,
+    start: Start | None,
+    callback: Callback | None,
+    optimizer: str,
+    minimizer: Minimizer | None,
+    bound: BoundProgram | None,
+) -> tuple[BoundProgram, Result]:
+    """As :func:`solve`, with constants that stay as they are."""
     minimizer = minimizer or optimizer_of(optimizer)
     if bound is None:
         bound = transcription.bind(constants, None if start is None else start.x)
@@ -94,7 +124,7 @@ def solve(
         return bound, _unmoved(bound, Status.TIME_LIMIT)
     if remark := caution(optimizer, bound):
         warnings.warn(remark, SizeWarning, stacklevel=2)
-    result = minimizer(bound, options or Options(), start=start, callback=callback)
+    result = minimizer(bound, options, start=start, callback=callback)
     return bound, _forward(transcription, constants, result)
 
 
@@ -190,7 +220,8 @@ class ColdSolve:
 
     def run(self) -> Result:
         """Solve; the same again when called again."""
-        if self.transcription.is_quadratic:  # takes few steps anyway
+        # What is quadratic takes few steps anyway, and contacts that come and go want all frames.
+        if self.transcription.is_quadratic or self.problem.relaxation:
             return self._fine(self.options, None, self.callback)
         fewer = self._reduce(FINE)
         nested = Nested(

@@ -10,6 +10,7 @@ method              highest derivative (order d)                    lower ones
 ==================  ==============================================  =======================================
 hermite-simpson     parabola through frame, midpoint, frame         integrals: cubic, quartic, ...
 trapezoidal         straight line between the frames                integrals: parabola, cubic, ...
+stepping            in each step the value where it ends            integrals: line, parabola, ...
 central             straight line between the frames                variable: cubic with the velocities of the
                                                                     central differences; first derivative:
                                                                     that cubic's own
@@ -34,7 +35,7 @@ from stc.records import dataclass
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
-METHODS = ("central", "trapezoidal", "hermite-simpson")
+METHODS = ("central", "trapezoidal", "hermite-simpson", "stepping")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,9 +154,14 @@ def _integrate(
     return [left, terms[0] + remainder, *terms[1:]]
 
 
-def _interpolated(channel: Channel, step: IntArray) -> list[FloatArray]:
-    """The interpolant of a channel on the given steps: a parabola where it has midpoints, else a line."""
+def interpolant(method: str, channel: Channel, step: IntArray) -> list[FloatArray]:
+    """The polynomials, coefficients lowest first, that a method means by node values on the given steps.
+
+    They are parabolas where there are midpoints, constants under stepping, else straight lines.
+    """
     left, right = channel.after[step], channel.before[step + 1]
+    if method == "stepping":
+        return [right]
     if channel.mid is not None:
         return parabola(left, channel.mid[step], right)
     return [left, right - left]
@@ -165,7 +171,7 @@ def _central(
     orders: Mapping[int, Channel], step: IntArray, length: FloatArray
 ) -> dict[int, list[FloatArray]]:
     """Coefficients under central differences; see the module's table."""
-    curves = {order: _interpolated(channel, step) for order, channel in orders.items()}
+    curves = {order: interpolant("central", channel, step) for order, channel in orders.items()}
     if 0 in orders and 1 in orders:
         x, v = orders[0], orders[1]
         x0, x1 = x.after[step], x.before[step + 1]
@@ -193,7 +199,7 @@ def curves(
     if method == "central":
         return _central(orders, step, length)
     highest = max(orders)
-    found = {highest: _interpolated(orders[highest], step)}
+    found = {highest: interpolant(method, orders[highest], step)}
     for order in range(highest - 1, -1, -1):
         channel = orders[order]
         found[order] = _integrate(found[order + 1], length, channel.after[step], channel.before[step + 1])

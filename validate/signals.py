@@ -4,6 +4,7 @@
   of motion out (normally frames 0 and n) no force was determined, and the nearest frame's is held.
 - ``trapezoidal``: straight lines between the frames.
 - ``hermite-simpson``: in every step the parabola through frame, midpoint and frame.
+- ``stepping``: in every step the value of the frame that ends it.
 
 At a jump the step to the left uses the value before it and the step to the right the value after it.
 """
@@ -15,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stc.solution import ReplayChannel, Solution
-from stc.trajectory import Channel, horner, parabola
+from stc.trajectory import Channel, horner, interpolant
 from stc.validate.metrics import FloatArray
 
 
@@ -31,7 +32,7 @@ class Signals:
         first, last = solution.force_frames or (0, solution.n)
         self.lines = list(lines)
         self.channels = [line.value.held_outside(first, last) for line in lines]
-        self._coefficients = _polynomials(self.channels, solution.n)
+        self._coefficients = _polynomials(self.channels, solution)
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -52,12 +53,11 @@ def node_value(channel: Channel, part: str, index: int) -> float:
     return float(values[index])
 
 
-def _polynomials(channels: Sequence[Channel], n: int) -> list[FloatArray]:
+def _polynomials(channels: Sequence[Channel], solution: Solution) -> list[FloatArray]:
     """Per power of s (0, 1, 2) an array (n, k) of coefficients of every step and channel."""
-    found = [np.zeros((n, len(channels))) for _ in range(3)]
+    steps = np.arange(solution.n)
+    found = [np.zeros((solution.n, len(channels))) for _ in range(3)]
     for column, channel in enumerate(channels):
-        left, right = channel.after[:-1], channel.before[1:]
-        curve = [left, right - left] if channel.mid is None else parabola(left, channel.mid, right)
-        for power, coefficient in enumerate(curve):
+        for power, coefficient in enumerate(interpolant(solution.method, channel, steps)):
             found[power][:, column] = coefficient
     return found

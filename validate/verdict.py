@@ -168,6 +168,11 @@ def open_setup(
         raise NotOptimalError(
             f"the solution of {solution.name} is not validated: its status is {solution.status}, not optimal"
         )
+    if solution.is_sketch:
+        raise UsageError(
+            f"the motion of {solution.name} is one in time steps, of first order, and is not replayed",
+            "`stc schedule` writes its contacts as ranges of frames, to be solved and validated",
+        )
     setup = prepare(solution, model, beside)
     if beside and model is None and not solution.files:
         setup.remarks.append(

@@ -398,6 +398,21 @@ def list_(json: Json = False) -> int:
 
 
 @app.command()
+def schedule(
+    target: SpecOrSolution,
+    output: Annotated[
+        str | None,
+        typer.Option("-o", "--output", metavar="FILE", help="The spec to write; default NAME_scheduled.stc."),
+    ] = None,
+    settings: Set = None,
+    force: Force = False,
+    json: Json = False,
+) -> int:
+    """Write the contacts that were found under `free:` as ranges of frames, to be solved to full order."""
+    return exports.schedule(target, output, solve_options(settings), force=force, as_json=json)
+
+
+@app.command()
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the spec; NAME.stc is written.")],
     model: Annotated[

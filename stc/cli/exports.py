@@ -6,6 +6,7 @@ from pathlib import Path
 
 from stc.cli import GOOD, jobs, record
 from stc.cli.options import SolveOptions, ready_to_write
+from stc.errors import UsageError
 
 #: Help for the option that names the format.
 HELP = "npz, csv, keyframes, controls or gltf."
@@ -45,4 +46,33 @@ def export(
         record.write({"status": "ok", "name": outcome.solution.name, "format": kind, "file": str(file)})
     else:
         print(f"{file} written")
+    return GOOD
+
+
+def schedule(target: str, output: str | None, options: SolveOptions, *, force: bool, as_json: bool) -> int:
+    """Write a spec with the contacts of a motion as ranges of frames."""
+    from stc.scheduling import found_ranges, write_schedule
+
+    if output is not None and not output.endswith(".stc"):
+        raise UsageError(f"-o {output}: a spec is saved as *.stc")
+    outcome, _ = jobs.to_show(target, options, as_json)
+    solution = outcome.solution
+    jobs.require_optimal(solution, "scheduled", force)
+    path = ready_to_write(Path(output or f"{solution.name}_scheduled.stc"))
+    ranges, table = found_ranges(solution), write_schedule(solution, path)
+    if as_json:
+        facts = {
+            "status": "ok",
+            "name": solution.name,
+            "file": str(path),
+            "guess": str(table),
+            "ranges": ranges,
+        }
+        record.write(facts)
+        return GOOD
+    for name, frames in ranges.items():
+        listed = ", ".join(f"[{first}, {last}]" for first, last in frames)
+        print(f"{name:<12} stands on {listed}" if frames else f"{name:<12} never stands")
+    settings = "".join(f" --set {name}={value:.12g}" for name, value in solution.overrides.items())
+    print(f"{path} written, with {table} to start from; judge it with: stc run {path}{settings}")
     return GOOD

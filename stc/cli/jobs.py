@@ -408,6 +408,9 @@ def _judged(
     if status != "optimal" and not force:
         reason = f"the solve ended {status}, not optimal; --force replays it all the same"
         return _not_validated(outcome, reason, page, as_json)
+    if outcome.solution.is_sketch:
+        reason = "MuJoCo is asked for more than time steps can keep"
+        return _not_validated(outcome, reason, page, as_json)
     from stc.certification import certify
 
     if not as_json:

@@ -61,6 +61,12 @@ class Outcome:
         found = self.status == "optimal" if self.found is None else self.found.good
         return found and not self.unsaved
 
+    @property
+    def next_step(self) -> str:
+        """What to do with a motion in time steps."""
+        file = self.file or f"{self.solution.name}.npz"
+        return f"`stc schedule {file}` writes its contacts as ranges of frames, to be solved and validated"
+
     def record(self) -> record.Record:
         """What ``--json`` prints of it."""
         known = record.of_solution(
@@ -92,6 +98,8 @@ class Outcome:
             console.note(self.found.remark)
         if self.grid is not None and self.grid.gross:
             console.note(self.grid.warning)
+        if self.solution.is_sketch and self.solution.status == "optimal":
+            console.note(f"the motion is one in time steps, of first order: {self.next_step}")
         for one in self.ringing[:MOST_RINGING]:
             console.note(str(one))
         if self.complementarity is not None:

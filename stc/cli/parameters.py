@@ -20,7 +20,9 @@ Set = Annotated[
 Method = Annotated[
     str | None,
     typer.Option(
-        "--method", metavar="METHOD", help="central, trapezoidal or hermite-simpson, whatever the spec says."
+        "--method",
+        metavar="METHOD",
+        help="central, trapezoidal, hermite-simpson or stepping, whatever the spec says.",
     ),
 ]
 MaxIterations = Annotated[

@@ -210,6 +210,14 @@ def _contacts(tree: syntax.SpecTree, trial: Context, diagnostics: Diagnostics) -
             if name not in found:
                 hint = did_you_mean(name, list(found)) or "declare it first, as in `sole = foot(x, z, th)`"
                 _fail(diagnostics, statement.name, f"there is no contact `{name}`", hint)
+            elif block.free:
+                hint = 'name a model, as in `model: "robot.xml";`, or write rows with `0 <= gap complements force >= 0`'
+                _fail(
+                    diagnostics,
+                    statement,
+                    "contacts of a model can be free, those of a Lagrangian cannot",
+                    hint,
+                )
             elif block.header is None:
                 hint = "put the frames into a range header before it, as in `[0, 20]: sole at 0;`"
                 _fail(diagnostics, statement, "a contact stands on a range of frames", hint)

@@ -19,7 +19,7 @@ from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.expressions import TIME
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
-from stc.language.model.scope import is_starred
+from stc.language.model.scope import RELAXATION, is_starred
 from stc.language.names import DATA_SET
 from stc.language.statements import Objective, Relations, statement_text
 from stc.language.words import METHODS, RESERVED
@@ -57,7 +57,7 @@ def elaborate(
     Args:
         tree: what :func:`stc.language.parser.parse` gave.
         overrides: values of constants by name; they win over the file's.
-        method: ``central``, ``trapezoidal`` or ``hermite-simpson``; wins over the file's.
+        method: ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping``; wins over the file's.
 
     Raises:
         SpecError: with every mistake in what the text means.
@@ -171,6 +171,8 @@ class _Elaborator(Context):
             macros=self.builder.macros,
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
+            relaxation=RELAXATION if self.table.kind(RELAXATION) else "",
+            free_contacts=[] if self.model_statements is None else self.model_statements.free_contacts(),
             at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
             fixtures=fixtures,
             root=frozenset() if self.model_statements is None else self.model_statements.root(),
@@ -215,6 +217,8 @@ class _Elaborator(Context):
                         f"the method is `{chosen.name}` already, on line {line}",
                         "keep one of them",
                     )
+        if self.model_statements is not None and self.model_statements.contacts.free():
+            return "stepping"  # what is written or given is for the motion with a schedule
         default = "central" if self.model is None else "hermite-simpson"
         return given or (chosen.name if chosen is not None else default)
 

@@ -203,8 +203,11 @@ class _Parser(ExpressionParser):
         while self.kind != "end":
             if self.kind == "name" and self.kinds[self.at + 1] == ":":
                 # lines of `forces:` look like section heads, and so does `free:` under `contact:`
-                free = name == "contact" and self.token_text(self.at) == "free"
-                if (name != "forces" and not free) or self.token_text(self.at) in SECTIONS:
+                if name == "contact" and self.token_text(self.at) == "free":
+                    blocks.append(syntax.Block(self.starts[self.at], self.ends[self.at + 1], None, [], True))
+                    self.move_to(self.at + 2)
+                    continue
+                if name != "forces" or self.token_text(self.at) in SECTIONS:
                     break
             first = self.at
             try:
@@ -482,9 +485,6 @@ class _Parser(ExpressionParser):
         into.append(found)
 
     def contact_statement(self, into: list[syntax.Statement]) -> None:
-        if self.kind == "name" and self.token_text(self.at) == "free" and self.kinds[self.at + 1] == ":":
-            hint = f"write its frames, `[a, b]: FL;`, or rows of your own with `0 <= gap {COMPLEMENTS} force >= 0;`"
-            raise self.fail("when a contact stands cannot be left to the solver by a word", hint)
         name = self.name("the name of a contact, as in `sole = foot(x, z, th), half = 0.1, friction = 0.6;`")
         if self.kind != "=":
             into.append(self.contact_place(name))

@@ -139,6 +139,9 @@ def show_syntax(tree: syntax.SpecTree) -> str:
             if block.header is not None:
                 lines.append(f"{indent}{show_header(block.header)}")
                 indent += _INDENT
+            elif block.free:
+                lines.append(f"{indent}free:")
+                indent += _INDENT
             texts = [show_statement(statement) for statement in block.statements]
             if section.kind == "forces":
                 texts = [text.replace(" =", ":", 1) for text in texts]

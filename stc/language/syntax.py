@@ -327,10 +327,14 @@ Statement: TypeAlias = (
 
 @dataclass(slots=True)
 class Block(Node):
-    """The statements under one range header (None: those before any header, or a section without ranges)."""
+    """The statements under one range header (None: those before any header, or a section without ranges).
+
+    ``free`` is set of those under ``free:`` in `contact:`, whose frames are left to the solver.
+    """
 
     header: RangeHeader | None
     statements: list[Statement]
+    free: bool = False
 
 
 @dataclass(slots=True)

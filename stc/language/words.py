@@ -62,7 +62,7 @@ SECTION_SYNONYMS = {
 #: What joins two inequalities of which one is an equality.
 COMPLEMENTS = "complements"
 
-METHODS = ("central", "trapezoidal", "hermite-simpson")
+METHODS = ("central", "trapezoidal", "hermite-simpson", "stepping")
 
 #: Kinds of line in `replay:` besides `model = "file.xml";`.
 REPLAY_KINDS = ("joint", "actuator", "apply", "contact", "compare", "set")

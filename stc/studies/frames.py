@@ -34,7 +34,7 @@ __all__ = ["MOST_AT_ONCE", "ORDER", "Spread", "growth_for"]
 
 FloatArray = NDArray[np.float64]
 
-ORDER = {"central": 2, "trapezoidal": 2, "hermite-simpson": 4}
+ORDER = {"stepping": 1, "central": 2, "trapezoidal": 2, "hermite-simpson": 4}
 """Order of a motion's error in its step: a step's own is higher by one, and there are the more steps."""
 LOWEST_ORDER = 0.7
 """Kinks lower the order; what was observed counts, but not less than this."""

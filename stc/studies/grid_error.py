@@ -144,12 +144,14 @@ def local_grid_error(solution: Solution) -> GridError | None:
         solution: any optimal one.
 
     Returns:
-        The estimate; None where there is none to make: no solution, or one of a single frame.
+        The estimate; None where there is none to make: no solution, or one of a single frame or in time steps.
 
     Raises:
         SpecError: the text that the solution carries is no spec.
     """
     if solution.status != "optimal" or not solution.n or not (np.diff(solution.time) > 0.0).all():
+        return None
+    if solution.is_sketch:
         return None
     problem = problem_of_solution(solution)
     with np.errstate(all="ignore"):

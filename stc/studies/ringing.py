@@ -83,7 +83,11 @@ def ringing(solution: Solution) -> list[Ringing]:
     Raises:
         SpecError: the text that the solution carries is no spec.
     """
-    if solution.status != "optimal" or 2 * solution.n < LEAST_NODES or solution.method == "central":
+    if (
+        solution.status != "optimal"
+        or 2 * solution.n < LEAST_NODES
+        or solution.method in ("central", "stepping")
+    ):
         return []
     alternating = [
         (name, *found) for name in solution.variables if (found := _alternation(solution, name))[0]

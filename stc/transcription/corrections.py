@@ -31,6 +31,7 @@ from stc.transcription.lower import groups
 
 #: From the node of a step's links to its two ends, in frames.
 ENDS = {
+    "stepping": (Fraction(0), Fraction(1)),
     "trapezoidal": (Fraction(0), Fraction(1)),
     "hermite-simpson": (Fraction(-1, 2), Fraction(1, 2)),
 }

@@ -6,13 +6,14 @@ in each step.  So the norm is a row at every node, and of the method's own link 
 the sphere are rows: those of the vector part of conj(r) times the link, where r is an orientation within the step.
 The fourth component, along r, is what the norm fixes better.  ::
 
+    stepping         vec(conj(q0) q1) = h/2 w1
     trapezoidal      vec(conj(q0) q1) = h/4 (w0 + w1)
     hermite-simpson  vec(conj(qm) (q1 - q0 - h/6 (q0' + 4 qm' + q1'))) = 0
                      vec(conj(qm) (qm - (q0 + q1)/2 - h/8 (q0' - q1'))) = 0
     central          w = 2 vec(conj(q) q'),  w' = 2 vec(conj(q) q'')
 
 A motion of class C^5 leaves the full link with a residual of the method's own order, and its projections no more, so
-that each method keeps its order (two, four and two).  With ``central`` an angular velocity is a function of the
+that each method keeps its order (one, two, four and two).  With ``central`` an angular velocity is a function of the
 orientations around its frame, as velocities are of positions; its derivatives follow, since vec(conj(q') q') = 0.
 """
 
@@ -36,9 +37,12 @@ def norm_row(rotation: Rotation) -> Expr:
 def rotation_links(method: str, rotation: Rotation, h: Expr) -> list[Expr]:
     """The rows (= 0) that tie an orientation to its angular velocity over a step of length h.
 
-    They stand where those of :func:`stc.transcription.schemes.links` do: for trapezoidal on the frame before the step,
-    for hermite-simpson on its midpoint.
+    They stand where those of :func:`stc.transcription.schemes.links` do: for hermite-simpson on the step's midpoint,
+    else on the frame before it.
     """
+    if method == "stepping":
+        turned = _from(_quaternion(rotation, Fraction(0)), _quaternion(rotation, Fraction(1)))[1:]
+        return [t - 0.5 * h * w for t, w in zip(turned, _velocity(rotation, Fraction(1)), strict=True)]
     if method == "trapezoidal":
         q0, q1 = _quaternion(rotation, Fraction(0)), _quaternion(rotation, Fraction(1))
         w0, w1 = _velocity(rotation, Fraction(0)), _velocity(rotation, Fraction(1))

@@ -7,6 +7,11 @@ Central differences replace a derivative by the derivative of the polynomial thr
     trapezoidal      x[i+1] - x[i] = h/2 (x'[i] + x'[i+1])
     hermite-simpson  x[i+1] - x[i] = h/6 (x'[i] + 4 x'[m] + x'[i+1])
                      x[m] = (x[i] + x[i+1])/2 + h/8 (x'[i] - x'[i+1])
+    stepping         x[i+1] - x[i] = h x'[i+1]
+
+The last is the implicit rule of Euler, of first order.  What holds at the end of a step decides about the step: an
+impact within one is a large force in it, and momentum is balanced without asking when the impact was (Stewart and
+Trinkle 1996; as a transcription Posa, Cantu and Tedrake 2014).
 """
 
 from __future__ import annotations
@@ -21,7 +26,7 @@ from stc.problem import VariableRef
 from stc.symbolic.expr import ONE, ZERO, Expr, num, sum_of, sym
 from stc.transcription.grid import AFTER, BEFORE, Grid, IntArray, Nodes
 
-METHODS = ("central", "trapezoidal", "hermite-simpson")
+METHODS = ("central", "trapezoidal", "hermite-simpson", "stepping")
 
 HALF = Fraction(1, 2)
 
@@ -89,8 +94,11 @@ def difference(ref: VariableRef, offsets: Sequence[int], steps: Sequence[Expr]) 
 def links(method: str, name: str, order: int, h: Expr) -> list[Expr]:
     """The rows (= 0) that tie derivative ``order`` of a variable to the next one over a step of length h.
 
-    They stand on the step's node: for trapezoidal the frame before the step, for hermite-simpson its midpoint.
+    They stand on the step's node: for hermite-simpson its midpoint, else the frame before the step.
     """
+    if method == "stepping":
+        x0, x1 = _at(name, order, Fraction(0)), _at(name, order, Fraction(1))
+        return [x1 - x0 - h * _at(name, order + 1, Fraction(1))]
     if method == "trapezoidal":
         x0, x1 = _at(name, order, Fraction(0)), _at(name, order, Fraction(1))
         v0, v1 = _at(name, order + 1, Fraction(0)), _at(name, order + 1, Fraction(1))

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from stc.language import syntax
 from stc.language.context import Context
 from stc.language.model.contact import Contacts
+from stc.language.model.free import free_contacts, laws
 from stc.language.model.holdings import Equalities
 from stc.language.model.poses import REFERENCE, Poses, Stated, Values
 from stc.language.model.scope import ModelScope
@@ -23,6 +24,7 @@ from stc.language.model.statements import (
 from stc.problem import (
     Fixture,
     FrameRange,
+    FreeContact,
     Guess,
     Jump,
     ObjectiveTerm,
@@ -102,6 +104,7 @@ class ModelStatements:
         yield from self.paths.distances.relations(context)
         yield from contacts.relations()
         yield from contacts.impacts(self.equalities)
+        yield from laws(contacts)
         yield from self.standing.idle_forces()
         yield from self.standing.relations()
         yield from self.standing.pins()
@@ -134,10 +137,15 @@ class ModelStatements:
             relations: those of the spec, which may fix single coordinates at a frame.
         """
         known = self._known_poses(relations)
-        flights = [] if self.equalities.to_world else self.contacts.flights()
+        thrown = not self.equalities.to_world and not self.contacts.free()
+        flights = self.contacts.flights() if thrown else []
         yield from way_between(self.context, self.scope, known, flights)
         yield from self.contacts.guesses()
         yield from self.paths.distances.guesses(self.context)
+
+    def free_contacts(self) -> list[FreeContact]:
+        """The contacts whose frames are left to the solver."""
+        return free_contacts(self.contacts)
 
     def fixtures(self) -> list[Fixture]:
         """What is held, to which the way between poses is brought."""

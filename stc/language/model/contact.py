@@ -59,7 +59,8 @@ class Contacts(Schedule):
         force: Vector = (parts[0], parts[1], parts[2])
         torque: Vector = (parts[3], parts[4], parts[5]) if len(parts) > 3 else ORIGIN
         if contact.radius:
-            down = (surface or (contact.phases[0].surface if contact.phases else floor(self.scope))).normal
+            standing = contact.free or next(iter(contact.phases), None)
+            down = (surface or (standing.surface if standing else floor(self.scope))).normal
             torque = plus(torque, cross(vector([-contact.radius * part for part in down]), force))
         yield Wrench(contact.frame, force, torque)
 
@@ -116,7 +117,7 @@ class Contacts(Schedule):
         for contact in self.contacts.values():
             forces = _variables(contact.forces)
             for phase in contact.phases:
-                yield from self._cone(contact, phase, forces, phase.frames)
+                yield from self.cone(contact, phase, forces, phase.frames)
                 if phase.landing and "speed" in contact.options:
                     most = contact.options["speed"]
                     where = FrameRange(phase.frames.first, phase.frames.first, phase.frames.span)
@@ -143,7 +144,7 @@ class Contacts(Schedule):
         if low > high:
             return
         written = any(option.name == "clearance" for option, _ in contact.statement.options)
-        for index, height in enumerate(self._heights(contact, phase.surface)):
+        for index, height in enumerate(self.heights_above(contact, phase.surface)):
             room = height
             # From one surface to the other in an arch; where one of them is beyond the motion, half of it is within, if
             # a clearance is asked for.
@@ -152,7 +153,7 @@ class Contacts(Schedule):
             share = div(sub(sym(IndexRef()), num(float(begin))), num(float(end - begin)))
             left = sub(ONE, share)
             if before is not None and after is not None and before.surface != after.surface:
-                start = list(self._heights(contact, before.surface))[index]
+                start = list(self.heights_above(contact, before.surface))[index]
                 room = mul(left, start) + mul(share, height)
             arch = mul(mul(share, share), mul(left, left))
             if (before is None or after is None) and not written:
@@ -161,7 +162,7 @@ class Contacts(Schedule):
             text = f"{contact.name} is clear of the {phase.surface.name} in flight"
             yield Relation(room, ZERO, None, FrameRange(low, high), span, text)
 
-    def _heights(self, contact: Contact, surface: Surface) -> Iterator[Expr]:
+    def heights_above(self, contact: Contact, surface: Surface) -> Iterator[Expr]:
         """Distances from a surface: of a point or sphere, or of the corners of a sole."""
         at = self.paths.place(contact.frame)[0]
         if contact.kind != "foot":
@@ -242,7 +243,7 @@ class Contacts(Schedule):
     def _on_side(bodies: Sequence[Expr], side: str) -> list[Expr]:
         return [one_sided(body, side) for body in bodies] if side else list(bodies)
 
-    def _cone(
+    def cone(
         self, contact: Contact, phase: Phase, parts: Sequence[Expr], where: FrameRange, what: str = "force"
     ) -> Iterator[Relation]:
         """No pulling and friction; for a foot the cone of wrenches of its sole."""
@@ -304,7 +305,7 @@ class Contacts(Schedule):
             for contact, phase, names in struck:
                 parts: list[Expr] = [sym(ParameterRef(name)) for name in names]
                 forces.wrenches += self._wrench(contact, parts, phase.surface)
-                yield from self._cone(contact, phase, parts, where, "impulse")
+                yield from self.cone(contact, phase, parts, where, "impulse")
             landing = next(phase for _, phase, _ in struck if phase.frames.first == frame)
             span = self.context.span(landing.statement)
             change: list[Expr] = []
@@ -355,7 +356,7 @@ class Contacts(Schedule):
             height
             for one in self.contacts.values()
             if one.kind != "pin"
-            for height in self._heights(one, ground)
+            for height in self.heights_above(one, ground)
         ]
 
     def flights(self) -> list[tuple[int, int]]:

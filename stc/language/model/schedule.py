@@ -9,7 +9,7 @@ from stc.language import syntax
 from stc.language.context import Context
 from stc.language.diagnostics import did_you_mean
 from stc.language.model.paths import PathError, Paths, parts_of
-from stc.language.model.scope import FORCES, ModelScope
+from stc.language.model.scope import FORCES, SLIP, ModelScope
 from stc.language.model.surfaces import Surface, floor, surface_of
 from stc.mechanism.mechanism import index_of
 from stc.mechanism.tree import Frame
@@ -18,7 +18,7 @@ from stc.problem import FrameRange
 from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, num
 
-OPTIONS = ("friction", "reach", "clearance", "landing", "speed", "radius", "soft", "sudden")
+OPTIONS = ("friction", "reach", "clearance", "landing", "speed", "radius", "soft", "sudden", "slides")
 #: How high above a straight way a contact is carried in the middle of its flight, in m, where nothing is said.
 CLEARANCE = 0.01
 
@@ -50,6 +50,7 @@ class Contact:
         frame: its place in the model: of a sphere the centre.
         radius: of a sphere that rolls about the place, with its margin; else 0.
         half: half lengths of a sole along its own axes.
+        free: where the solver decides when it stands, as a phase over the whole motion; None where ranges say it.
     """
 
     name: str
@@ -61,6 +62,12 @@ class Contact:
     half: tuple[float, float] = (0.0, 0.0)
     options: dict[str, Expr] = field(default_factory=dict)
     phases: list[Phase] = field(default_factory=list)
+    free: Phase | None = None
+
+    @property
+    def slip(self) -> str:
+        """The variable for the size of a free contact's velocity along its surface."""
+        return f"{self.name}_{SLIP}"
 
     @property
     def forces(self) -> list[str]:
@@ -106,7 +113,7 @@ class Schedule:
             where = context.range(block)
             for found in block.statements:
                 if isinstance(found, syntax.ContactPlace) and where is not None:
-                    self._schedule(found, where, block.header is not None)
+                    self._schedule(found, where, block)
         for contact in self.contacts.values():
             self._order(contact)
 
@@ -225,7 +232,11 @@ class Schedule:
             )
         return float(number)
 
-    def _schedule(self, statement: syntax.ContactPlace, where: FrameRange, ranged: bool) -> None:
+    def free(self) -> list[Contact]:
+        """The contacts whose frames are left to the solver."""
+        return [contact for contact in self.contacts.values() if contact.free is not None]
+
+    def _schedule(self, statement: syntax.ContactPlace, where: FrameRange, block: syntax.Block) -> None:
         contact = self.contacts.get(statement.name.name)
         if contact is None:
             if (
@@ -238,20 +249,43 @@ class Schedule:
                 )
                 self.context.error(statement.name, f"there is no contact `{statement.name.name}`", hint)
             return
-        if not ranged:
-            self.context.error(
-                statement, "a contact stands on a range of frames", "write `[a, b]:` before it"
-            )
+        if block.header is None and not block.free:
+            hint = "write `[a, b]:` before it, or `free:` to leave that to the solver"
+            self.context.error(statement, "a contact stands on a range of frames", hint)
             return
         try:
             surface = floor(self.scope) if statement.on is None else surface_of(self.scope, statement.on.name)
         except PathError as error:
             self.context.error(statement.on or statement, error.message, error.hint)
             return
-        contact.phases.append(Phase(where, statement, surface, []))
+        phase = Phase(where, statement, surface, [])
+        if not block.free:
+            contact.phases.append(phase)
+        else:
+            self._free(contact, phase)
+
+    def _free(self, contact: Contact, phase: Phase) -> None:
+        """Leave it to the solver when a contact stands."""
+        statement, name = phase.statement, contact.name
+        if contact.free is not None:
+            self.context.error(statement, f"`{name}` is free already", "one line is enough")
+        elif contact.kind == "pin":
+            self.context.error(statement, "a pin cannot be free", "it is held over a range of frames")
+        elif contact.kind == "foot" and contact.says("slides"):
+            hint = "let the corners of its sole slide, each as a `point(body.NAME, x, y, z)`"
+            self.context.error(contact.statement, "a foot stands, and cannot slide", hint)
+        elif statement.at:
+            hint = "where it comes down is the solver's choice too; a range of frames can have a place"
+            self.context.error(statement, f"`{name}` is free, and has no place", hint)
+        else:
+            contact.free = phase
 
     def _order(self, contact: Contact) -> None:
         contact.phases.sort(key=lambda phase: phase.frames.first)
+        if contact.free is not None and contact.phases:
+            message = f"`{contact.name}` is free, and stands on {contact.phases[0].frames} as well"
+            hint = "leave all of its frames to the solver, or none"
+            self.context.error(contact.phases[0].statement, message, hint)
         for before, after in pairwise(contact.phases):
             if after.frames.first <= before.frames.last:
                 message = f"`{contact.name}` stands already on {before.frames}"
@@ -311,7 +345,8 @@ class Schedule:
         if contact.path[0] == "geom":
             index = index_of(self.scope.mechanism.geoms, contact.path[1])
             ours = 0.0 if index is None else self.scope.mechanism.geoms[index].friction[0]
-        surfaces = [phase.surface.friction for phase in contact.phases]
+        standing = contact.phases if contact.free is None else [contact.free]
+        surfaces = [phase.surface.friction for phase in standing]
         return max([ours, *surfaces], default=1.0)
 
 

@@ -140,6 +140,7 @@ class ModelScope:
         statement: where the spec names it.
         path: the file.
         contact_forces: the names of the forces of the spec's contacts, each with what declares it.
+        relaxed: the constant that contacts bring whose frames are left to the solver, with its value.
         mechanism: its numbers.
         coordinates: the variables of each joint, in the model's order.
         controls, activations: the variables of actuators, in the model's order.
@@ -155,9 +156,11 @@ class ModelScope:
         path: Path,
         mechanism: Mechanism,
         contact_forces: Iterable[tuple[str, syntax.Node]] = (),
+        relaxed: Mapping[str, float] | None = None,
         changes: Mapping[SettingPath, float] | None = None,
     ) -> None:
         self.statement = statement
+        self.relaxed = relaxed or {}
         self.contact_forces = list(contact_forces)
         self.path = path
         self.mechanism = mechanism
@@ -228,7 +231,7 @@ class ModelScope:
             table.entries.setdefault(name, Entry(name, kind, start, end, None, True))
         for name, node in self.contact_forces:
             table.entries.setdefault(name, Entry(name, "variable", node.start, node.end, None, True))
-        for name, value in self.constants.items():
+        for name, value in {**self.constants, **self.relaxed}.items():
             literal = syntax.Number(start, end, value)
             entry = table.entries.setdefault(name, Entry(name, "constant", start, end, literal, True))
             # The equations use it, be it by a number that is derived from it.
@@ -265,7 +268,9 @@ def model_of(
     if key not in tree.models:
         changes = {known[name]: float(value) for name, value in given.items()}
         mechanism = changed(plain.mechanism, changes)
-        tree.models[key] = ModelScope(plain.statement, plain.path, mechanism, plain.contact_forces, changes)
+        tree.models[key] = ModelScope(
+            plain.statement, plain.path, mechanism, plain.contact_forces, plain.relaxed, changes
+        )
     found = tree.models[key]
     return found if isinstance(found, ModelScope) else None
 
@@ -298,7 +303,7 @@ def _read(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | None:
     for refusal in stated:
         hint = f'leave it out knowingly with `model: "{first.path}" without {refusal.kind};`; the verdict will say so'
         diagnostics.error(f"this model cannot be stated exactly: {refusal}", first.start, first.end, hint)
-    return None if stated else ModelScope(first, path, mechanism, list(declared_names(tree)))
+    return None if stated else ModelScope(first, path, mechanism, list(declared_names(tree)), _relaxed(tree))
 
 
 def each_of(statement: S, scope: ModelScope) -> Iterator[S]:
@@ -350,13 +355,31 @@ FORCES = {
 }
 
 
-def declared_names(tree: syntax.SpecTree) -> Iterator[tuple[str, syntax.ContactDeclaration]]:
-    """The names of all force variables of contacts, each with what declares it."""
+#: What ends the names of the variables for how fast free contacts slide.
+SLIP = "slip"
+
+#: The constant that tells how far free contacts may be from touching and sliding by their laws.
+RELAXATION = "contact.relaxation"
+
+#: Its value in a solution: the weight of everything at so many m above the surface.
+RELAXED = 1e-6
+
+
+def declared_names(tree: syntax.SpecTree) -> Iterator[tuple[str, syntax.Node]]:
+    """The names of all variables that contacts bring, each with what declares it."""
     for block in tree.blocks("contact"):
         for statement in block.statements:
             if isinstance(statement, syntax.ContactDeclaration):
                 for part in FORCES.get(statement.kind.name, ()):
                     yield f"{statement.name.name}_{part}", statement
+                if any(option.name == "slides" for option, _ in statement.options):
+                    yield f"{statement.name.name}_{SLIP}", statement
+
+
+def _relaxed(tree: syntax.SpecTree) -> dict[str, float]:
+    """The constant that free contacts bring, with its value; none where no contact is free."""
+    free = any(block.free and block.statements for block in tree.blocks("contact"))
+    return {RELAXATION: RELAXED} if free else {}
 
 
 def _find(statement: syntax.ModelFile, tree: syntax.SpecTree, diagnostics: Diagnostics) -> Path | None:

@@ -289,7 +289,7 @@ class Standing:
             for name in correction.unknowns:
                 used.setdefault(name, []).append(correction.range)
         span, n = self.context.span(self.scope.statement), self.context.n
-        beside = self.context.method == "trapezoidal"
+        beside = self.context.method != "hermite-simpson"
         for name, ranges in used.items():
             body, at = sym(VariableRef(name)), 0
             for where in sorted(ranges, key=lambda one: one.first):

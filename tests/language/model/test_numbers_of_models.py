@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-import stc
 from stc.errors import SpecError
 from stc.studies.equations import check_equations
 from stc.validate import validate
@@ -111,13 +110,6 @@ def test_central_differences_are_refused_where_contact_changes(tmp_path: Path) -
         load(tmp_path, hopper, spec).problem()
     whole = spec.replace("[0, 5]", "[0, n]")
     assert load(tmp_path, hopper, whole).problem().method == "central"
-
-
-def test_contact_that_is_left_to_the_solver_is_told_of() -> None:
-    with pytest.raises(SpecError, match="cannot be left to the solver by a word"):
-        stc.load(
-            'constants: n = 10;\nmodel: "quadruped.xml";\ncontact: FL = point(geom.FL_foot); free: FL;'
-        ).problem()
 
 
 @pytest.mark.parametrize("number", ["body.trunk.com.x=0.03", "body.trunk.pos.z=0.1", "site.chest.pos.x=0.05"])

@@ -1,0 +1,128 @@
+"""Contact that nobody schedules: when a point or a sole touches is left to the solver.
+
+At the end of every step pairs decide of which each is a force and what it works against.  A point pushes only where it
+touches: its gap g and its pressure p are not negative, and g p = 0.  Friction f is within Coulomb's cone, |f| <= mu p.
+
+As under a schedule a point stands still where it touches: p v = 0, with the velocity v along the surface, in that step
+and in the next one, lest it comes down on every other frame and slips in between.  A sole stands flat: its gap is that
+of all corners, and its wrench in the cone of a rectangle.  A point that ``slides`` may move, and then friction
+dissipates the most it can: with the speed s,
+
+    |v| <= s,    f.v + mu p s = 0
+
+The cones |f| <= mu p and |v| <= s are each other's dual, so that the sum is never negative; it is zero where v = 0 (the
+point sticks, with any friction in the cone) or f = -mu p v/|v| (it slides), and nothing else.  So friction is one
+product of cones, in the plane and in space, and needs no pyramid's directions (second-order cone complementarity; the
+law of maximal dissipation: Stewart and Trinkle 1996, Anitescu and Potra 1997; as constraints of an optimisation Posa,
+Cantu and Tedrake 2014).  A speed r that goes to zero with the relaxation rounds the tip of the cone of velocities, and
+a wide limit keeps s from drifting off where no force asks for it: r^2 <= s^2 - v.v <= r^2 + 1, in m^2/s^2.
+
+The products may be as large as a constant, which the solve brings down (Scholtes 2001, :mod:`stc.relaxing`): at zero no
+point has room on all sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from stc.language.model.scope import RELAXATION
+from stc.mechanism.vectors import Vector, dot, vector
+from stc.problem import ConstantRef, FrameRange, FreeContact, Relation, VariableRef
+from stc.symbolic.expr import ONE, ZERO, Expr, mul, neg, num, sub, substitute, sum_of, sym, symbols
+
+if TYPE_CHECKING:
+    from stc.language.model.contact import Contacts
+    from stc.language.model.schedule import Contact, Phase
+
+#: By how many m/s friction may be off its law where a force may act at a distance of 1 m.
+RATE = 10.0
+
+
+def laws(contacts: Contacts) -> Iterator[Relation]:
+    """The rows of all contacts that are free."""
+    for contact, found in zip(contacts.free(), free_contacts(contacts), strict=True):
+        assert contact.free is not None
+        yield from _laws(contacts, contact, contact.free, found)
+        yield from _first_frame(contact, found)
+
+
+def free_contacts(contacts: Contacts) -> list[FreeContact]:
+    """What tells of each contact that is free how it touches and moves."""
+    found = []
+    for contact in contacts.free():
+        phase = contact.free
+        assert phase is not None
+        # Corners of a sole that are one in the plane of a planar model count once.
+        gaps = list(dict.fromkeys(contacts.heights_above(contact, phase.surface)))
+        pressure = dot(vector(phase.surface.normal), _force(contact))
+        x, y, _, *turning = contacts.velocities(contact, phase)
+        along = [x, y]
+        if turning:
+            along.append(dot(vector(phase.surface.normal), (turning[0], turning[1], turning[2])))
+        span = contacts.context.span(phase.statement)
+        found.append(FreeContact(contact.name, gaps, pressure, along, contacts.scope.weight, span))
+    return found
+
+
+def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact) -> Iterator[Relation]:
+    """Touching, pushing, sticking and sliding, at the end of every step."""
+    where, pressure, surface = FrameRange(1, phase.frames.last), found.pressure, phase.surface
+
+    def row(body: Expr, lower: Expr | None, upper: Expr | None, text: str) -> Relation:
+        return Relation(body, lower, upper, where, found.span, f"{contact.name} {text}")
+
+    allowed = mul(sym(ConstantRef(RELAXATION)), num(found.weight))
+    for gap in found.gaps:
+        yield row(gap, ZERO, None, f"is not below the {surface.name}")
+    yield row(pressure, ZERO, None, "pushes")
+    yield row(mul(pressure, sum_of(found.gaps)), None, allowed, "pushes where it touches")
+    moving = [rate for rate in found.slip if rate is not ZERO]
+    force = _force(contact)
+    along = [
+        (dot(vector(tangent), force), rate)
+        for tangent, rate in zip(surface.tangents, found.slip, strict=False)
+        if rate is not ZERO
+    ]
+    friction = mul(contact.options["friction"], pressure)
+    if len(along) == 1 and contact.kind == "point":
+        for sign in (1.0, -1.0):
+            yield row(sub(friction, mul(num(sign), along[0][0])), ZERO, None, "has friction within its cone")
+    else:
+        parts = [sym(VariableRef(name)) for name in contact.forces]
+        yield from contacts.cone(contact, phase, parts, where)
+    allowed = mul(num(RATE), allowed)
+    if not contact.says("slides"):
+        for rate in moving:
+            yield row(mul(pressure, rate), neg(allowed), allowed, "stands still where it touches")
+            if contact.kind == "point":
+                body, before = mul(pressure, _in_the_next_step(rate)), FrameRange(1, phase.frames.last - 1)
+                text = f"{contact.name} stands still until it has left"
+                yield Relation(body, neg(allowed), allowed, before, found.span, text)
+        return
+    slip, still = sym(VariableRef(contact.slip)), mul(num(RATE), sym(ConstantRef(RELAXATION)))
+    squares = sum_of([mul(still, still), *(mul(rate, rate) for rate in moving)])
+    yield row(slip, ZERO, None, "slides at no negative speed")
+    yield row(sub(mul(slip, slip), squares), ZERO, ONE, "slides as fast as it moves")
+    power = sum_of([*(mul(part, rate) for part, rate in along), mul(friction, sub(slip, still))])
+    yield row(power, None, allowed, "rubs against its sliding, as much as it can")
+
+
+def _first_frame(contact: Contact, found: FreeContact) -> Iterator[Relation]:
+    """Nothing acts before the first step: what frame 0 is given is that step's."""
+    where = FrameRange(0, 0)
+    for name in (*contact.forces, *([contact.slip] if contact.says("slides") else [])):
+        body = sub(sym(VariableRef(name)), sym(VariableRef(name, 0, 1, 1)))
+        yield Relation(body, ZERO, ZERO, where, found.span, f"{name} at the start is that of the first step")
+
+
+def _force(contact: Contact) -> Vector:
+    x, y, z = [sym(VariableRef(name)) for name in contact.forces[:3]]
+    return x, y, z
+
+
+def _in_the_next_step(e: Expr) -> Expr:
+    """What an expression is at the end of the step after."""
+    keys = [key for key in symbols(e) if isinstance(key, VariableRef)]
+    return substitute(e, {key: sym(replace(key, shift=key.shift + 1)) for key in keys})

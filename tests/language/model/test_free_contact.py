@@ -1,0 +1,225 @@
+"""Contact that is left to the solver: what falls lands, what slides is slowed, what is written wrongly is told of."""
+
+from __future__ import annotations
+
+from math import cos, sin, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stc
+from stc.errors import SpecError, UsageError
+from stc.scheduling import found_ranges, write_schedule
+from stc.solution import Solution
+from stc.trajectory import Channel, interpolant
+from stc.validate import validate
+
+from .bodies import load
+
+G = 9.81
+SLOPE = 0.4
+"""The angle of the plane, in rad: its tangent is 0.423."""
+MASS = 2.0
+BLOCK = f"""<mujoco><compiler angle="radian"/><worldbody>
+  <geom name="floor" type="plane" size="5 5 .1"/>
+  <geom name="slope" type="plane" size="5 5 .1" euler="0 {SLOPE} 0"/>
+  <body name="block"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>
+    <joint name="z" type="slide" axis="0 0 1"/><geom name="block" type="sphere" size=".1" mass="{MASS}"/>
+    <site name="bottom"/></body></worldbody></mujoco>"""
+FALL = """constants: n = 40, T = 0.8, h = T/n, z0 = 1, v = 0, mu = 0.3;
+contact: foot = point(site.bottom), friction = mu, slides;
+  free: foot;
+constraints: [0]: joint.x; joint.y; joint.z = z0; joint.x' = v; joint.y'; joint.z';
+"""
+HOPPER = """<mujoco><compiler angle="radian" autolimits="true"/>
+  <option timestep=".0001" integrator="RK4" impratio="10"/>
+  <default><geom contype="0" conaffinity="0"/><default class="touching">
+    <geom contype="1" conaffinity="1" friction=".88 .005 .0001" solref=".0004 1"/></default></default>
+  <worldbody><geom class="touching" name="floor" type="plane" size="5 5 .1"/>
+  <body name="trunk" pos="0 0 .5"><joint name="x" type="slide" axis="1 0 0"/>
+    <joint name="z" type="slide" axis="0 0 1" ref=".5"/><joint name="pitch" axis="0 1 0"/>
+    <geom type="box" size=".15 .1 .05" mass="3"/>
+    <body name="leg"><joint name="hip" axis="0 1 0" range="-1 1" armature=".03"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02" mass=".2"/>
+      <body name="shank" pos="0 0 -.3"><joint name="knee" type="slide" axis="0 0 -1" range="-.2 .2" armature=".5"/>
+        <geom type="capsule" fromto="0 0 .1 0 0 -.18" size=".015" mass=".2"/>
+        <geom class="touching" name="foot" type="sphere" pos="0 0 -.18" size=".02" mass=".05"/></body></body></body>
+  </worldbody><actuator><motor name="hip" joint="hip" ctrlrange="-30 30"/>
+    <motor name="knee" joint="knee" ctrlrange="-200 200"/></actuator></mujoco>"""
+#: A hop that begins and ends in the air: it has to land and to push off somewhere between.
+HOP = """constants: n = 50, T = 1, h = T/n, D = 0.4;
+contact: foot = point(geom.foot), friction = 0.8, clearance = 0.005, landing = 200;
+  free: foot;
+constraints:
+  [0]: keyframe.reference + (0, 0, 0.05); joint.x' = D/T; joint.z'; joint.pitch'; joint.hip'; joint.knee';
+  [n]: keyframe.reference + (D, 0, 0.05); joint.x' = D/T; joint.z'; joint.pitch'; joint.hip'; joint.knee';
+objective: [0, n]: integral(effort + 5e-3*joint.hip''^2 + 5e-3*joint.knee''^2);
+"""
+
+
+def values(solution: Solution, name: str) -> np.ndarray:
+    return np.asarray(solution[name])
+
+
+def on_the_slope(tmp_path: Path, mu: float) -> Solution:
+    spec = FALL.replace("free: foot", "free: foot on geom.slope")
+    return load(tmp_path, BLOCK, spec).solve(z0=0, mu=mu, T=1)
+
+
+@pytest.fixture(scope="module")
+def fallen(tmp_path_factory: pytest.TempPathFactory) -> Solution:
+    return load(tmp_path_factory.mktemp("fall"), BLOCK, FALL).solve(z0=1, v=1)
+
+
+def test_what_falls_lands_within_a_step_of_when_it_should(fallen: Solution) -> None:
+    assert fallen.status == "optimal"
+    assert fallen.method == "stepping"
+    landed = fallen.time[np.flatnonzero(values(fallen, "joint.z") < 1e-4)[0]]
+    step = fallen.time[1]
+    assert abs(landed - sqrt(2 / G)) <= step + 1e-9
+
+
+def test_it_stays_down_and_bears_its_weight(fallen: Solution) -> None:
+    height, pressure = values(fallen, "joint.z"), values(fallen, "foot_fz")
+    assert height.min() > -1e-6
+    assert height[-5:] == pytest.approx(np.zeros(5), abs=1e-4)
+    assert pressure[-5:] == pytest.approx(np.full(5, MASS * G), rel=1e-3)
+
+
+def test_momentum_is_what_forces_have_given(fallen: Solution) -> None:
+    """From rest to rest: all that weight has given the floor takes, whenever within the steps the impact was."""
+    step = fallen.time[1]
+    vertical = step * (values(fallen, "foot_fz")[1:] - MASS * G).sum()
+    along = step * values(fallen, "foot_fx")[1:].sum()
+    assert vertical == pytest.approx(MASS * values(fallen, "joint.z'")[-1], abs=1e-6)
+    assert along == pytest.approx(MASS * (values(fallen, "joint.x'")[-1] - 1.0), abs=1e-6)
+
+
+def test_impacts_and_friction_create_no_energy(fallen: Solution) -> None:
+    speed = values(fallen, "joint.x'") ** 2 + values(fallen, "joint.z'") ** 2
+    energy = MASS * (0.5 * speed + G * values(fallen, "joint.z"))
+    assert np.diff(energy).max() < 1e-3
+    assert energy[-1] < 0.1 * energy[0]
+
+
+def test_friction_is_against_the_sliding_and_as_large_as_it_may_be(tmp_path: Path) -> None:
+    """Thrown along the floor a block comes to rest after v^2/(2 mu g), first order of the step off."""
+    solution = load(tmp_path, BLOCK, FALL).solve(z0=0, v=1, mu=0.3)
+    slides = (values(solution, "joint.x'") > 0.1)[1:]
+    assert values(solution, "foot_fx")[1:][slides] == pytest.approx(
+        np.full(slides.sum(), -0.3 * MASS * G), rel=1e-2
+    )
+    assert values(solution, "joint.x")[-1] == pytest.approx(1 / (2 * 0.3 * G), rel=0.1)
+    assert values(solution, "joint.x'")[-1] == pytest.approx(0, abs=1e-3)
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.3])
+def test_a_block_slides_down_a_slope_beyond_the_angle_of_friction(tmp_path: Path, mu: float) -> None:
+    solution = on_the_slope(tmp_path, mu)
+    way = np.hypot(values(solution, "joint.x")[-1], values(solution, "joint.z")[-1])
+    wanted = 0.5 * G * (sin(SLOPE) - mu * cos(SLOPE))
+    assert way == pytest.approx(wanted, rel=2 / 40)
+
+
+@pytest.mark.parametrize("mu", [0.45, 0.6])
+def test_a_block_sticks_to_a_slope_within_it(tmp_path: Path, mu: float) -> None:
+    solution = on_the_slope(tmp_path, mu)
+    assert abs(values(solution, "joint.x")[-1]) < 2e-3
+    assert values(solution, "foot_fx")[20] == pytest.approx(
+        0, abs=0.05
+    )  # weight straight down, force straight up
+    assert values(solution, "foot_fz")[20] == pytest.approx(MASS * G, rel=1e-2)
+
+
+def test_forces_act_all_through_the_step_that_they_end() -> None:
+    channel = Channel.smooth([1.0, 2.0, 5.0])
+    (constant,) = interpolant("stepping", channel, np.arange(2))
+    assert constant.tolist() == [2.0, 5.0]
+
+
+def test_a_hop_is_found_scheduled_and_passes_in_mujoco(tmp_path: Path) -> None:
+    """Found roughly, then proven: nothing says when the foot stands."""
+    rough = load(tmp_path, HOPPER, HOP).solve()
+    assert rough.status == "optimal"
+    (ranges,) = found_ranges(rough).values()
+    assert ranges
+    assert 0 < ranges[0][0] < ranges[-1][1] < rough.n
+    with pytest.raises(UsageError, match="stc schedule"):
+        validate(rough)
+    write_schedule(rough, tmp_path / "scheduled.stc")
+    text = (tmp_path / "scheduled.stc").read_text()
+    assert "free:" not in text
+    solution = stc.load(tmp_path / "scheduled.stc").solve(n=100)
+    assert solution.status == "optimal"
+    assert solution.method == "hermite-simpson"
+    report = validate(solution)
+    failed = [f"{m.name}, {m.subject}: {m.value}" for m in report.metrics if m.verdict == "fail"]
+    assert not failed
+
+
+def test_the_rows_are_among_the_statements(tmp_path: Path) -> None:
+    problem = load(tmp_path, HOPPER, HOP).problem()
+    texts = [relation.text for relation in problem.relations]
+    for what in ("is not below the floor", "pushes where it touches", "stands still where it touches"):
+        assert any(text == f"foot {what}" for text in texts)
+    assert problem.relaxation in problem.constants
+
+
+#: What is wrong, and what is told of it.
+WRONG = {
+    "free: foot; [0, 5]: foot;": "`foot` is free, and stands on \\[0, 5\\] as well",
+    "free: foot; foot;": "`foot` is free already",
+    "free: feet;": "there is no contact `feet`",
+    "free: foot at 0;": "`foot` is free, and has no place",
+    "free: foot on geom.wall;": "wall",
+    "grip = pin(geom.foot); free: grip;": "a pin cannot be free",
+}
+
+
+@pytest.mark.parametrize("written", WRONG)
+def test_mistakes_are_told_of(tmp_path: Path, written: str) -> None:
+    with pytest.raises(SpecError, match=WRONG[written]):
+        load(tmp_path, HOPPER, HOP.replace("free: foot;", written)).problem()
+
+
+def test_contacts_of_a_lagrangian_cannot_be_free() -> None:
+    spec = """constants: n = 10; variables: x, z; lagrangian: x'^2 + z'^2 - z;
+      contact: p = point(x, z), friction = 1; free: p;"""
+    with pytest.raises(SpecError, match="contacts of a model can be free"):
+        stc.load(spec).problem()
+
+
+def test_what_slides_has_no_schedule(tmp_path: Path) -> None:
+    solution = load(tmp_path, BLOCK, FALL).solve(z0=0, v=1, mu=0.3)
+    with pytest.raises(UsageError, match="`foot` slides by"):
+        found_ranges(solution)
+
+
+@pytest.mark.slow
+def test_the_lamp_jumps_without_a_schedule(tmp_path: Path) -> None:
+    rough = stc.load(Path(__file__).parents[3] / "docs" / "lamp_free.stc").solve()
+    assert rough.status == "optimal"
+    write_schedule(rough, tmp_path / "scheduled.stc")
+    solution = stc.load(tmp_path / "scheduled.stc").solve(n=180)
+    assert solution.status == "optimal"
+    assert validate(solution).passed
+
+
+def test_the_command_tells_the_ranges_and_writes_the_spec(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from stc.cli import run
+
+    rough = load(tmp_path, HOPPER, HOP).solve()
+    monkeypatch.chdir(tmp_path)
+    rough.save("hop.npz")
+    assert run(["schedule", "hop.npz", "-o", "found.stc"]) == 0
+    first, last = found_ranges(rough)["foot"][0]
+    assert f"[{first}, {last}]" in capsys.readouterr().out
+    assert run(["check", "found.stc"]) == 0
+    assert run(["validate", "hop.npz"]) == 1
+    assert "stc schedule" in capsys.readouterr().err
+    assert run(["schedule", "hop.npz", "-o", "found.npz"]) == 2
+    assert run(["schedule", "hop.npz", "-o", "elsewhere/found.stc"]) == 2  # its model is not there
+    assert not (tmp_path / "elsewhere" / "found.stc").exists()
