@@ -14,6 +14,8 @@ method, SIAM J. Optim. 13, 2002).  It converges fast near a solution and is aban
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 from collections.abc import Callable
 from functools import partial
 
@@ -177,8 +179,9 @@ class Finish:
             return False
         ratio = it.z / it.gap
         if np.count_nonzero((ratio > 1.0 / CLEAR) & (ratio < CLEAR)) > DOUBTFUL:
-            self.threshold = PATIENT * error
-            return False
+            if on('clear_active'):
+                self.threshold = PATIENT * error
+                return False
         return True
 
     def attempt(self, it: Iterate, error: float) -> Projection | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 from dataclasses import replace
 
 import numpy as np
@@ -52,7 +54,7 @@ class Attempts:
         if start.bound_multipliers is not None:
             z = form.scaled_bound_multipliers(start.bound_multipliers)
         if not trusting:
-            outcome = self._by_newton(form, x, y, NEIGHBOUR_STEPS, PATIENCE)
+            outcome = self._by_newton(form, x, y, NEIGHBOUR_STEPS, PATIENCE) if on('newton_from_fewer') else None
             if outcome is not None:
                 return outcome
             if not form.gaps:  # no other active set to be found
@@ -80,7 +82,7 @@ class Attempts:
         if form.gaps or not form.quadratic_program:
             return None
         x, y = np.where(form.held, form.held_value, x0 / form.x_scale), np.zeros(form.m)
-        point = newton_point(form, x, y)
+        point = newton_point(form, x, y) if on('one_step_qp') else None
         if point is not None:
             outcome = Outcome(
                 End.CONVERGED, form, point.x.copy(), point.y.copy(), 0.0, minimum=bends_upwards(form)
@@ -133,7 +135,7 @@ class Attempts:
         there are quicker ways out, and where few steps are left, as on fewer frames, there is no time for both.
         """
         few = self.monitor.limit - self.monitor.iterations < GAINING + HELD
-        if convex or few or not form.gaps:
+        if convex or few or not form.gaps or not on('gaining'):
             return self.barrier(form, x0, tactics)
         outcome = self.barrier(form, x0, replace(tactics, gaining=GAINING))
         if not outcome.idle:

@@ -16,6 +16,7 @@ condition tells nothing; there the objective is tried a little way off.
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
 from enum import Enum
 
 import numpy as np
@@ -83,14 +84,15 @@ def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> Second
     dw, curvature, uncertain = bent
     # What inertia says of a badly scaled matrix may be rounding, and its largest entry may hide what bends.
     flat = curvature >= -NEGLIGIBLE * uncertain if probe else flat or curvature > -negligible
-    if flat and (not probe or (form.linear and form.quadratic_objective)):
+    if flat and (not probe or (form.linear and form.quadratic_objective) or not on('flat_direction')):
         return SecondOrder.FLAT
     if inner(it.dual[: form.n], dw[: form.n]) > 0.0:
         dw = -dw
     moved = _lower(system, dw, few=flat, beyond_errors=probe)
     if moved is None:
         return SecondOrder.FLAT if flat else SecondOrder.FAILS
-    followed = follow(form, it.w, moved)
+    from stc.solver.feasible_curve import Followed
+    followed = follow(form, it.w, moved) if on('feasible_curve') else Followed(moved, False)
     new = evaluate(form, followed.w, it.y.copy(), it.z.copy())
     if not new.is_finite and not followed.endless:
         new = evaluate(form, moved, it.y.copy(), it.z.copy())

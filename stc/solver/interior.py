@@ -6,6 +6,8 @@ one structured system, and moves along the step as far as the filter allows.
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -155,13 +157,13 @@ class _Loop:
         self.doubted_at = monitor.iterations + DOUBTED if doubtful else np.inf
         self.escapes = self.restorations = 0
         self.early = self.moved_inside = False
-        self.adaptive = tactics.adaptive
+        self.adaptive = tactics.adaptive and on('quality_function')
         self.error = np.inf
         self.longest = LONGEST_RUN if form.size + form.m <= SMALL else 1
         restores = not isinstance(form, ScaledProblem)
         self.phase = "restoration" if restores else "barrier"
-        self.s[LENGTHENS] = 0.0 if restores else 1.0
-        self.shortest = SHORTEST_IN_RESTORATION if restores else SHORTEST_FRACTION
+        self.s[LENGTHENS] = 0.0 if restores or not on('lengthen') else 1.0
+        self.shortest = (SHORTEST_IN_RESTORATION if restores else SHORTEST_FRACTION) if on('stiffen') else 0.0
         self.s[LENGTH_TAKEN] = self.s[STEP_TAKEN] = 0.0
         self.s[DOUBT] = DOUBTFUL
         self._begin(mu)
@@ -289,7 +291,7 @@ class _Loop:
             far = self.s[FARTHEST] > TOO_FAR or it.f < LOW
             feasible = self.s[PRIMAL] <= ACCEPTABLE
             return self._outcome(End.UNBOUNDED) if far and feasible and falling else self._give_up()
-        if self.finish.is_due(it, self.error) and not self.drift.falling:
+        if self.finish.is_due(it, self.error) and not self.drift.falling and on('finish'):
             done = self.finish.attempt(it, self.error)
             if done is not None:
                 assert isinstance(form, ScaledProblem)
@@ -301,7 +303,7 @@ class _Loop:
     def _recedes(self) -> bool:
         """Whether the objective of a quadratic program falls forever; asked where it takes long, and but once."""
         form, it, monitor = self.form, self.it, self.monitor
-        if monitor.iterations < self.doubted_at:
+        if monitor.iterations < self.doubted_at or not on('recession'):
             return False
         assert isinstance(form, ScaledProblem)
         if self.s[PRIMAL] > ACCEPTABLE * max(1.0, self.s[FARTHEST]):
@@ -330,7 +332,7 @@ class _Loop:
     def _wait_longer(self) -> bool:
         """Whether a held barrier is given more steps to close the gap that was open where the error was least."""
         s = self.s
-        if s[FREE] or s[PATIENCE] >= LONG_PATIENCE or self.nearest.products() <= self._negligible():
+        if s[FREE] or s[PATIENCE] >= LONG_PATIENCE or self.nearest.products() <= self._negligible() or not on('wait_longer'):
             return False
         s[PATIENCE] = LONG_PATIENCE
         return True
@@ -340,13 +342,16 @@ class _Loop:
         monitor = self.monitor
         if monitor.iterations >= self.judged_at:
             self.judged_at = np.inf
-            if monitor.best is None or monitor.best[0] > LOST:
+            if (monitor.best is None or monitor.best[0] > LOST) and on('lost'):
                 self.early = True
                 return True
         if monitor.iterations < self.last:
             return False
         lately = monitor.history[-1 - LATELY :]
         if self.tactics.budget < LATELY or not self.error <= MUCH_NEARER * lately[0].optimality:
+            self.early = True
+            return True
+        if not on('lately'):
             self.early = True
             return True
         self.last = monitor.iterations + LATELY
@@ -365,6 +370,8 @@ class _Loop:
         """Move off a stationary point that is no minimum, unless that has been done too often."""
         if self.escapes >= ESCAPES:
             return SecondOrder.FAILS
+        if not on('leave_saddle'):
+            return SecondOrder.HOLDS
         found = leave_saddle(self.system, self.options.seed + self.escapes)
         if found is SecondOrder.LEFT:
             self.escapes += 1
@@ -377,7 +384,7 @@ class _Loop:
         it = self.it
         if not (self.adaptive and self._open() and self.nearest.error <= ACCEPTABLE):
             return False
-        if self.monitor.iterations >= self.last:
+        if self.monitor.iterations >= self.last or not on('hold_barrier'):
             return False
         self.adaptive = False
         self._begin(inner(it.gap, it.z) / self.form.gaps)
@@ -457,7 +464,7 @@ class _Loop:
         """Go on from here, but farther off the bounds that hold the iteration up; not a second time."""
         form = self.form
         assert isinstance(form, ScaledProblem)
-        if self.moved_inside or not form.gaps:
+        if self.moved_inside or not form.gaps or not on('move_inside'):
             return False
         self.moved_inside = True
         self.work.load(cold_iterate(form, self.it.w[: form.n].copy(), by_gaps=False))
@@ -471,7 +478,7 @@ class _Loop:
         Returns None when the iteration can go on from where that led, else how it ends.
         """
         form, it, search, barrier = self.form, self.it, self.search, self.barrier
-        if not isinstance(form, ScaledProblem) or self.nearest.error <= ACCEPTABLE:
+        if not isinstance(form, ScaledProblem) or self.nearest.error <= ACCEPTABLE or not on('restoration'):
             return self._give_up()
         if it.theta <= FEASIBLE * self.options.tolerance:
             return None if self._move_inside() else self._give_up()
@@ -483,7 +490,7 @@ class _Loop:
         theta = it.theta
         search.filter.add(theta, barrier_value(it.f, it.gap, barrier.mu))
         self.restorations += 1
-        brief = self.restorations <= self.tactics.brief_restorations
+        brief = self.restorations <= self.tactics.brief_restorations and on('brief_restoration')
 
         def solve(elastic: ElasticProblem, start: Iterate, mu: float) -> Outcome:
             stop = Acceptance(elastic, search.filter, theta, barrier.mu) if brief else None
@@ -498,7 +505,7 @@ class _Loop:
             return self._give_up()
         self.stall = Stall(self.work)
         lowered = form.gaps > 0 and barrier.mu < BEGUN * self.options.initial_barrier
-        if end is None and lowered and self.work.errors().total > FAR_OFF:
+        if end is None and lowered and self.work.errors().total > FAR_OFF and on('begin_after_restoration'):
             # It led far away, from where the barrier is to be lowered once more.
             self._begin(self.options.initial_barrier)
         return None if end is None else self._outcome(end)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 import numpy as np
 
 from stc.records import dataclass
@@ -75,7 +77,7 @@ class Judgement:
         if not np.abs(y).max(initial=0.0) <= LARGEST_MULTIPLIER:
             return False
         judged = self.assess(point)
-        return holds(self.nlp, point.x, judged, self.options) or self._holds_but_for_rounding(point)
+        return holds(self.nlp, point.x, judged, self.options) or (on('slopes_rounding') and self._holds_but_for_rounding(point))
 
     def _holds_but_for_rounding(self, point: Point) -> bool:
         """Whether slopes are too large that rounding alone may leave, and nothing else is wrong: steep functions of
@@ -106,7 +108,7 @@ class Judgement:
             doubtful = outcome.error * max(1.0, far) > LARGEST_GAIN * form.objective_scale * max(
                 1.0, abs(self.assess(point).objective)
             )
-        return doubtful and self.may_gain(point)
+        return doubtful and on('stalled_short') and self.may_gain(point)
 
     def may_gain(self, point: Point) -> bool:
         """Whether the objective may gain there what counts, of all products together."""
@@ -134,4 +136,4 @@ class Judgement:
     def is_met(self, x: Floats, violation: float) -> bool:
         """Whether ``x`` (n,), of that violation, is feasible."""
         tolerance = self.options.feasibility_tolerance
-        return violation <= tolerance or is_met_but_for_rounding(self.nlp, x, tolerance)
+        return violation <= tolerance or (on('rounded_rows') and is_met_but_for_rounding(self.nlp, x, tolerance))

@@ -20,6 +20,8 @@ steps. These count more for large unknowns there, and grow after short steps.
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 import numpy as np
 
 from stc.solver.kkt.contract import Inertia, NotFinite
@@ -81,9 +83,9 @@ class NewtonSystem:
             SLOW_STEPS, SLOW_BEFORE, CRAMPED,
         ):  # fmt: skip
             s[place] = 0.0
-        s[SOFTENED] = 1.0
+        s[SOFTENED] = 1.0 if on('soften') else 0.0
         s[EQUATIONS] = form.any_equality
-        s[BENDS] = 0.0 if form.linear else UNKNOWN
+        s[BENDS] = 0.0 if form.linear or not on('damped') else UNKNOWN
         s[BENDS_ALIKE] = form.quadratic_objective
         work.provide_attempt()
 

@@ -10,6 +10,7 @@ rows are equalities, inequalities or ignored (:data:`EQUALITY`, :data:`INEQUALIT
 
 from __future__ import annotations
 
+
 from typing import Final
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, inf, log, native
@@ -201,6 +202,9 @@ def column_times(begin: i64, end: i64, order: i32s, rows: i32s, jac: f64s, y: f6
     return total
 
 
+BLENDED = 1
+
+
 @native(fast=True)
 def blend(
     n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, shifts: f64s, moving: f64s, start: i32s, order: i32s,
@@ -216,7 +220,7 @@ def blend(
     primal = alpha[0]
     dual = s[DUAL_STEP]
     fraction = primal
-    if primal != dual or shifted[0] != 0.0:
+    if BLENDED != 0 and (primal != dual or shifted[0] != 0.0):
         for i in range(n):
             turn[i] = column_times(start[i], start[i + 1], order, rows, jac, dy)
         for r in range(m):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 import numpy as np
 
 from stc.solver.iterate import evaluate
@@ -105,7 +107,7 @@ class Drift:
         """True when the last step reduced the dual error little and the objective much."""
         s = self._s
         slow = s[DUAL_NOW] > SLOW * s[DUAL_BEFORE]
-        return slow and s[OBJECTIVE_BEFORE] - s[OBJECTIVE_NOW] > MUCH * max(1.0, abs(s[OBJECTIVE_NOW]))
+        return bool(slow and s[OBJECTIVE_BEFORE] - s[OBJECTIVE_NOW] > MUCH * max(1.0, abs(s[OBJECTIVE_NOW])) and on('drift'))
 
 
 class Gain:

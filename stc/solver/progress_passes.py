@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+
 from stc.codegen.native import f64, f64s, i64, native
 from stc.solver.outcome import ACCEPTABLE
 from stc.solver.places import (
@@ -62,6 +63,7 @@ MOST_UNMET_STEPS = 10
 CRAWLING, MOST_CRAWLING_STEPS = 1e-3, 30
 NEARLY_FEASIBLE = 1e-4
 LARGEST_ERROR = 1e50
+FADES = 1
 
 
 @native
@@ -86,7 +88,7 @@ def note_iterate(
     nearest = s[NEAREST_ERROR]
     # A sum of squares may be far from its least where the error is small: its gradient fades along with it.
     objective = s[OBJECTIVE]
-    fades = s[PRIMAL] <= ACCEPTABLE and 0.0 <= objective and objective < NOTICEABLE * s[WAITING_AT]
+    fades = FADES != 0 and s[PRIMAL] <= ACCEPTABLE and 0.0 <= objective and objective < NOTICEABLE * s[WAITING_AT]
     if error < NOTICEABLE * nearest or fades:
         s[WAITING] = 0.0
         s[WAITING_AT] = objective

@@ -11,6 +11,8 @@ state constraint; then the barrier method, which never guesses, solves the same 
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 from collections.abc import Callable
 
 import numpy as np
@@ -154,6 +156,8 @@ class QuadraticProgram:
         found = self._by_active_sets(guess)
         if found is not None or not thorough:
             return found
+        if not on('qp_barrier'):
+            return None
         inner, error = self._by_barrier()
         enough = error <= max(ROUGH * self.point.error, self.tolerance)
         # Even a rough solution tells which constraints are active.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
+
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -149,6 +152,8 @@ class Rescalings:
         point = self.judgement.stated(outcome)
         size = abs(self.judgement.assess(point).objective)
         if not SMALLEST < size < SMALL or self.judgement.gain(point) <= EXACT * size:
+            return None
+        if not on("own_units"):
             return None
         form = outcome.form
         assert isinstance(form, ScaledProblem)

@@ -7,6 +7,8 @@ is not zero: ``J^T y + z = 0`` with ``|y| <= 1`` and ``y`` of the sign of each v
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 from collections.abc import Callable
 
 import numpy as np
@@ -87,7 +89,7 @@ def meet_rows(
             it.become(claim)
             # Where the search from there got lost, nothing has confirmed the claim.
             return End.STATIONARY_VIOLATION if end is End.STATIONARY_VIOLATION else End.STUCK, outcome
-        if end is not End.STATIONARY_VIOLATION or not elastic.is_held(it.w[: form.n]):
+        if end is not End.STATIONARY_VIOLATION or not elastic.is_held(it.w[: form.n]) or not on('many_centres'):
             break
         # It stays near where it began, which may be all that keeps it there.
         claim, mu = it.snapshot(), 0.0

@@ -9,6 +9,8 @@ like squares at 0, tells its size a little way off, or by its bounds.
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -153,15 +155,19 @@ class ScaledProblem(Formulation):
         magnitude = np.minimum(np.abs(x0), np.where(span > 0.0, np.maximum(span, 1.0), np.inf))
         narrow = np.isfinite(span) & (span > 0) & (span < ORDINARY[0])
         wide = magnitude > ORDINARY[1]
-        if small_too or _are_tiny(nlp, x0):
+        if small_too or (_are_tiny(nlp, x0) and on('scale_tiny')):
             wide |= is_small(x0)
+        if narrow.any() and not on('scale_narrow'):
+            narrow &= False
+        if wide.any() and not on('scale_wide'):
+            wide &= False
         self.x_scale = np.where(narrow, span, np.where(wide, magnitude, 1.0))
         self.x_scale = np.exp2(np.round(np.log2(self.x_scale)))
         entries = self._choose_function_scales(x0)
         columns = np.zeros(self.n)
         np.maximum.at(columns, self.jac_cols, entries * self.row_scale[self.jac_rows])
         weak = (columns > 0.0) & (columns < weak_below)
-        if weak.any() and bool((self.x_scale >= 1.0).all()):  # else it is small that they are
+        if weak.any() and bool((self.x_scale >= 1.0).all()) and on('scale_weak'):  # else it is small that they are
             most = np.maximum(np.abs(nlp.x_lower), np.abs(nlp.x_upper))[weak]  # infinite where either is
             larger = np.minimum(self.x_scale[weak] / np.maximum(columns[weak], WEAKEST), most)
             self.x_scale[weak] = np.exp2(np.round(np.log2(np.maximum(larger, self.x_scale[weak]))))
@@ -171,8 +177,10 @@ class ScaledProblem(Formulation):
             np.maximum(sizes, np.abs(bound), out=sizes, where=np.isfinite(bound))
         sizes *= self.row_scale
         large = (sizes > LARGEST_BOUND) & (nlp.row_lower < nlp.row_upper)
+        if large.any() and not on('scale_large_bound'):
+            large &= False
         # A steep row is not widened by less: two that meet would leave room for rounding errors alone.
-        self._row_unit = np.maximum(self.row_scale, 1.0)
+        self._row_unit = np.maximum(self.row_scale, 1.0) if on('relax_row_unit') else np.full(self.m, np.inf)
         self._row_unit[large] *= LARGEST_BOUND / sizes[large]
         self.row_scale[large] *= LARGEST_BOUND / sizes[large]
 
@@ -186,7 +194,7 @@ class ScaledProblem(Formulation):
         nearby, entries_nearby = self._magnitudes(np.clip(x0 + way * self.x_scale, nlp.x_lower, nlp.x_upper))
         factors = _factors(at_start, nearby)
         flat = (at_start < SMALLEST_GRADIENT) & (nearby > TOO_LARGE)
-        if flat.any():
+        if flat.any() and on('scale_flat'):
             # Where a variable is small, a way of its own size.
             own = np.where(x0 == 0.0, self.x_scale, np.minimum(np.abs(x0), self.x_scale))
             nearby, _ = self._magnitudes(np.clip(x0 + way * own, nlp.x_lower, nlp.x_upper))
@@ -287,10 +295,13 @@ def _factors(gradients: Floats, nearby: Floats) -> Floats:
     factors = np.ones_like(gradients)
     large = np.isfinite(gradients) & (gradients > LARGEST_GRADIENT)
     most = np.clip(TOO_LARGE / gradients[large], LEAST_FACTOR, SMALLEST_FACTOR)
+    if (gradients[large] > 1e10).any() and not on('scale_too_large'):
+        most = SMALLEST_FACTOR
     factors[large] = np.maximum(LARGEST_GRADIENT / gradients[large], most)
     both = np.maximum(gradients, nearby)
     small = (both > 0.0) & (both < SMALLEST_GRADIENT)  # False for nan
-    factors[small] = np.minimum(1.0 / both[small], LARGEST_FACTOR)
+    if small.any() and on('scale_small'):
+        factors[small] = np.minimum(1.0 / both[small], LARGEST_FACTOR)
     return factors
 
 
@@ -298,6 +309,8 @@ def _hair(bound: Floats, unit: Floats) -> Floats:
     """What bounds are widened by, in which ``unit`` is one as stated; one that is 0 says nothing of its size."""
     size = np.abs(bound)
     hair = np.where(size == 0.0, 1.0, np.clip(size, SMALLEST_BOUND, 1.0))
+    if not on('relax_small_less'):
+        hair = np.maximum(size, 1.0)
     return np.maximum(RELAXATION * np.minimum(hair, unit), ROUNDED * size)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -84,7 +86,7 @@ def minimize(
     with np.errstate(all="ignore"), within(options.time_limit):
         # Where no step is allowed the start is what is asked for, not what equations make of it.
         less = presolved(nlp) if options.presolve and options.max_iterations > 0 else None
-        if less is not None:
+        if less is not None and on('presolve'):
             own = less.start(start or Start(np.asarray(nlp.x0, dtype=float)))
             result = less.restored(
                 _Solve(less, options, less.callback(callback), own, new_kkt).run(), options
@@ -114,6 +116,15 @@ def _fixed_rows_missed(nlp: NLP, x: Floats, r: Floats, options: Options) -> bool
     if rows is None or (relative_violation(r, nlp.row_lower, nlp.row_upper)[rows] <= tolerance).all():
         return False
     return bool(rows_missed(nlp, x, tolerance)[rows].any())
+
+
+def named(name, way):
+    way.ablation = name
+    return way
+
+
+def NAMES(way):
+    return getattr(way, "ablation", None) or way.__qualname__
 
 
 class _Solve:
@@ -193,12 +204,14 @@ class _Solve:
         for again in self._scales(reached) + ways if ways else []:
             if outcome.is_answer or (again in ways and self._is_proof(outcome)):
                 break
+            if not on(NAMES(again)):
+                continue
             other = again(form, x0)
             if other is not None:
                 outcome = self._better(outcome, self._settle(other))
         for again in (attempts.from_feasible, self.rescalings.from_feasible) if ways else ():
             best = None if outcome.is_answer else self._feasible()
-            if best is not None:
+            if best is not None and on(again.__qualname__):
                 outcome = self._better(outcome, self._settle(again(form, best)))
         return self._conclude(outcome)
 
@@ -206,8 +219,8 @@ class _Solve:
         """The same way in other scales; ``reached`` as for others."""
         scales = self.rescalings
         return [
-            lambda form, x0: scales.lighter(form, x0, self._settle),
-            lambda form, x0: scales.resized(form, x0, reached()),
+            named('lighter', lambda form, x0: scales.lighter(form, x0, self._settle)),
+            named('resized', lambda form, x0: scales.resized(form, x0, reached())),
             scales.sized,
         ]
 
@@ -220,10 +233,10 @@ class _Solve:
             ways = [attempts.nearby, attempts.narrowed, attempts.less_narrowed, attempts.held_barrier]
         if form.m and not convex:  # much is met at rest in the origin that is not near the guess
             ways[:0] = [
-                lambda form, _: scales.from_least_violation(form, reached()),
-                lambda form, _: scales.from_least_violation(form, self._followed),
+                named('least_from_reached', lambda form, _: scales.from_least_violation(form, reached())),
+                named('least_from_followed', lambda form, _: scales.from_least_violation(form, self._followed)),
                 scales.from_least_violation,
-                lambda form, x0: scales.from_least_violation(form, np.zeros_like(x0)),
+                named('least_from_origin', lambda form, x0: scales.from_least_violation(form, np.zeros_like(x0))),
             ]
         if form.m or form.gaps:
             ways.insert(0, attempts.feasible_first)
@@ -257,7 +270,7 @@ class _Solve:
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """From the guess."""
         outcome = self.attempts.linear_equations(form, x0)
-        if outcome is None and form.quadratic_program and not form.gaps:
+        if outcome is None and form.quadratic_program and not form.gaps and on('even_equations'):
             outcome = self.rescalings.even_equations(form, x0)
         if outcome is not None:
             return outcome
@@ -268,7 +281,7 @@ class _Solve:
 
     def _helped(self, form: ScaledProblem, first: Tactics, attempt: Callable[[Tactics], Outcome]) -> Outcome:
         """What an attempt leads to, or another start, if there is one, where that is no solution with ``first``."""
-        if self.start.another is None:
+        if self.start.another is None or not on('another_start'):
             return attempt(Tactics())
         outcome = attempt(replace(first, patient=once(is_convex, self.nlp)))
         if outcome.end not in (End.STUCK, End.STATIONARY_VIOLATION) or form.linear:
@@ -309,6 +322,8 @@ class _Solve:
         best = self.monitor.best
         if best is not None and best[0] <= self.options.feasibility_tolerance:
             return outcome
+        if not on('feasible_before_unbounded'):
+            return outcome
         if self._least is None:
             from stc.solver.feasible_start import least_violation
 
@@ -330,6 +345,9 @@ class _Solve:
             if not outcome.is_answer:
                 return flat or outcome
             if outcome.end is End.UNBOUNDED or outcome.minimum:
+                return outcome
+            if not on('saddles'):
+                outcome.minimum = True
                 return outcome
             outcome, flat = beyond_saddle(outcome, self.rescalings)
         outcome = self._confirmed(outcome)
@@ -354,9 +372,9 @@ class _Solve:
             form = outcome.form
             assert isinstance(form, ScaledProblem)
             # In the objective's own terms: it may have been multiplied, as sums over many short intervals are.
-            if np.abs(outcome.y).max(initial=0.0) > LARGE_MULTIPLIER * max(1.0, form.objective_scale):
+            if np.abs(outcome.y).max(initial=0.0) > LARGE_MULTIPLIER * max(1.0, form.objective_scale) and on('smaller_multipliers'):
                 outcome.y = smaller_multipliers(form, outcome.x, outcome.y)
-            if MET < outcome.error <= ACCEPTABLE:
+            if MET < outcome.error <= ACCEPTABLE and on('meet_equations'):
                 x = meet_equations(form, outcome.x)
                 if x is not outcome.x:
                     outcome.x = x
@@ -375,6 +393,8 @@ class _Solve:
                 if same and not outcome.early and not self.judgement.may_gain(point):
                     outcome.end = End.CONVERGED
                 return outcome
+            if not on('rescale_at_solution'):
+                break
             refused = confirmed
             before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None
             form = self.rescalings.scaled_anew(form, point.x, form.objective_factor)
@@ -406,7 +426,7 @@ class _Solve:
         if missed is not None:
             assert isinstance(missed.form, ScaledProblem)
             point, y = self.judgement.stated(missed), missed.y * missed.form.row_scale
-            if not self._falls(point, y, missed.form.row_scale):
+            if not on('violation_descent') or not self._falls(point, y, missed.form.row_scale):
                 return self._result(
                     Status.INFEASIBLE, between(point.x, self.nlp.x_lower, self.nlp.x_upper), y
                 )
@@ -424,7 +444,7 @@ class _Solve:
         if outcome.end is End.STATIONARY_VIOLATION and self._feasible() is None:
             return outcome
         for missed in (outcome, self._missed):
-            if missed is not None and self._is_proof(missed) and self._is_as_large(missed):
+            if missed is not None and self._is_proof(missed) and on('spread_violations') and self._is_as_large(missed):
                 return missed
         return None
 
@@ -466,7 +486,7 @@ class _Solve:
         point = Point(x, y)
         # Where many points are as good, one may have been passed on the way to nowhere.
         message = ""
-        if status is Status.FAILED and self._is_stationary(point):
+        if status is Status.FAILED and on('best_is_stationary') and self._is_stationary(point):
             minimum = self._is_minimum(point)
             status, message = (Status.OPTIMAL, "") if minimum else (status, NO_MINIMUM)
         return self._result(status, x, y, message, at=point)

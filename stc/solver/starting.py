@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 import numpy as np
 
 from stc.solver.formulation import Formulation
@@ -31,9 +33,9 @@ def cold_iterate(form: ScaledProblem, x: Floats, *, by_gaps: bool = True) -> Ite
     w = _inside(form, x, PUSH)
     work = workspace_of(form)
     it = work.evaluate(w, np.zeros(form.m), np.ones(form.gaps))
-    if by_gaps and form.many_gaps:
+    if by_gaps and form.many_gaps and on('by_gaps'):
         np.divide(1.0, np.sqrt(it.gap), out=it.z)
-    y = least_squares_multipliers(work)
+    y = least_squares_multipliers(work) if on('least_squares_start') else np.zeros(form.m)
     return work.evaluate(w, y, it.z)
 
 

@@ -5,6 +5,7 @@ See :mod:`stc.solver.passes` for the vectors and the array of numbers.
 
 from __future__ import annotations
 
+
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
 from stc.solver.passes import EQUALITY, IGNORED, INEQUALITY
 from stc.solver.places import (
@@ -39,6 +40,7 @@ BLOCK = 512
 SOFT = 1e-8
 #: The least share of a gap that a step counts as closing, so that there is a largest multiple of it.
 LEAST_FALL = 1e-6
+SIZED = 1
 
 
 @native(fast=True)
@@ -74,7 +76,7 @@ def shifted(
     shift = s[SHIFT]
     for i in range(n):
         shifts[i] = shift * free[i]
-    if shift > 0.0 and s[WHOLE] == 0.0:
+    if SIZED != 0 and shift > 0.0 and s[WHOLE] == 0.0:
         for i in range(n):
             shifts[i] *= sqrt(sqrt(1.0 + w[i] * w[i]))
     for k in range(convex):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 import itertools
 from collections.abc import Sequence
 
@@ -48,7 +50,7 @@ def is_unbounded(form: Formulation, it: Iterate, farthest: float) -> bool:
     size = float(np.abs(x).max(initial=0.0))
     if not (size > FAR or it.f < LOW):  # a row alone is large that has no limit on that side
         return False
-    if not _feasible(form, x, it.r):
+    if not _feasible(form, x, it.r) or not on('unbounded_ray'):
         return False
     # Small variables may have to stay; or they may belong to what grows, as the first frames of a motion do.
     large = np.where(np.abs(x) > SMALL * size, x, 0.0)

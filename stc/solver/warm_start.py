@@ -7,6 +7,8 @@ globalisation: where the error does not fall, the caller starts anew from the po
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 from functools import partial
 
 import numpy as np
@@ -93,7 +95,7 @@ def _moved(
     """The whole step, and the second one with the same factorisation where that comes closer."""
     balancing = found.active.x != 0 if found.factorised else None
     new = measure(form, point.x + found.d, found.y, found.z, balancing)
-    if new is None or not found.factorised or new.error <= tolerance:
+    if new is None or not found.factorised or new.error <= tolerance or not on('qp_traub'):
         return new
     dx, dy = program.correct(new, found.active)
     closer = measure(form, new.x + dx, new.y + dy, found.z, balancing)

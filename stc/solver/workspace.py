@@ -7,6 +7,8 @@ what follows one another without a decision in between is one call.
 
 from __future__ import annotations
 
+from stc.solver.ablation import on
+
 import weakref
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -178,7 +180,7 @@ class Workspace:
             max(1, int(form.moving.sum())),
             max(1, m),
             SMALLEST_TAU,
-            SHORT if form.many_gaps else 0.0,
+            SHORT if form.many_gaps and on('short_no_reduction') else 0.0,
             index,
             sign,
             CENTRING,
