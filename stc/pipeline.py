@@ -32,10 +32,10 @@ from stc.language import read_problem
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.nested import FINE, FewerFrames, Fineness, fewer_frames
+from stc.optimizers import DEFAULT, Minimizer
 from stc.problem import Problem
 from stc.solution import Solution, read
 from stc.solver import IterationRecord, Options, Start, Status
-from stc.solver.optimizers import DEFAULT, Minimizer
 from stc.solver.options import given_options
 from stc.solving import ColdSolve, solve
 from stc.transcription import Transcription, transcribe

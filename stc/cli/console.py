@@ -297,7 +297,7 @@ def warnings_as_notes() -> Iterator[None]:
         note(str(message))
 
     with warnings.catch_warnings():
-        from stc.solver.optimizers import SizeWarning
+        from stc.optimizers import SizeWarning
 
         warnings.simplefilter("always", SizeWarning)
         warnings.showwarning = show

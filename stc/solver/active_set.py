@@ -14,13 +14,12 @@ method, SIAM J. Optim. 13, 2002).  It converges fast near a solution and is aban
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
+from stc.solver.ablation import on
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor

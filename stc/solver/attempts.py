@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 from dataclasses import replace
 
 import numpy as np
 
+from stc.solver.ablation import on
 from stc.solver.active_set import bends_upwards, newton_on_active_set, newton_point
 from stc.solver.feasible_start import feasible_first
 from stc.solver.interior import optimise

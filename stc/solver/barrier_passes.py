@@ -5,7 +5,6 @@ See :mod:`stc.solver.barrier_parameter` for the method, :mod:`stc.solver.places`
 
 from __future__ import annotations
 
-
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, i64, i64s, isfinite, native, sqrt
 from stc.solver.filter import accepts, add

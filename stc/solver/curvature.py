@@ -16,11 +16,11 @@ condition tells nothing; there the objective is tried a little way off.
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
 from enum import Enum
 
 import numpy as np
 
+from stc.solver.ablation import on
 from stc.solver.feasible_curve import follow
 from stc.solver.globalization import largest_step
 from stc.solver.iterate import evaluate

@@ -6,14 +6,13 @@ one structured system, and moves along the step as far as the filter allows.
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stc.solver.ablation import on
 from stc.solver.active_set import Finish, bends_upwards
 from stc.solver.barrier_parameter import BarrierParameter
 from stc.solver.barrier_passes import DOUBTFUL_SOLUTION

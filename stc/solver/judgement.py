@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 import numpy as np
 
 from stc.records import dataclass
+from stc.solver.ablation import on
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import End, Outcome
@@ -82,7 +81,7 @@ class Judgement:
     def _holds_but_for_rounding(self, point: Point) -> bool:
         """Whether slopes are too large that rounding alone may leave, and nothing else is wrong: steep functions of
         small variables have such."""
-        from stc.solver.dual_estimate import slopes_left
+        from stc.solver.first_order_gain import slopes_left
 
         judged = self.assess(point)
         if not judged.optimality <= STEEP or not self.is_met(point.x, judged.violation):
@@ -125,7 +124,7 @@ class Judgement:
 
     def gain(self, point: Point) -> float:
         """What it may, relative to the objective, or to 1 where that is less."""
-        from stc.solver.dual_estimate import possible_gain
+        from stc.solver.first_order_gain import possible_gain
 
         return possible_gain(self.nlp, point.x, point.y, self.assess(point).bound_multipliers)
 

@@ -20,10 +20,9 @@ steps. These count more for large unknowns there, and grow after short steps.
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 import numpy as np
 
+from stc.solver.ablation import on
 from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.nlp import Floats
 from stc.solver.places import (

@@ -10,7 +10,6 @@ rows are equalities, inequalities or ignored (:data:`EQUALITY`, :data:`INEQUALIT
 
 from __future__ import annotations
 
-
 from typing import Final
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, inf, log, native

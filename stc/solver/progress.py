@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 import numpy as np
 
+from stc.solver.ablation import on
 from stc.solver.iterate import evaluate
 from stc.solver.outcome import ACCEPTABLE, End, Outcome
 from stc.solver.places import (

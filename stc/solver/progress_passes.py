@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 from stc.codegen.native import f64, f64s, i64, native
 from stc.solver.outcome import ACCEPTABLE
 from stc.solver.places import (

@@ -5,7 +5,6 @@ See :mod:`stc.solver.projection` for the points and :mod:`stc.solver.active_set`
 
 from __future__ import annotations
 
-
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, i64, i64s, native
 from stc.solver.passes import multiplier_scale

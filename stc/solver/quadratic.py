@@ -11,14 +11,13 @@ state constraint; then the barrier method, which never guesses, solves the same 
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.records import dataclass
+from stc.solver.ablation import on
 from stc.solver.conditions import better_signs, respond, restrict
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, evaluate, push_inside

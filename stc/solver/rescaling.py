@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
-
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from stc.solver.ablation import on
 from stc.solver.attempts import Attempts
 from stc.solver.interior import optimise
 from stc.solver.judgement import Point

@@ -7,13 +7,12 @@ is not zero: ``J^T y + z = 0`` with ``|y| <= 1`` and ``y`` of the sign of each v
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 from collections.abc import Callable
 
 import numpy as np
 
 from stc.records import dataclass
+from stc.solver.ablation import on
 from stc.solver.convexity import is_convex
 from stc.solver.elastic import ElasticProblem
 from stc.solver.formulation import Formulation

@@ -9,14 +9,13 @@ like squares at 0, tells its size a little way off, or by its bounds.
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stc.arrays import scattered
+from stc.solver.ablation import on
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import NLP, Floats, Mask

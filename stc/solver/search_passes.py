@@ -5,7 +5,6 @@ See :mod:`stc.solver.globalization` for the method, and :mod:`stc.solver.places`
 
 from __future__ import annotations
 
-
 from stc.codegen.calls import invoke
 from stc.codegen.native import exp, f64, f64s, fabs, i64, i64s, log, native
 from stc.solver.filter import accepts, add

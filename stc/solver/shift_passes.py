@@ -5,7 +5,6 @@ See :mod:`stc.solver.newton_system` for the system, and :mod:`stc.solver.places`
 
 from __future__ import annotations
 
-
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, fabs, i64, i64s, native, sqrt
 from stc.solver.kkt.contract import COARSE

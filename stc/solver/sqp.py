@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from stc.deadline import within
+from stc.solver.ablation import on
 from stc.solver.active_set import fitting_multipliers, smaller_multipliers
 from stc.solver.attempts import Attempts
 from stc.solver.convexity import is_convex

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 import numpy as np
 
+from stc.solver.ablation import on
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.multipliers import least_squares_multipliers

@@ -5,7 +5,6 @@ See :mod:`stc.solver.passes` for the vectors and the array of numbers.
 
 from __future__ import annotations
 
-
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
 from stc.solver.passes import EQUALITY, IGNORED, INEQUALITY
 from stc.solver.places import (

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
+from stc.solver.ablation import on
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats

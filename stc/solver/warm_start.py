@@ -7,12 +7,11 @@ globalisation: where the error does not fall, the caller starts anew from the po
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 from functools import partial
 
 import numpy as np
 
+from stc.solver.ablation import on
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
 from stc.solver.primal_dual import PrimalDual, measure

@@ -7,8 +7,6 @@ what follows one another without a decision in between is one call.
 
 from __future__ import annotations
 
-from stc.solver.ablation import on
-
 import weakref
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -17,6 +15,7 @@ import numpy as np
 
 from stc.codegen.calls import Bound, CallTable, chain
 from stc.solver import passes, places, step_passes
+from stc.solver.ablation import on
 from stc.solver.filter import Filter
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Errors, Iterate

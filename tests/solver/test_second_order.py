@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from symbolic_program import INF, SymbolicProgram
 
+from stc.optimizers import optimizer_of
 from stc.solver import Options, Status, minimize
 from stc.solver.curvature import SecondOrder, second_order_at
 from stc.solver.feasible_curve import follow
 from stc.solver.kkt import structured_kkt
 from stc.solver.nlp import Floats
-from stc.solver.optimizers import optimizer_of
 from stc.solver.report import Start
 from stc.solver.scaled_problem import ScaledProblem
 

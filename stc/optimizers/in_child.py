@@ -20,10 +20,10 @@ from typing import Any, NoReturn
 import numpy as np
 
 from stc import deadline
+from stc.optimizers.point_result import judge, point_result
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP
 from stc.solver.options import Options
-from stc.solver.point_result import judge, point_result
 from stc.solver.report import Callback, IterationRecord, Result
 from stc.solver.status import Status
 

@@ -57,13 +57,13 @@ def optimizer_of(name: str) -> Minimizer:
     if not isinstance(name, str):
         raise UsageError(f"an optimizer is a name such as `{DEFAULT}`, not {name!r}")
     if name.startswith("nlopt:"):
-        from stc.solver.nlopt_adapter import minimize_with_nlopt
-        from stc.solver.nlopt_algorithms import choose
+        from stc.optimizers.nlopt_adapter import minimize_with_nlopt
+        from stc.optimizers.nlopt_algorithms import choose
 
         choose(name)
         return partial(minimize_with_nlopt, name)
     if name in (WITKIN_KASS, f"{WITKIN_KASS}:printed"):
-        from stc.solver.witkin_kass import minimize_witkin_kass
+        from stc.optimizers.witkin_kass import minimize_witkin_kass
 
         return partial(minimize_witkin_kass, variant=name.partition(":")[2])
     from difflib import get_close_matches
@@ -79,7 +79,7 @@ def optimizer_of(name: str) -> Minimizer:
 
 def optimizer_names() -> list[str]:
     """Every optimizer, without the choices of local algorithms that some of them have."""
-    from stc.solver.nlopt_algorithms import ALGORITHMS
+    from stc.optimizers.nlopt_algorithms import ALGORITHMS
 
     return [DEFAULT, WITKIN_KASS, f"{WITKIN_KASS}:printed", *(f"nlopt:{name}" for name in ALGORITHMS)]
 
@@ -88,7 +88,7 @@ def caution(name: str, nlp: NLP) -> str:
     """What a user should know before this optimizer is let loose on a problem of this size, or ""."""
     if not name.startswith("nlopt:"):
         return ""
-    from stc.solver.nlopt_algorithms import caution, choose
+    from stc.optimizers.nlopt_algorithms import caution, choose
 
     return caution(choose(name), nlp)
 
@@ -97,6 +97,6 @@ def has_long_steps(name: str, nlp: NLP) -> bool:
     """Whether single steps of this optimizer may take minutes on a problem of this size, whatever the limits."""
     if not name.startswith("nlopt:"):
         return False
-    from stc.solver.nlopt_algorithms import choose, has_long_steps
+    from stc.optimizers.nlopt_algorithms import choose, has_long_steps
 
     return has_long_steps(choose(name), nlp)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from stc.optimizers.dual_estimate import assess_point
 from stc.records import dataclass
-from stc.solver.dual_estimate import assess_point, possible_gain
+from stc.solver.first_order_gain import possible_gain
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options

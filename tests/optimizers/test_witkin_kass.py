@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import stc
-from stc.solver.conjugate_gradients import conjugate_gradients
+from stc.optimizers.conjugate_gradients import conjugate_gradients
 
 # The paper's example: a particle under gravity goes from rest to rest with the least force.
 PARTICLE = """constants: n = 20, T = 2, h = T/n, m = 1, g = 9.8;

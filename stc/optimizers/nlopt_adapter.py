@@ -4,7 +4,7 @@ S. G. Johnson, The NLopt nonlinear-optimization package, http://github.com/steve
 
 NLopt sees ``f``, equations ``c(x) = 0`` and inequalities ``d(x) <= 0``: a range becomes two inequalities, fixed
 variables are left out.  It reports a point and nothing else, so multipliers are recovered by least squares
-(:mod:`stc.solver.dual_estimate`) and the status says whether that point satisfies the optimality conditions, to the
+(:mod:`stc.optimizers.dual_estimate`) and the status says whether that point satisfies the optimality conditions, to the
 tolerances of the project's own method.  The same test stops the local algorithms as soon as it holds.
 """
 
@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 from stc.errors import UsageError
-from stc.solver.dual_estimate import stationary_violation
-from stc.solver.in_child import minimize_in_child
+from stc.optimizers.dual_estimate import stationary_violation
+from stc.optimizers.in_child import minimize_in_child
+from stc.optimizers.nlopt_algorithms import Algorithm, Choice, choose, require
+from stc.optimizers.nlopt_functions import Functions
+from stc.optimizers.point_result import GAIN, Judgement, judge, point_result
 from stc.solver.monitor import Monitor, Stopped
-from stc.solver.nlopt_algorithms import Algorithm, Choice, choose, require
-from stc.solver.nlopt_functions import Functions
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
-from stc.solver.point_result import GAIN, Judgement, judge, point_result
 from stc.solver.rays import falls_without_limit
 from stc.solver.report import Callback, Result, Start
 from stc.solver.scaled_problem import relative_violation

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 
 import stc
+from stc.optimizers import SizeWarning, optimizer_names, optimizer_of
+from stc.optimizers.dual_estimate import signed_least_squares
+from stc.optimizers.nlopt_algorithms import ALGORITHMS
+from stc.optimizers.point_result import judge
 from stc.solver import Options, Status
-from stc.solver.dual_estimate import signed_least_squares
-from stc.solver.nlopt_algorithms import ALGORITHMS
-from stc.solver.optimizers import SizeWarning, optimizer_names, optimizer_of
-from stc.solver.point_result import judge
 
 # The least of a quartic bowl around (0.3, 0.4), with y held at 0.1 or less by a bound: (0.3, 0.1).
 BOWL = """
