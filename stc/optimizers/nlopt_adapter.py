@@ -21,10 +21,10 @@ from stc.optimizers.in_child import minimize_in_child
 from stc.optimizers.nlopt_algorithms import Algorithm, Choice, choose, require
 from stc.optimizers.nlopt_functions import Functions
 from stc.optimizers.point_result import GAIN, Judgement, judge, point_result
+from stc.optimizers.rays import falls_without_limit
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
-from stc.solver.rays import falls_without_limit
 from stc.solver.report import Callback, Result, Start
 from stc.solver.scaled_problem import relative_violation
 from stc.solver.status import Status

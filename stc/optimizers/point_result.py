@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from stc.optimizers.dual_estimate import assess_point
 from stc.records import dataclass
+from stc.solver.curvature import SecondOrder, second_order_at
 from stc.solver.first_order_gain import possible_gain
+from stc.solver.kkt import structured_kkt
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.report import Result
 from stc.solver.residuals import Assessment, assess
-from stc.solver.saddles import is_saddle
+from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.status import NO_MINIMUM, Status, advice, sentence
 
 __all__ = ["Judgement", "judge", "point_result"]
@@ -74,7 +76,7 @@ def point_result(
         status = Status.OPTIMAL if judgement.optimal else Status.FAILED
     if status is Status.OPTIMAL:
         message = ""
-        if is_saddle(nlp, judgement.x, judgement.y, monitor.options):
+        if _is_saddle(nlp, judgement.x, judgement.y, monitor.options):
             status, message = Status.FAILED, NO_MINIMUM
     found = judgement.conditions
     return Result(
@@ -91,3 +93,13 @@ def point_result(
         message=message or f"{sentence(status)} {advice(status)}".strip(),
         history=monitor.history,
     )
+
+
+def _is_saddle(nlp: NLP, x: Floats, y: Floats, options: Options) -> bool:
+    """Whether negative curvature leads to a lower point from a stationary one ``x`` (n,), with multipliers ``y`` (m,).
+
+    The point may be less exact than our own: what bends downwards counts only where it leads lower.
+    """
+    form = ScaledProblem(nlp, x, options, structured_kkt)
+    found = second_order_at(form, x / form.x_scale, form.scaled_multipliers(y), options.seed)
+    return found in (SecondOrder.LEFT, SecondOrder.ENDLESS)

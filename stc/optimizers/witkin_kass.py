@@ -31,12 +31,12 @@ from stc.errors import UsageError
 from stc.optimizers.conjugate_gradients import conjugate_gradients
 from stc.optimizers.dual_estimate import stationary_violation
 from stc.optimizers.point_result import Judgement, judge, point_result
+from stc.optimizers.rays import falls_without_limit
 from stc.records import dataclass
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.products import inner
-from stc.solver.rays import falls_without_limit
 from stc.solver.report import Callback, Result, Start
 from stc.solver.status import Status
 

@@ -8,15 +8,12 @@ import numpy as np
 
 from stc.solver.curvature import SecondOrder, second_order_at
 from stc.solver.judgement import Point
-from stc.solver.kkt import structured_kkt
-from stc.solver.nlp import NLP, Floats
-from stc.solver.options import Options
 from stc.solver.outcome import End, Outcome, Tactics
 from stc.solver.rescaling import Rescalings
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import workspace_of
 
-__all__ = ["beyond_saddle", "is_minimum", "is_saddle"]
+__all__ = ["beyond_saddle", "is_minimum"]
 
 
 def beyond_saddle(outcome: Outcome, rescalings: Rescalings) -> tuple[Outcome, Outcome | None]:
@@ -44,13 +41,3 @@ def is_minimum(form: ScaledProblem, point: Point, seed: int) -> bool:
     """Whether a stationary point of the problem as stated meets the second-order condition."""
     found = second_order_at(form, point.x / form.x_scale, form.scaled_multipliers(point.y), seed)
     return found in (SecondOrder.HOLDS, SecondOrder.FLAT)
-
-
-def is_saddle(nlp: NLP, x: Floats, y: Floats, options: Options) -> bool:
-    """Whether negative curvature leads to a lower point from a stationary one ``x`` (n,), with multipliers ``y`` (m,).
-
-    The point may be less exact than our own: what bends downwards counts only where it leads lower.
-    """
-    form = ScaledProblem(nlp, x, options, structured_kkt)
-    found = second_order_at(form, x / form.x_scale, form.scaled_multipliers(y), options.seed)
-    return found in (SecondOrder.LEFT, SecondOrder.ENDLESS)
