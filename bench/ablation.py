@@ -1,11 +1,11 @@
 """What each heuristic of the solver is worth: it is switched off, and all collections are solved again.
 
-    python bench/ablation.py run [--off NAME,NAME+NAME|all|late] [--only kinds,fresh] [--fast 0.5] [--results FILE]
+    python bench/ablation.py run [--off NAME,NAME+NAME|all] [--only kinds,fresh] [--fast 0.5] [--results FILE]
     python bench/ablation.py table
 
-A result is one line of JSON in FILE, so that a run that was stopped goes on where it was.  The first run, with nothing
-off, tells of each problem which heuristics were asked for, and how long it takes; later ones leave out problems that a
-name cannot have made a difference to.  Limits are of processor time, of one thread.
+A result is one line of JSON in FILE, so that a run that was stopped goes on where it was.  The first run,
+with nothing off, tells how long each problem takes; later ones leave out those that took longer than ``--fast``, and
+those that were not solved.  Limits are of processor time, of one thread.
 """
 
 from __future__ import annotations
@@ -164,11 +164,8 @@ def all_cases(results: Path) -> list[Case]:
     ]  # fmt: skip
 
 
-def solved(case: Case, model: Any) -> dict[str, Any]:
+def solved(case: Case, model: Any, limit: float) -> dict[str, Any]:
     """How the solve ends."""
-    from stc.solver.ablation import asked
-
-    asked.clear()
     outcome: dict[str, Any] = {"case": case.key}
     try:
         if isinstance(model, Exception):
@@ -179,10 +176,12 @@ def solved(case: Case, model: Any) -> dict[str, Any]:
             bound = transcription.bind(problem.constants)
             rng = np.random.default_rng([case.seed, bound.n])
             program = Disguised(bound, rng, case.collection == "units")
-            solution = minimize(program, Options(time_limit=LIMIT))
-            solution = replace(solution, status=solution.status.value, objective=solution.objective / program.f_unit)
+            solution = minimize(program, Options(time_limit=limit))
+            solution = replace(
+                solution, status=solution.status.value, objective=solution.objective / program.f_unit
+            )
         else:
-            solution = model.solve(time_limit=LIMIT)
+            solution = model.solve(time_limit=limit)
         outcome |= {
             "status": solution.status,
             "objective": solution.objective,
@@ -190,63 +189,52 @@ def solved(case: Case, model: Any) -> dict[str, Any]:
             "cpu": round(time.process_time() - begin, 4),
         }
     except Exception as error:  # a crash is a loss
-        outcome |= {"status": f"{type(error).__name__}: {error}"[:200], "objective": None, "iterations": 0, "cpu": 0}
-    return outcome | {"asked": sorted(asked)}
+        outcome |= {
+            "status": f"{type(error).__name__}: {error}"[:200],
+            "objective": None,
+            "iterations": 0,
+            "cpu": 0,
+        }
+    return outcome
 
 
-#: What is compiled is switched off by numbers that keep it from acting: the module, the name and that number.
-PATCHES: dict[str, list[tuple[str, str, float]]] = {
-    "error_floor": [("barrier_passes", "ERROR_FRACTION", 0.0)],
-    "recentre": [("barrier_passes", "MANY", 10**9)],
-    "gondzio": [("barrier_passes", "LONG", 0.0)],
+#: A heuristic is switched off by a number that keeps it from acting: the module, its name there, and that number.
+PATCHES: dict[str, list[tuple[str, str, Any]]] = {
     "crawl": [("barrier_passes", "PATIENT", 1e9)],
-    "short_steps": [("progress_passes", "MOST_SHORT_STEPS", 10**9)],
-    "unmet_steps": [("progress_passes", "MOST_UNMET_STEPS", 10**9)],
-    "crawling_steps": [("progress_passes", "MOST_CRAWLING_STEPS", 10**9)],
-    "fades": [("progress_passes", "FADES", 0)],
-    "traub": [("projection_passes", "CORRECTIONS", 0)],
-    "watchdog": [("search_passes", "MOST_SHORTENED", 10**9)],
-    "excursion": [("search_passes", "EXCURSION", 1e300)],
-    "far_excursion": [("search_passes", "FAR_EXCURSION", 1e300)],
-    "second_order_correction": [("search_passes", "MOST_CORRECTIONS", 0)],
-    "objective_limit": [("search_passes", "OBJECTIVE_LIMIT", 1e3)],
-    "growth_of_damped": [("shift_passes", "GROWTH_OF_DAMPED", 8.0)],
-    "growth_in_vain": [("shift_passes", "GROWTH_IN_VAIN", 8.0)],
-    "growths": [("shift_passes", "GROWTH_IN_VAIN", 8.0), ("shift_passes", "GROWTH_OF_DAMPED", 8.0)],
-    "cramped": [("shift_passes", "DECAY_IF_CRAMPED", 1 / 3)],
-    "last_shift_next": [("shift_passes", "SMALLER", 0.0)],
-    "always_dependent": [("shift_passes", "ALWAYS", 10**9)],
+    "short_no_reduction": [("workspace", "SHORT", 0.0)],
+    "damped": [("newton_system", "UNKNOWN", 0.0)],
     "untried": [("shift_passes", "MOST_UNTRIED", 0)],
-    "damped_at_once": [("shift_passes", "MOST_DAMPED", 0)],
     "coarse_solves": [("shift_passes", "FAR", 1e300)],
-    "after_short": [("shift_passes", "SHORT", 0.0)],
-    "slow_steps": [("shift_passes", "WATCHED", 10**9)],
-    "ordinary_curvature": [("shift_passes", "LOWEST_ORDINARY", 1.0), ("shift_passes", "HIGHEST_ORDINARY", 1.0)],
-    "convex_shift": [("step_passes", "SHARE", 1e300)],
-    "sized_shift": [("step_passes", "SIZED", 0)],
-    "blend": [("passes", "BLENDED", 0)],
-    "lagging": [("multipliers", "LAGGING_STEPS", 10**9)],
+    "stiffen": [("interior", "SHORTEST_FRACTION", 0.0), ("interior", "SHORTEST_IN_RESTORATION", 0.0)],
+    "short_steps": [("progress_passes", "MOST_SHORT_STEPS", 10**9)],
+    "traub": [("projection_passes", "CORRECTIONS", 0)],
+    "second_order_correction": [("search_passes", "MOST_CORRECTIONS", 0)],
+    "finish": [("active_set", "NEAR", 0.0)],
+    "by_gaps": [("formulation", "MANY_GAPS", 10**9)],
+    "many_centres": [("restoration", "MOST_CENTRES", 1)],
+    "rescale_at_solution": [("sqp", "RESCALINGS", 1)],
+    **{
+        f"strategy: {name}": [("sqp", "LEFT_OUT", frozenset({name}))]
+        for name in (
+            "rescaled",
+            "feasibility first",
+            "least violation",
+            "perturbed start",
+            "best feasible point",
+        )
+    },
 }
-#: Those that are asked for nearly everywhere, in Python.
-EVERYWHERE = [
-    "quality_function", "damped", "lengthen", "stiffen", "finish", "clear_active", "by_gaps", "short_no_reduction",
-    "least_squares_start", "gaining", "soften", "leave_saddle", "meet_equations", "relax_row_unit",
-    "relax_small_less", "presolve", "another_start", "drift",
-]  # fmt: skip
 
 
 def switch_off(names: set[str]) -> None:
     """In a process of its own, before anything was compiled that may be different."""
     from importlib import import_module
 
-    from stc.solver import ablation
-
-    ablation.OFF = frozenset(names)
     for name in names:
         for module, attribute, value in PATCHES.get(name, []):
             found = import_module(f"stc.solver.{module}")
             assert hasattr(found, attribute), (module, attribute)
-            setattr(found, attribute, type(getattr(found, attribute))(value))
+            setattr(found, attribute, value)
 
 
 def read(results: Path) -> dict[str, dict[str, dict[str, Any]]]:
@@ -265,13 +253,13 @@ def sweep(labels: list[str], results: Path, only: set[str], fast: float) -> None
     first = known.get("", {})
     models: dict[str, Any] = {}
     cases = [c for c in all_cases(results) if not only or c.collection in only]
-    cases = [c for c in cases if c.key not in first or first[c.key]["cpu"] <= fast]
-    late = {name for one in first.values() for name in one["asked"]}
+    if first and labels != [""]:
+        # What is not solved anyway takes most of the time, and can tell little.
+        kept = {key for key, one in first.items() if one["cpu"] <= fast and one["status"] in GOOD}
+        cases = [c for c in cases if c.key in kept]
     for label in labels:
         names = set(filter(None, label.split("+")))
         todo = [c for c in cases if c.key not in known.get(label, {})]
-        if names and names <= late:
-            todo = [c for c in todo if names & set(first.get(c.key, {"asked": names})["asked"])]
         for case in todo:
             if case.key not in models:
                 try:
@@ -285,7 +273,17 @@ def sweep(labels: list[str], results: Path, only: set[str], fast: float) -> None
             switch_off(names)
             with results.open("a") as file:
                 for case in todo:
-                    file.write(json.dumps({"off": label} | solved(case, models[case.key])) + "\n")
+                    file.write(
+                        json.dumps(
+                            {"off": label}
+                            | solved(
+                                case,
+                                models[case.key],
+                                LIMIT if label == "" else max(1.0, 6.0 * first[case.key]["cpu"]),
+                            )
+                        )
+                        + "\n"
+                    )
                     file.flush()
             os._exit(0)
         os.waitpid(child, 0)
@@ -311,7 +309,7 @@ def compare(base: dict[str, dict[str, Any]], other: dict[str, dict[str, Any]]) -
             else:
                 ratios.append(math.log(max(one["iterations"], 1) / max(before["iterations"], 1)))
                 times.append(math.log(max(one["cpu"], 1e-3) / max(before["cpu"], 1e-3)))
-    mean = lambda logs: math.exp(sum(logs) / len(logs)) if logs else 1.0  # noqa: E731
+    mean = lambda logs: math.exp(sum(logs) / len(logs)) if logs else 1.0
     return {
         "run": len(other), "lost": lost, "won": won, "worse": worse, "better": better,
         "iterations": mean(ratios), "time": mean(times), "same": len(ratios),
@@ -320,10 +318,13 @@ def compare(base: dict[str, dict[str, Any]], other: dict[str, dict[str, Any]]) -
 
 GOOD = {"optimal", "infeasible", "unbounded"}
 
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("what", choices=["run", "table"])
-    parser.add_argument("--off", default="", help="labels, separated by commas: names, joined by + where together")
+    parser.add_argument(
+        "--off", default="", help="labels, separated by commas: names, joined by + where together"
+    )
     parser.add_argument("--only", default="")
     parser.add_argument("--fast", type=float, default=1e9, help="problems that took no longer, in seconds")
     parser.add_argument("--results", type=Path, default=RESULTS)
@@ -333,10 +334,7 @@ def main() -> None:
     if options.what == "run":
         labels = options.off.split(",")
         if options.off == "all":
-            labels = [*PATCHES, *EVERYWHERE]
-        elif options.off == "late":
-            asked = {name for one in read(options.results)[""].values() for name in one["asked"]}
-            labels = sorted(asked - set(EVERYWHERE) - set(PATCHES))
+            labels = list(PATCHES)
         sweep(labels, options.results, set(filter(None, options.only.split(","))), options.fast)
     else:
         known = read(options.results)
@@ -345,7 +343,7 @@ def main() -> None:
         for name, results in known.items():
             if not name:
                 continue
-            c = compare(base, results)
+            c = compare(known.get("", {}), results)
             fresh = [sum(key.startswith("fresh") for key in c[k]) for k in ("lost", "won")]
             print(
                 f"| {name} | {c['run']} | {len(c['lost'])} | {fresh[0]} | {len(c['won'])} | {fresh[1]} | "

@@ -102,4 +102,4 @@ def _is_saddle(nlp: NLP, x: Floats, y: Floats, options: Options) -> bool:
     """
     form = ScaledProblem(nlp, x, options, structured_kkt)
     found = second_order_at(form, x / form.x_scale, form.scaled_multipliers(y), options.seed)
-    return found in (SecondOrder.LEFT, SecondOrder.ENDLESS)
+    return found is SecondOrder.LEFT

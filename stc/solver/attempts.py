@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from stc.solver.ablation import on
 from stc.solver.active_set import bends_upwards, newton_on_active_set, newton_point
 from stc.solver.feasible_start import feasible_first
 from stc.solver.interior import optimise
@@ -15,25 +12,18 @@ from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import End, Outcome, Tactics
-from stc.solver.products import inner
 from stc.solver.projection_passes import ACCURATE
-from stc.solver.report import IterationRecord, Start
+from stc.solver.report import Start
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 
 __all__ = ["Attempts"]
 
 NEARBY = 0.1
-ELSEWHERE = 3.0
 QUADRATIC_STEPS = 3
 NEIGHBOUR_STEPS, PATIENCE = 8, 2
 FEWER = 2
 """Brief restorations of the later attempts."""
-WIDEST, LESS_WIDE, NARROWED = 3.0, 1.0, 350
-"""How much wider limits are at first, in distances between them, and the iterations that it may take to narrow them."""
-GAINING, HELD = 120, 800
-"""The steps in which the free choice is to make the error a tenth of what it was, and those that the other one is given
-where it does not."""
 CLOSE = 0.1
 """The violation allowed on the way from a feasible point."""
 
@@ -53,7 +43,7 @@ class Attempts:
         if start.bound_multipliers is not None:
             z = form.scaled_bound_multipliers(start.bound_multipliers)
         if not trusting:
-            outcome = self._by_newton(form, x, y, NEIGHBOUR_STEPS, PATIENCE) if on('newton_from_fewer') else None
+            outcome = self._by_newton(form, x, y, NEIGHBOUR_STEPS, PATIENCE)
             if outcome is not None:
                 return outcome
             if not form.gaps:  # no other active set to be found
@@ -71,7 +61,7 @@ class Attempts:
     def cold(self, form: ScaledProblem, x0: Floats, options: Options) -> Outcome:
         """From ``x0`` (n,), with options for the barrier."""
         outcome = self.linear_equations(form, x0)
-        return self.barrier(form, x0, Tactics(), options=options) if outcome is None else outcome
+        return self.barrier(form, x0, Tactics(), options) if outcome is None else outcome
 
     def linear_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
         """A quadratic program without inequalities: its optimality conditions are linear equations.
@@ -81,7 +71,7 @@ class Attempts:
         if form.gaps or not form.quadratic_program:
             return None
         x, y = np.where(form.held, form.held_value, x0 / form.x_scale), np.zeros(form.m)
-        point = newton_point(form, x, y) if on('one_step_qp') else None
+        point = newton_point(form, x, y)
         if point is not None:
             outcome = Outcome(
                 End.CONVERGED, form, point.x.copy(), point.y.copy(), 0.0, minimum=bends_upwards(form)
@@ -117,84 +107,27 @@ class Attempts:
         form: ScaledProblem,
         x0: Floats,
         tactics: Tactics,
-        *,
-        by_gaps: bool = True,
         options: Options | None = None,
     ) -> Outcome:
-        """By a barrier, from near ``x0`` (n,); see :func:`stc.solver.starting.cold_iterate` for ``by_gaps``."""
+        """By a barrier, from near ``x0`` (n,)."""
         options = options or self.options
-        it = cold_iterate(form, x0 / form.x_scale, by_gaps=by_gaps)
+        it = cold_iterate(form, x0 / form.x_scale)
         return optimise(form, it, options.initial_barrier, options, self.monitor, tactics=tactics)
 
-    def from_guess(self, form: ScaledProblem, x0: Floats, tactics: Tactics, *, convex: bool) -> Outcome:
-        """By a barrier whose parameter is chosen freely; where that gains nothing for long, by one that is held first.
-
-        The free choice may lead round a solution for ever: where objectives bend sharply at zero, or durations of
-        several phases are free. Where the held one finds none either, the first attempt goes on. Where all is convex
-        there are quicker ways out, and where few steps are left, as on fewer frames, there is no time for both.
-        """
-        few = self.monitor.limit - self.monitor.iterations < GAINING + HELD
-        if convex or few or not form.gaps or not on('gaining'):
-            return self.barrier(form, x0, tactics)
-        outcome = self.barrier(form, x0, replace(tactics, gaining=GAINING))
-        if not outcome.idle:
-            return outcome
-        held = self.barrier(form, x0, replace(tactics, adaptive=False, budget=HELD))
-        if held.end is End.CONVERGED:
-            return held
-        it = outcome.iterate
-        assert it is not None
-        left = replace(tactics, budget=max(tactics.budget - GAINING, 1), near=0)
-        return optimise(form, it, inner(it.gap, it.z) / form.gaps, self.options, self.monitor, tactics=left)
-
-    def otherwise(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """Start at the same point with other multipliers."""
-        return self.barrier(form, x0, Tactics(), by_gaps=False)
-
-    def feasible_first(self, form: ScaledProblem, x0: Floats) -> Outcome:
+    def feasible_first(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome:
         """Find a feasible point before looking at the objective."""
-        it = cold_iterate(form, x0 / form.x_scale, by_gaps=False)
+        it = cold_iterate(form, x0 / form.x_scale)
         return feasible_first(form, it, self.options, self.monitor, Tactics())
 
-    def held_barrier(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """Solve each barrier problem before the parameter goes down, and go where the violation may grow."""
-        tactics = Tactics(adaptive=False, largest_theta=1e4, brief_restorations=FEWER)
-        return self.barrier(form, x0, tactics, by_gaps=False)
-
-    def nearby(self, form: ScaledProblem, x0: Floats) -> Outcome:
+    def perturbed(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome:
         """Start a little off, with patience."""
         moved = self._perturbed(form, x0, NEARBY)
         tactics = Tactics(budget=self.options.max_iterations, brief_restorations=FEWER)
-        return self.barrier(form, moved, tactics, by_gaps=False)
-
-    def elsewhere(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """Start far off."""
-        moved = self._perturbed(form, x0, ELSEWHERE)
-        return self.barrier(form, moved, Tactics(brief_restorations=FEWER), by_gaps=False)
-
-    def narrowed(self, form: ScaledProblem, x0: Floats, widest: float = WIDEST) -> Outcome | None:
-        """Start where limits led that were wide at first; None where they cannot be narrowed so far."""
-        from stc.solver.narrowing import narrowed_start
-
-        monitor = self.monitor
-        limits = replace(self.options, max_iterations=min(NARROWED, monitor.limit - monitor.iterations))
-        begin = monitor.iterations
-
-        def told(record: IterationRecord) -> bool:
-            return monitor.pass_on(replace(record, iteration=begin + record.iteration))
-
-        callback = told if monitor.watched else None
-        x, spent = narrowed_start(self.nlp, x0, widest, limits, lambda *_: form.kkt, callback)
-        monitor.iterations += spent
-        return None if x is None else self.barrier(form, x, Tactics(), by_gaps=False)
-
-    def less_narrowed(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
-        """The same, from limits that are not as wide."""
-        return self.narrowed(form, x0, LESS_WIDE)
+        return self.barrier(form, moved, tactics)
 
     def from_feasible(self, form: ScaledProblem, x: Floats) -> Outcome:
         """Start at a feasible point ``x`` (n,), and do not leave the rows far behind."""
-        return self.barrier(form, x, Tactics(largest_theta=CLOSE), by_gaps=False)
+        return self.barrier(form, x, Tactics(largest_theta=CLOSE))
 
     def _perturbed(self, form: ScaledProblem, x0: Floats, by: float) -> Floats:
         """A start near ``x0``, moved at random by a fraction of each variable's size."""

@@ -13,8 +13,6 @@ import math
 from stc.solver.barrier_passes import SMALLEST_TAU
 from stc.solver.places import (
     ADAPTIVE,
-    BLOCKED,
-    BOUNDED_ERROR,
     CHANGED,
     CRAWLS,
     ERROR_BEFORE,
@@ -39,7 +37,7 @@ class BarrierParameter:
         s[MU] = mu if gaps else 0.0
         s[SMALLEST_MU], s[LARGEST_MU] = smallest, math.inf
         s[ADAPTIVE], s[FREE] = adaptive, adaptive and gaps > 0
-        s[TAU], s[CHANGED], s[BLOCKED], s[BOUNDED_ERROR] = SMALLEST_TAU, 0.0, 0.0, 1.0
+        s[TAU], s[CHANGED] = SMALLEST_TAU, 0.0
         s[ERROR_BEFORE], s[MU_BEFORE] = math.inf, math.inf
         # With few bounds the error goes up for other reasons, such as multipliers without a limit.
         s[CRAWLS] = 0.0 if work.form.many_gaps else -math.inf

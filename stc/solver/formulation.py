@@ -79,8 +79,6 @@ class Formulation:
         target: the right-hand side of equalities, (m,); 0 elsewhere.
         ignored: rows without any bound, (m,).
         index, sign, bound: the gaps, (gaps,) each.
-        convex: variables that the objective alone bends, upwards, and where in the Hessian's entries it says so,
-            (k,) each.
         objective_unit: the objective that is 1 in the user's terms.
         linear: whether all rows are known to be linear.
         quadratic_objective: whether the objective is known to bend the same everywhere.
@@ -94,7 +92,6 @@ class Formulation:
     n: int
     m: int
     kkt: KKTSystem
-    convex: tuple[Indices, Indices] = np.zeros(0, np.int64), np.zeros(0, np.int64)
     objective_unit: float = 1.0
     linear: bool = False
     quadratic_objective: bool = False

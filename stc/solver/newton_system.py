@@ -15,23 +15,19 @@ those of the solution.  There only a share of their part of H is used,
     H_f + share * sum y_i H_i,
 
 between Newton's method and that of Gauss and Newton (Nazareth 1980): it needs smaller shifts, and they make longer
-steps. These count more for large unknowns there, and grow after short steps.
+steps.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from stc.solver.ablation import on
 from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.nlp import Floats
 from stc.solver.places import (
     ATTEMPT,
     BENDS,
     BENDS_ALIKE,
-    CRAMPED,
-    DEFICIENCIES,
-    DEFICIENT,
     DUAL_SHIFT,
     ENDED,
     EQUATIONS,
@@ -41,9 +37,6 @@ from stc.solver.places import (
     LAST_SHIFT,
     MU,
     SHIFT,
-    SLOW_BEFORE,
-    SLOW_STEPS,
-    SOFTENED,
     STIFFNESS,
     UNTRIED,
 )  # fmt: skip
@@ -78,13 +71,11 @@ class NewtonSystem:
         self._before = (0.0, 0.0)
         s = work.s
         for place in (
-            SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, DEFICIENT, DEFICIENCIES, FAILURES, UNTRIED, EXCESS, EXACT,
-            SLOW_STEPS, SLOW_BEFORE, CRAMPED,
+            SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, FAILURES, UNTRIED, EXCESS, EXACT,
         ):  # fmt: skip
             s[place] = 0.0
-        s[SOFTENED] = 1.0 if on('soften') else 0.0
         s[EQUATIONS] = form.any_equality
-        s[BENDS] = 0.0 if form.linear or not on('damped') else UNKNOWN
+        s[BENDS] = 0.0 if form.linear else UNKNOWN
         s[BENDS_ALIKE] = form.quadratic_objective
         work.provide_attempt()
 
@@ -163,7 +154,7 @@ class NewtonSystem:
         self._before = s[STIFFNESS], s[SHIFT]
         s[SHIFT] = s[STIFFNESS] = max(GROWTH * s[SHIFT], shorter * abs(curvature), SMALLEST_SHIFT)
         while not self._is_right():
-            s[SHIFT] = larger_shift(GROWTH, work.numbers)
+            s[SHIFT] = larger_shift(work.numbers)
             if s[SHIFT] > LARGEST_SHIFT:
                 raise SingularSystem
 

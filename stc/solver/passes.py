@@ -201,9 +201,6 @@ def column_times(begin: i64, end: i64, order: i32s, rows: i32s, jac: f64s, y: f6
     return total
 
 
-BLENDED = 1
-
-
 @native(fast=True)
 def blend(
     n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, shifts: f64s, moving: f64s, start: i32s, order: i32s,
@@ -219,7 +216,7 @@ def blend(
     primal = alpha[0]
     dual = s[DUAL_STEP]
     fraction = primal
-    if BLENDED != 0 and (primal != dual or shifted[0] != 0.0):
+    if primal != dual or shifted[0] != 0.0:
         for i in range(n):
             turn[i] = column_times(start[i], start[i + 1], order, rows, jac, dy)
         for r in range(m):

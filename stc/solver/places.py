@@ -61,11 +61,6 @@ TINY_STEPS: Final = 47
 SMALL_STEPS: Final = 48
 SHORT_STEPS: Final = 49
 THETA_BEFORE: Final = 50
-LAGGING_DUAL: Final = 51
-LAGGING: Final = 52
-UNMET_STEPS: Final = 53
-THETA_LAST: Final = 54
-CRAWLING_STEPS: Final = 55
 
 # Of the barrier parameter (stc.solver.barrier_parameter).
 MU: Final = 56
@@ -76,7 +71,6 @@ CHANGED: Final = 60
 SMALLEST_MU: Final = 61
 LARGEST_MU: Final = 62
 BLOCKED: Final = 63
-BOUNDED_ERROR: Final = 64
 DOUBT: Final = 65  # the residual at which a solution is not used
 ERROR_BEFORE: Final = 66  # that of the iterate before, and the parameter of the step that led there
 MU_BEFORE: Final = 67
@@ -88,40 +82,25 @@ DUAL_SHIFT: Final = 73
 LAST_SHIFT: Final = 74
 STIFFNESS: Final = 75
 SOFT: Final = 76
-DEFICIENT: Final = 77
-DEFICIENCIES: Final = 78
 FAILURES: Final = 79
 UNTRIED: Final = 80
-SOFTENED: Final = 81  # what the dual shift is multiplied by; 0 where that has not helped
 WHOLE: Final = 82
 EXCESS: Final = 83
-EXCESS_BEFORE: Final = 84
 BENDS: Final = 85
 TASK: Final = 86
 EXACT: Final = 87
-ZEROS: Final = 88  # pivots as good as zero before the dual shift was first multiplied
-GROWTH_NOW: Final = 89
 EQUATIONS: Final = 90  # 1 when there are equality rows
 BENDS_ALIKE: Final = 91  # 1 when the objective bends the same everywhere
 ENDED: Final = 92  # how the last attempt to factorise did
-SLOW_STEPS: Final = 93  # damped ones in a row that were whole
-SLOW_BEST: Final = 94  # the smallest dual error of these, and of as many before them
-SLOW_BEFORE: Final = 95
 
 # Of the search along a step (stc.solver.globalization).
 FROM_THETA: Final = 96  # what the points tried are compared with
 FROM_PHI: Final = 97
 FROM_SLOPE: Final = 98
 LIMIT: Final = 99
-HALVED: Final = 100  # 1 when the search begins with half of what the bounds allow
 SHORTEST: Final = 101
-SHORTENED: Final = 102
-WATCHING: Final = 103
 SMALL_THETA: Final = 104
 PRICE: Final = 105  # the least that a larger violation is to be worth, per unit
-REACH: Final = 106  # fraction of the step that the bounds allow, be it more than all of it
-LENGTHENS: Final = 107  # 1 where more than all of a step may be taken
-CRAMPED: Final = 108  # 2 where a smaller shift has failed, 1 at the iterate after such a one
 
 # Of the records, in the user's terms (stc.solver.progress_passes).
 STATED: Final = 112  # the objective
@@ -130,7 +109,6 @@ BEST_OBJECTIVE: Final = 114
 BEST_VIOLATION: Final = 115
 BEST_KNOWN: Final = 116
 BEST_NEW: Final = 117  # 1 when the best point has changed since it was last asked for
-WAITING_AT: Final = 118  # the objective when waiting began
 
 NUMBERS: Final = 120
 
@@ -148,7 +126,6 @@ PREDICT: Final = 6
 COMBINE: Final = 7
 CENTRE: Final = 8
 NEWTON: Final = 9
-CENTRING_STEP: Final = 10
 LENGTHS: Final = 11
 TRY_STEP: Final = 12
 TRY_POINT: Final = 13

@@ -10,7 +10,6 @@ from stc.solver.places import (
     BEST_NEW,
     BEST_OBJECTIVE,
     BEST_VIOLATION,
-    CRAWLING_STEPS,
     DUAL_BEFORE,
     DUAL_ERROR,
     DUAL_NOW,
@@ -24,8 +23,6 @@ from stc.solver.places import (
     OBJECTIVE,
     OBJECTIVE_BEFORE,
     OBJECTIVE_NOW,
-    PATIENCE,
-    PRIMAL,
     ROW,
     ROW_ERROR,
     ROW_LENGTH,
@@ -38,15 +35,11 @@ from stc.solver.places import (
     SHORT_STEPS,
     SMALL_STEPS,
     STATED,
-    STEP,
     STEP_TAKEN,
     THETA_BEFORE,
-    THETA_LAST,
     TINY_STEPS,
-    UNMET_STEPS,
     VIOLATION,
     WAITING,
-    WAITING_AT,
 )
 from stc.solver.unboundedness import FAR, LOW
 
@@ -57,12 +50,8 @@ SMALL_STEP = 1e-9
 SHORT = 1e-2
 MOST_SHORT_STEPS = 5
 HALF = 0.5
-WHOLE, SMALL, AS_BEFORE = 0.9, 0.1, 0.9
-MOST_UNMET_STEPS = 10
-CRAWLING, MOST_CRAWLING_STEPS = 1e-3, 30
 NEARLY_FEASIBLE = 1e-4
 LARGEST_ERROR = 1e50
-FADES = 1
 
 
 @native
@@ -85,12 +74,8 @@ def note_iterate(
     """
     error = s[ERROR]
     nearest = s[NEAREST_ERROR]
-    # A sum of squares may be far from its least where the error is small: its gradient fades along with it.
-    objective = s[OBJECTIVE]
-    fades = FADES != 0 and s[PRIMAL] <= ACCEPTABLE and 0.0 <= objective and objective < NOTICEABLE * s[WAITING_AT]
-    if error < NOTICEABLE * nearest or fades:
+    if error < NOTICEABLE * nearest:
         s[WAITING] = 0.0
-        s[WAITING_AT] = objective
     elif nearest <= ACCEPTABLE:
         s[WAITING] += 1.0
     if error < nearest:
@@ -102,7 +87,7 @@ def note_iterate(
         for k in range(gaps):
             kept_z[k] = z[k]
     ordinary = error > s[ATTENTION] and error < LARGEST_ERROR and s[FARTHEST] <= FAR and s[OBJECTIVE] >= LOW
-    still = s[WAITING] >= s[PATIENCE] or s[TINY_STEPS] >= MOST_TINY_STEPS or s[SMALL_STEPS] >= ITS_PATIENCE
+    still = s[WAITING] >= ITS_PATIENCE or s[TINY_STEPS] >= MOST_TINY_STEPS or s[SMALL_STEPS] >= ITS_PATIENCE
     return 0 if ordinary and not still else 1
 
 
@@ -118,20 +103,12 @@ def note_step(size: f64, tiny: i64, s: f64s) -> None:
 
 @native
 def block(length: f64, theta: f64, s: f64s) -> i64:
-    """1 after several very short steps in a row that did not even halve the violation ``theta``, or whole ones of small
-    size that left it as it was: rows that nothing meets nearby.  And after very many that hardly moved at all, between
-    bounds that are in the way."""
+    """1 after several very short steps in a row that did not even halve the violation ``theta``."""
     if length >= SHORT or theta < HALF * s[THETA_BEFORE]:
         s[SHORT_STEPS] = 0.0
         s[THETA_BEFORE] = theta
     s[SHORT_STEPS] += 1.0
-    unmet = length >= WHOLE and s[STEP] <= SMALL and theta >= AS_BEFORE * s[THETA_LAST]
-    s[UNMET_STEPS] = s[UNMET_STEPS] + 1.0 if unmet else 0.0
-    s[THETA_LAST] = theta
-    many = s[SHORT_STEPS] > MOST_SHORT_STEPS or s[UNMET_STEPS] >= MOST_UNMET_STEPS
-    s[CRAWLING_STEPS] = s[CRAWLING_STEPS] + 1.0 if length < CRAWLING else 0.0
-    crawls = s[CRAWLING_STEPS] >= MOST_CRAWLING_STEPS
-    return 1 if (many and theta > NEARLY_FEASIBLE) or crawls else 0
+    return 1 if s[SHORT_STEPS] > MOST_SHORT_STEPS and theta > NEARLY_FEASIBLE else 0
 
 
 @native

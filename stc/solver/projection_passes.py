@@ -74,8 +74,7 @@ def improve(
     """Make a Newton step, found already, and make it better with the same factorisation where it has contracted.
 
     A correction makes a factorisation gain as much as one and a half Newton steps (J. F. Traub, Iterative methods for
-    the solution of equations, 1964, section 8.4).  One is made, and more where that saves another step.  One is saved
-    also by a point that is exact: others are polished (see stc.solver.polish).
+    the solution of equations, 1964, section 8.4).  One is made, and more where that saves another step.
 
     Args:
         calls: those of the pair of points.

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.records import dataclass
-from stc.solver.ablation import on
 from stc.solver.conditions import better_signs, respond, restrict
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, evaluate, push_inside
@@ -155,8 +154,6 @@ class QuadraticProgram:
         found = self._by_active_sets(guess)
         if found is not None or not thorough:
             return found
-        if not on('qp_barrier'):
-            return None
         inner, error = self._by_barrier()
         enough = error <= max(ROUGH * self.point.error, self.tolerance)
         # Even a rough solution tells which constraints are active.

@@ -12,7 +12,6 @@ from collections.abc import Callable
 import numpy as np
 
 from stc.records import dataclass
-from stc.solver.ablation import on
 from stc.solver.convexity import is_convex
 from stc.solver.elastic import ElasticProblem
 from stc.solver.formulation import Formulation
@@ -88,7 +87,7 @@ def meet_rows(
             it.become(claim)
             # Where the search from there got lost, nothing has confirmed the claim.
             return End.STATIONARY_VIOLATION if end is End.STATIONARY_VIOLATION else End.STUCK, outcome
-        if end is not End.STATIONARY_VIOLATION or not elastic.is_held(it.w[: form.n]) or not on('many_centres'):
+        if end is not End.STATIONARY_VIOLATION or not elastic.is_held(it.w[: form.n]):
             break
         # It stays near where it began, which may be all that keeps it there.
         claim, mu = it.snapshot(), 0.0

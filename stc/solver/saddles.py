@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from stc.solver.curvature import SecondOrder, second_order_at
 from stc.solver.judgement import Point
 from stc.solver.outcome import End, Outcome, Tactics
@@ -30,8 +28,6 @@ def beyond_saddle(outcome: Outcome, rescalings: Rescalings) -> tuple[Outcome, Ou
     if found is SecondOrder.FAILS:
         return replace(outcome, end=End.SADDLE), None
     x = workspace_of(form).it.w[: form.n].copy()
-    if found is SecondOrder.ENDLESS:
-        return Outcome(End.UNBOUNDED, form, x, outcome.y, np.inf), None
     attempts.monitor.count()
     on = rescalings.on_from(form, Point(*form.as_stated(x, outcome.y)), Tactics())
     return on, replace(outcome, minimum=True) if found is SecondOrder.LOWER else None

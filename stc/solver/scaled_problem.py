@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.arrays import scattered
-from stc.solver.ablation import on
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import NLP, Floats, Mask
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from stc.solver.kkt.contract import KKTSystem
     from stc.solver.projection import Projection, ProjectionPair
 
-__all__ = ["ScaledProblem", "is_small", "relative_violation"]
+__all__ = ["ScaledProblem", "relative_violation"]
 
 LARGEST_GRADIENT = 100.0
 SMALLEST_FACTOR = 1e-8
@@ -49,7 +48,7 @@ TINY = 1e-4
 ORDINARY = (1e-2, 1e3)  # magnitudes of variables that are left alone
 
 
-def is_small(x: Floats) -> Mask:
+def _is_small(x: Floats) -> Mask:
     """Where a variable is smaller than usual, but not 0, (n,)."""
     magnitude = np.abs(x)
     return (magnitude > 0.0) & (magnitude < ORDINARY[0])
@@ -85,12 +84,11 @@ class ScaledProblem(Formulation):
         options: Options,
         new_kkt: Callable[..., KKTSystem],
         objective_factor: float = 1.0,
-        small_too: bool = False,
         even: bool = False,
     ) -> None:
         """Scale ``nlp`` at ``x0`` (n,), a point where it is defined; the objective by ``objective_factor`` as well.
 
-        Variables that are small there may become large: they are left alone unless ``small_too``, or all are tiny.
+        Variables that are small there may become large: they are left alone unless all are tiny.
         Where ``even``, each variable is measured such that it makes a difference to some row.
         """
         self.nlp = nlp
@@ -102,7 +100,7 @@ class ScaledProblem(Formulation):
         self._set_pattern(nlp.jac_rows, nlp.jac_cols, nlp.hess_rows, nlp.hess_cols)
         self._held_user = nlp.x_lower == nlp.x_upper
         if options.scaling:
-            self._choose_scales(x0, small_too, UNEVEN if even else WEAK)
+            self._choose_scales(x0, UNEVEN if even else WEAK)
         self.objective_factor = objective_factor
         self.objective_scale *= objective_factor
         self._combine_scales()
@@ -119,8 +117,6 @@ class ScaledProblem(Formulation):
             *_limits(self.true_rows, (nlp.row_lower, nlp.row_upper), 1.0 / self.row_scale),
             *_limits(self.true_x, (nlp.x_lower, nlp.x_upper), self.x_scale),
         )
-        diagonal = np.flatnonzero((self.hess_rows == self.hess_cols) & nlp.fixed_curvature[self.hess_rows])
-        self.convex = self.hess_rows[diagonal], diagonal
         self.linear = bool(np.all(nlp.row_linear))
         self.quadratic_objective = nlp.objective_degree <= 2
         self.quadratic_program = self.linear and self.quadratic_objective
@@ -148,25 +144,21 @@ class ScaledProblem(Formulation):
             return False
         return all(bool(np.isfinite(part.sum())) for part in self.derivatives(x, np.ones(self.m)))
 
-    def _choose_scales(self, x0: Floats, small_too: bool, weak_below: float) -> None:
+    def _choose_scales(self, x0: Floats, weak_below: float) -> None:
         nlp = self.nlp
         span = nlp.x_upper - nlp.x_lower
         magnitude = np.minimum(np.abs(x0), np.where(span > 0.0, np.maximum(span, 1.0), np.inf))
         narrow = np.isfinite(span) & (span > 0) & (span < ORDINARY[0])
         wide = magnitude > ORDINARY[1]
-        if small_too or (_are_tiny(nlp, x0) and on('scale_tiny')):
-            wide |= is_small(x0)
-        if narrow.any() and not on('scale_narrow'):
-            narrow &= False
-        if wide.any() and not on('scale_wide'):
-            wide &= False
+        if _are_tiny(nlp, x0):
+            wide |= _is_small(x0)
         self.x_scale = np.where(narrow, span, np.where(wide, magnitude, 1.0))
         self.x_scale = np.exp2(np.round(np.log2(self.x_scale)))
         entries = self._choose_function_scales(x0)
         columns = np.zeros(self.n)
         np.maximum.at(columns, self.jac_cols, entries * self.row_scale[self.jac_rows])
         weak = (columns > 0.0) & (columns < weak_below)
-        if weak.any() and bool((self.x_scale >= 1.0).all()) and on('scale_weak'):  # else it is small that they are
+        if weak.any() and bool((self.x_scale >= 1.0).all()):  # else it is small that they are
             most = np.maximum(np.abs(nlp.x_lower), np.abs(nlp.x_upper))[weak]  # infinite where either is
             larger = np.minimum(self.x_scale[weak] / np.maximum(columns[weak], WEAKEST), most)
             self.x_scale[weak] = np.exp2(np.round(np.log2(np.maximum(larger, self.x_scale[weak]))))
@@ -176,10 +168,8 @@ class ScaledProblem(Formulation):
             np.maximum(sizes, np.abs(bound), out=sizes, where=np.isfinite(bound))
         sizes *= self.row_scale
         large = (sizes > LARGEST_BOUND) & (nlp.row_lower < nlp.row_upper)
-        if large.any() and not on('scale_large_bound'):
-            large &= False
         # A steep row is not widened by less: two that meet would leave room for rounding errors alone.
-        self._row_unit = np.maximum(self.row_scale, 1.0) if on('relax_row_unit') else np.full(self.m, np.inf)
+        self._row_unit = np.maximum(self.row_scale, 1.0)
         self._row_unit[large] *= LARGEST_BOUND / sizes[large]
         self.row_scale[large] *= LARGEST_BOUND / sizes[large]
 
@@ -193,7 +183,7 @@ class ScaledProblem(Formulation):
         nearby, entries_nearby = self._magnitudes(np.clip(x0 + way * self.x_scale, nlp.x_lower, nlp.x_upper))
         factors = _factors(at_start, nearby)
         flat = (at_start < SMALLEST_GRADIENT) & (nearby > TOO_LARGE)
-        if flat.any() and on('scale_flat'):
+        if flat.any():
             # Where a variable is small, a way of its own size.
             own = np.where(x0 == 0.0, self.x_scale, np.minimum(np.abs(x0), self.x_scale))
             nearby, _ = self._magnitudes(np.clip(x0 + way * own, nlp.x_lower, nlp.x_upper))
@@ -293,14 +283,10 @@ def _factors(gradients: Floats, nearby: Floats) -> Floats:
     """
     factors = np.ones_like(gradients)
     large = np.isfinite(gradients) & (gradients > LARGEST_GRADIENT)
-    most = np.clip(TOO_LARGE / gradients[large], LEAST_FACTOR, SMALLEST_FACTOR)
-    if (gradients[large] > 1e10).any() and not on('scale_too_large'):
-        most = SMALLEST_FACTOR
-    factors[large] = np.maximum(LARGEST_GRADIENT / gradients[large], most)
+    factors[large] = np.maximum(LARGEST_GRADIENT / gradients[large], SMALLEST_FACTOR)
     both = np.maximum(gradients, nearby)
     small = (both > 0.0) & (both < SMALLEST_GRADIENT)  # False for nan
-    if small.any() and on('scale_small'):
-        factors[small] = np.minimum(1.0 / both[small], LARGEST_FACTOR)
+    factors[small] = np.minimum(1.0 / both[small], LARGEST_FACTOR)
     return factors
 
 
@@ -308,8 +294,6 @@ def _hair(bound: Floats, unit: Floats) -> Floats:
     """What bounds are widened by, in which ``unit`` is one as stated; one that is 0 says nothing of its size."""
     size = np.abs(bound)
     hair = np.where(size == 0.0, 1.0, np.clip(size, SMALLEST_BOUND, 1.0))
-    if not on('relax_small_less'):
-        hair = np.maximum(size, 1.0)
     return np.maximum(RELAXATION * np.minimum(hair, unit), ROUNDED * size)
 
 

@@ -12,7 +12,6 @@ from stc.solver.places import (
     CENTRE,
     CHANGED,
     CORRECTION,
-    CRAMPED,
     DOUBT,
     ENDED_BY,
     EQUATIONS,
@@ -20,9 +19,7 @@ from stc.solver.places import (
     FROM_PHI,
     FROM_SLOPE,
     FROM_THETA,
-    HALVED,
     LENGTH_TAKEN,
-    LENGTHENS,
     LIMIT,
     LOG_SLOPE,
     LOGARITHMS,
@@ -30,13 +27,10 @@ from stc.solver.places import (
     MOVED,
     MU,
     OBJECTIVE,
-    PRICE,
     PRIMAL_STEP,
-    REACH,
     RELATIVE,
     RETURN,
     SHIFT,
-    SHORTENED,
     SHORTEST,
     SLOPE,
     SMALL_THETA,
@@ -48,9 +42,6 @@ from stc.solver.places import (
     TRIAL_THETA,
     TRY_POINT,
     TRY_STEP,
-    WATCHING,
-    WHOLE,
-    Y_SUM,
 )
 
 GAMMA_THETA = 1e-5
@@ -60,30 +51,12 @@ S_THETA = 1.1
 S_PHI = 2.3
 ETA = 1e-8
 GAMMA_ALPHA = 0.05
-MOST_SHORTENED, TRIALS = 10, 3
-"""After so many shortened steps in a row, so many whole ones are taken on trial."""
-EXCURSION, LARGE, SHARE = 100.0, 1.0, 0.003
-"""A violation so many times larger, and larger than this, has to lower the barrier function by such a share of what
-multipliers say that it may."""
-FAR_EXCURSION, FAR = 1000.0, 10.0
-"""One so many times larger, and larger than this, has to lower it by all of that."""
 MOST_CORRECTIONS = 4
 CORRECTION_PROGRESS = 0.99
 SMALLEST_POWER = 1e-300
-LONGER, WORTHWHILE = 2.0, 1.25
-"""By how much a step is lengthened at a time, and at least."""
-LIKELY = 0.25
-"""Share of what the Lagrangian's slope promises that has to come true for that."""
-DOWNHILL = 0.5
-"""Share of the same that the barrier function is to fall by, rather than the violation."""
-SURE = 0.3
-"""How far the Lagrangian may be from the parabola through what was found before, relative to its fall."""
 EPSILON = 2.0**-52
-OBJECTIVE_LIMIT = 5.0
-"""Largest admissible increase of the barrier function, in powers of ten."""
-TEN = log(10.0)
 #: How a search may end.
-TAKEN, NOT_TAKEN, CALL_MISSING, ON_TRIAL, NOT_FINITE = 0, 1, 2, 3, 4
+TAKEN, NOT_TAKEN, CALL_MISSING, NOT_FINITE = 0, 1, 2, 3
 #: What a point tried may be: refused, acceptable by its barrier function, or by the filter, which is then extended.
 REFUSED, DESCENT, OUTSIDE = 0, 1, 2
 
@@ -116,20 +89,12 @@ def judge(alpha: f64, trial_theta: f64, trial_phi: f64, filter: f64s, s: f64s) -
     phi = s[FROM_PHI]
     slope = s[FROM_SLOPE]
     noise = 10.0 * EPSILON * fabs(phi)
-    if trial_theta > max(EXCURSION * theta, LARGE):
-        price = s[PRICE] if trial_theta <= max(FAR_EXCURSION * theta, FAR) else s[PRICE] / SHARE
-        if trial_phi - phi + price * (trial_theta - theta) > 0.0:
-            return REFUSED
     if (
         theta <= s[SMALL_THETA]
         and slope < 0.0
         and alpha * power(-slope, S_PHI) > DELTA * power(theta, S_THETA)
     ):
         return DESCENT if trial_phi - phi - noise <= ETA * alpha * slope else REFUSED
-    if trial_phi > phi:
-        magnitude = max(1.0, log(max(fabs(phi), 10.0)) / TEN)
-        if log(trial_phi - phi) / TEN > OBJECTIVE_LIMIT + magnitude:
-            return REFUSED
     if trial_theta <= (1.0 - GAMMA_THETA) * theta or trial_phi - phi - noise <= -GAMMA_PHI * theta:
         return OUTSIDE
     return REFUSED
@@ -208,74 +173,11 @@ def correct(
     return REFUSED
 
 
-@native(fast=True)
-def lagrangian(m: i64, phi: f64, y: f64s, dy: f64s, c: f64s) -> f64:
-    """The barrier function plus the rows' violation at the price of the multipliers that a step leads to."""
-    total = phi
-    for r in range(m):
-        total += (y[r] + dy[r]) * c[r]
-    return total
-
-
-@native
-def may_lengthen(s: f64s) -> i64:
-    """Whether more than all of the step may be better: a shift has made it short, and will do so again.
-
-    With the rows' part damped the shift falls from step to step, until a smaller one has failed.
-    """
-    if s[LENGTHENS] == 0.0 or s[SHIFT] == 0.0 or s[TINY] != 0.0 or s[LIMIT] < 1.0:
-        return 0
-    return 1 if s[WHOLE] != 0.0 or s[CRAMPED] > 0.0 else 0
-
-
-@native(shared=True)
-def lengthen(
-    calls: i64s, m: i64, gaps: i64, y: f64s, c: f64s, dy: f64s, trial_c: f64s, f: f64s, alphas: f64s, filter: f64s,
-    s: f64s,
-) -> f64:  # fmt: skip
-    """How much of the step to take, one or more, where all of it has just been tried and would do.
-
-    A shift bounds the step as a trust region does, and those are made larger where their model is right (A. R. Conn,
-    N. I. M. Gould and Ph. L. Toint, Trust-region methods, SIAM 2000, 6.1). Along the step that is as if the shift were
-    smaller, even where the matrix would be indefinite. The model is the Lagrangian with the multipliers that go with
-    the step, which knows of the rows' curvature: it has to fall as foreseen, and that mostly by the barrier function.
-    What is found is the point tried.
-    """
-    before = lagrangian(m, s[FROM_PHI], y, dy, c)
-    slope = s[FROM_SLOPE] - (before - s[FROM_PHI])
-    change = lagrangian(m, barrier_of(gaps, f[0], s[TRIAL_LOGARITHMS], s), y, dy, trial_c) - before
-    alpha = 1.0
-    if not (slope < 0.0 and s[FROM_SLOPE] <= DOWNHILL * slope and change <= LIKELY * slope):
-        return alpha
-    bend = change - slope
-    while True:
-        longer = min(LONGER * alpha, s[REACH])
-        if longer < WORTHWHILE * alpha:
-            return alpha
-        alphas[0] = longer
-        invoke(calls, TRY_STEP)
-        better = 0
-        if is_inside(f, s) != 0:
-            phi = barrier_of(gaps, f[0], s[TRIAL_LOGARITHMS], s)
-            further = lagrangian(m, phi, y, dy, trial_c) - before
-            foreseen = longer * (slope + longer * bend)
-            if further <= change + LIKELY * (longer - alpha) * slope:
-                if fabs(further - foreseen) <= SURE * fabs(foreseen):
-                    if judge(longer, s[TRIAL_THETA], phi, filter, s) != REFUSED:
-                        better = 1
-                        change = further
-        if better == 0:
-            alphas[0] = alpha
-            invoke(calls, TRY_STEP)
-            return alpha
-        alpha = longer
-
-
 @native(shared=True)
 def backtrack(
-    calls: i64s, n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, w: f64s, y: f64s, c: f64s, gap: f64s, dy: f64s,
-    trial_w: f64s, trial_c: f64s, x: f64s, f: f64s, dw: f64s, residual: f64s, alphas: f64s, mu: f64s, shifted: f64s,
-    report: f64s, filter: f64s, s: f64s,
+    calls: i64s, n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, w: f64s, c: f64s, gap: f64s, trial_w: f64s,
+    trial_c: f64s, x: f64s, f: f64s, dw: f64s, residual: f64s, alphas: f64s, mu: f64s, shifted: f64s, report: f64s,
+    filter: f64s, s: f64s,
 ) -> i64:  # fmt: skip
     """Move the iterate along the step by the largest fraction of :data:`LIMIT`, halved again and again, that will do.
 
@@ -288,31 +190,23 @@ def backtrack(
     limit = s[LIMIT]
     s[LENGTH_TAKEN] = 0.0
     smallest = max(smallest_fraction(theta, s[FROM_SLOPE], s), s[SHORTEST] * limit)
-    first = s[HALVED] == 0.0
-    alpha = limit if first else 0.5 * limit
+    first = True
+    alpha = limit
     while alpha >= smallest or first:
         alphas[0] = alpha
         invoke(calls, TRY_STEP)
         if is_inside(f, s) != 0:
             kind = DESCENT
-            corrected = 0
             if s[TINY] == 0.0:
                 kind = judge(alpha, s[TRIAL_THETA], barrier_of(gaps, f[0], s[TRIAL_LOGARITHMS], s), filter, s)
             if kind == REFUSED and first and s[TRIAL_THETA] >= theta and theta > 0.0:
                 if calls[2 * CORRECTION] == 0:
                     return CALL_MISSING
-                corrected = 1
                 kind = correct(
                     calls, n, m, gaps, index, sign, alpha, w, c, gap, trial_w, trial_c, x, f, dw, residual, mu, report,
                     filter, s,
                 )  # fmt: skip
-            elif kind != REFUSED and first and may_lengthen(s) != 0:
-                alpha = lengthen(calls, m, gaps, y, c, dy, trial_c, f, alphas, filter, s)
-                if alpha > limit:
-                    phi = barrier_of(gaps, f[0], s[TRIAL_LOGARITHMS], s)
-                    kind = judge(alpha, s[TRIAL_THETA], phi, filter, s)
             if kind != REFUSED and take(calls, kind, alpha, alphas, mu, shifted, filter, s) != 0:
-                s[SHORTENED] = 0.0 if first or corrected != 0 else s[SHORTENED] + 1.0
                 s[LENGTH_TAKEN] = alpha
                 return TAKEN
         first = False
@@ -322,19 +216,18 @@ def backtrack(
 
 @native(shared=True)
 def search(
-    calls: i64s, n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, w: f64s, y: f64s, c: f64s, gap: f64s, dy: f64s,
-    trial_w: f64s, trial_c: f64s, x: f64s, f: f64s, dw: f64s, residual: f64s, alphas: f64s, mu: f64s, shifted: f64s,
-    report: f64s, filter: f64s, s: f64s,
+    calls: i64s, n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, w: f64s, c: f64s, gap: f64s, trial_w: f64s,
+    trial_c: f64s, x: f64s, f: f64s, dw: f64s, residual: f64s, alphas: f64s, mu: f64s, shifted: f64s, report: f64s,
+    filter: f64s, s: f64s,
 ) -> i64:  # fmt: skip
     """Search along the step from the iterate.
 
     Returns:
-        As :func:`backtrack`, or NOT_FINITE, or ON_TRIAL where steps are to be taken on trial; ``s[ENDED_BY]`` keeps it.
+        As :func:`backtrack`, or NOT_FINITE; ``s[ENDED_BY]`` keeps it.
     """
     s[LENGTH_TAKEN] = 0.0
     if s[CHANGED] != 0.0:
         filter[0] = 0.0
-        s[WATCHING] = 0.0
     ended = NOT_FINITE
     if s[FINITE] == 0.0:
         theta = s[THETA]
@@ -342,14 +235,10 @@ def search(
         s[FROM_PHI] = barrier_of(gaps, s[OBJECTIVE], s[LOGARITHMS], s)
         s[FROM_SLOPE] = s[SLOPE] - s[MU] * s[LOG_SLOPE]
         s[LIMIT] = s[PRIMAL_STEP]
-        s[HALVED] = 0.0
-        s[PRICE] = SHARE * s[Y_SUM] / max(m, 1)
         s[TINY] = 1.0 if s[RELATIVE] < 10.0 * EPSILON and theta < 1e-4 else 0.0
-        ended = ON_TRIAL
-        if s[WATCHING] == 0.0 and s[SHORTENED] < MOST_SHORTENED:
-            ended = backtrack(
-                calls, n, m, gaps, index, sign, w, y, c, gap, dy, trial_w, trial_c, x, f, dw, residual, alphas, mu,
-                shifted, report, filter, s,
-            )  # fmt: skip
+        ended = backtrack(
+            calls, n, m, gaps, index, sign, w, c, gap, trial_w, trial_c, x, f, dw, residual, alphas, mu, shifted,
+            report, filter, s,
+        )  # fmt: skip
     s[ENDED_BY] = float(ended)
     return ended

@@ -1,24 +1,21 @@
-"""Factorisation with the inertia under control, compiled: which shift to try next.
+"""Inertia correction, compiled: which shift of the Hessian to try next.
 
-See :mod:`stc.solver.newton_system` for the system, and :mod:`stc.solver.places` for the numbers ``s`` and the calls.
+A. Waechter and L. T. Biegler, Math. Program. 106, 2006, algorithm IC. See :mod:`stc.solver.newton_system` for the
+system, and :mod:`stc.solver.places` for the numbers ``s`` and the calls.
 """
 
 from __future__ import annotations
 
 from stc.codegen.calls import invoke
-from stc.codegen.native import f64, f64s, fabs, i64, i64s, native, sqrt
+from stc.codegen.native import f64, f64s, i64, i64s, native, sqrt
 from stc.solver.kkt.contract import COARSE
 from stc.solver.places import (
     ATTEMPT,
     BEND,
     BENDS,
     BENDS_ALIKE,
-    CRAMPED,
     DAMPED,
-    DEFICIENCIES,
-    DEFICIENT,
     DIAGONALS,
-    DUAL_ERROR,
     DUAL_SHIFT,
     ENDED,
     ENDED_BY,
@@ -26,24 +23,16 @@ from stc.solver.places import (
     ERROR,
     EXACT,
     EXCESS,
-    EXCESS_BEFORE,
     FAILURES,
-    GROWTH_NOW,
     LAST_SHIFT,
-    LIMIT,
     MU,
     SHIFT,
     SHIFTED,
-    SLOW_BEFORE,
-    SLOW_BEST,
-    SLOW_STEPS,
     SOFT,
-    SOFTENED,
     STIFFNESS,
     TASK,
     UNTRIED,
     WHOLE,
-    ZEROS,
 )
 
 FIRST_SHIFT = 1e-4
@@ -51,38 +40,16 @@ SMALLEST_SHIFT = 1e-20
 LARGEST_SHIFT = 1e40
 GROWTH_AT_FIRST = 100.0
 GROWTH = 8.0
-GROWTH_OF_DAMPED = 10.0
-"""Where the rows' part is damped: there a larger shift costs little, and a factorisation much."""
-GROWTH_IN_VAIN = 64.0
-"""The same after a shift that has left as many eigenvalues negative as the one before."""
 DECAY = 1.0 / 3.0
-DECAY_IF_CRAMPED = 0.6
-"""The same at the iterate after one where a smaller shift has failed: the smallest that serves is near."""
-SMALLER = 0.9
-"""A shift below such a share of the last one is a smaller one; should that fail, the last one is likely to serve."""
 ITS_DUAL_SHIFT = 1e-8
-SOFTER_BY, SOFTEST = 30.0, 1e-6
-"""How much more rows give way at a time where pivots are too small still, and what is the most."""
-ALWAYS = 3
-"""Iterations in a row that met dependent rows, after which they are expected."""
 MOST_UNTRIED = 3
 """Iterations in a row at most in which a matrix without a shift is not tried, after it has failed again and again."""
-MOST_DAMPED = 8
-"""The same where there is the rows' part to be damped, and at once where it had more negative eigenvalues too many; no
-more iterations than these."""
 FAR = 1e-4
 """Error of the iterate from which on it is far."""
 NEARLY_WHOLE = 0.5
 """Share of a step, from which on it is counted as accepted."""
 SOFTER = 0.01
 SMALLEST_STIFFNESS = 1e-8
-SHORT = 0.2
-"""Share of what the bounds allow, below which a step was too long by far where damping helps."""
-AFTER_SHORT = 7.0
-"""How much more the last shift counts then: DECAY times that is tried at once, with the rows' part damped."""
-WATCHED, SLOW = 6, 0.6
-WHOLE_STEP = 0.99
-"""So many damped steps in a row that are whole, but leave more than such a share of the dual error, are the last."""
 BENT = 0.05
 """Share of the variables that an objective has to bend at least."""
 #: What a factorisation has to do next: try the shifts, look at what that has found, shift more, damp, or either, ...
@@ -90,127 +57,35 @@ TRY, LOOK, GROW, DAMP, DAMP_OR_GROW = 0.0, 1.0, 2.0, 3.0, 4.0
 #: ... and how it may end: done, or somebody else has to factorise, provide a call, or give up.
 DONE, REFACTOR, CALL_MISSING, NO_SHIFT = 0, 1, 2, 3
 UNKNOWN = -1.0
-LOWEST_ORDINARY, HIGHEST_ORDINARY = 1e-6, 1e2
 
 
 @native
-def middle_magnitude(count: i64, values: f64s) -> f64:
-    """The median of the magnitudes that are not zero, 0 where all are; of two, the larger one.  Reorders ``values``.
-
-    Found by parting them again and again (C. A. R. Hoare, Algorithm 65: find, Commun. ACM 4, 1961).
-    """
-    last = -1
-    for k in range(count):
-        value = fabs(values[k])
-        if value > 0.0:
-            last += 1
-            values[last] = value
-    if last < 0:
-        return 0.0
-    wanted = (last + 1) // 2
-    first = 0
-    while first < last:
-        pivot = values[(first + last) // 2]
-        low = first
-        high = last
-        while low <= high:
-            while values[low] < pivot:
-                low += 1
-            while values[high] > pivot:
-                high -= 1
-            if low <= high:
-                held = values[low]
-                values[low] = values[high]
-                values[high] = held
-                low += 1
-                high -= 1
-        if wanted <= high:
-            last = high
-        elif wanted >= low:
-            first = low
-        else:
-            return values[wanted]
-    return values[wanted]
-
-
-@native
-def ordinary_curvature(count: i64, diagonal: i64s, hess: f64s, scratch: f64s) -> f64:
-    """What shifts are measured in: the Hessian's entries shrink with the steps of a finer motion.
-
-    Args:
-        diagonal: which of ``hess`` are on its diagonal, (count,); ``scratch`` is work space, (count,).
-    """
-    for k in range(count):
-        scratch[k] = hess[diagonal[k]]
-    found = middle_magnitude(count, scratch)
-    return min(max(found, LOWEST_ORDINARY), HIGHEST_ORDINARY) if found > 0.0 else 1.0
-
-
-@native
-def smaller_shift(whole: f64, s: f64s) -> f64:
-    """The first shift to try after the last iterate's.
-
-    Steps grow as shifts come near the smallest that serves (J. J. More and D. C. Sorensen, Computing a trust region
-    step, SIAM J. Sci. Stat. Comput. 4, 1983).
-
-    Args:
-        whole: 0 where the rows' part is to be damped: there a shift that serves need not be that small.
-    """
-    decay = DECAY_IF_CRAMPED if whole != 0.0 and s[CRAMPED] == 1.0 else DECAY
-    return max(SMALLEST_SHIFT, decay * s[LAST_SHIFT])
+def smaller_shift(s: f64s) -> f64:
+    """The first shift to try after the last iterate's."""
+    return max(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT])
 
 
 @native(shared=True)
 def begin(calls: i64s, s: f64s) -> None:
     """Prepare the factorisation at an iterate; :func:`factorize` does it."""
     invoke(calls, DIAGONALS)
-    s[CRAMPED] = max(s[CRAMPED] - 1.0, 0.0)
     s[WHOLE] = 1.0
     s[SHIFT] = s[STIFFNESS]
-    s[SOFT] = min(max(s[SOFTENED], 1.0) * ITS_DUAL_SHIFT * sqrt(sqrt(max(s[MU], 1e-12))), SOFTEST)
-    # Rows that have been dependent all the time are so by their structure.
-    s[DEFICIENT] = 1.0 if s[DEFICIENCIES] >= ALWAYS else 0.0
-    s[DUAL_SHIFT] = s[SOFT] if s[DEFICIENT] != 0.0 else 0.0
-    s[EXCESS_BEFORE] = 0.0
+    s[SOFT] = ITS_DUAL_SHIFT * sqrt(sqrt(max(s[MU], 1e-12)))
+    s[DUAL_SHIFT] = 0.0
     s[TASK] = TRY
     if s[UNTRIED] > 0.0:  # without a shift: it has failed again and again
         s[UNTRIED] -= 1.0
-        s[SHIFT] = max(s[STIFFNESS], smaller_shift(s[EXACT], s))
+        s[SHIFT] = max(s[STIFFNESS], smaller_shift(s))
         if s[EXACT] == 0.0:
             s[TASK] = DAMP
 
 
 @native
-def larger_shift(growth: f64, s: f64s) -> f64:
+def larger_shift(s: f64s) -> f64:
     """The next shift to try, after another one or the last iterate's; more than LARGEST_SHIFT where there is none."""
-    last = s[LAST_SHIFT]
-    grown = s[SHIFT] * (GROWTH_AT_FIRST if last == 0.0 else growth)
-    if s[WHOLE] != 0.0 and s[SHIFT] < SMALLER * last:
-        grown = min(grown, last)
-    return max(grown, smaller_shift(s[WHOLE], s))
-
-
-@native
-def soften(zero: i64, s: f64s) -> i64:
-    """Let dependent rows give way more, where so many pivots are as good as zero with the dual shift as it is; 0 where
-    that is no use.
-
-    Rows that are stated twice have pivots of that size, which rounding hides where others are large.
-    """
-    if zero == 0 or s[SOFTENED] == 0.0:
-        return 0
-    if s[SOFTENED] == 1.0:
-        s[ZEROS] = float(zero)
-    if s[SOFT] * SOFTER_BY > SOFTEST:
-        if float(zero) >= s[ZEROS]:  # it is not for the rows
-            s[SOFT] /= s[SOFTENED]
-            s[DUAL_SHIFT] = s[SOFT]
-            s[SOFTENED] = 0.0
-        return 0
-    s[SOFTENED] *= SOFTER_BY
-    s[SOFT] *= SOFTER_BY
-    s[DUAL_SHIFT] = s[SOFT]
-    return 1
+    grown = s[SHIFT] * (GROWTH_AT_FIRST if s[LAST_SHIFT] == 0.0 else GROWTH)
+    return max(grown, smaller_shift(s))
 
 
 @native(shared=True)
@@ -242,8 +117,6 @@ def factorize(
     count: i64,
     diagonal: i64s,
     bend: f64s,
-    hess: f64s,
-    scratch: f64s,
     inertia: i64s,
     accuracy: f64s,
     s: f64s,
@@ -279,18 +152,11 @@ def factorize(
             singular = inertia[2] > 0 or s[EXCESS] < 0.0
             if not singular and s[EXCESS] == 0.0:
                 break
-            s[GROWTH_NOW] = GROWTH
-            if s[WHOLE] == 0.0:
-                s[GROWTH_NOW] = GROWTH_IN_VAIN if s[EXCESS] == s[EXCESS_BEFORE] else GROWTH_OF_DAMPED
-            s[EXCESS_BEFORE] = s[EXCESS]
             s[TASK] = TRY
             if singular and s[DUAL_SHIFT] == 0.0 and s[EQUATIONS] != 0.0:
                 s[DUAL_SHIFT] = s[SOFT]
-                s[DEFICIENT] = 1.0
                 if s[SHIFT] == 0.0:
                     continue
-            elif s[EXCESS] < 0.0 and soften(inertia[2], s) != 0:
-                continue
             if s[SHIFT] == 0.0:
                 s[FAILURES] += 1.0
                 s[UNTRIED] = min(s[FAILURES] - 1.0, MOST_UNTRIED)
@@ -300,18 +166,10 @@ def factorize(
                 ended = CALL_MISSING
                 break
             s[TASK] = GROW
-            if damp(calls, n, count, diagonal, bend, s) != 0:
-                if s[UNTRIED] > 0.0 or s[EXCESS] > MOST_DAMPED:
-                    s[UNTRIED] = max(s[UNTRIED], min(s[EXCESS], MOST_DAMPED))
-                if s[SHIFT] > 0.0:
-                    s[TASK] = TRY
-                    continue
-        if s[SHIFT] > 0.0:
-            s[CRAMPED] = 2.0
-        if s[SHIFT] == 0.0 and s[LAST_SHIFT] == 0.0:
-            s[SHIFT] = FIRST_SHIFT * ordinary_curvature(count, diagonal, hess, scratch)
-        else:
-            s[SHIFT] = larger_shift(s[GROWTH_NOW], s)
+            if damp(calls, n, count, diagonal, bend, s) != 0 and s[SHIFT] > 0.0:
+                s[TASK] = TRY
+                continue
+        s[SHIFT] = FIRST_SHIFT if s[SHIFT] == 0.0 and s[LAST_SHIFT] == 0.0 else larger_shift(s)
         s[TASK] = TRY
         if s[SHIFT] > LARGEST_SHIFT:
             ended = NO_SHIFT
@@ -324,48 +182,18 @@ def factorize(
         accuracy[0] = COARSE
     if s[SHIFT] == 0.0:
         s[FAILURES] = 0.0
-    s[DEFICIENCIES] = s[DEFICIENCIES] + 1.0 if s[DEFICIENT] != 0.0 else 0.0
     if s[SHIFT] > 0.0:
         s[LAST_SHIFT] = s[SHIFT]
     return DONE
 
 
 @native
-def notice_slowness(length: f64, s: f64s) -> None:
-    """Damp no more where that is all that makes the iteration slow: whole steps hardly change the dual error.
-
-    Newton's own would all but remove it.  What is left out of the Hessian is then nearly as large as what is not, and
-    the error falls by the same few per cent again and again, or goes up and down meanwhile.
-    """
-    if s[WHOLE] != 0.0 or length < WHOLE_STEP:
-        s[SLOW_STEPS] = 0.0
-        s[SLOW_BEFORE] = 0.0
-        return
-    s[SLOW_BEST] = s[DUAL_ERROR] if s[SLOW_STEPS] == 0.0 else min(s[SLOW_BEST], s[DUAL_ERROR])
-    s[SLOW_STEPS] += 1.0
-    if s[SLOW_STEPS] >= WATCHED:
-        if s[SLOW_BEFORE] > 0.0 and s[SLOW_BEST] > SLOW * s[SLOW_BEFORE]:
-            s[BENDS] = 0.0
-        s[SLOW_BEFORE] = s[SLOW_BEST]
-        s[SLOW_STEPS] = 0.0
-
-
-@native
 def relax(length: f64, s: f64s) -> None:
-    """Let the stiffness go as steps are accepted nearly whole, and at once where none is (``length`` 0).
-
-    A short step asks for a larger shift, as trust regions shrink (Levenberg 1944, Marquardt 1963), where shifts are
-    needed at all and make good steps.  A shift that did not even lead to a step is none to start from next time.
-    """
-    notice_slowness(length, s)
+    """Let the stiffness go as steps are accepted nearly whole, and at once where none is (``length`` 0)."""
     if length == 0.0:
         s[STIFFNESS] = 0.0
-    else:
-        if s[SHIFT] > 0.0:
-            s[LAST_SHIFT] = s[SHIFT]
-        if length < SHORT * s[LIMIT] and s[SHIFT] > 0.0 and s[BENDS] == 1.0:
-            s[LAST_SHIFT] *= AFTER_SHORT
-            s[UNTRIED] = max(s[UNTRIED], 1.0)
+    elif s[SHIFT] > 0.0:
+        s[LAST_SHIFT] = s[SHIFT]
     if length >= NEARLY_WHOLE:
         s[STIFFNESS] *= SOFTER
         if s[STIFFNESS] < SMALLEST_STIFFNESS:

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from stc.deadline import within
-from stc.solver.ablation import on
-from stc.solver.active_set import fitting_multipliers, smaller_multipliers
+from stc.solver.active_set import fitting_multipliers
 from stc.solver.attempts import Attempts
 from stc.solver.convexity import is_convex
 from stc.solver.interior import optimise
@@ -20,19 +19,17 @@ from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
-from stc.solver.polish import MET, meet_equations
 from stc.solver.presolve import presolved
 from stc.solver.products import between, inner
 from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess, rows_missed
 from stc.solver.saddles import beyond_saddle, is_minimum
-from stc.solver.scaled_problem import ScaledProblem, is_small, relative_violation
+from stc.solver.scaled_problem import ScaledProblem, relative_violation
 from stc.solver.status import (
     FIXED_ROWS_MISSED,
     FLAT_BUT_FOR_ROUNDING,
     MET_BUT_FOR_ROUNDING,
-    NO_MINIMUM,
     STILL_FALLING,
     Status,
     advice,
@@ -43,22 +40,19 @@ from stc.solver.unboundedness import falling_to
 __all__ = ["minimize"]
 
 RESCALINGS = 3
+LEFT_OUT: frozenset[str] = frozenset()
+"""Names of strategies that are not to be tried, to measure what they are worth."""
 ESCAPES = 5
 """Stationary points that bend downwards, one after the other."""
 UNCHANGED = 1e-9
-LARGE_MULTIPLIER = 1e6
 DISPROOF = 0.1
-NO_LESS = 0.99
-"""Of the smallest sum of violations: iterations end within so much of it."""
-SEVERAL = 0.25
-"""The share of the variables that are small, where that may be for the units."""
-GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
+GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150)
 """Before another start is asked for, from a guess and from the same motion on fewer frames."""
 HELPED, MOST = 100, 300
 """The same where that was one from fewer frames: from more of them it may take less; where it was a guess."""
 
-Way = Callable[[ScaledProblem, Floats], Outcome | None]
-"""What a problem and the guess lead to in some way; None where it cannot be gone."""
+Strategy = Callable[[ScaledProblem, Floats, Floats], Outcome | None]
+"""What a problem, its guess (n,) and the point reached so far (n,) lead to; None where nothing would be different."""
 
 
 def minimize(
@@ -85,7 +79,7 @@ def minimize(
     with np.errstate(all="ignore"), within(options.time_limit):
         # Where no step is allowed the start is what is asked for, not what equations make of it.
         less = presolved(nlp) if options.presolve and options.max_iterations > 0 else None
-        if less is not None and on('presolve'):
+        if less is not None:
             own = less.start(start or Start(np.asarray(nlp.x0, dtype=float)))
             result = less.restored(
                 _Solve(less, options, less.callback(callback), own, new_kkt).run(), options
@@ -117,15 +111,6 @@ def _fixed_rows_missed(nlp: NLP, x: Floats, r: Floats, options: Options) -> bool
     return bool(rows_missed(nlp, x, tolerance)[rows].any())
 
 
-def named(name, way):
-    way.ablation = name
-    return way
-
-
-def NAMES(way):
-    return getattr(way, "ablation", None) or way.__qualname__
-
-
 class _Solve:
     """One solve: the phases in their order, and the result."""
 
@@ -142,9 +127,7 @@ class _Solve:
         self.monitor = Monitor(options, callback)
         self.new_kkt: Callable[..., KKTSystem] = new_kkt or structured_kkt
         self.form: ScaledProblem | None = None
-        self._followed: Floats | None = None  # the last other start that was a solution, on fewer frames
         self._least: Outcome | None = None  # of a search for a feasible point from the guess
-        self._missed: Outcome | None = None  # the last violation that is the smallest of all
         self.judgement = Judgement(nlp, options)
         self.attempts = Attempts(nlp, options, self.monitor, self.judgement)
         self.rescalings = Rescalings(self.attempts)
@@ -193,61 +176,34 @@ class _Solve:
             )
         else:
             outcome = self._settle(self._cold(form, x0))
-        if options.retries:
-            outcome = self.rescalings.in_own_units(outcome, self._settle) or outcome
-
-        def reached() -> Floats:
-            return self.judgement.stated(outcome).x
-
-        ways = self._ways(form, x0, reached)
-        for again in self._scales(reached) + ways if ways else []:
-            if outcome.is_answer or (again in ways and self._is_proof(outcome)):
+        for name, strategy in self._strategies(form):
+            if outcome.is_answer or (self._is_proof(outcome) and name != "rescaled"):
                 break
-            if not on(NAMES(again)):
-                continue
-            other = again(form, x0)
+            self.monitor.strategy = name
+            other = strategy(form, x0, self.judgement.stated(outcome).x)
             if other is not None:
                 outcome = self._better(outcome, self._settle(other))
-        for again in (attempts.from_feasible, self.rescalings.from_feasible) if ways else ():
-            best = None if outcome.is_answer else self._feasible()
-            if best is not None and on(again.__qualname__):
-                outcome = self._better(outcome, self._settle(again(form, best)))
         return self._conclude(outcome)
 
-    def _scales(self, reached: Callable[[], Floats]) -> list[Way]:
-        """The same way in other scales; ``reached`` as for others."""
-        scales = self.rescalings
-        return [
-            named('lighter', lambda form, x0: scales.lighter(form, x0, self._settle)),
-            named('resized', lambda form, x0: scales.resized(form, x0, reached())),
-            scales.sized,
-        ]
-
-    def _ways(self, form: ScaledProblem, x0: Floats, reached: Callable[[], Floats]) -> list[Way]:
-        """Other ways than from the guess ``x0`` (n,); ``reached`` tells how far (n,) those before have come."""
-        options, attempts, scales = self.options, self.attempts, self.rescalings
+    def _strategies(self, form: ScaledProblem) -> list[tuple[str, Strategy]]:
+        """What is tried where the barrier method from the guess finds no answer, in this order."""
+        attempts, scales = self.attempts, self.rescalings
         convex = once(is_convex, self.nlp)
-        ways: list[Way] = [attempts.held_barrier, attempts.nearby, attempts.elsewhere]
-        if form.gaps and not convex:
-            ways = [attempts.nearby, attempts.narrowed, attempts.less_narrowed, attempts.held_barrier]
-        if form.m and not convex:  # much is met at rest in the origin that is not near the guess
-            ways[:0] = [
-                named('least_from_reached', lambda form, _: scales.from_least_violation(form, reached())),
-                named('least_from_followed', lambda form, _: scales.from_least_violation(form, self._followed)),
-                scales.from_least_violation,
-                named('least_from_origin', lambda form, x0: scales.from_least_violation(form, np.zeros_like(x0))),
-            ]
-        if form.m or form.gaps:
-            ways.insert(0, attempts.feasible_first)
-        else:
-            ways.remove(attempts.held_barrier)  # it would do the same again
-        ways = ways[: options.retries]
-        if form.many_gaps and ways:
-            # Where rows are convex, the elastic form tells whether they can be met; else where they may be, mostly.
-            ways.insert(1 if convex else 2, attempts.otherwise)
-        if ways and options.scaling and is_small(x0).mean() > SEVERAL:
-            ways.insert(0, scales.enlarged)
-        return ways
+        constrained = form.m > 0 or form.gaps > 0
+        table: list[tuple[str, bool, Strategy]] = [
+            ("rescaled", True, scales.resized),
+            ("feasibility first", constrained, attempts.feasible_first),
+            ("least violation", form.m > 0 and not convex, scales.from_least_violation),
+            ("perturbed start", True, attempts.perturbed),
+            ("best feasible point", constrained, self._from_feasible),
+        ]
+        suitable = [(name, strategy) for name, suits, strategy in table if suits and name not in LEFT_OUT]
+        return suitable[: self.options.retries]
+
+    def _from_feasible(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
+        """From the best feasible point that was seen, if there is one."""
+        best = self._feasible()
+        return None if best is None else self.attempts.from_feasible(form, best)
 
     def _unmoved(self, form: ScaledProblem, x0: Floats) -> Result:
         """The start, where no step is allowed from it; whether it is a solution is still to be told."""
@@ -269,18 +225,15 @@ class _Solve:
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """From the guess."""
         outcome = self.attempts.linear_equations(form, x0)
-        if outcome is None and form.quadratic_program and not form.gaps and on('even_equations'):
+        if outcome is None and form.quadratic_program and not form.gaps:
             outcome = self.rescalings.even_equations(form, x0)
         if outcome is not None:
             return outcome
-        convex = once(is_convex, self.nlp)
-        return self._helped(
-            form, GUESSED, lambda tactics: self.attempts.from_guess(form, x0, tactics, convex=convex)
-        )
+        return self._helped(form, GUESSED, lambda tactics: self.attempts.barrier(form, x0, tactics))
 
     def _helped(self, form: ScaledProblem, first: Tactics, attempt: Callable[[Tactics], Outcome]) -> Outcome:
         """What an attempt leads to, or another start, if there is one, where that is no solution with ``first``."""
-        if self.start.another is None or not on('another_start'):
+        if self.start.another is None:
             return attempt(Tactics())
         outcome = attempt(replace(first, patient=once(is_convex, self.nlp)))
         if outcome.end not in (End.STUCK, End.STATIONARY_VIOLATION) or form.linear:
@@ -293,11 +246,10 @@ class _Solve:
             if start is None:
                 break
             followed = start.row_multipliers is not None
-            self._followed = start.x if followed else self._followed
             other = self._from(form, start, Tactics(budget=HELPED if followed else MOST, patient=False))
             if other.end is End.CONVERGED:
                 return other
-        if outcome.early and not first.near:  # it was on its way, not lost
+        if outcome.early and first is GUESSED:  # it was on its way, not lost
             it = outcome.iterate
             assert it is not None
             mu = inner(it.gap, it.z) / max(1, form.gaps)
@@ -321,8 +273,6 @@ class _Solve:
         best = self.monitor.best
         if best is not None and best[0] <= self.options.feasibility_tolerance:
             return outcome
-        if not on('feasible_before_unbounded'):
-            return outcome
         if self._least is None:
             from stc.solver.feasible_start import least_violation
 
@@ -345,9 +295,6 @@ class _Solve:
                 return flat or outcome
             if outcome.end is End.UNBOUNDED or outcome.minimum:
                 return outcome
-            if not on('saddles'):
-                outcome.minimum = True
-                return outcome
             outcome, flat = beyond_saddle(outcome, self.rescalings)
         outcome = self._confirmed(outcome)
         if outcome.end is End.CONVERGED and not outcome.minimum:
@@ -366,18 +313,9 @@ class _Solve:
         refused = False  # a solution but for what it may gain
         for _ in range(RESCALINGS):
             if outcome.end not in (End.CONVERGED, End.STUCK):
-                self._missed = outcome if self._is_proof(outcome) else self._missed
                 return outcome
             form = outcome.form
             assert isinstance(form, ScaledProblem)
-            # In the objective's own terms: it may have been multiplied, as sums over many short intervals are.
-            if np.abs(outcome.y).max(initial=0.0) > LARGE_MULTIPLIER * max(1.0, form.objective_scale) and on('smaller_multipliers'):
-                outcome.y = smaller_multipliers(form, outcome.x, outcome.y)
-            if MET < outcome.error <= ACCEPTABLE and on('meet_equations'):
-                x = meet_equations(form, outcome.x)
-                if x is not outcome.x:
-                    outcome.x = x
-                    self.judgement.forget()
             point, confirmed = self.judgement.stated(outcome), False
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
                 judged = self.judgement.assess(point)
@@ -392,8 +330,6 @@ class _Solve:
                 if same and not outcome.early and not self.judgement.may_gain(point):
                     outcome.end = End.CONVERGED
                 return outcome
-            if not on('rescale_at_solution'):
-                break
             refused = confirmed
             before = judged.objective if judged.violation <= self.options.feasibility_tolerance else None
             form = self.rescalings.scaled_anew(form, point.x, form.objective_factor)
@@ -421,14 +357,10 @@ class _Solve:
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         if outcome.end is End.UNBOUNDED:
             return self._result(Status.UNBOUNDED, point.x, point.y)
-        missed = self._least_missed(outcome)
-        if missed is not None:
-            assert isinstance(missed.form, ScaledProblem)
-            point, y = self.judgement.stated(missed), missed.y * missed.form.row_scale
-            if not on('violation_descent') or not self._falls(point, y, missed.form.row_scale):
-                return self._result(
-                    Status.INFEASIBLE, between(point.x, self.nlp.x_lower, self.nlp.x_upper), y
-                )
+        if outcome.end is End.STATIONARY_VIOLATION and (self._is_proof(outcome) or self._feasible() is None):
+            assert isinstance(outcome.form, ScaledProblem)
+            x = between(point.x, self.nlp.x_lower, self.nlp.x_upper)
+            return self._result(Status.INFEASIBLE, x, outcome.y * outcome.form.row_scale)
         # Solves on fewer frames may have used up what was left.
         used_up = self.monitor.iterations >= self.monitor.limit
         return self._best(Status.ITERATION_LIMIT if used_up else Status.FAILED)
@@ -438,43 +370,6 @@ class _Solve:
         best = self.monitor.best
         return best[2] if best is not None and self.judgement.is_met(best[2], best[0]) else None
 
-    def _least_missed(self, outcome: Outcome) -> Outcome | None:
-        """The stationary violation that tells that the rows cannot be met, or None."""
-        if outcome.end is End.STATIONARY_VIOLATION and self._feasible() is None:
-            return outcome
-        for missed in (outcome, self._missed):
-            if missed is not None and self._is_proof(missed) and on('spread_violations') and self._is_as_large(missed):
-                return missed
-        return None
-
-    def _is_as_large(self, missed: Outcome) -> bool:
-        """Whether the violation of the best point is as large as the smallest that there is, all rows together: spread
-        over many it may be below the tolerance in each."""
-        from stc.solver.violation_descent import weighted_violations
-
-        form, best = missed.form, self.monitor.best
-        assert isinstance(form, ScaledProblem)
-        point = self.judgement.stated(missed)
-        if best is None or self.judgement.is_met(point.x, self.judgement.assess(point).violation):
-            return False
-        _, least = weighted_violations(self.nlp, point.x, form.row_scale)
-        return weighted_violations(self.nlp, best[2], form.row_scale)[1] >= NO_LESS * least
-
-    def _falls(self, point: Point, y: Floats, weights: Floats) -> bool:
-        """Whether a violation that seems to be stationary, with multipliers ``y`` (m,), falls; the point where it is
-        smaller may be the best then."""
-        from stc.solver.violation_descent import nearer_point
-
-        nearer = nearer_point(self.nlp, point.x, y, weights)
-        if nearer is None:
-            return False
-        nothing = np.zeros(self.nlp.m)
-        judged = assess(self.nlp, nearer, nothing)
-        best = self.monitor.best
-        if best is None or judged.violation < best[0]:
-            self.monitor.best = judged.violation, judged.objective, nearer, nothing
-        return True
-
     def _best(self, status: Status) -> Result:
         best = self.monitor.best
         if best is None:
@@ -483,12 +378,7 @@ class _Solve:
         if y.size != self.nlp.m:
             y = np.zeros(self.nlp.m)
         point = Point(x, y)
-        # Where many points are as good, one may have been passed on the way to nowhere.
-        message = ""
-        if status is Status.FAILED and on('best_is_stationary') and self._is_stationary(point):
-            minimum = self._is_minimum(point)
-            status, message = (Status.OPTIMAL, "") if minimum else (status, NO_MINIMUM)
-        return self._result(status, x, y, message, at=point)
+        return self._result(status, x, y, at=point)
 
     def _is_stationary(self, point: Point) -> bool:
         """Whether a point that was not solved for meets the conditions of the first order."""
@@ -529,4 +419,5 @@ class _Solve:
             self.form.kkt.factorizations if self.form is not None else 0,
             text,
             self.monitor.history,
+            self.monitor.strategy,
         )

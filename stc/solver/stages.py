@@ -8,12 +8,9 @@ where all is as usual are one call together, however small the problem.
 
 from __future__ import annotations
 
-import numpy as np
-
 from stc.codegen.calls import Bound, chain, chain_until, invoke
 from stc.codegen.native import f64s, i64, i64s, native
 from stc.solver import barrier_passes, places, search_passes, shift_passes
-from stc.solver.multipliers import lags
 from stc.solver.places import (
     CHANGED,
     ITERATION,
@@ -31,11 +28,10 @@ from stc.solver.places import (
 from stc.solver.progress_passes import block, note_iterate, note_objective, note_step, record
 from stc.solver.workspace import Workspace
 
-__all__ = ["BLOCKED", "FACTORIZATION", "LAGS", "LOOK", "SEARCH", "Stages", "stages_of"]
+__all__ = ["BLOCKED", "FACTORIZATION", "LOOK", "SEARCH", "Stages", "stages_of"]
 
 #: Where the calls of an iterate and of an iteration may end.
-LAGGING = 3
-LOOK, LAGS = 1, 2
+LOOK = 1
 FACTORIZATION, STEP_FOUND, SEARCH, BLOCKED = 3, 4, 5, 6
 
 
@@ -44,7 +40,6 @@ def settle(s: f64s) -> i64:
     """Note the step taken; 1 where steps are too short to go on."""
     length = s[LENGTH_TAKEN]
     shift_passes.relax(length, s)
-    barrier_passes.note_length(length, s)
     s[STUCK] = 1.0 if s[TINY] != 0.0 or length == 0.0 else 0.0
     s[STEP_TAKEN] = 0.0
     if length == 0.0:
@@ -61,14 +56,14 @@ def repeat(
     """Measure, record and iterate, ``s[MOST]`` times at most, the first of them without the iteration where that is 0.
 
     Returns:
-        0, or LAGS or LOOK where more is to be thought of before the next iteration, or where that needs help:
+        0, or LOOK where more is to be thought of before the next iteration, or where that needs help:
         FACTORIZATION and so on. Where something was raised all of that may be.
     """
     s[MADE] = 0.0
     while True:
         look = invoke(calls, MEASURED)
-        if look == LAGGING or calls[RAISED] != 0:
-            return LAGS
+        if calls[RAISED] != 0:
+            return LOOK
         record(n, m, w, y, best_x, best_y, rows, s)
         if look != 0 or s[MADE] > s[MOST]:
             return LOOK
@@ -88,8 +83,7 @@ class Stages:
     """Prepared calls over one workspace.
 
     Attributes:
-        measure: the iterate's errors; ends at LAGGING or later where more is to be looked at.
-        note: what of that comes after LAGGING.
+        measure: the iterate's errors; 1 where more is to be looked at.
         iterate: one iteration; ends at FACTORIZATION and so on where that stage needs help.
         begin, factorize: prepare a factorisation, and go on with it.
         find_step, search, backtrack: the step, and the search along it.
@@ -102,7 +96,7 @@ class Stages:
     def __init__(self, work: Workspace) -> None:
         form, it, ev, s = work.form, work.it, work.evaluator, work.numbers
         n, m, gaps, size = form.n, form.m, form.gaps, form.size
-        kkt, step, extra, correction = work.kkt, work.step, work.centring, work.correction
+        kkt, correction = work.kkt, work.correction
         table = work.calls
         fixed: dict[int, Bound] = {
             places.MEASURE: work.measure_call,
@@ -119,29 +113,26 @@ class Stages:
         for place, call in fixed.items():
             table.put(place, call)
         cells = table.cells
-        self.note: Bound = note_iterate.bind(size, m, gaps, it.w, it.y, it.z, *work.kept, s)
+        note: Bound = note_iterate.bind(size, m, gaps, it.w, it.y, it.z, *work.kept, s)
         self.measure: Bound = chain_until(
             [
                 (work.measure_call, False),
                 (note_objective.bind(s), False),
-                (lags.bind(s), True),
-                (self.note, True),
+                (note, True),
             ]
         )
         update: Bound = barrier_passes.update.bind(cells, gaps, work.target, work.accepted.array, s)
         self.begin: Bound = shift_passes.begin.bind(cells, s)
         diagonal = form.hess_diagonal
         self.factorize: Bound = shift_passes.factorize.bind(
-            cells, n, m, diagonal.size, diagonal, work.bend, it.hess, np.zeros(diagonal.size), work.inertia,
-            kkt.accuracy, s,
+            cells, n, m, diagonal.size, diagonal, work.bend, work.inertia, kkt.accuracy, s,
         )  # fmt: skip
         self.find_step: Bound = barrier_passes.find_step.bind(
-            cells, size, m, gaps, form.index, form.sign, it.gap, it.z, work.mu, work.tau, work.factor, work.centre,
-            kkt.report, step.dw, step.dy, step.dz, extra.dw, extra.dy, extra.dz, s,
-        )  # fmt: skip
+            cells, gaps, work.mu, work.tau, work.factor, kkt.report, s
+        )
         searching = (
-            cells, n, m, gaps, form.index, form.sign, it.w, it.y, it.c, it.gap, step.dy, work.trial_w, work.trial_c,
-            ev.x, ev.f, correction.dw, work.correction_c, work.alpha, work.mu, work.shifted, kkt.report,
+            cells, n, m, gaps, form.index, form.sign, it.w, it.c, it.gap, work.trial_w, work.trial_c, ev.x, ev.f,
+             correction.dw, work.correction_c, work.alpha, work.mu, work.shifted, kkt.report,
             work.filter.array, s,
         )  # fmt: skip
         self.search: Bound = search_passes.search.bind(*searching)

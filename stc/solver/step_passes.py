@@ -17,18 +17,12 @@ from stc.solver.places import (
     PRIMAL_SQUARED,
     PRIMAL_STEP,
     PRODUCTS,
-    REACH,
     RELATIVE,
     SHIFT,
     SIGMA,
     SLOPE,
-    WHOLE,
 )
 
-#: What a shift may add to the curvature of a variable that only the objective bends, upwards: so much of what it has,
-#: and so much of the shift.
-SHARE = 0.1
-SLIGHT = 1e-3
 #: How much of the rows' part of the Hessian is used where the whole of it makes the matrix indefinite.
 ROWS_SHARE = 0.4
 #: The least centring parameter where steps are short.
@@ -37,9 +31,6 @@ CENTRED = 1.0
 BLOCK = 512
 #: What equality rows are softened by against dependent ones, relative to the square of the largest gradient entry.
 SOFT = 1e-8
-#: The least share of a gap that a step counts as closing, so that there is a largest multiple of it.
-LEAST_FALL = 1e-6
-SIZED = 1
 
 
 @native(fast=True)
@@ -64,26 +55,12 @@ def diagonals(
 
 @native(fast=True)
 def shifted(
-    n: i64, m: i64, free: f64s, kind: i32s, primal: f64s, d: f64s, convex: i64, variable: i64s, entry: i64s, hess: f64s,
-    shifts: f64s, out_primal: f64s, out_dual: f64s, w: f64s, s: f64s,
+    n: i64, m: i64, free: f64s, kind: i32s, primal: f64s, d: f64s, shifts: f64s, out_primal: f64s, out_dual: f64s,
+    s: f64s,
 ) -> None:  # fmt: skip
-    """The diagonals with shifts; the ``shifts`` (n,) of the Hessian are smaller where it bends upwards anyway.
-
-    Where the rows' part is damped they are larger for large variables ``w`` (n + m,): rates and accelerations of fast
-    motions should change less.
-    """
-    shift = s[SHIFT]
+    """The diagonals with the ``shifts`` (n,) of the Hessian and of the equality rows."""
     for i in range(n):
-        shifts[i] = shift * free[i]
-    if SIZED != 0 and shift > 0.0 and s[WHOLE] == 0.0:
-        for i in range(n):
-            shifts[i] *= sqrt(sqrt(1.0 + w[i] * w[i]))
-    for k in range(convex):
-        i = variable[k]
-        curvature = primal[i] + hess[entry[k]]
-        if curvature > 0.0:
-            shifts[i] = min(shifts[i], SHARE * curvature + SLIGHT * shifts[i])
-    for i in range(n):
+        shifts[i] = s[SHIFT] * free[i]
         out_primal[i] = primal[i] + shifts[i]
     for r in range(m):
         out_dual[r] = s[DUAL_SHIFT] if kind[r] == EQUALITY else d[r]
@@ -185,7 +162,6 @@ def lengths(
         log_slope += change
         fall_z = max(fall_z, -dz[k] / z[k])
     fraction = tau[0]
-    s[REACH] = fraction / max(fall, LEAST_FALL)
     s[PRIMAL_STEP] = 1.0 if fall <= fraction else fraction / fall
     s[DUAL_STEP] = 1.0 if fall_z <= fraction else fraction / fall_z
     s[LOG_SLOPE] = log_slope

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stc.solver.ablation import on
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
@@ -49,7 +48,7 @@ def is_unbounded(form: Formulation, it: Iterate, farthest: float) -> bool:
     size = float(np.abs(x).max(initial=0.0))
     if not (size > FAR or it.f < LOW):  # a row alone is large that has no limit on that side
         return False
-    if not _feasible(form, x, it.r) or not on('unbounded_ray'):
+    if not _feasible(form, x, it.r):
         return False
     # Small variables may have to stay; or they may belong to what grows, as the first frames of a motion do.
     large = np.where(np.abs(x) > SMALL * size, x, 0.0)

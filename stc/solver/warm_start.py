@@ -11,7 +11,6 @@ from functools import partial
 
 import numpy as np
 
-from stc.solver.ablation import on
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
 from stc.solver.primal_dual import PrimalDual, measure
@@ -94,7 +93,7 @@ def _moved(
     """The whole step, and the second one with the same factorisation where that comes closer."""
     balancing = found.active.x != 0 if found.factorised else None
     new = measure(form, point.x + found.d, found.y, found.z, balancing)
-    if new is None or not found.factorised or new.error <= tolerance or not on('qp_traub'):
+    if new is None or not found.factorised or new.error <= tolerance:
         return new
     dx, dy = program.correct(new, found.active)
     closer = measure(form, new.x + dx, new.y + dy, found.z, balancing)

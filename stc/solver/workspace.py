@@ -15,7 +15,6 @@ import numpy as np
 
 from stc.codegen.calls import Bound, CallTable, chain
 from stc.solver import passes, places, step_passes
-from stc.solver.ablation import on
 from stc.solver.filter import Filter
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Errors, Iterate
@@ -55,7 +54,6 @@ LONGEST_RUN = 16
 SOLVING = {
     places.PREDICT: "predictor",
     places.NEWTON: "newton",
-    places.CENTRING_STEP: "centring",
     places.CORRECTION: "correction",
 }
 
@@ -179,7 +177,7 @@ class Workspace:
             max(1, int(form.moving.sum())),
             max(1, m),
             SMALLEST_TAU,
-            SHORT if form.many_gaps and on('short_no_reduction') else 0.0,
+            SHORT if form.many_gaps else 0.0,
             index,
             sign,
             CENTRING,
@@ -209,8 +207,7 @@ class Workspace:
             ]
         )  # fmt: skip
         self.shifted_call = step_passes.shifted.bind(
-            n, m, free, kind, self.primal, self.d, form.convex[0].size, *form.convex, it.hess, self.shifts, kkt.primal,
-            kkt.dual, it.w, s,
+            n, m, free, kind, self.primal, self.d, self.shifts, kkt.primal, kkt.dual, s,
         )  # fmt: skip
         self.centre_call = step_passes.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
         self.lengths_call = step_passes.lengths.bind(
