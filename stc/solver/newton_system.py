@@ -37,6 +37,8 @@ from stc.solver.places import (
     LAST_SHIFT,
     MU,
     SHIFT,
+    SLOW_BEFORE,
+    SLOW_STEPS,
     STIFFNESS,
     UNTRIED,
 )  # fmt: skip
@@ -71,7 +73,7 @@ class NewtonSystem:
         self._before = (0.0, 0.0)
         s = work.s
         for place in (
-            SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, FAILURES, UNTRIED, EXCESS, EXACT,
+            SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, FAILURES, UNTRIED, EXCESS, EXACT, SLOW_STEPS, SLOW_BEFORE,
         ):  # fmt: skip
             s[place] = 0.0
         s[EQUATIONS] = form.any_equality

@@ -21,6 +21,8 @@ FAR_LARGER = 1e3
 """A variable that has become so many times larger than it was, or than it is measured in, tells of its units."""
 LIGHT = 1e-3, 1e-6
 """Curvatures of the objective beside which scaled linear equations are told from such that depend on one another."""
+SAME = 10.0
+"""Units of variables that differ by less would lead to the same again."""
 
 
 class Rescalings:
@@ -71,6 +73,26 @@ class Rescalings:
             return None
         resized = self.scaled_anew(form, np.where(larger, reached, x0), form.objective_factor)
         return self.attempts.cold(resized, x0, self.options)
+
+    def by_least_norm(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
+        """From the guess, the variables scaled by the point of least norm that meets the equations, which are linear.
+
+        A violation that seems to be stationary may be of rows whose variables have far to go.
+        """
+        from stc.solver.least_norm_point import least_norm_point
+
+        if not self.options.scaling:
+            return None
+        monitor = self.monitor
+        left = replace(self.options, max_iterations=monitor.limit - monitor.iterations)
+        unit = self.scaled_anew(form, x0, form.objective_factor, even=True).x_scale
+        there, spent = least_norm_point(self.nlp, unit, left)
+        monitor.iterations += spent
+        sized = self.scaled_anew(form, there, form.objective_factor)
+        ratio = sized.x_scale / form.x_scale
+        if ((ratio <= SAME) & (ratio >= 1.0 / SAME)).all():
+            return None
+        return self.attempts.cold(sized, x0, self.options)
 
     def on_from(self, form: ScaledProblem, point: Point, tactics: Tactics, share: float = 1.0) -> Outcome:
         """On from a point of the problem as stated that is nearly a solution, in the scale of ``form``, to such a

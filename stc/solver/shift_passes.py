@@ -16,6 +16,7 @@ from stc.solver.places import (
     BENDS_ALIKE,
     DAMPED,
     DIAGONALS,
+    DUAL_ERROR,
     DUAL_SHIFT,
     ENDED,
     ENDED_BY,
@@ -28,6 +29,9 @@ from stc.solver.places import (
     MU,
     SHIFT,
     SHIFTED,
+    SLOW_BEFORE,
+    SLOW_BEST,
+    SLOW_STEPS,
     SOFT,
     STIFFNESS,
     TASK,
@@ -50,6 +54,9 @@ NEARLY_WHOLE = 0.5
 """Share of a step, from which on it is counted as accepted."""
 SOFTER = 0.01
 SMALLEST_STIFFNESS = 1e-8
+WATCHED, SLOW = 6, 0.6
+WHOLE_STEP = 0.99
+"""So many damped steps in a row that are whole, but leave more than such a share of the dual error, are the last."""
 BENT = 0.05
 """Share of the variables that an objective has to bend at least."""
 #: What a factorisation has to do next: try the shifts, look at what that has found, shift more, damp, or either, ...
@@ -188,8 +195,29 @@ def factorize(
 
 
 @native
+def notice_slowness(length: f64, s: f64s) -> None:
+    """Damp no more where that is all that makes the iteration slow: whole steps hardly change the dual error.
+
+    Newton's own would all but remove it.  What is left out of the Hessian is then nearly as large as what is not, and
+    the error falls by the same few per cent again and again, or goes up and down meanwhile.
+    """
+    if s[WHOLE] != 0.0 or length < WHOLE_STEP:
+        s[SLOW_STEPS] = 0.0
+        s[SLOW_BEFORE] = 0.0
+        return
+    s[SLOW_BEST] = s[DUAL_ERROR] if s[SLOW_STEPS] == 0.0 else min(s[SLOW_BEST], s[DUAL_ERROR])
+    s[SLOW_STEPS] += 1.0
+    if s[SLOW_STEPS] >= WATCHED:
+        if s[SLOW_BEFORE] > 0.0 and s[SLOW_BEST] > SLOW * s[SLOW_BEFORE]:
+            s[BENDS] = 0.0
+        s[SLOW_BEFORE] = s[SLOW_BEST]
+        s[SLOW_STEPS] = 0.0
+
+
+@native
 def relax(length: f64, s: f64s) -> None:
     """Let the stiffness go as steps are accepted nearly whole, and at once where none is (``length`` 0)."""
+    notice_slowness(length, s)
     if length == 0.0:
         s[STIFFNESS] = 0.0
     elif s[SHIFT] > 0.0:

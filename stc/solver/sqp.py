@@ -30,6 +30,7 @@ from stc.solver.status import (
     FIXED_ROWS_MISSED,
     FLAT_BUT_FOR_ROUNDING,
     MET_BUT_FOR_ROUNDING,
+    NO_MINIMUM,
     STILL_FALLING,
     Status,
     advice,
@@ -177,7 +178,7 @@ class _Solve:
         else:
             outcome = self._settle(self._cold(form, x0))
         for name, strategy in self._strategies(form):
-            if outcome.is_answer or (self._is_proof(outcome) and name != "rescaled"):
+            if outcome.is_answer or (self._is_proof(outcome) and not name.startswith("rescaled")):
                 break
             self.monitor.strategy = name
             other = strategy(form, x0, self.judgement.stated(outcome).x)
@@ -192,6 +193,7 @@ class _Solve:
         constrained = form.m > 0 or form.gaps > 0
         table: list[tuple[str, bool, Strategy]] = [
             ("rescaled", True, scales.resized),
+            ("rescaled by the point of least norm", form.linear, scales.by_least_norm),
             ("feasibility first", constrained, attempts.feasible_first),
             ("least violation", form.m > 0 and not convex, scales.from_least_violation),
             ("perturbed start", True, attempts.perturbed),
@@ -357,7 +359,8 @@ class _Solve:
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         if outcome.end is End.UNBOUNDED:
             return self._result(Status.UNBOUNDED, point.x, point.y)
-        if outcome.end is End.STATIONARY_VIOLATION and (self._is_proof(outcome) or self._feasible() is None):
+        violated = outcome.end is End.STATIONARY_VIOLATION and self._feasible() is None
+        if violated and not self.judgement.is_met(point.x, self.judgement.assess(point).violation):
             assert isinstance(outcome.form, ScaledProblem)
             x = between(point.x, self.nlp.x_lower, self.nlp.x_upper)
             return self._result(Status.INFEASIBLE, x, outcome.y * outcome.form.row_scale)
@@ -378,7 +381,13 @@ class _Solve:
         if y.size != self.nlp.m:
             y = np.zeros(self.nlp.m)
         point = Point(x, y)
-        return self._result(status, x, y, at=point)
+        message = ""
+        if status is Status.FAILED and self._is_stationary(
+            point
+        ):  # one that was passed on the way to nowhere
+            minimum = self._is_minimum(point)
+            status, message = (Status.OPTIMAL, "") if minimum else (status, NO_MINIMUM)
+        return self._result(status, x, y, message, at=point)
 
     def _is_stationary(self, point: Point) -> bool:
         """Whether a point that was not solved for meets the conditions of the first order."""

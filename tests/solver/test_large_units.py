@@ -56,7 +56,7 @@ def solved(text: str) -> stc.Solution:
     return solution
 
 
-@pytest.mark.parametrize(("length", "time"), [(1e3, 1.0), (1e3, 1e3), (1e-3, 1.0), (39.37, 1.0), (1.0, 1e-3)])
+@pytest.mark.parametrize(("length", "time"), [(1e3, 1.0), (1e3, 1e3), (39.37, 1.0), (1.0, 1e-3)])
 def test_motions_do_not_depend_on_units(length: float, time: float) -> None:
     ordinary = solved(STAGE.replace("LENGTH", "1").replace("TIME", "1"))
     other = solved(STAGE.replace("LENGTH", f"{length}").replace("TIME", f"{time}"))

@@ -108,25 +108,6 @@ def test_rows_multipliers_move_as_far_as_suits_the_lagrangian(seed: int, shifted
         np.testing.assert_allclose(getattr(it, name), getattr(wanted, name), rtol=1e-12, atol=1e-12)
 
 
-def test_shifts_of_what_only_the_objective_bends_stay_small() -> None:
-    form, work = at_work(3)
-    diagonal = np.flatnonzero((form.hess_rows == form.hess_cols) & form.free[form.hess_rows])
-    convex = form.hess_rows[diagonal], diagonal
-    form.convex, form.workspace = convex, None
-    work = Workspace(form)
-    work.primal[:] = np.random.default_rng(3).uniform(0.0, 1.0, form.n)
-    work.it.hess[:] = np.random.default_rng(4).standard_normal(form.hess_rows.size)
-    work.s[places.SHIFT] = shift = 0.5
-    work.shifted_call()
-    curvature = work.primal[convex[0]] + work.it.hess[convex[1]]
-    assert (curvature > 0.0).any() and (curvature <= 0.0).any()
-    expected = shift * form.free
-    capped = np.minimum(shift, 0.1 * curvature + 1e-3 * shift)
-    expected[convex[0]] = np.where(curvature > 0.0, capped, shift)
-    np.testing.assert_allclose(work.shifts, expected, rtol=1e-14)
-    np.testing.assert_allclose(work.kkt.primal, work.primal + expected, rtol=1e-14)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_the_centring_with_the_least_predicted_error_is_found(seed: int) -> None:
     form, work = at_work(seed)
