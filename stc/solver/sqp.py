@@ -359,7 +359,9 @@ class _Solve:
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         if outcome.end is End.UNBOUNDED:
             return self._result(Status.UNBOUNDED, point.x, point.y)
-        violated = outcome.end is End.STATIONARY_VIOLATION and self._feasible() is None
+        violated = self._is_proof(outcome) or (
+            outcome.end is End.STATIONARY_VIOLATION and self._feasible() is None
+        )
         if violated and not self.judgement.is_met(point.x, self.judgement.assess(point).violation):
             assert isinstance(outcome.form, ScaledProblem)
             x = between(point.x, self.nlp.x_lower, self.nlp.x_upper)

@@ -130,7 +130,7 @@ def test_quadratic_programs_do_not_depend_on_units(seed: int, decades: float) ->
 
 
 @pytest.mark.parametrize(
-    ("seed", "decades"), [(3, 7.0), (67, 7.0), (71, 7.0), (6, 8.0), (25, 8.0), (53, 8.0), (58, 8.0)]
+    ("seed", "decades"), [(3, 7.0), (67, 7.0), (6, 8.0), (25, 8.0), (53, 8.0), (58, 8.0)]
 )
 def test_where_the_objective_is_light_errors_get_smaller_until_nothing_is_left_to_gain(
     seed: int, decades: float
