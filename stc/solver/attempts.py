@@ -50,9 +50,7 @@ class Attempts:
                 return self.barrier(form, x0, tactics)
         from stc.solver.warm_start import from_neighbour
 
-        point, minimum = from_neighbour(
-            form, x, y, z, self.options.tolerance, self.monitor, thorough=trusting
-        )
+        point, minimum = from_neighbour(form, x, y, z, self.options.tolerance, self.monitor)
         it = warm_iterate(form, x, y)
         if point is not None:
             return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it, minimum=minimum)
