@@ -200,15 +200,15 @@ def solved(case: Case, model: Any, limit: float) -> dict[str, Any]:
 
 #: A heuristic is switched off by a number that keeps it from acting: the module, its name there, and that number.
 PATCHES: dict[str, list[tuple[str, str, Any]]] = {
-    "crawl": [("barrier_passes", "PATIENT", 1e9)],
+    "crawl": [("barrier_update", "PATIENT", 1e9)],
     "short_no_reduction": [("workspace", "SHORT", 0.0)],
     "damped": [("newton_system", "UNKNOWN", 0.0)],
-    "untried": [("shift_passes", "MOST_UNTRIED", 0)],
-    "coarse_solves": [("shift_passes", "FAR", 1e300)],
+    "untried": [("inertia_correction", "MOST_UNTRIED", 0)],
+    "coarse_solves": [("inertia_correction", "FAR", 1e300)],
     "stiffen": [("interior", "SHORTEST_FRACTION", 0.0), ("interior", "SHORTEST_IN_RESTORATION", 0.0)],
-    "short_steps": [("progress_passes", "MOST_SHORT_STEPS", 10**9)],
-    "traub": [("projection_passes", "CORRECTIONS", 0)],
-    "second_order_correction": [("search_passes", "MOST_CORRECTIONS", 0)],
+    "short_steps": [("progress_kernels", "MOST_SHORT_STEPS", 10**9)],
+    "traub": [("projection_kernels", "CORRECTIONS", 0)],
+    "second_order_correction": [("filter_line_search", "MOST_CORRECTIONS", 0)],
     "finish": [("active_set", "NEAR", 0.0)],
     "by_gaps": [("formulation", "MANY_GAPS", 10**9)],
     "many_centres": [("restoration", "MOST_CENTRES", 1)],

@@ -551,7 +551,7 @@ def test_half_way_there_are_as_many_times_more_frames_as_all_are_more_than_these
 @pytest.fixture
 def always_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     """Solves from fewer frames are left to the barrier, and taken for lost after their first step."""
-    monkeypatch.setattr("stc.solver.attempts.NEIGHBOUR_STEPS", 0)
+    monkeypatch.setattr("stc.solver.strategies.NEIGHBOUR_STEPS", 0)
     monkeypatch.setattr("stc.solver.warm_start.from_neighbour", lambda *_, **__: (None, False))
     monkeypatch.setattr("stc.solver.active_set.NEAR", 0.0)
     monkeypatch.setattr("stc.solver.sqp.FOLLOWED", Tactics(budget=1))

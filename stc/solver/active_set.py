@@ -19,14 +19,14 @@ from functools import partial
 
 import numpy as np
 
+from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, DUAL_SHIFT
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats, Mask
 from stc.solver.products import at_bounds, between
 from stc.solver.projection import Projection, ProjectionPair
-from stc.solver.projection_passes import ACCURATE, CONTRACTION
-from stc.solver.restricted import AGAINST_DEPENDENT_ROWS, DUAL_SHIFT
+from stc.solver.projection_kernels import ACCURATE, CONTRACTION
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [

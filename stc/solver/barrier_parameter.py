@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 
-from stc.solver.barrier_passes import SMALLEST_TAU
-from stc.solver.places import (
+from stc.solver.barrier_update import SMALLEST_TAU
+from stc.solver.state import (
     ADAPTIVE,
     CHANGED,
     CRAWLS,
@@ -29,7 +29,7 @@ __all__ = ["BarrierParameter"]
 
 
 class BarrierParameter:
-    """The parameter, the fraction to the boundary, and the mode; :mod:`stc.solver.barrier_passes` changes them."""
+    """The parameter, the fraction to the boundary, and the mode; :mod:`stc.solver.barrier_update` changes them."""
 
     def __init__(self, work: Workspace, mu: float, smallest: float, adaptive: bool = True) -> None:
         self._s = s = work.s

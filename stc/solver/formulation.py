@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound
 from stc.solver.evaluator import Evaluator, status_of
+from stc.solver.kernels import EQUALITY, IGNORED, INEQUALITY, overstepped
 from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.kkt.attached import attached
 from stc.solver.nlp import Floats, Ints, Mask
-from stc.solver.passes import EQUALITY, IGNORED, INEQUALITY, overstepped
-from stc.solver.places import VIOLATION
 from stc.solver.products import Indices, symmetric_times, times
+from stc.solver.state import VIOLATION
 
 if TYPE_CHECKING:
     from stc.solver.iterate import Iterate

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.filter import Filter
+from stc.solver.filter_line_search import CALL_MISSING, TAKEN
+from stc.solver.iteration_calls import stages_of
 from stc.solver.nlp import Floats
-from stc.solver.places import SHORTEST, SMALL_THETA, TINY
-from stc.solver.search_passes import CALL_MISSING, TAKEN
-from stc.solver.stages import stages_of
+from stc.solver.state import SHORTEST, SMALL_THETA, TINY
 from stc.solver.workspace import Workspace
 
 __all__ = ["Filter", "LineSearch", "barrier_value", "largest_step"]
@@ -34,7 +34,7 @@ def largest_step(value: Floats, change: Floats, fraction: float) -> float:
 
 
 class LineSearch:
-    """Backtracks along a step until the filter accepts (:func:`stc.solver.search_passes.search`).
+    """Backtracks along a step until the filter accepts (:func:`stc.solver.filter_line_search.search`).
 
     Attributes:
         filter: the filter, which survives from step to step until the barrier parameter changes.

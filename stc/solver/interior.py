@@ -14,18 +14,23 @@ import numpy as np
 
 from stc.solver.active_set import Finish, bends_upwards
 from stc.solver.barrier_parameter import BarrierParameter
-from stc.solver.barrier_passes import DOUBTFUL_SOLUTION
+from stc.solver.barrier_update import DOUBTFUL_SOLUTION
 from stc.solver.curvature import SecondOrder, leave_saddle
+from stc.solver.filter_line_search import NOT_FINITE
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import LineSearch, barrier_value
 from stc.solver.iterate import Iterate
+from stc.solver.iteration_calls import BLOCKED, FACTORIZATION, LOOK, SEARCH, stages_of
 from stc.solver.kkt.frontal import DOUBTFUL
 from stc.solver.monitor import Monitor
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
-from stc.solver.places import (
+from stc.solver.progress import Drift, Nearest, Stall
+from stc.solver.progress_kernels import LARGEST_ERROR
+from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.state import (
     ATTEMPT,
     ATTENTION,
     BEST_KNOWN,
@@ -49,11 +54,6 @@ from stc.solver.places import (
     STUCK,
     TAU,
 )
-from stc.solver.progress import Drift, Nearest, Stall
-from stc.solver.progress_passes import LARGEST_ERROR
-from stc.solver.scaled_problem import ScaledProblem
-from stc.solver.search_passes import NOT_FINITE
-from stc.solver.stages import BLOCKED, FACTORIZATION, LOOK, SEARCH, stages_of
 from stc.solver.unboundedness import LOW, is_unbounded
 from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
 
@@ -199,7 +199,7 @@ class _Loop:
     # -- the state -------------------------------------------------------------------------------------------------
 
     def _repeat(self) -> int:
-        """Iterate as long as all is as usual, and keep account; what :func:`stc.solver.stages.repeat` returns."""
+        """Iterate as long as all is as usual, and keep account; see :func:`stc.solver.iteration_calls.repeat`."""
         work, stages, monitor, s = self.work, self.stages, self.monitor, self.s
         if monitor.watched or monitor.is_late or self.stop is not None:
             most = 0.0

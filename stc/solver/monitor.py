@@ -9,7 +9,7 @@ from dataclasses import replace
 from stc import deadline
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
-from stc.solver.progress_passes import is_better
+from stc.solver.progress_kernels import is_better
 from stc.solver.report import Callback, IterationRecord
 from stc.solver.status import Status
 
@@ -112,7 +112,7 @@ class Monitor:
         best: tuple[float, float, Floats, Floats] | None,
         as_stated: Callable[[], tuple[Floats, Floats]],
     ) -> None:
-        """Take over the records of several iterates (see :mod:`stc.solver.places`), of one where they are ``watched``.
+        """Take over the records of several iterates (see :mod:`stc.solver.state`), of one where they are ``watched``.
 
         Args:
             last_is_open: no step has been taken from the last one yet.

@@ -6,7 +6,7 @@ import numpy as np
 
 from stc.solver.kkt.contract import NotFinite
 from stc.solver.nlp import Floats
-from stc.solver.step_passes import SOFT
+from stc.solver.step_kernels import SOFT
 from stc.solver.workspace import Workspace
 
 __all__ = ["least_squares_multipliers", "shift_of_equations"]

@@ -22,9 +22,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from stc.solver.inertia_correction import (
+    DONE,
+    GROWTH,
+    LARGEST_SHIFT,
+    NO_SHIFT,
+    REFACTOR,
+    SMALLEST_SHIFT,
+    UNKNOWN,
+    larger_shift,
+)
+from stc.solver.iteration_calls import stages_of
 from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.nlp import Floats
-from stc.solver.places import (
+from stc.solver.products import inner
+from stc.solver.state import (
     ATTEMPT,
     BENDS,
     BENDS_ALIKE,
@@ -42,18 +54,6 @@ from stc.solver.places import (
     STIFFNESS,
     UNTRIED,
 )  # fmt: skip
-from stc.solver.products import inner
-from stc.solver.shift_passes import (
-    DONE,
-    GROWTH,
-    LARGEST_SHIFT,
-    NO_SHIFT,
-    REFACTOR,
-    SMALLEST_SHIFT,
-    UNKNOWN,
-    larger_shift,
-)
-from stc.solver.stages import stages_of
 from stc.solver.workspace import Step, Workspace
 
 __all__ = ["NewtonSystem", "SingularSystem"]

@@ -6,7 +6,8 @@ import numpy as np
 
 from stc.solver.iterate import evaluate
 from stc.solver.outcome import ACCEPTABLE, End, Outcome
-from stc.solver.places import (
+from stc.solver.progress_kernels import ITS_PATIENCE, MOST_TINY_STEPS
+from stc.solver.state import (
     DUAL_BEFORE,
     DUAL_NOW,
     NEAREST_ERROR,
@@ -18,7 +19,6 @@ from stc.solver.places import (
     TINY_STEPS,
     WAITING,
 )
-from stc.solver.progress_passes import ITS_PATIENCE, MOST_TINY_STEPS
 from stc.solver.workspace import Workspace
 
 __all__ = ["Drift", "Nearest", "Stall"]

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.records import dataclass
+from stc.solver.active_set_system import RestrictedDiagonals, factorize_restricted
 from stc.solver.conditions import better_signs, respond, restrict
 from stc.solver.nlp import Floats
 from stc.solver.primal_dual import PrimalDual
 from stc.solver.products import term_sums
-from stc.solver.restricted import RestrictedDiagonals, factorize_restricted
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_multipliers"]

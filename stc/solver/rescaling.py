@@ -1,4 +1,4 @@
-"""Attempts at a problem in other scales: where units stand in the way of the usual one, or sizes come to light."""
+"""Strategies at a problem in other scales: where units stand in the way of the usual one, or sizes come to light."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from stc.solver.attempts import Attempts
 from stc.solver.interior import optimise
 from stc.solver.judgement import Point
 from stc.solver.nlp import Floats
@@ -14,6 +13,7 @@ from stc.solver.outcome import Outcome, Tactics
 from stc.solver.products import between
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import WARM_BARRIER, warm_iterate
+from stc.solver.strategies import Strategies
 
 __all__ = ["Rescalings"]
 
@@ -28,7 +28,7 @@ SAME = 10.0
 class Rescalings:
     """Other scales for the problem of some attempts. Each attempt is None where nothing would be different."""
 
-    def __init__(self, attempts: Attempts) -> None:
+    def __init__(self, attempts: Strategies) -> None:
         self.attempts = attempts
         self.nlp, self.options = attempts.nlp, attempts.options
         self.monitor, self.judgement = attempts.monitor, attempts.judgement

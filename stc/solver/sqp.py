@@ -9,11 +9,10 @@ import numpy as np
 
 from stc.deadline import within
 from stc.solver.active_set import fitting_multipliers
-from stc.solver.attempts import Attempts
 from stc.solver.convexity import is_convex
+from stc.solver.form_cache import give_back, kept_form, key_of, once
 from stc.solver.interior import optimise
 from stc.solver.judgement import Judgement, Point
-from stc.solver.keeping import give_back, kept_form, key_of, once
 from stc.solver.kkt import KKTSystem, structured_kkt
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats, Mask
@@ -24,8 +23,8 @@ from stc.solver.products import between, inner
 from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess, rows_missed
-from stc.solver.saddles import beyond_saddle, is_minimum
 from stc.solver.scaled_problem import ScaledProblem, relative_violation
+from stc.solver.second_order import beyond_saddle, is_minimum
 from stc.solver.status import (
     FIXED_ROWS_MISSED,
     FLAT_BUT_FOR_ROUNDING,
@@ -36,6 +35,7 @@ from stc.solver.status import (
     advice,
     sentence,
 )
+from stc.solver.strategies import Strategies
 from stc.solver.unboundedness import falling_to
 
 __all__ = ["minimize"]
@@ -130,7 +130,7 @@ class _Solve:
         self.form: ScaledProblem | None = None
         self._least: Outcome | None = None  # of a search for a feasible point from the guess
         self.judgement = Judgement(nlp, options)
-        self.attempts = Attempts(nlp, options, self.monitor, self.judgement)
+        self.attempts = Strategies(nlp, options, self.monitor, self.judgement)
         self.rescalings = Rescalings(self.attempts)
 
     def run(self) -> Result:

@@ -50,7 +50,7 @@ def test_a_quadratic_program_is_confirmed_as_stated_at_once(monkeypatch) -> None
     assert (wanted.iterations, wanted.factorizations, len(wanted.history)) == (1, 1, 1)
     assert max(wanted.violation, wanted.optimality, wanted.history[0].optimality) <= 1e-9
     # A solution that is not good enough as stated is improved on.
-    monkeypatch.setattr("stc.solver.attempts.ACCURATE", 0.0)
+    monkeypatch.setattr("stc.solver.strategies.ACCURATE", 0.0)
     again = minimize(program)
     assert again.iterations >= 1
     assert again.x == pytest.approx(wanted.x, abs=1e-9)

@@ -18,10 +18,10 @@ from stc.solver.iterate import errors_of, evaluate
 from stc.solver.kkt import DenseKKT, structured_kkt
 from stc.solver.kkt.contract import Inertia
 from stc.solver.newton_system import NewtonSystem
-from stc.solver.places import STATED, VIOLATION
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem, relative_violation
 from stc.solver.starting import cold_iterate, warm_iterate
+from stc.solver.state import STATED, VIOLATION
 from stc.solver.workspace import Workspace
 
 

@@ -7,11 +7,11 @@ import pytest
 from symbolic_program import SymbolicProgram
 
 from stc.solver import Options, Start, minimize
+from stc.solver.inertia_correction import DECAY, GROWTH
 from stc.solver.iterate import evaluate
 from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem
-from stc.solver.shift_passes import DECAY, GROWTH
 from stc.solver.workspace import Workspace
 
 

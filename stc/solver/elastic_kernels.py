@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, i64, i64s, native
-from stc.solver.places import STATED
+from stc.solver.state import STATED
 
 #: The calls of an attempt to factorise: what comes before, and the attempt of the problem's own system.
 ELIMINATE, ATTEMPT, CALLS = 0, 1, 2

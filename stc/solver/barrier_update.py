@@ -1,6 +1,6 @@
 """The barrier parameter, and the step that goes with it, compiled.
 
-See :mod:`stc.solver.barrier_parameter` for the method, :mod:`stc.solver.places` for the numbers ``s`` and the calls.
+See :mod:`stc.solver.barrier_parameter` for the method, :mod:`stc.solver.state` for the numbers ``s`` and the calls.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, i64, i64s, isfinite, native, sqrt
 from stc.solver.filter import accepts, add
-from stc.solver.places import (
+from stc.solver.state import (
     ADAPTIVE,
     CENTRE,
     CHANGED,

@@ -1,8 +1,8 @@
 """Points of the iteration, compiled: each pass goes once over the vectors and leaves a few numbers.
 
-Those that find the step from one point to the next are in :mod:`stc.solver.step_passes`.
+Those that find the step from one point to the next are in :mod:`stc.solver.step_kernels`.
 
-Vectors are those of :class:`stc.solver.workspace.Workspace`, ``s`` is its array of numbers (:mod:`stc.solver.places`).
+Vectors are those of :class:`stc.solver.workspace.Workspace`, ``s`` is its array of numbers (:mod:`stc.solver.state`).
 ``index``, ``sign``, ``kind``, ``free`` and ``moving`` describe the form of the problem (:mod:`stc.solver.formulation`),
 ``start``, ``order`` and ``rows`` the columns of J (:func:`column_times`):
 rows are equalities, inequalities or ignored (:data:`EQUALITY`, :data:`INEQUALITY`, :data:`IGNORED`).
@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Final
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, inf, log, native
-from stc.solver.places import (
+from stc.solver.state import (
     COMPLEMENTARITY,
     DUAL,
     DUAL_ERROR,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, i64, i64s, native
-from stc.solver.passes import multiplier_scale
+from stc.solver.kernels import multiplier_scale
 
 __all__ = [
     "ACCURATE",

@@ -12,12 +12,12 @@ from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import End, Outcome, Tactics
-from stc.solver.projection_passes import ACCURATE
+from stc.solver.projection_kernels import ACCURATE
 from stc.solver.report import Start
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 
-__all__ = ["Attempts"]
+__all__ = ["Strategies"]
 
 NEARBY = 0.1
 QUADRATIC_STEPS = 3
@@ -28,7 +28,7 @@ CLOSE = 0.1
 """The violation allowed on the way from a feasible point."""
 
 
-class Attempts:
+class Strategies:
     """The attempts at one problem, which share their limits and their log."""
 
     def __init__(self, nlp: NLP, options: Options, monitor: Monitor, judgement: Judgement) -> None:

@@ -1,7 +1,7 @@
 """The stages of an iteration as prepared calls, and the iteration as a chain of them.
 
 Each stage is a compiled function that makes the calls of the workspace's table and leaves its numbers (see
-:mod:`stc.solver.places`).  It returns 0, or tells what it cannot do itself: :mod:`stc.solver.newton_system`,
+:mod:`stc.solver.state`).  It returns 0, or tells what it cannot do itself: :mod:`stc.solver.newton_system`,
 :mod:`stc.solver.globalization` and :mod:`stc.solver.interior` do that, and go on from there.  So iterations
 where all is as usual are one call together, however small the problem.
 """
@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from stc.codegen.calls import Bound, chain, chain_until, invoke
 from stc.codegen.native import f64s, i64, i64s, native
-from stc.solver import barrier_passes, places, search_passes, shift_passes
-from stc.solver.places import (
+from stc.solver import barrier_update, filter_line_search, inertia_correction, state
+from stc.solver.progress_kernels import block, note_iterate, note_objective, note_step, record
+from stc.solver.state import (
     CHANGED,
     ITERATION,
     LENGTH_TAKEN,
@@ -25,7 +26,6 @@ from stc.solver.places import (
     THETA,
     TINY,
 )
-from stc.solver.progress_passes import block, note_iterate, note_objective, note_step, record
 from stc.solver.workspace import Workspace
 
 __all__ = ["BLOCKED", "FACTORIZATION", "LOOK", "SEARCH", "Stages", "stages_of"]
@@ -39,7 +39,7 @@ FACTORIZATION, STEP_FOUND, SEARCH, BLOCKED = 3, 4, 5, 6
 def settle(s: f64s) -> i64:
     """Note the step taken; 1 where steps are too short to go on."""
     length = s[LENGTH_TAKEN]
-    shift_passes.relax(length, s)
+    inertia_correction.relax(length, s)
     s[STUCK] = 1.0 if s[TINY] != 0.0 or length == 0.0 else 0.0
     s[STEP_TAKEN] = 0.0
     if length == 0.0:
@@ -99,16 +99,16 @@ class Stages:
         kkt, correction = work.kkt, work.correction
         table = work.calls
         fixed: dict[int, Bound] = {
-            places.MEASURE: work.measure_call,
-            places.DIAGONALS: work.diagonals_call,
-            places.SHIFTED: work.shifted_call,
-            places.COMBINE: work.combine_call,
-            places.CENTRE: work.centre_call,
-            places.LENGTHS: work.lengths_call,
-            places.TRY_STEP: work.trial_call,
-            places.TRY_POINT: chain([ev.values_call, work.inspect_call]),
-            places.MOVE: work.move_call,
-            places.RETURN: work.return_call,
+            state.MEASURE: work.measure_call,
+            state.DIAGONALS: work.diagonals_call,
+            state.SHIFTED: work.shifted_call,
+            state.COMBINE: work.combine_call,
+            state.CENTRE: work.centre_call,
+            state.LENGTHS: work.lengths_call,
+            state.TRY_STEP: work.trial_call,
+            state.TRY_POINT: chain([ev.values_call, work.inspect_call]),
+            state.MOVE: work.move_call,
+            state.RETURN: work.return_call,
         }
         for place, call in fixed.items():
             table.put(place, call)
@@ -121,13 +121,13 @@ class Stages:
                 (note, True),
             ]
         )
-        update: Bound = barrier_passes.update.bind(cells, gaps, work.target, work.accepted.array, s)
-        self.begin: Bound = shift_passes.begin.bind(cells, s)
+        update: Bound = barrier_update.update.bind(cells, gaps, work.target, work.accepted.array, s)
+        self.begin: Bound = inertia_correction.begin.bind(cells, s)
         diagonal = form.hess_diagonal
-        self.factorize: Bound = shift_passes.factorize.bind(
+        self.factorize: Bound = inertia_correction.factorize.bind(
             cells, n, m, diagonal.size, diagonal, work.bend, work.inertia, kkt.accuracy, s,
         )  # fmt: skip
-        self.find_step: Bound = barrier_passes.find_step.bind(
+        self.find_step: Bound = barrier_update.find_step.bind(
             cells, gaps, work.mu, work.tau, work.factor, kkt.report, s
         )
         searching = (
@@ -135,8 +135,8 @@ class Stages:
              correction.dw, work.correction_c, work.alpha, work.mu, work.shifted, kkt.report,
             work.filter.array, s,
         )  # fmt: skip
-        self.search: Bound = search_passes.search.bind(*searching)
-        self.backtrack: Bound = search_passes.backtrack.bind(*searching)
+        self.search: Bound = filter_line_search.search.bind(*searching)
+        self.backtrack: Bound = filter_line_search.backtrack.bind(*searching)
         self.settle: Bound = settle.bind(s)
         after = [(self.find_step, True), (self.search, True), (self.settle, True)]
         self.advance: Bound = chain_until(after)

@@ -1,6 +1,6 @@
 """The line search, compiled.
 
-See :mod:`stc.solver.globalization` for the method, and :mod:`stc.solver.places` for the numbers ``s`` and the calls.
+See :mod:`stc.solver.globalization` for the method, and :mod:`stc.solver.state` for the numbers ``s`` and the calls.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from stc.codegen.calls import invoke
 from stc.codegen.native import exp, f64, f64s, fabs, i64, i64s, log, native
 from stc.solver.filter import accepts, add
-from stc.solver.places import (
+from stc.solver.state import (
     CENTRE,
     CHANGED,
     CORRECTION,

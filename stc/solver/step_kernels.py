@@ -1,13 +1,13 @@
 """The step of an iteration, compiled: right-hand sides, what follows from a solution, and how far it may go.
 
-See :mod:`stc.solver.passes` for the vectors and the array of numbers.
+See :mod:`stc.solver.kernels` for the vectors and the array of numbers.
 """
 
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
-from stc.solver.passes import EQUALITY, IGNORED, INEQUALITY
-from stc.solver.places import (
+from stc.solver.kernels import EQUALITY, IGNORED, INEQUALITY
+from stc.solver.state import (
     DUAL_SHIFT,
     DUAL_SQUARED,
     DUAL_STEP,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i64, native
 from stc.solver.outcome import ACCEPTABLE
-from stc.solver.places import (
+from stc.solver.state import (
     ATTENTION,
     BEST_KNOWN,
     BEST_NEW,

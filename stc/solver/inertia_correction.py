@@ -1,7 +1,7 @@
 """Inertia correction, compiled: which shift of the Hessian to try next.
 
 A. Waechter and L. T. Biegler, Math. Program. 106, 2006, algorithm IC. See :mod:`stc.solver.newton_system` for the
-system, and :mod:`stc.solver.places` for the numbers ``s`` and the calls.
+system, and :mod:`stc.solver.state` for the numbers ``s`` and the calls.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, i64, i64s, native, sqrt
 from stc.solver.kkt.contract import COARSE
-from stc.solver.places import (
+from stc.solver.state import (
     ATTEMPT,
     BEND,
     BENDS,

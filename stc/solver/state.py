@@ -105,7 +105,7 @@ SHORTEST: Final = 101
 SMALL_THETA: Final = 104
 PRICE: Final = 105  # the least that a larger violation is to be worth, per unit
 
-# Of the records, in the user's terms (stc.solver.progress_passes).
+# Of the records, in the user's terms (stc.solver.progress_kernels).
 STATED: Final = 112  # the objective
 FEASIBILITY: Final = 113  # the violation that counts as none
 BEST_OBJECTIVE: Final = 114
