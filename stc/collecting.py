@@ -50,6 +50,7 @@ def collect(
         optimality=result.optimality,
         iterations=result.iterations,
         factorizations=result.factorizations,
+        strategy=result.strategy,
         optimizer=optimizer,
         seconds=seconds,
         row_multipliers=result.row_multipliers,

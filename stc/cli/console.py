@@ -56,6 +56,7 @@ def show_solution(
         ("violation", f"{solution.violation:.2e}"),
         ("optimality", f"{solution.optimality:.2e}"),
         ("iterations", f"{solution.iterations} ({solution.factorizations} factorizations)"),
+        *([("found by", solution.strategy)] if solution.strategy not in ("", "from the guess") else []),
         ("size", f"{len(solution.x)} variables, {len(solution.row_multipliers)} rows"),
     ]
     if grid is not None:
