@@ -6,14 +6,17 @@ them, so that these would be known twice.  The two differ by the discretisation 
 solution, and without those of places and velocities a foot would drift by what the steps' errors add up to.
 
 So the links hold along the motions that the foot leaves free.  Across, each step has unknowns of its own, and to the
-links is added the mean of the gradients at its two ends, times these::
+links are added the gradients in the middle of the step, times these::
 
-    q1 - q0 - h/6 (v0 + 4 vm + v1) + (J0 + J1)^T g / 2 = 0,    J = dc/dq of what is held, c(q) = 0 at both frames
-    v1 - v0 - h/6 (a0 + 4 am + a1) + (J0 + J1)^T k / 2 = 0,    J v = 0 at both frames
+    q1 - q0 - h/6 (v0 + 4 vm + v1) + Jm^T g = 0,    J = dc/dq of what is held, c(q) = 0 at both frames
+    v1 - v0 - h/6 (a0 + 4 am + a1) + Jm^T k = 0,    J v = 0 at both frames
 
 This projects each step onto what is held, as in the stabilised form of Gear, Leimkuhler and Gupta (1985) and in the
 constrained collocation of Posa, Kuindersma and Tedrake (2016).  g and k are as small as the method's error in one step,
-so that the method keeps its order.  The mean of the gradients at both ends is the same forwards and backwards in time.
+so that the method keeps its order, and the direction of the projection matters little.  The gradients in the middle are
+the same forwards and backwards in time.  Where there are no midpoints, the mean of those at both ends stands for them.
+With midpoints that mean would join every coordinate at both ends in every link: a factorisation of a quadruped's KKT
+matrix would take 2.3 times the operations.
 """
 
 from __future__ import annotations
@@ -25,15 +28,15 @@ from fractions import Fraction
 import numpy as np
 
 from stc.problem import Correction, VariableRef
-from stc.symbolic.expr import Expr, add, mul, num, substitute, sym, symbols
+from stc.symbolic.expr import Expr, add, mul, num, substitute, sum_of, sym, symbols
 from stc.transcription.grid import Nodes
 from stc.transcription.lower import groups
 
-#: From the node of a step's links to its two ends, in frames.
-ENDS = {
+#: From the node of a step's links to where its gradients are taken, in frames.
+PLACES = {
     "stepping": (Fraction(0), Fraction(1)),
     "trapezoidal": (Fraction(0), Fraction(1)),
-    "hermite-simpson": (Fraction(-1, 2), Fraction(1, 2)),
+    "hermite-simpson": (Fraction(0),),
 }
 
 
@@ -57,8 +60,8 @@ def corrections_on(
         for number in np.flatnonzero(which):
             correction = corrections[int(number)]
             for key, share in correction.shares.items():
-                left, right = (_at(share, shift, correction.unknowns) for shift in ENDS[method])
-                mean = mul(num(0.5), add(left, right))
+                gradients = [_at(share, shift, correction.unknowns) for shift in PLACES[method]]
+                mean = mul(num(1 / len(gradients)), sum_of(gradients))
                 added[key] = add(added[key], mean) if key in added else mean
         yield added, nodes[steps]
 

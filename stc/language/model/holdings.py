@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from stc.errors import Span
@@ -31,6 +31,15 @@ class Place:
     zero: Expr | None = None
     change: Expr | None = None
     start: bool = False
+
+    def known(self, pose: Mapping[str, Expr]) -> Place:
+        """The same where a pose says what the value is: joined to that, and not each frame to the next one."""
+        if self.change is None:
+            return self
+        keys = [key for key in symbols(self.change) if isinstance(key, VariableRef)]
+        at_pose = {key: pose[key.name] for key in keys if key.shift == 0}
+        other = {key: sym(replace(key, shift=key.shift - 1)) for key in keys if key.shift != 0}
+        return replace(self, zero=substitute(self.change, at_pose | other), change=None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -76,13 +77,21 @@ class Standing:
     ) -> None:
         self.context, self.scope, self.contacts = context, scope, contacts
         self.pinned, self.periodic = pinned, periodic
-        self.holdings = [*equalities.holdings(), *contacts.holdings()]
+        self.holdings = [self._placed(one) for one in (*equalities.holdings(), *contacts.holdings())]
         self.width = scope.mechanism.n_freedoms
         self.numbers = {k: v for k, v in self.context.constants.values.items() if v is not None}
         self._points: dict[int, Point] = {}
         self.generic = self._generic()
         self.drawn = self._drawn()
         self.stretches = list(self._stretches())
+
+    def _placed(self, one: Holding) -> Holding:
+        """The same with its place, where a pose is pinned while it is held and so says where that is."""
+        for frame, pinned in sorted(self.pinned.items()):
+            if pinned.values is not None and one.frames.first <= frame <= one.frames.last:
+                values = pinned.values
+                return replace(one, places=[place.known(values) for place in one.places])
+        return one
 
     def _generic(self) -> Point:
         """A configuration at which nothing is aligned by chance."""
@@ -367,18 +376,8 @@ class Standing:
                     yield Relation(body, ZERO, ZERO, where, span, row.text)
 
     def _held(self, one: Holding, frame: int, point: Point) -> Matrix:
-        """How places that are held at a frame change with the coordinates.
-
-        Places that are wherever they were at the first frame count if a pose says where that is.
-        """
-        placed = any(
-            one.frames.first <= k < frame and pinned.values is not None for k, pinned in self.pinned.items()
-        )
-        held = [
-            place
-            for place in one.places
-            if (place.zero is not None and not place.start) or (place.change is not None and placed)
-        ]
+        """How places that are held at a frame change with the coordinates, where it is known what they are."""
+        held = [place for place in one.places if place.zero is not None and not place.start]
         return point.jacobian([place.rate for place in held])
 
     def _check(self, holding: Sequence[Holding], frame: int, pinned: Pinned) -> None:
