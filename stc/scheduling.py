@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator
-from itertools import groupby
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc import atomic
+from stc.arrays import stretches_of
 from stc.errors import Source, SpecError, UsageError
 from stc.language import syntax
 from stc.language.elaborate import elaborate
@@ -85,20 +85,17 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
 def _ranges(bears: NDArray[np.bool_]) -> list[Range]:
     """Stretches of frames on which a contact bears something, without gaps that are too short to be flights."""
     found: list[Range] = []
-    for stands, run in groupby(range(len(bears)), key=lambda k: bool(bears[k])):
-        frames = list(run)
-        if not stands:
-            continue
-        if found and frames[0] - found[-1][1] <= SHORTEST_FLIGHT:
-            found[-1] = found[-1][0], frames[-1]
+    for first, end in stretches_of(bears):
+        if found and first - found[-1][1] <= SHORTEST_FLIGHT:
+            found[-1] = found[-1][0], end - 1
         else:
-            found.append((frames[0], frames[-1]))
+            found.append((first, end - 1))
     return found
 
 
-def _text(solution: Solution, table: str) -> str:
+def _text(solution: Solution, ranges: Mapping[str, Sequence[Range]], table: str) -> str:
     """The spec with ranges in place of what is under ``free:``, and a guess from the poses in a file."""
-    tree, ranges = parse(source_of(solution)), found_ranges(solution)
+    tree = parse(source_of(solution))
     text = tree.source.text
     for block in reversed([block for block in tree.blocks("contact") if block.free]):
         places = [one for one in block.statements if isinstance(one, syntax.ContactPlace)]
@@ -142,21 +139,21 @@ def _poses(solution: Solution) -> Iterator[list[str]]:
         yield [repr(float(number)) for number in row]
 
 
-def write_schedule(solution: Solution, path: Path) -> Path:
+def write_schedule(solution: Solution, path: Path) -> tuple[dict[str, list[Range]], Path]:
     """Write the spec with a schedule, and beside it a table of the poses that it starts from.
 
     Returns
     -------
-    Path
-        Of the table.
+    dict, Path
+        What :func:`found_ranges` tells, which the spec states, and the file of the table.
 
     Raises
     ------
     UsageError
         As :func:`found_ranges`; or what is written would be no spec there.
     """
-    table = path.with_suffix(".csv")
-    text = _text(solution, table.name)
+    ranges, table = found_ranges(solution), path.with_suffix(".csv")
+    text = _text(solution, ranges, table.name)
     with atomic.replacing(table) as temporary, temporary.open("w", newline="") as stream:
         csv.writer(stream, lineterminator="\n").writerows(_poses(solution))
     try:
@@ -168,4 +165,4 @@ def write_schedule(solution: Solution, path: Path) -> Path:
         raise UsageError(f"{path} would be no spec: {first}", hint) from error
     with atomic.replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    return table
+    return ranges, table

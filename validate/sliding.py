@@ -159,7 +159,16 @@ def _turning(
     normal, *ways = np.concatenate([axes @ moves, axes @ turns])[: contact.dim]
     friction = np.array(contact.friction[: contact.dim - 1])
     velocity = np.array(ways) @ rate
-    return np.asarray(normal - friction**2 * velocity / np.linalg.norm(friction * velocity) @ np.array(ways))
+    return np.asarray(normal - _most_power(friction, velocity) @ np.array(ways))
+
+
+def _most_power(friction: FloatArray, velocity: FloatArray) -> FloatArray:
+    """(k,) the force of a round friction cone, per unit of normal force, that takes most power from a velocity (k,).
+
+    It is zero where no direction of the velocity has friction.
+    """
+    size = float(np.linalg.norm(friction * velocity))
+    return friction**2 * velocity / size if size > 0.0 else np.zeros_like(velocity)
 
 
 def _rays(friction: FloatArray, velocity: FloatArray, pyramidal: bool) -> FloatArray:
@@ -171,8 +180,7 @@ def _rays(friction: FloatArray, velocity: FloatArray, pyramidal: bool) -> FloatA
         pyramidal: whether the cone is one.
     """
     # Most power is lost: on the ellipse of the frictions where its normal is the velocity ...
-    round_cone = friction**2 * velocity / np.linalg.norm(friction * velocity)
-    found = [[1.0, *-round_cone]]
+    found = [[1.0, *-_most_power(friction, velocity)]]
     if pyramidal:  # ... on the pyramid at a corner.
         axis = int(np.argmax(friction * np.abs(velocity)))
         found.append([1.0, *(-friction * np.sign(velocity) * (np.arange(2) == axis))])

@@ -51,7 +51,7 @@ def export(
 
 def schedule(target: str, output: str | None, options: SolveOptions, *, force: bool, as_json: bool) -> int:
     """Write a spec with the contacts of a motion as ranges of frames."""
-    from stc.scheduling import found_ranges, write_schedule
+    from stc.scheduling import write_schedule
 
     if output is not None and not output.endswith(".stc"):
         raise UsageError(f"-o {output}: a spec is saved as *.stc")
@@ -59,7 +59,7 @@ def schedule(target: str, output: str | None, options: SolveOptions, *, force: b
     solution = outcome.solution
     jobs.require_optimal(solution, "scheduled", force)
     path = ready_to_write(Path(output or f"{solution.name}_scheduled.stc"))
-    ranges, table = found_ranges(solution), write_schedule(solution, path)
+    ranges, table = write_schedule(solution, path)
     if as_json:
         facts = {
             "status": "ok",

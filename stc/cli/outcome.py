@@ -63,7 +63,7 @@ class Outcome:
 
     @property
     def next_step(self) -> str:
-        """What to do with a motion in time steps."""
+        """The sentence that sends the user of a solve in time steps on to ``stc schedule``."""
         file = self.file or f"{self.solution.name}.npz"
         return f"`stc schedule {file}` writes its contacts as ranges of frames, to be solved and validated"
 

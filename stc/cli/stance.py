@@ -172,7 +172,7 @@ class Stance:
         return [spots[k] for k in max(combinations(range(len(spots)), 3), key=spanned)]
 
     def _above(self, body: int) -> Iterator[int]:
-        """The bodies that a body hangs on."""
+        """The ancestors of a body in the model's tree, the nearest first and the world last."""
         while body:
             body = self.mechanism.bodies[body].parent
             yield body
@@ -274,10 +274,9 @@ class Stance:
         """Hinges and slides above places, those that carry the whole model left out."""
         bodies, found = self.mechanism.bodies, set()
         for spot in spots:
-            body = spot.body
-            while body and bodies[body].parent:
-                found |= set(bodies[body].joints)
-                body = bodies[body].parent
+            for body in (spot.body, *self._above(spot.body)):
+                if bodies[body].parent:
+                    found |= set(bodies[body].joints)
         return [k for k in sorted(found) if self.mechanism.joints[k].kind in ("hinge", "slide")]
 
 

@@ -46,10 +46,14 @@ class Pairs:
         value = np.concatenate([x, rows])[self.side]
         return np.where(self.lower, 1.0, -1.0) * (value - self.limits(nlp))
 
+    @staticmethod
+    def shares(spare: Floats) -> Floats:
+        """The smaller sides of pairs ``spare`` (k, 2), each relative to ``max(1, larger side)``, (k,)."""
+        return np.asarray(spare.min(axis=1) / np.maximum(1.0, spare.max(axis=1)))
+
     def residual(self, nlp: NLP, x: Floats) -> float:
         """The largest of the smaller sides at ``x`` (n,), relative to ``max(1, larger side)``."""
-        spare = self.spare(nlp, x, nlp.values(x)[1])
-        return float((spare.min(axis=1) / np.maximum(1.0, spare.max(axis=1))).max(initial=0.0))
+        return float(self.shares(self.spare(nlp, x, nlp.values(x)[1])).max(initial=0.0))
 
     def among(self, x_places: NDArray[np.int64], row_places: NDArray[np.int64]) -> Pairs:
         """The pairs of a program that some variables and rows make: those of which product and sides are there.
@@ -57,11 +61,10 @@ class Pairs:
         Args:
             x_places, row_places: where variables (n,) and rows (m,) are in that program, -1 where they are not.
         """
-        n, count = x_places.size, int((x_places >= 0).sum())
+        count = int((x_places >= 0).sum())
         place = np.concatenate([x_places, np.where(row_places < 0, -1, row_places + count)])
         product, side = row_places[self.product], place[self.side]
         there = (product >= 0) & (side >= 0).all(axis=1)
-        assert place.size >= n
         return Pairs(product[there], side[there], self.lower[there])
 
 

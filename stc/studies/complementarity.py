@@ -124,7 +124,7 @@ def complementarity(solution: Solution) -> Complementarity | None:
     ownership = Ownership(transcription, bound)
     return Complementarity(
         len(pairs),
-        pairs.residual(bound, solution.x),
+        float(pairs.shares(spare).max()),
         kind,
         b_stationary,
         list(_degenerate(ownership, pairs.product[both])),

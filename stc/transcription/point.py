@@ -194,7 +194,7 @@ class Point:
         value = np.concatenate([self.x, rows])[pairs.side]
         limit = np.where(pairs.lower, placed[0][pairs.side], placed[1][pairs.side])
         spare = np.where(pairs.lower, value - limit, limit - value)
-        share = spare.min(axis=1) / np.maximum(1.0, spare.max(axis=1))
+        share = pairs.shares(spare)
         worst = int(np.argmax(share))
         for row, at in self._rows():
             hit = np.flatnonzero(at == pairs.product[worst])

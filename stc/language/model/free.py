@@ -41,7 +41,7 @@ RATE = 10.0
 
 
 def laws(contacts: Contacts) -> Iterator[Relation]:
-    """The rows of all contacts that are free."""
+    """The relations of gap, pressure and friction that stand for the contacts under ``free:``."""
     for contact, found in zip(contacts.free(), free_contacts(contacts), strict=True):
         assert contact.free is not None
         yield from _laws(contacts, contact, contact.free, found)

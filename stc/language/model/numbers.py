@@ -69,11 +69,11 @@ class Putting:
         return substitute(e, self._given, self._memo)
 
     def bound(self, e: Expr | None) -> Expr | None:
-        """The same of what may be missing."""
+        """A lower or upper bound with the model's numbers in it; None where a statement has no such bound."""
         return None if e is None else self(e)
 
     def definitions(self, pieces: dict[str, list[DefinitionPiece]]) -> None:
-        """Of definitions with ranges, where they are."""
+        """Put the model's numbers into definitions under range headers; ``pieces`` is changed in place."""
         for name, known in pieces.items():
             pieces[name] = [replace(piece, body=self(piece.body)) for piece in known]
 
@@ -88,7 +88,7 @@ class Putting:
         return rows
 
     def corrections(self, corrections: Iterable[Correction]) -> list[Correction]:
-        """Of what is added to links."""
+        """The corrections of links (contacts, closed loops), with the model's numbers in their shares."""
         return [replace(one, shares={key: self(e) for key, e in one.shares.items()}) for one in corrections]
 
     def fixtures(self, fixtures: Iterable[Fixture]) -> list[Fixture]:

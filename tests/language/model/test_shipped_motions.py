@@ -31,9 +31,6 @@ MOTIONS = {
     "quadruped_trot": ("trunk", None),
 }
 
-#: Those whose frames are too coarse for the energy balance of a verdict.
-UNREPEATED = {"quadruped_backflip"}
-
 #: Those that are solved within seconds.
 QUICK = ("arm_swing", "lamp_turn")
 
@@ -61,7 +58,7 @@ def marked(names: Iterable[str]) -> list[ParameterSet]:
     return [pytest.param(n, marks=pytest.mark.slow if n in QUICK else pytest.mark.nightly) for n in names]
 
 
-@pytest.mark.parametrize("name", marked(name for name in MOTIONS if name not in UNREPEATED))
+@pytest.mark.parametrize("name", marked(MOTIONS))
 def test_a_motion_is_repeated_in_mujoco(name: str) -> None:
     report = validate(stc.load(name).solve())
     failed = [metric for metric in report.metrics if metric.verdict == "fail"]
