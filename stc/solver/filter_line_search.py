@@ -20,6 +20,7 @@ from stc.solver.state import (
     FROM_SLOPE,
     FROM_THETA,
     LENGTH_TAKEN,
+    LENGTHENS,
     LIMIT,
     LOG_SLOPE,
     LOGARITHMS,
@@ -28,6 +29,7 @@ from stc.solver.state import (
     MU,
     OBJECTIVE,
     PRIMAL_STEP,
+    REACH,
     RELATIVE,
     RETURN,
     SHIFT,
@@ -42,6 +44,7 @@ from stc.solver.state import (
     TRIAL_THETA,
     TRY_POINT,
     TRY_STEP,
+    WHOLE,
 )
 
 GAMMA_THETA = 1e-5
@@ -54,6 +57,14 @@ GAMMA_ALPHA = 0.05
 MOST_CORRECTIONS = 4
 CORRECTION_PROGRESS = 0.99
 SMALLEST_POWER = 1e-300
+LONGER, WORTHWHILE = 2.0, 1.25
+"""By how much a step is lengthened at a time, and at least."""
+LIKELY = 0.25
+"""Share of the fall that the Lagrangian's slope promises, which has to come true for that."""
+DOWNHILL = 0.5
+"""Share of the same slope that is to be the barrier function's, rather than the violation's."""
+SURE = 0.3
+"""How far the Lagrangian may be from the parabola through what was found before, relative to its fall."""
 EPSILON = 2.0**-52
 #: How a search may end.
 TAKEN, NOT_TAKEN, CALL_MISSING, NOT_FINITE = 0, 1, 2, 3
@@ -173,14 +184,80 @@ def correct(
     return REFUSED
 
 
+@native(fast=True)
+def lagrangian(m: i64, phi: f64, y: f64s, dy: f64s, c: f64s) -> f64:
+    """The barrier function ``phi`` plus the violations ``c`` (m,) times the multipliers that a step leads to."""
+    total = phi
+    for r in range(m):
+        total += (y[r] + dy[r]) * c[r]
+    return total
+
+
+@native
+def may_lengthen(s: f64s) -> i64:
+    """Whether more than all of the step may be better: a shift has made it short, and will do so again.
+
+    Not so with the rows' part of the Hessian damped: there the shift falls from step to step.
+    """
+    shortened = s[SHIFT] != 0.0 and s[WHOLE] != 0.0 and s[TINY] == 0.0
+    return 1 if s[LENGTHENS] != 0.0 and shortened and s[LIMIT] >= 1.0 else 0
+
+
+@native(shared=True)
+def lengthen(
+    calls: i64s, m: i64, gaps: i64, y: f64s, c: f64s, dy: f64s, trial_c: f64s, f: f64s, alphas: f64s, filter: f64s,
+    s: f64s,
+) -> f64:  # fmt: skip
+    """How much of the step to take, one or more, where all of it has just been tried and would do.
+
+    A shift bounds the step as a trust region does, and those are made larger where their model is right (A. R. Conn,
+    N. I. M. Gould and Ph. L. Toint, Trust-region methods, SIAM 2000, 6.1). Along the step that is as if the shift were
+    smaller, even where the matrix would be indefinite. The model is the Lagrangian with the multipliers that go with
+    the step, which knows of the rows' curvature: it has to fall as foreseen, and that mostly by the barrier function;
+    and the violation may grow as curvature makes it. Linear rows, which all of the step meets, are met.
+    What is found is the point tried.
+    """
+    before = lagrangian(m, s[FROM_PHI], y, dy, c)
+    slope = s[FROM_SLOPE] - (before - s[FROM_PHI])
+    change = lagrangian(m, barrier_of(gaps, f[0], s[TRIAL_LOGARITHMS], s), y, dy, trial_c) - before
+    theta = s[TRIAL_THETA]
+    alpha = 1.0
+    if not (slope < 0.0 and s[FROM_SLOPE] <= DOWNHILL * slope and change <= LIKELY * slope):
+        return alpha
+    bend = change - slope
+    while True:
+        longer = min(LONGER * alpha, s[REACH])
+        if longer < WORTHWHILE * alpha:
+            return alpha
+        alphas[0] = longer
+        invoke(calls, TRY_STEP)
+        better = REFUSED
+        if is_inside(f, s) != 0:
+            phi = barrier_of(gaps, f[0], s[TRIAL_LOGARITHMS], s)
+            further = lagrangian(m, phi, y, dy, trial_c) - before
+            foreseen = longer * (slope + longer * bend)
+            falls = further <= change + LIKELY * (longer - alpha) * slope
+            bends = s[TRIAL_THETA] <= LONGER * LONGER * theta
+            if falls and bends and fabs(further - foreseen) <= SURE * fabs(foreseen):
+                better = judge(longer, s[TRIAL_THETA], phi, filter, s)
+                change = further
+                theta = s[TRIAL_THETA]
+        if better == REFUSED:
+            alphas[0] = alpha
+            invoke(calls, TRY_STEP)
+            return alpha
+        alpha = longer
+
+
 @native(shared=True)
 def backtrack(
-    calls: i64s, n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, w: f64s, c: f64s, gap: f64s, trial_w: f64s,
-    trial_c: f64s, x: f64s, f: f64s, dw: f64s, residual: f64s, alphas: f64s, mu: f64s, shifted: f64s, report: f64s,
-    filter: f64s, s: f64s,
+    calls: i64s, n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, w: f64s, y: f64s, c: f64s, gap: f64s, dy: f64s,
+    trial_w: f64s, trial_c: f64s, x: f64s, f: f64s, dw: f64s, residual: f64s, alphas: f64s, mu: f64s, shifted: f64s,
+    report: f64s, filter: f64s, s: f64s,
 ) -> i64:  # fmt: skip
     """Move the iterate along the step by the largest fraction of :data:`LIMIT`, halved again and again, that will do.
 
+    Where all of the step will, more than that may be taken (:func:`lengthen`). ``dy`` is the step's;
     ``dw`` and ``residual`` are those of the second-order correction.
 
     Returns:
@@ -206,6 +283,11 @@ def backtrack(
                     calls, n, m, gaps, index, sign, alpha, w, c, gap, trial_w, trial_c, x, f, dw, residual, mu, report,
                     filter, s,
                 )  # fmt: skip
+            elif kind != REFUSED and first and may_lengthen(s) != 0:
+                alpha = lengthen(calls, m, gaps, y, c, dy, trial_c, f, alphas, filter, s)
+                if alpha > limit:
+                    phi = barrier_of(gaps, f[0], s[TRIAL_LOGARITHMS], s)
+                    kind = judge(alpha, s[TRIAL_THETA], phi, filter, s)
             if kind != REFUSED and take(calls, kind, alpha, alphas, mu, shifted, filter, s) != 0:
                 s[LENGTH_TAKEN] = alpha
                 return TAKEN
@@ -216,9 +298,9 @@ def backtrack(
 
 @native(shared=True)
 def search(
-    calls: i64s, n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, w: f64s, c: f64s, gap: f64s, trial_w: f64s,
-    trial_c: f64s, x: f64s, f: f64s, dw: f64s, residual: f64s, alphas: f64s, mu: f64s, shifted: f64s, report: f64s,
-    filter: f64s, s: f64s,
+    calls: i64s, n: i64, m: i64, gaps: i64, index: i64s, sign: f64s, w: f64s, y: f64s, c: f64s, gap: f64s, dy: f64s,
+    trial_w: f64s, trial_c: f64s, x: f64s, f: f64s, dw: f64s, residual: f64s, alphas: f64s, mu: f64s, shifted: f64s,
+    report: f64s, filter: f64s, s: f64s,
 ) -> i64:  # fmt: skip
     """Search along the step from the iterate.
 
@@ -237,8 +319,8 @@ def search(
         s[LIMIT] = s[PRIMAL_STEP]
         s[TINY] = 1.0 if s[RELATIVE] < 10.0 * EPSILON and theta < 1e-4 else 0.0
         ended = backtrack(
-            calls, n, m, gaps, index, sign, w, c, gap, trial_w, trial_c, x, f, dw, residual, alphas, mu, shifted,
-            report, filter, s,
+            calls, n, m, gaps, index, sign, w, y, c, gap, dy, trial_w, trial_c, x, f, dw, residual, alphas, mu,
+            shifted, report, filter, s,
         )  # fmt: skip
     s[ENDED_BY] = float(ended)
     return ended

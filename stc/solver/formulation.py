@@ -79,6 +79,8 @@ class Formulation:
         target: the right-hand side of equalities, (m,); 0 elsewhere.
         ignored: rows without any bound, (m,).
         index, sign, bound: the gaps, (gaps,) each.
+        convex: variables whose curvature is the objective's alone, and where on the Hessian's diagonal it is, (k,)
+            each.
         objective_unit: the objective that is 1 in the user's terms.
         linear: whether all rows are known to be linear.
         quadratic_objective: whether the objective is known to bend the same everywhere.
@@ -92,6 +94,7 @@ class Formulation:
     n: int
     m: int
     kkt: KKTSystem
+    convex: tuple[Indices, Indices] = np.zeros(0, np.int64), np.zeros(0, np.int64)
     objective_unit: float = 1.0
     linear: bool = False
     quadratic_objective: bool = False

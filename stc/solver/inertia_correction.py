@@ -7,7 +7,7 @@ system, and :mod:`stc.solver.state` for the numbers ``s`` and the calls.
 from __future__ import annotations
 
 from stc.codegen.calls import invoke
-from stc.codegen.native import f64, f64s, i64, i64s, native, sqrt
+from stc.codegen.native import f64, f64s, fabs, i64, i64s, native, sqrt
 from stc.solver.kkt.contract import COARSE
 from stc.solver.state import (
     ATTEMPT,
@@ -40,11 +40,15 @@ from stc.solver.state import (
 )
 
 FIRST_SHIFT = 1e-4
+"""In units of the Hessian's usual curvature, which is taken to be within these."""
+SMALLEST_CURVATURE, LARGEST_CURVATURE = 1e-6, 1e2
 SMALLEST_SHIFT = 1e-20
 LARGEST_SHIFT = 1e40
 GROWTH_AT_FIRST = 100.0
 GROWTH = 8.0
 DECAY = 1.0 / 3.0
+SMALLER = 0.9
+"""A shift below such a share of the last iterate's is a smaller one; should it fail, that one is tried next."""
 ITS_DUAL_SHIFT = 1e-8
 MOST_UNTRIED = 3
 """Iterations in a row at most in which a matrix without a shift is not tried, after it has failed again and again."""
@@ -64,6 +68,63 @@ TRY, LOOK, GROW, DAMP, DAMP_OR_GROW = 0.0, 1.0, 2.0, 3.0, 4.0
 #: ... and how it may end: done, or somebody else has to factorise, provide a call, or give up.
 DONE, REFACTOR, CALL_MISSING, NO_SHIFT = 0, 1, 2, 3
 UNKNOWN = -1.0
+
+
+@native
+def median_magnitude(count: i64, values: f64s) -> f64:
+    """The median of the magnitudes that are not zero, 0 where all are; of two, the larger one.  Reorders ``values``.
+
+    Found by parting them again and again (C. A. R. Hoare, Algorithm 65: find, Commun. ACM 4, 1961).
+    """
+    last = -1
+    for k in range(count):
+        value = fabs(values[k])
+        if value > 0.0:
+            last += 1
+            values[last] = value
+    if last < 0:
+        return 0.0
+    wanted = (last + 1) // 2
+    first = 0
+    while first < last:
+        pivot = values[(first + last) // 2]
+        low = first
+        high = last
+        while low <= high:
+            while values[low] < pivot:
+                low += 1
+            while values[high] > pivot:
+                high -= 1
+            if low <= high:
+                held = values[low]
+                values[low] = values[high]
+                values[high] = held
+                low += 1
+                high -= 1
+        if wanted <= high:
+            last = high
+        elif wanted >= low:
+            first = low
+        else:
+            return values[wanted]
+    return values[wanted]
+
+
+@native
+def usual_curvature(count: i64, diagonal: i64s, hess: f64s, scratch: f64s) -> f64:
+    """The median magnitude on the Hessian's diagonal, which the first shift of all is measured in.
+
+    Entries of a motion's Hessian shrink with its steps of time, and a shift that is large beside all of them shortens
+    steps in every direction: what is added to a diagonal has to be relative to the matrix (P. E. Gill, W. Murray and
+    M. H. Wright, Practical Optimization, 1981, 4.4.2).
+
+    Args:
+        diagonal: which of ``hess`` are on its diagonal, (count,); ``scratch`` is work space, (count,).
+    """
+    for k in range(count):
+        scratch[k] = hess[diagonal[k]]
+    found = median_magnitude(count, scratch)
+    return min(max(found, SMALLEST_CURVATURE), LARGEST_CURVATURE) if found > 0.0 else 1.0
 
 
 @native
@@ -90,8 +151,16 @@ def begin(calls: i64s, s: f64s) -> None:
 
 @native
 def larger_shift(s: f64s) -> f64:
-    """The next shift to try, after another one or the last iterate's; more than LARGEST_SHIFT where there is none."""
-    grown = s[SHIFT] * (GROWTH_AT_FIRST if s[LAST_SHIFT] == 0.0 else GROWTH)
+    """The next shift to try, after another one or the last iterate's; more than LARGEST_SHIFT where there is none.
+
+    Steps are the longer the nearer a shift is to the smallest that serves (J. J. More and D. C. Sorensen, SIAM J. Sci.
+    Stat. Comput. 4, 1983): where a smaller one than the last iterate's has failed, that is tried next, before larger
+    ones. Of a damped Hessian, whose shifts are small, a larger one costs less than a factorisation.
+    """
+    last = s[LAST_SHIFT]
+    grown = s[SHIFT] * (GROWTH_AT_FIRST if last == 0.0 else GROWTH)
+    if s[WHOLE] != 0.0 and s[SHIFT] < SMALLER * last:
+        grown = min(grown, last)
     return max(grown, smaller_shift(s))
 
 
@@ -124,6 +193,8 @@ def factorize(
     count: i64,
     diagonal: i64s,
     bend: f64s,
+    hess: f64s,
+    scratch: f64s,
     inertia: i64s,
     accuracy: f64s,
     s: f64s,
@@ -176,7 +247,10 @@ def factorize(
             if damp(calls, n, count, diagonal, bend, s) != 0 and s[SHIFT] > 0.0:
                 s[TASK] = TRY
                 continue
-        s[SHIFT] = FIRST_SHIFT if s[SHIFT] == 0.0 and s[LAST_SHIFT] == 0.0 else larger_shift(s)
+        if s[SHIFT] == 0.0 and s[LAST_SHIFT] == 0.0:
+            s[SHIFT] = FIRST_SHIFT * usual_curvature(count, diagonal, hess, scratch)
+        else:
+            s[SHIFT] = larger_shift(s)
         s[TASK] = TRY
         if s[SHIFT] > LARGEST_SHIFT:
             ended = NO_SHIFT

@@ -44,6 +44,7 @@ from stc.solver.state import (
     FEASIBILITY,
     LENGTH,
     LENGTH_TAKEN,
+    LENGTHENS,
     MADE,
     MOST,
     PRIMAL,
@@ -137,6 +138,7 @@ class _Loop:
         self.longest = LONGEST_RUN if form.size + form.m <= SMALL else 1
         restores = not isinstance(form, ScaledProblem)
         self.phase = "restoration" if restores else "barrier"
+        self.s[LENGTHENS] = 0.0 if restores else 1.0
         self.shortest = SHORTEST_IN_RESTORATION if restores else SHORTEST_FRACTION
         self.s[LENGTH_TAKEN] = self.s[STEP_TAKEN] = 0.0
         self.s[DOUBT] = DOUBTFUL

@@ -8,6 +8,8 @@ where all is as usual are one call together, however small the problem.
 
 from __future__ import annotations
 
+import numpy as np
+
 from stc.codegen.calls import Bound, chain, chain_until, invoke
 from stc.codegen.native import f64s, i64, i64s, native
 from stc.solver import barrier_update, filter_line_search, inertia_correction, state
@@ -125,14 +127,15 @@ class Stages:
         self.begin: Bound = inertia_correction.begin.bind(cells, s)
         diagonal = form.hess_diagonal
         self.factorize: Bound = inertia_correction.factorize.bind(
-            cells, n, m, diagonal.size, diagonal, work.bend, work.inertia, kkt.accuracy, s,
+            cells, n, m, diagonal.size, diagonal, work.bend, it.hess, np.zeros(diagonal.size), work.inertia,
+            kkt.accuracy, s,
         )  # fmt: skip
         self.find_step: Bound = barrier_update.find_step.bind(
             cells, gaps, work.mu, work.tau, work.factor, kkt.report, s
         )
         searching = (
-            cells, n, m, gaps, form.index, form.sign, it.w, it.c, it.gap, work.trial_w, work.trial_c, ev.x, ev.f,
-             correction.dw, work.correction_c, work.alpha, work.mu, work.shifted, kkt.report,
+            cells, n, m, gaps, form.index, form.sign, it.w, it.y, it.c, it.gap, work.step.dy, work.trial_w,
+            work.trial_c, ev.x, ev.f, correction.dw, work.correction_c, work.alpha, work.mu, work.shifted, kkt.report,
             work.filter.array, s,
         )  # fmt: skip
         self.search: Bound = filter_line_search.search.bind(*searching)

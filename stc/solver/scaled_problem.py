@@ -117,6 +117,8 @@ class ScaledProblem(Formulation):
             *_limits(self.true_rows, (nlp.row_lower, nlp.row_upper), 1.0 / self.row_scale),
             *_limits(self.true_x, (nlp.x_lower, nlp.x_upper), self.x_scale),
         )
+        diagonal = np.flatnonzero((self.hess_rows == self.hess_cols) & nlp.fixed_curvature[self.hess_rows])
+        self.convex = self.hess_rows[diagonal], diagonal
         self.linear = bool(np.all(nlp.row_linear))
         self.quadratic_objective = nlp.objective_degree <= 2
         self.quadratic_program = self.linear and self.quadratic_objective

@@ -103,7 +103,8 @@ FROM_SLOPE: Final = 98
 LIMIT: Final = 99
 SHORTEST: Final = 101
 SMALL_THETA: Final = 104
-PRICE: Final = 105  # the least that a larger violation is to be worth, per unit
+REACH: Final = 106  # fraction of the step that the bounds allow, be it more than all of it
+LENGTHENS: Final = 107  # 1 where more than all of a step may be taken
 
 # Of the records, in the user's terms (stc.solver.progress_kernels).
 STATED: Final = 112  # the objective

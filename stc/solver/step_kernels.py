@@ -17,12 +17,17 @@ from stc.solver.state import (
     PRIMAL_SQUARED,
     PRIMAL_STEP,
     PRODUCTS,
+    REACH,
     RELATIVE,
     SHIFT,
     SIGMA,
     SLOPE,
+    WHOLE,
 )
 
+#: What a shift may add to the curvature of a variable that only the objective bends: so much of what it has, and so
+#: much of the shift.
+SHARE, SLIGHT = 0.1, 1e-3
 #: How much of the rows' part of the Hessian is used where the whole of it makes the matrix indefinite.
 ROWS_SHARE = 0.4
 #: The least centring parameter where steps are short.
@@ -31,6 +36,10 @@ CENTRED = 1.0
 BLOCK = 512
 #: What equality rows are softened by against dependent ones, relative to the square of the largest gradient entry.
 SOFT = 1e-8
+#: The least share of a gap that a step counts as closing, so that there is a largest multiple of it.
+LEAST_FALL = 1e-6
+#: Whether variables' sizes count in shifts of a damped Hessian; 0 is for bench/ablation.py.
+SIZED = 1
 
 
 @native(fast=True)
@@ -55,12 +64,32 @@ def diagonals(
 
 @native(fast=True)
 def shifted(
-    n: i64, m: i64, free: f64s, kind: i32s, primal: f64s, d: f64s, shifts: f64s, out_primal: f64s, out_dual: f64s,
-    s: f64s,
+    n: i64, m: i64, free: f64s, kind: i32s, w: f64s, primal: f64s, d: f64s, convex: i64, variable: i64s, entry: i64s,
+    hess: f64s, shifts: f64s, out_primal: f64s, out_dual: f64s, s: f64s,
 ) -> None:  # fmt: skip
-    """The diagonals with the ``shifts`` (n,) of the Hessian and of the equality rows."""
+    """The diagonals with the ``shifts`` (n,) of the Hessian and of the equality rows.
+
+    Where the rows' part of the Hessian is damped, shifts are larger for large variables ``w`` (n + m,), so that steps
+    are kept short relative to them: rates and accelerations of a fast motion should change less, of itself, than
+    slow ones. (As trust regions are scaled: D. W. Marquardt, J. SIAM 11, 1963; J. J. More, LNM 630, 1978.)
+
+    A ``variable`` (convex,) that only the objective bends, upwards, as torques are, makes no matrix indefinite: it gets
+    little of a shift, so that steps stay long in its direction. (As modified factorisations shift a diagonal only where
+    that is needed: P. E. Gill and W. Murray, Math. Program. 7, 1974; R. B. Schnabel and E. Eskow, SIAM J. Sci. Stat.
+    Comput. 11, 1990.)
+    """
+    shift = s[SHIFT]
+    sized = SIZED != 0 and shift > 0.0 and s[WHOLE] == 0.0
     for i in range(n):
-        shifts[i] = s[SHIFT] * free[i]
+        shifts[i] = shift * free[i]
+        if sized:
+            shifts[i] *= sqrt(sqrt(1.0 + w[i] * w[i]))
+    for k in range(convex):
+        i = variable[k]
+        curvature = primal[i] + hess[entry[k]]
+        if curvature > 0.0:
+            shifts[i] = min(shifts[i], SHARE * curvature + SLIGHT * shifts[i])
+    for i in range(n):
         out_primal[i] = primal[i] + shifts[i]
     for r in range(m):
         out_dual[r] = s[DUAL_SHIFT] if kind[r] == EQUALITY else d[r]
@@ -162,6 +191,7 @@ def lengths(
         log_slope += change
         fall_z = max(fall_z, -dz[k] / z[k])
     fraction = tau[0]
+    s[REACH] = fraction / max(fall, LEAST_FALL)
     s[PRIMAL_STEP] = 1.0 if fall <= fraction else fraction / fall
     s[DUAL_STEP] = 1.0 if fall_z <= fraction else fraction / fall_z
     s[LOG_SLOPE] = log_slope

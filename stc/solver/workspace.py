@@ -212,7 +212,8 @@ class Workspace:
             ]
         )  # fmt: skip
         self.shifted_call = step_kernels.shifted.bind(
-            n, m, free, kind, self.primal, self.d, self.shifts, kkt.primal, kkt.dual, s,
+            n, m, free, kind, it.w, self.primal, self.d, form.convex[0].size, *form.convex, it.hess, self.shifts,
+            kkt.primal, kkt.dual, s,
         )  # fmt: skip
         self.centre_call = step_kernels.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
         self.lengths_call = step_kernels.lengths.bind(
