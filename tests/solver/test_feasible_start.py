@@ -18,7 +18,7 @@ from stc.solver.scaled_problem import ScaledProblem
 CIRCLES = """
 constants: n = 0;
 variables: x, y;
-guess: x = 30; y = -20;
+guess: x = 25; y = -20;
 constraints: [0]: x^2 + y^2 <= 1; (x - DISTANCE)^2 + y^2 <= 1; x*y >= -1;
 objective: [0]: x;
 """

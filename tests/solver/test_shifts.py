@@ -4,15 +4,65 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from symbolic_program import SymbolicProgram
 
-from stc.solver import Options, Start, minimize
-from stc.solver.inertia_correction import DECAY, GROWTH
+from stc.solver import Options, Start, minimize, state
+from stc.solver.inertia_correction import DECAY, GROWTH, median_magnitude
 from stc.solver.iterate import evaluate
 from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.step_kernels import ROWS_SHARE, SHARE, SLIGHT
 from stc.solver.workspace import Workspace
+
+
+def test_steps_are_measured_relative_to_what_is_large_where_rows_are_damped():
+    """``x^2 + y^2 + z^2`` with a row that bends downwards: damped, and shifted more where a variable is large."""
+    point = [1.0, 30.0, -400.0]
+    nlp = SymbolicProgram(
+        point,
+        lambda x: x[0] ** 2 + x[1] ** 2 + x[2] ** 2,
+        lambda x: [(-2.0 * x[0] ** 2 - 2.0 * x[1] ** 2 - 2.0 * x[2] ** 2, -1.0, -1.0)],
+    )
+    form = ScaledProblem(nlp, nlp.x0, Options(scaling=False), DenseKKT)
+    work = Workspace(form)
+    work.load(evaluate(form, np.concatenate([nlp.x0, [0.0]]), np.array([4.0]), np.zeros(0)))
+    system = NewtonSystem(work)
+    system.factorize(0.1)
+    shift = system.shift
+    assert shift > 0.0
+    assert work.s[state.WHOLE] == 0.0
+    weighted = shift * (1.0 + np.square(point)) ** 0.25
+    assert work.kkt.primal == pytest.approx(weighted)
+    assert np.all(2.0 + ROWS_SHARE * 4.0 * -4.0 + weighted[1:] > 0.0)
+    work.s[state.WHOLE] = 1.0
+    work.shifted_call()
+    assert work.kkt.primal == pytest.approx(np.full(3, shift))
+
+
+def test_what_the_objective_alone_bends_is_hardly_shifted():
+    """``3 u^2 - x^2`` with a row in which u is linear: only x needs a shift."""
+    nlp = SymbolicProgram(
+        [1.0, 2.0], lambda x: -(x[0] ** 2) + 3.0 * x[1] ** 2, lambda x: [(x[0] ** 2 + x[1], 3.0, 3.0)]
+    )
+    nlp.fixed_curvature = np.array([False, True])
+    form = ScaledProblem(nlp, nlp.x0, Options(scaling=False), DenseKKT)
+    work = Workspace(form)
+    work.load(evaluate(form, np.concatenate([nlp.x0, [0.0]]), np.zeros(1), np.zeros(0)))
+    work.s[state.WHOLE], work.s[state.SHIFT] = 1.0, 50.0
+    work.diagonals_call()
+    work.shifted_call()
+    assert work.kkt.primal[0] == pytest.approx(50.0)
+    assert work.kkt.primal[1] == pytest.approx(SHARE * 6.0 + SLIGHT * 50.0)
+
+
+@given(st.lists(st.floats(-1e6, 1e6), max_size=40))
+def test_the_median_magnitude(values: list[float]) -> None:
+    sizes = sorted(abs(v) for v in values if v)
+    expected = sizes[len(sizes) // 2] if sizes else 0.0
+    assert median_magnitude(len(values), np.array(values)) == expected
 
 
 @pytest.mark.parametrize("downwards", [0.02, 1.7, 60.0])

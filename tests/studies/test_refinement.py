@@ -351,7 +351,7 @@ def test_a_flat_valley_is_followed_to_its_end() -> None:
 
     On finer ones the motion goes on from there to 348.53, which a solve on 480 frames has, too.
     """
-    found = refine(stc.load(ACROBOT.format(m2=1, most=8, guess=4)), 1e-5, time_limit=120)
+    found = refine(stc.load(ACROBOT.format(m2=1, most=8, guess=4.5)), 1e-5, time_limit=120)
     assert found.reached, found.message
     assert found.solution is not None and found.solution.objective <= 348.54
 
