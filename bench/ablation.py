@@ -31,6 +31,7 @@ from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
 from kinds import KINDS  # noqa: E402
+from robots import ROBOTS  # noqa: E402
 
 import stc  # noqa: E402
 from stc.nested import own_constants  # noqa: E402
@@ -39,7 +40,8 @@ from stc.solver import Options, minimize  # noqa: E402
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "out" / "ablation.jsonl"
 LIMIT = 10.0
-"""Seconds of processor time for one problem."""
+"""Seconds of processor time for one problem; MOTION_LIMIT for a motion of a whole robot."""
+MOTION_LIMIT = 120.0
 FRESH = 20_000
 """Seeds of kinds from here on are drawn for nothing else."""
 WIDER = 0.02
@@ -65,7 +67,14 @@ class Case:
 
 def _files(collection: str, folder: str) -> Iterator[Case]:
     for path in sorted((ROOT / folder).glob("*.stc")):
-        yield Case(collection, path.stem, str(path))
+        if path.stem not in ROBOTS:
+            yield Case(collection, path.stem, str(path))
+
+
+def _robots() -> Iterator[Case]:
+    """Motions in space, most of them of whole robots; left out of the neighbours, which would take hours."""
+    for name in ROBOTS:
+        yield Case("robots", name, str(ROOT / "specs" / f"{name}.stc"))
 
 
 def _random(collection: str, seed: int, each: int) -> Iterator[Case]:
@@ -160,8 +169,13 @@ def all_cases(results: Path) -> list[Case]:
     ]
     return [
         *static, *motions, *_neighbours(motions), *_random("kinds", 1, 6), *_boxed(results.parent / "boxed", 6),
-        *_random("fresh", FRESH, 24), *_disguised("units", static, 2), *_disguised("starts", static, 3),
+        *_random("fresh", FRESH, 24), *_disguised("units", static, 2), *_disguised("starts", static, 3), *_robots(),
     ]  # fmt: skip
+
+
+def limit_of(case: Case) -> float:
+    """Seconds that a first solve of it may take."""
+    return MOTION_LIMIT if case.collection == "robots" else LIMIT
 
 
 def solved(case: Case, model: Any, limit: float) -> dict[str, Any]:
@@ -200,6 +214,15 @@ def solved(case: Case, model: Any, limit: float) -> dict[str, Any]:
 
 #: A heuristic is switched off by a number that keeps it from acting: the module, its name there, and that number.
 PATCHES: dict[str, list[tuple[str, str, Any]]] = {
+    "least_squares_start": [("starting", "least_squares_multipliers", lambda work: np.zeros(work.form.m))],
+    "usual_curvature": [
+        ("inertia_correction", "SMALLEST_CURVATURE", 1.0),
+        ("inertia_correction", "LARGEST_CURVATURE", 1.0),
+    ],
+    "last_shift_next": [("inertia_correction", "SMALLER", 0.0)],
+    "sized_shift": [("step_kernels", "SIZED", 0)],
+    "convex_shift": [("step_kernels", "SHARE", 1e300)],
+    "lengthen": [("filter_line_search", "LONGER", 1.0)],
     "crawl": [("barrier_update", "PATIENT", 1e9)],
     "short_no_reduction": [("workspace", "SHORT", 0.0)],
     "damped": [("newton_system", "UNKNOWN", 0.0)],
@@ -279,7 +302,7 @@ def sweep(labels: list[str], results: Path, only: set[str], fast: float) -> None
                             | solved(
                                 case,
                                 models[case.key],
-                                LIMIT if label == "" else max(1.0, 6.0 * first[case.key]["cpu"]),
+                                limit_of(case) if label == "" else max(1.0, 6.0 * first[case.key]["cpu"]),
                             )
                         )
                         + "\n"
